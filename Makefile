@@ -64,10 +64,11 @@ format: $(READY)
 	$(BIN)/ruff format src tests scripts
 
 # A build of torch for one kind of machine is named like 2.13.0+cpu; the lock holds for all, but for packages that some
-# machines have no wheel of, as in pyproject.toml. The index knows the hashes of all its files; those of files that are
-# elsewhere, as torch's CPU builds, stay from the lock of before while the version is the same.
+# machines have no wheel of, as in pyproject.toml. Not `pip freeze`, which names the file that torch came from. The
+# index knows the hashes of all its files; those of files that are elsewhere, as torch's CPU builds, stay from the lock
+# of before while the version is the same.
 lock: $(READY) $(TOOLS)/.ready
-	$(PIP) freeze --all --exclude-editable --exclude pip | sed -e 's/+.*//' \
+	$(subst --quiet,,$(PIP)) list --format freeze --exclude-editable --exclude pip | sed -e 's/+.*//' \
 		-e "s/^dartpy==.*/&; sys_platform == 'linux'/" \
 		-e "s/^sapien==.*/&; platform_machine == 'x86_64' or sys_platform != 'linux'/" > $(VENV)/versions.txt
 	cp requirements.lock $(VENV)/hashed.txt

@@ -1,8 +1,11 @@
-"""Attack the program, count what came of it, and write a table: damaged run folders, kills, and second writers.
+"""Attack the program, count what came of it, and write a table.
 
-    python scripts/attacks.py --folders 2000 --kills 100 --writers 50 --out results/attacks
+    python scripts/attacks.py --folders 2000 --kills 100 --writers 50 --bundles 1 --logs 10000 --out results/attacks
 
-Needs the tests beside it. Each part is left out where its count is 0. Exit status 1 where something must not be.
+Damaged run folders, kills, second writers, bundles that contradict themselves (times all of them) and damaged logs; a
+part whose count is 0 is left out, so that each can run alone. What is done is kept in attacks.jsonl of the folder, a
+few attacks a line: the same command goes on after whatever ended it, and begins anew where code or packages are others.
+Needs the tests beside it. Exit status 1 where something came of it that must not be.
 """
 
 from __future__ import annotations
@@ -20,14 +23,17 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
+from typing import Any, NamedTuple
 
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "tests" / "rma")]
 
 POLICY = "saturn_lite-flat-deception-0.2"
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGHUP)
+THREADS = ("STICTION_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 LIMIT_SECONDS, LIMIT_BYTES, ORPHAN_SECONDS = 5.0, 2**30, 5.0
 
 SMALL = "--num-envs 4 --preset two-phase --friction-level 0.1 --video-every 0 --checkpoint-every 2 "
@@ -43,65 +49,119 @@ VERBS = {
 """Verb -> the command that is killed, without its folder."""
 
 
-def folders(count: int) -> dict[str, object]:
+class Unit(NamedTuple):
+    """Some attacks that are done together, and kept together."""
+
+    attack: str
+    """What is done, for the table."""
+    first: int
+    """Number of the first."""
+    count: int
+    """How many."""
+    do: Callable[[int, int], dict[str, Any]]
+    """Called with both; returns `ends` (what came of how many), `wrong`, `slowest` [s] and `memory` [B]."""
+
+
+def units(attack: str, count: int, each: int, do: Callable[[int, int], dict[str, Any]]) -> Iterator[Unit]:
+    """Yield an attack in pieces."""
+    for first in range(0, count, each):
+        yield Unit(attack, first, min(each, count - first), do)
+
+
+def found(ends: Counter[str] | dict[str, int], wrong: list[str], slowest: float, memory: int = 0) -> dict[str, Any]:
+    """Return what a unit found."""
+    return {"ends": dict(ends), "wrong": wrong, "slowest": slowest, "memory": memory}
+
+
+@cache
+def runs() -> tuple[Path, Path, tempfile.TemporaryDirectory]:
+    """Return a run that is half done, a whole one, and the folder that they lie in."""
+    import contextlib
+
+    import test_attacked_runs as attacked
+
+    from attacks import copy_run
+    from stiction.rma.phase import Interrupted
+    from stiction.rma.run import RunDirectory
+    from stiction.rma.runner import train
+
+    folder = tempfile.TemporaryDirectory()
+    half = RunDirectory.create(Path(folder.name) / "half", attacked.CFG, "stiction train", None)
+    asked: list[int] = []
+    with contextlib.suppress(Interrupted):
+        train(attacked.CFG, half, interrupted=lambda: asked.append(1) or len(asked) > 2)
+    whole = RunDirectory(copy_run(half.path, Path(folder.name) / "whole"))
+    train(attacked.CFG, whole)
+    return half.path, whole.path, folder
+
+
+def folders(first: int, count: int) -> dict[str, Any]:
     """Open damaged run folders: resume the run, and load the student of a finished one."""
     import contextlib
     import io
 
-    import test_attacked_runs as attacked
-
     from attacks import attack, copy_run
     from stiction.cli.main import main
     from stiction.core.errors import StictionError
-    from stiction.rma.phase import Interrupted
     from stiction.rma.run import RunDirectory
-    from stiction.rma.runner import load_student, train
+    from stiction.rma.runner import load_student
 
+    half, whole, folder = runs()
     ends: Counter[str] = Counter()
     wrong: list[str] = []
     slowest = 0.0
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        half = RunDirectory.create(folder / "half", attacked.CFG, "stiction train", None)
-        asked: list[int] = []
-        with contextlib.suppress(Interrupted):
-            train(attacked.CFG, half, interrupted=lambda: asked.append(1) or len(asked) > 2)
-        whole = RunDirectory(copy_run(half.path, folder / "whole"))
-        train(attacked.CFG, whole)
-        for seed in range(count):
-            said = io.StringIO()
-            resumed = seed % 2 == 0
-            path = copy_run(half.path if resumed else whole.path, folder / "attacked")
-            done = attack(path, seed)
-            start = time.process_time()
-            try:
-                if resumed:
-                    with contextlib.redirect_stderr(said):
-                        status = main(["train", "--resume", str(path)])
-                else:
-                    run = RunDirectory(path)
-                    run.check_finished("student")
-                    load_student(run)
-                    status = 0
-            except StictionError:
-                status = 1
-            except Exception as error:
-                wrong.append(f"{seed} ({done}): {type(error).__name__}: {str(error)[:100]}")
-                continue
-            if "unforeseen" in said.getvalue():
-                wrong.append(f"{seed} ({done}): {said.getvalue().splitlines()[-1][:200]}")
-            slowest = max(slowest, time.process_time() - start)
-            ends["refused" if status else "taken"] += 1
+    for seed in range(first, first + count):
+        said = io.StringIO()
+        resumed = seed % 2 == 0
+        path = copy_run(half if resumed else whole, Path(folder.name) / "attacked")
+        done = attack(path, seed)
+        start = time.process_time()
+        try:
+            if resumed:
+                with contextlib.redirect_stderr(said):
+                    status = main(["train", "--resume", str(path)])
+            else:
+                run = RunDirectory(path)
+                run.check_finished("student")
+                load_student(run)
+                status = 0
+        except StictionError:
+            status = 1
+        except Exception as error:
+            wrong.append(f"{seed} ({done}): {type(error).__name__}: {str(error)[:100]}")
+            continue
+        if "unforeseen" in said.getvalue():
+            wrong.append(f"{seed} ({done}): {said.getvalue().splitlines()[-1][:200]}")
+        took = time.process_time() - start
+        if took > LIMIT_SECONDS:
+            wrong.append(f"{seed} ({done}): {took:.1f} s")
+        slowest = max(slowest, took)
+        ends["refused in one line" if status else "taken"] += 1
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-    if slowest > LIMIT_SECONDS or most > LIMIT_BYTES:
-        wrong.append("over the limits")
-    return {
-        "attack": "damaged run folders",
-        "count": count,
-        "result": f"{ends['refused']} refused in one line, {ends['taken']} taken, {len(wrong)} wrong; slowest "
-        f"{slowest:.1f} s of processor time, {most / 2**20:.0f} MiB",
-        "wrong": wrong,
-    }
+    if most > LIMIT_BYTES:
+        wrong.append(f"{most / 2**20:.0f} MiB")
+    return found(ends, wrong, slowest, most)
+
+
+def separately(program: str, *words: str) -> dict[str, Any]:
+    """Return what one of the tests' programs, which bounds its own memory and time, says of what it has attacked."""
+    path = os.pathsep.join([str(ROOT / "tests"), str(ROOT / "src"), *filter(None, sys.path)])
+    threads = dict.fromkeys(THREADS, "1")
+    with tempfile.TemporaryDirectory() as folder:
+        done = subprocess.run(
+            [sys.executable, str(ROOT / "tests" / program), folder, *words],
+            env=os.environ | threads | {"PYTHONPATH": path},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    if done.returncode != 0:
+        return found({}, [f"{program} {' '.join(words)}: {done.returncode} {done.stderr[-300:]}"], 0.0)
+    said = json.loads(done.stdout)
+    taken = said.get("taken", said.get("accepted", []))
+    taken, named = (taken, []) if isinstance(taken, int) else (len(taken), taken)
+    wrong = [*said["wrong"], *(f"accepted: {name}" for name in named if words[0] != "random")]
+    return found({"refused in one line": said["refused"], "taken": taken}, wrong, said["slowest"], said["growth"])
 
 
 def children_of(pid: int) -> set[int]:
@@ -128,140 +188,217 @@ def digest(folder: Path) -> str:
     return hashlib.sha256(b"".join(file.name.encode() + file.read_bytes() for file in files)).hexdigest()
 
 
-def kill_verb(verb: str, count: int, folder: Path, pick: random.Random) -> dict[str, object]:
-    """Kill one command again and again at random moments, let it go on, and compare with an undisturbed one."""
+def environment(temporary: Path) -> dict[str, str]:
+    """Return the environment of a command: one thread, and temporary files where they can be seen."""
+    path = os.pathsep.join(filter(None, (str(ROOT / "src"), os.environ.get("PYTHONPATH"))))
+    return {**os.environ, **dict.fromkeys(THREADS, "1"), "TMPDIR": str(temporary), "PYTHONPATH": path}
+
+
+def start(verb: str, out: Path, temporary: Path) -> subprocess.Popen:
+    """Start a command, or let it go on where it has begun."""
+    again = verb == "train" and (out / "config.json").exists()
+    words = ["train", "--resume", str(out)] if again else [*shlex.split(VERBS[verb]), "--out", str(out)]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    return subprocess.Popen([sys.executable, "-m", "stiction", *words], env=environment(temporary), **quiet)
+
+
+@cache
+def undisturbed(verb: str) -> tuple[float, str | None]:
+    """Return how long a command takes that nobody kills [s], and the digest of its result; None where it failed."""
+    with tempfile.TemporaryDirectory() as name:
+        begun = time.monotonic()
+        status = start(verb, Path(name) / "whole", Path(name)).wait()
+        return time.monotonic() - begun, None if status else digest(Path(name) / "whole")
+
+
+def kill(process: subprocess.Popen, number: int, after: float) -> tuple[bool, float, bool]:
+    """Kill a command; return whether it still ran, when the last of its processes was gone [s], and if one stays."""
     from processes import is_alive
 
-    temporary = folder / "temporary"
-    temporary.mkdir(parents=True)
-    threads = dict.fromkeys(("STICTION_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-    path = os.pathsep.join(filter(None, (str(ROOT / "src"), os.environ.get("PYTHONPATH"))))
-    environment = {**os.environ, **threads, "TMPDIR": str(temporary), "PYTHONPATH": path}
+    with_time = time.monotonic() + after
+    while time.monotonic() < with_time and process.poll() is None:
+        time.sleep(0.01)
+    family = children_of(process.pid)
+    ran = process.poll() is None
+    if ran:
+        process.send_signal(SIGNALS[number % len(SIGNALS)])
+        process.wait()
+    end = time.monotonic()
+    while any(map(is_alive, family)) and time.monotonic() - end < 4 * ORPHAN_SECONDS:
+        time.sleep(0.02)
+    return ran, time.monotonic() - end, any(map(is_alive, family))
 
-    def start(out: Path) -> subprocess.Popen:
-        again = verb == "train" and (out / "config.json").exists()
-        words = ["train", "--resume", str(out)] if again else [*shlex.split(VERBS[verb]), "--out", str(out)]
-        quiet = subprocess.DEVNULL
-        return subprocess.Popen([sys.executable, "-m", "stiction", *words], env=environment, stdout=quiet, stderr=quiet)
 
-    begun = time.monotonic()
-    wrong = [] if start(folder / "whole").wait() == 0 else [f"{verb}: the undisturbed command failed"]
-    took = time.monotonic() - begun
-    reference = digest(folder / "whole")
-    out, slowest, killed, rounds = folder / "killed-0", 0.0, 0, 0
-    while killed < count:
-        process = start(out)
-        time.sleep(pick.uniform(0.1, 1.0) * took)
-        family = children_of(process.pid)
-        if process.poll() is None:
-            process.send_signal(SIGNALS[killed % len(SIGNALS)])
-            killed += 1
-            process.wait()
-        end = time.monotonic()
-        while any(map(is_alive, family)) and time.monotonic() - end < 4 * ORPHAN_SECONDS:
-            time.sleep(0.02)
-        slowest = max(slowest, time.monotonic() - end)
-        time.sleep(0.2)
-        if any(map(is_alive, family)) or time.monotonic() - end > 4 * ORPHAN_SECONDS:
-            wrong.append(f"{verb}: orphans after kill {killed}")
-        if left := list(temporary.iterdir()):
-            wrong.append(f"{verb}: {left[0].name} stays in the temporary folder after kill {killed}")
-        if process.returncode == 0 or killed == count:
-            if process.returncode != 0 and start(out).wait() != 0:
-                wrong.append(f"{verb}: it does not go on after kill {killed}")
-            if digest(out) != reference:
-                wrong.append(f"{verb}: {out.name} is another result than the undisturbed one")
-            rounds += 1
-            out = folder / f"killed-{rounds}"
+def kills(verb: str, first: int, count: int) -> dict[str, Any]:
+    """Kill one command again and again at random moments, let it go on, and compare with an undisturbed one."""
+    took, reference = undisturbed(verb)
+    if reference is None:
+        return found({}, [f"{verb}: the undisturbed command failed"], 0.0)
+    pick = random.Random(f"{verb} {first}")
+    wrong: list[str] = []
+    slowest, killed, rounds = 0.0, 0, 0
+    with tempfile.TemporaryDirectory() as name:
+        temporary = Path(name) / "temporary"
+        temporary.mkdir()
+        while killed < count:
+            out = Path(name) / f"killed-{rounds}"
+            process = start(verb, out, temporary)
+            ran, gone, stays = kill(process, first + killed, pick.uniform(0.1, 1.0) * took)
+            killed += ran
+            slowest = max(slowest, gone)
+            what = f"{verb}, kill {first + killed}"
+            wrong += [f"{what}: a process stays"] * stays
+            time.sleep(0.2)
+            if left := [path.name for path in temporary.iterdir() if path.name != f"stiction-{os.getuid()}"]:
+                wrong.append(f"{what}: {left[0]} stays in the temporary folder")
+            if process.returncode == 0 or killed == count:
+                if process.returncode != 0 and start(verb, out, temporary).wait() != 0:
+                    wrong.append(f"{what}: it does not go on")
+                elif digest(out) != reference:
+                    wrong.append(f"{what}: another result than the undisturbed one")
+                rounds += 1
     if slowest > ORPHAN_SECONDS:
         wrong.append(f"{verb}: a process outlived its parent by {slowest:.1f} s")
-    return {
-        "attack": f"{verb}, killed by SIGKILL, SIGTERM and SIGHUP in turn, and begun again",
-        "count": count,
-        "result": f"{rounds} results, {'bit-identical' if not wrong else 'WRONG'}; the last process was gone after at "
-        f"most {slowest:.2f} s",
-        "wrong": wrong,
-    }
+    return found({"kills": killed, "results, each compared with one that nobody disturbed": rounds}, wrong, slowest)
 
 
-def writers(count: int) -> dict[str, object]:
+def writers(first: int, count: int) -> dict[str, Any]:
     """Start commands into the folder of one that goes on."""
     refused = 0
     wrong: list[str] = []
     with tempfile.TemporaryDirectory() as name:
         run, walks = Path(name) / "run", Path(name) / "walks"
         long = SMALL.replace("--teacher.iterations 20", "--teacher.iterations 100000")
+        much = WALKS.replace("--episodes 6 --seconds 4", "--episodes 500 --seconds 60")
+        walk = [*shlex.split(much), "--jobs", "1", "--out", str(walks)]
         commands = {
             run: [*shlex.split(f"train --robot go1 {long}"), "--out", str(run)],
-            walks: [*shlex.split(WALKS.replace("--episodes 6", "--episodes 500")), "--jobs", "1", "--out", str(walks)],
+            walks: ["evaluate", *walk],
         }
-        commands[walks].insert(0, "evaluate")
         program = [sys.executable, "-m", "stiction"]
-        environment = {**os.environ, "STICTION_THREADS": "1"}
+        own = environment(Path(name))
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        holders = {
-            folder: subprocess.Popen([*program, *words], env=environment, **quiet) for folder, words in commands.items()
-        }
-        while not all((folder / ".lock").exists() for folder in holders) or not (run / "metrics.jsonl").exists():
-            time.sleep(0.1)
-        second = {run: ["train", "--resume", str(run)], walks: commands[walks]}
-        for number in range(count):
-            folder = (run, walks)[number % 2]
-            done = subprocess.run(
-                [*program, *second[folder]], env=environment, capture_output=True, text=True, check=False
-            )
-            said = f"is being written by process {holders[folder].pid} on "
-            if done.returncode == 1 and said in done.stderr and done.stderr.count("\n") == 1:
-                refused += 1
-            else:
-                wrong.append(f"writer {number} into {folder.name}: status {done.returncode}, {done.stderr[-200:]!r}")
-        for holder in holders.values():
-            holder.kill()
-            holder.wait()
-    return {
-        "attack": "a second writer (train --resume, evaluate)",
-        "count": count,
-        "result": f"{refused} of {count} refused, with the holder's number",
-        "wrong": wrong,
-    }
+        holders = {path: subprocess.Popen([*program, *words], env=own, **quiet) for path, words in commands.items()}
+        try:
+            while not all((path / ".lock").exists() for path in holders) or not (run / "metrics.jsonl").exists():
+                if gone := [path.name for path, holder in holders.items() if holder.poll() is not None]:
+                    return found({}, [f"the first writer of {gone[0]} ended by itself"], 0.0)
+                time.sleep(0.1)
+            second = {run: ["train", "--resume", str(run)], walks: commands[walks]}
+            for number in range(first, first + count):
+                path = (run, walks)[number % 2]
+                done = subprocess.run([*program, *second[path]], env=own, capture_output=True, text=True, check=False)
+                said = f"is being written by process {holders[path].pid} on "
+                if done.returncode == 1 and said in done.stderr and done.stderr.count("\n") == 1:
+                    refused += 1
+                else:
+                    wrong.append(f"writer {number} into {path.name}: {done.returncode}, {done.stderr[-200:]!r}")
+        finally:
+            for holder in holders.values():
+                holder.kill()
+                holder.wait()
+    return found({"refused, with the holder's number": refused}, wrong, 0.0)
 
 
-def main() -> int:
-    """Attack, print, write the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    for name, text in (("folders", "damaged run folders"), ("kills", "kills, over four verbs"), ("writers", "writers")):
-        parser.add_argument(f"--{name}", type=int, default=0, help=f"number of {text}")
-    parser.add_argument("--verbs", nargs="+", choices=VERBS, default=list(VERBS), help="verbs that are killed")
-    parser.add_argument("--out", type=Path, default=Path("attacks"), help="folder of attacks.json and attacks.md")
-    options = parser.parse_args()
-    parts: list[Callable[[], dict[str, object]]] = []
-    if options.folders:
-        parts.append(lambda: folders(options.folders))
-    if options.writers:
-        parts.append(lambda: writers(options.writers))
-    rows = [part() for part in parts]
-    with tempfile.TemporaryDirectory() as name:
-        for verb in options.verbs if options.kills else []:
-            each = options.kills // len(options.verbs)
-            rows.append(kill_verb(verb, each, Path(name) / verb, random.Random(verb)))
-            print(json.dumps(rows[-1]), flush=True)
-    from stiction.core.provenance import provenance
+def planned(options: argparse.Namespace) -> Iterator[Unit]:
+    """Yield all that is asked for."""
+    yield from units("damaged run folders", options.folders, 20, folders)
+    yield from units("a second writer (train --resume, evaluate)", options.writers, 10, writers)
+    for verb in options.verbs if options.kills else []:
+        each = -(-options.kills // len(options.verbs))
+        what = f"{verb}, killed by SIGKILL, SIGTERM and SIGHUP in turn, and begun again"
+        yield from units(what, each, 5, lambda first, count, verb=verb: kills(verb, first, count))
+    if options.bundles:
+        import bundle_damage
 
-    command = shlex.join(["python", "scripts/attacks.py", *sys.argv[1:]])
-    options.out.mkdir(parents=True, exist_ok=True)
-    file = options.out / "attacks.json"
-    made = {"command": command, **provenance()}
+        for group in bundle_damage.GROUPS:
+            what = f"bundles that contradict themselves: {group}"
+            yield Unit(what, 0, 1, lambda first, count, group=group: separately("bundle_damage.py", group))
+        what = "bundles damaged by chance"
+        rest = options.bundles * 150
+        yield from units(what, rest, 50, lambda n, count: separately("bundle_damage.py", "random", str(count), str(n)))
+    if options.logs:
+        import damage
+
+        for kind in damage.KINDS:
+            each = -(-options.logs // len(damage.KINDS))
+            do = lambda n, count, kind=kind: separately("damage.py", kind, str(count), str(n))  # noqa: E731
+            yield from units(f"damaged logs: {kind}", each, 200, do)
+
+
+def clock(seconds: float) -> str:
+    """Return a time as people say it."""
+    return f"{seconds / 3600:.1f} h" if seconds > 5400 else f"{seconds / 60:.1f} min"
+
+
+def row_of(attack: str, parts: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the row of one attack from its units."""
+    ends: Counter[str] = sum((Counter(part["ends"]) for part in parts), Counter())
+    wrong = [text for part in parts for text in part["wrong"]]
+    slowest, memory = (max(part[name] for part in parts) for name in ("slowest", "memory"))
+    result = f"{', '.join(f'{count} {end}' for end, count in ends.items())}; {len(wrong)} wrong"
+    result += f"; slowest {slowest:.2f} s" * (slowest > 0) + f"; {memory / 2**20:.0f} MiB" * (memory > 0)
+    return {"attack": attack, "count": sum(part["count"] for part in parts), "result": result, "wrong": wrong}
+
+
+def write_table(out: Path, rows: list[dict[str, Any]], made: dict[str, Any]) -> str:
+    """Write attacks.json and attacks.md, in which rows of other attacks stay; return the table."""
+    from stiction.core.files import write_text
+
+    file = out / "attacks.json"
+    new = {row["attack"] for row in rows}
     before = json.loads(file.read_text()) if file.exists() else []
-    everything = [*before, *(row | made for row in rows)]
-    file.write_text(json.dumps(everything, indent=1) + "\n")
+    everything = [*(row for row in before if row["attack"] not in new), *(row | made for row in rows)]
     lines = ["# Attacks", "", "| attack | count | what came of it | command | revision |", "|---|---|---|---|---|"]
     lines += [
         f"| {row['attack']} | {row['count']} | {row['result']} | `{row['command']}` | {row['revision']} |"
         for row in everything
     ]
-    (options.out / "attacks.md").write_text("\n".join(lines) + "\n")
-    wrong = [text for row in rows for text in row["wrong"]]  # type: ignore[attr-defined]
-    print("\n".join([*lines, *wrong]))
+    write_text(file, json.dumps(everything, indent=1) + "\n")
+    write_text(out / "attacks.md", "\n".join(lines) + "\n")
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Attack, print, write the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    counts = {"folders": "damaged run folders", "kills": "kills, over the verbs", "writers": "second writers"}
+    counts |= {"bundles": "times all bundles that contradict themselves", "logs": "damaged logs, over all kinds"}
+    for name, text in counts.items():
+        parser.add_argument(f"--{name}", type=int, default=0, help=f"number of {text}")
+    parser.add_argument("--verbs", nargs="+", choices=VERBS, default=list(VERBS), help="verbs that are killed")
+    parser.add_argument("--out", type=Path, default=Path("attacks"), help="folder of the table, and of what is done")
+    options = parser.parse_args()
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    from stiction.core.cache import Ledger, key_of
+    from stiction.core.lock import output_folder
+    from stiction.core.provenance import provenance
+
+    command = shlex.join(["python", "scripts/attacks.py", *sys.argv[1:]])
+    with output_folder(options.out):
+        made = {"command": command, **provenance()}
+        ledger = Ledger(options.out / "attacks.jsonl")
+        code = key_of("attacks", "**/*.py")
+        todo, parts, spent, done = list(planned(options)), {}, 0.0, 0
+        missing = [unit for unit in todo if ledger.get(key_of([unit[:3], code])) is None]
+        for unit in todo:
+            key = key_of([unit[:3], code])
+            if (entry := ledger.get(key)) is None:
+                begun = time.monotonic()
+                entry = {"key": key, "count": unit.count, **unit.do(unit.first, unit.count)}
+                ledger.extend([entry])
+                spent, done = spent + time.monotonic() - begun, done + 1
+                left = [other for other in missing[done:] if other.attack == unit.attack]
+                each = (time.monotonic() - begun) / unit.count
+                now = f"{unit.attack}: {unit.first + unit.count} done, {each:.2f} s each"
+                rest = clock(each * sum(other.count for other in left))
+                print(f"{now}, {rest} left of it; {len(missing) - done} units left in all", file=sys.stderr)
+            parts.setdefault(unit.attack, []).append(entry)
+        rows = [row_of(attack, list(some)) for attack, some in parts.items()]
+        table = write_table(options.out, rows, made) if rows else "nothing to do"
+    wrong = [text for row in rows for text in row["wrong"]]
+    print("\n".join([table, *wrong]))
+    print(f"{clock(spent)} spent now", file=sys.stderr)
     return int(bool(wrong))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import random
 import shutil
 from pathlib import Path
@@ -102,7 +103,7 @@ def attack(run: Path, seed: int) -> str:
     kind = pick.choice((*names, "summary.json"))
     files = sorted(run.glob(kind)) or [run / "config.json"]
     file = pick.choice(files)
-    how = pick.choice(("json", "json", "json", "bytes", "bytes", "gone", "folder", "loop"))
+    how = pick.choice(("json", "json", "json", "bytes", "bytes", "gone", "folder", "loop", "pipe", "device"))
     if file.suffix == ".safetensors" and how == "json":
         how = "bytes"
     content = file.read_bytes()
@@ -114,6 +115,10 @@ def attack(run: Path, seed: int) -> str:
             file.mkdir()
         elif how == "loop":
             file.symlink_to(file.name)
+        elif how == "pipe":
+            os.mkfifo(file)
+        elif how == "device":
+            file.symlink_to("/dev/zero")
     forged = "checkpoints" in file.parts and pick.random() < 0.5
     if forged:
         seal(run)

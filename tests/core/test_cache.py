@@ -143,6 +143,51 @@ def test_a_foreign_or_torn_key_is_nobodys(text: str, tmp_path: Path) -> None:
     assert not has_entry(tmp_path / "nothing", "mine")
 
 
+@pytest.mark.parametrize("file", ["joints.json", "log/joint.csv", "entry.json"])
+def test_every_flipped_bit_of_an_entry_is_found(file: str, tmp_path: Path) -> None:
+    """A robot's identified friction that rotted, or was made larger by hand, would be walked with; also a lost file."""
+    folder = tmp_path / "robot"
+
+    def make() -> None:
+        with publish_entry(folder, "mine", "one robot") as partial:
+            (partial / "log").mkdir()
+            (partial / "joints.json").write_text('{"friction": 0.1}')
+            (partial / "log" / "joint.csv").write_text("time\n0\n")
+
+    make()
+    content = (folder / file).read_bytes()
+    for at in range(len(content)):
+        for bit in (0, 4):
+            changed = bytearray(content)
+            changed[at] ^= 1 << bit
+            (folder / file).write_bytes(changed)
+            same = file == "entry.json" and json.loads(content) == _json(bytes(changed))
+            assert has_entry(folder, "mine") == same, (at, bit)
+    (folder / file).unlink()
+    assert not has_entry(folder, "mine")
+    make()
+    assert has_entry(folder, "mine")
+
+
+def _json(content: bytes) -> object:
+    """Return what some bytes hold as JSON, if they do."""
+    try:
+        return json.loads(content)
+    except ValueError:
+        return None
+
+
+def test_a_result_with_a_key_but_another_number_is_made_anew(tmp_path: Path) -> None:
+    """A key says of what a result is, and nothing of whether it was changed."""
+    file = tmp_path / "run.json"
+    file.write_text(json.dumps(sealed({"key": "mine", "speed": 1.5})))
+    assert read_entry(file, "mine") == {"key": "mine", "speed": 1.5}
+    file.write_text(file.read_text().replace("1.5", "2.5"))
+    assert read_entry(file, "mine") is None
+    file.write_text('{"key": "mine", "speed": 1.5}')
+    assert read_entry(file, "mine") is None
+
+
 def test_a_ledger_goes_on_behind_a_line_that_was_cut_off(tmp_path: Path) -> None:
     """An interruption loses the line that it cut, and none before or after it."""
     path = tmp_path / "walks.jsonl"

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import base64
+from pathlib import Path
+
+import pytest
 
 from stiction.report.page import Section, data_uri, figure_uri, new_figure, paragraph, picture, render_page, row, table
 
@@ -50,3 +53,28 @@ def test_columns_of_words_align_left_and_numbers_right() -> None:
     rows = [["a", "-1.5", "far"], ["b", "–", "12 away"], ["c", "not known", ""]]
     block = table(["name", "number", "meaning"], rows)
     assert block.count('<td class="words">') == 3 and block.count("<td>") == 3
+
+
+@pytest.mark.parametrize("name", ["$\\frac$", "$x_{1}^$", "_hidden", "a_b^c{d}", "%$#&~\\", "[red]", "\x1b[2J <b>"])
+def test_a_name_in_a_figure_is_no_formula(name: str, tmp_path: Path) -> None:
+    """As a title, label, tick or in a legend, `$` made the drawing fail after hours of walks; `_` hid the name."""
+    from stiction.report.page import figure_uri, labelled, legend, new_figure, save_figure
+
+    figure, axes = new_figure(1)
+    (axis,) = axes
+    axis.plot([1, 10], [1, 10], label=name)
+    axis.errorbar([1], [2], yerr=[[1], [1]], label=f"{name}2")
+    axis.set(xscale="log", title=name, xlabel=name, ylabel=name)
+    axis.set_yticks([1, 2], [name, name])
+    axis.text(1, 1, name)
+    legend(axis)
+    legend(figure, labelled(axis), loc="outside lower center")
+    assert [text.get_text() for text in axis.get_legend().get_texts()] == [name, f"{name}2"]
+    figure.suptitle(name)
+    assert figure_uri(figure).startswith("data:image/png")
+    for kind in ("svg", "png"):
+        save_figure(figure, tmp_path / f"it.{kind}", dpi=50)
+        assert (tmp_path / f"it.{kind}").stat().st_size > 1000
+    ticks = [text.get_text() for text in axis.get_xticklabels()]
+    assert any("mathdefault" in text for text in ticks)
+    assert all(text.get_parse_math() for text in axis.get_xticklabels())

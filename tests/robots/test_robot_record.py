@@ -51,7 +51,7 @@ def test_what_was_altered_is_named(path: tuple, value: object, message: str, tmp
 def test_what_is_missing_or_no_json_is_named(tmp_path: Path) -> None:
     """Half a file is none."""
     file = tmp_path / "robot.json"
-    with pytest.raises(StictionError, match="cannot be read"):
+    with pytest.raises(StictionError, match="cannot read"):
         read_robot(file)
     file.write_text('{"version": 1')
     with pytest.raises(StictionError, match="no JSON"):

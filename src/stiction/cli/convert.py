@@ -10,7 +10,8 @@ from typing import Annotated
 
 import tyro
 
-from stiction.core.errors import ConfigurationError, FileError
+from stiction.core.errors import ConfigurationError
+from stiction.core.files import write_text
 from stiction.core.options import read_options
 from stiction.exchange.targets import ConvertOptions, convert, convert_training
 from stiction.formats.joints import is_training, load_joints
@@ -45,10 +46,7 @@ def main(arguments: list[str]) -> int:
     _keep_inputs(cfg)
     done = convert_training(cfg.joints, cfg) if is_training(cfg.joints) else convert(load_joints(cfg.joints), cfg)
     if cfg.out is not None:
-        try:
-            cfg.out.write_bytes(done.text.encode())
-        except OSError as error:
-            raise FileError(f"cannot write {cfg.out}: {error.strerror or error}; choose another --out") from error
+        write_text(cfg.out, done.text)
     if cfg.json:
         summary = {"to": cfg.to, "out": cfg.out and str(cfg.out), "joints": done.joints, "notes": done.notes}
         print(json.dumps(summary if cfg.out else summary | {"text": done.text}, indent=2, ensure_ascii=False))

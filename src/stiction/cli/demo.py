@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from stiction.core.files import write_text
 from stiction.core.options import read_options
 
 if TYPE_CHECKING:
@@ -130,7 +131,6 @@ def _identify_example(out: Path) -> DemoJoint:
     from stiction.identify.example import SATURN_LITE, example_log
 
     log = out / "example" / "shank.csv"
-    log.parent.mkdir(exist_ok=True)
     write_log(log, example_log(SATURN_LITE))
     title = "the paper's shank motor, simulated with the noise of real sensors"
     return _identify(title, [str(log), "--out", str(log.parent)])
@@ -225,7 +225,7 @@ def _evaluate(
     ]
     shown = DemoClips(COMMANDS[0], level, _render(cfg, bundles, names, level, warnings))
     page = cfg.out / "report.html"
-    page.write_text(render_demo(joints, policies, rows, summary, shown, warnings), encoding="utf-8")
+    write_text(page, render_demo(joints, policies, rows, summary, shown, warnings))
     return page, summary
 
 

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import tyro
 
 from stiction.core.errors import ConfigurationError
+from stiction.core.files import write_text
 from stiction.core.options import read_options
 from stiction.core.records import part_of
 from stiction.deploy.runtime.config import LimitsCfg, OperatorCfg, SafetyCfg
@@ -116,7 +117,7 @@ def main(arguments: list[str]) -> int:
         bundle = check_bundle(folder, cfg.expect_digest).bundle
         report = _run(cfg, bundle, folder)
         text = json.dumps(report, indent=2, allow_nan=False) + "\n"
-        (cfg.report or cfg.out / "report.json").write_text(text, encoding="utf-8")
+        write_text(cfg.report or cfg.out / "report.json", text)
     if cfg.json:
         print(text, end="")
     if report["stop"] is not None:

@@ -9,7 +9,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from stiction.core.errors import ConfigurationError, FileError, RobotError, unknown_name
+from stiction.core.errors import ConfigurationError, RobotError, unknown_name
+from stiction.core.files import write_text
 from stiction.core.options import read_options
 from stiction.core.records import header, part_of, texts
 from stiction.formats.design import ExcitationDesign, Predicted, percent, two_digits, write_signals
@@ -61,14 +62,11 @@ def main(arguments: list[str]) -> int:
     with work_progress() as progress:
         designed = design_excitation(setup, config.joint, command, progress)
     text = object_text(designed.record.to_dict())
-    try:
-        with results_folder(config.out, "excite", config):
-            write_log(config.out / "trajectory.csv", designed.trajectory)
-            write_signals(config.out / "design.npz", designed.signals)
-            (config.out / "design.json").write_text(text, encoding="utf-8")
-            write_excitation_page(config.out)
-    except OSError as error:
-        raise FileError(f"cannot write to {config.out}: {error.strerror or error}; choose another --out") from error
+    with results_folder(config.out, "excite", config):
+        write_log(config.out / "trajectory.csv", designed.trajectory)
+        write_signals(config.out / "design.npz", designed.signals)
+        write_text(config.out / "design.json", text)
+        write_excitation_page(config.out)
     if config.json:
         print(text, end="")
     else:

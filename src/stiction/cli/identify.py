@@ -12,7 +12,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from stiction.core.errors import ConfigurationError, FileError, RobotError
+from stiction.core.errors import ConfigurationError, RobotError
 from stiction.core.memory import DEFAULT_LIMIT, limit_memory
 from stiction.core.options import read_options
 from stiction.core.records import part_of
@@ -354,15 +354,12 @@ def _write_results(
     """Write the four files, of which `write_signals` writes fit.npz; raise `StictionError` where that cannot be."""
     from stiction.identify.proposal import write_proposal
 
-    folder, verb = options.out, _verb(options)
-    try:
-        with results_folder(folder, verb, options):
-            joints.write(folder / "joints.json")
-            write_proposal(folder, joints)
-            write_signals(folder / "fit.npz")
-            write_page(folder)
-    except OSError as error:
-        raise FileError(f"cannot write to {folder}: {error.strerror or error}; choose another --out") from error
+    folder = options.out
+    with results_folder(folder, _verb(options), options):
+        joints.write(folder / "joints.json")
+        write_proposal(folder, joints)
+        write_signals(folder / "fit.npz")
+        write_page(folder)
 
 
 def _print_results(

@@ -11,8 +11,10 @@ import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from stiction.core.errors import FileError, StictionError
+from stiction.core.errors import StictionError
+from stiction.core.files import write_text
 from stiction.core.records import column, header, texts
+from stiction.formats.plain import read_object
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,7 @@ def run_loop(cfg: LoopCfg) -> list[JointRow]:
     after = friction_in(cfg.out / "identified-walk" / "joints.json")
     rows = compared(own_friction(cfg), found, after)
     summary = {"joints": [vars(row) for row in rows], **shares(rows)}
-    (cfg.out / "loop.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    write_text(cfg.out / "loop.json", json.dumps(summary, indent=2) + "\n")
     return rows
 
 
@@ -99,10 +101,7 @@ def own_friction(cfg: LoopCfg) -> dict[str, float]:
 
 def friction_in(path: Path) -> dict[str, tuple[float, float]]:
     """Return joint -> 95 % interval of its dry friction [N m], of those that have one, in a joints.json."""
-    try:
-        joints = json.loads(path.read_text(encoding="utf-8"))["joints"]
-    except (OSError, ValueError, KeyError) as error:
-        raise FileError(f"{path} is not what identify writes: {error}") from error
+    joints = read_object(path, "what identify writes").get("joints", {})
     found = {}
     for name, record in joints.items():
         friction = record.get("coulomb_friction")

@@ -10,6 +10,7 @@ from typing import Any
 from tyro.conf import Positional
 
 from stiction.core.errors import RobotError, unknown_name
+from stiction.core.files import write_text
 from stiction.core.options import HELP, HELP_ALL, read_options, refuse
 from stiction.formats.settings import results_folder
 
@@ -124,8 +125,8 @@ def _show(cfg: ShowCfg) -> None:
     from stiction.robots.picture import draw
 
     with results_folder(cfg.out, "robot show", cfg):
-        (cfg.out / "robot.xml").write_text(build(robot).to_xml(), encoding="utf-8")
-        (cfg.out / "robot.yaml").write_text(complete_text(robot, "robot.xml"), encoding="utf-8")
+        write_text(cfg.out / "robot.xml", build(robot).to_xml())
+        write_text(cfg.out / "robot.yaml", complete_text(robot, "robot.xml"))
         draw(robot, cfg.out / "robot.png")
     if not cfg.json:
         print(f"written: {cfg.out}/robot.png, robot.yaml (complete), robot.xml (what is simulated)")

@@ -48,7 +48,7 @@ def main(arguments: list[str]) -> None:
 
 def sign_bundle(path: Path, key: Path) -> str:
     """Check a bundle and put the key's signature into it; return the key's fingerprint."""
-    from stiction.core.cache import publish
+    from stiction.core.files import write_bytes
     from stiction.deploy.check import check_bundle
     from stiction.formats.bundle import SIGNATURE, find_bundle
     from stiction.formats.signature import sign
@@ -61,11 +61,7 @@ def sign_bundle(path: Path, key: Path) -> str:
     signature, by = sign(bundle.sums, key, passphrase)
     if bundle.signature not in (None, signature):
         raise FileError(f"{folder} has the signature of another key, or a damaged one; remove {SIGNATURE} to sign it")
-    try:
-        with publish(folder / SIGNATURE) as partial:
-            partial.write_bytes(signature)
-    except OSError as error:
-        raise FileError(f"{folder / SIGNATURE} cannot be written: {error.strerror or error}") from error
+    write_bytes(folder / SIGNATURE, signature)
     return by
 
 

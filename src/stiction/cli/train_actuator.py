@@ -50,7 +50,7 @@ def main(arguments: list[str]) -> int:
 
     import torch
 
-    from stiction.core.errors import ConfigurationError, FileError
+    from stiction.core.errors import ConfigurationError
     from stiction.core.provenance import num_threads
     from stiction.formats.results import summary_text
     from stiction.formats.settings import results_folder
@@ -70,11 +70,8 @@ def main(arguments: list[str]) -> int:
         command = shlex.join(["stiction", "train-actuator", *arguments])
         with work_progress() as progress:
             trained = train_actuator(runs, options.config, command, progress)
-        try:
-            write_trained(options.out, trained)
-            page = write_actuator_page(options.out)
-        except OSError as error:
-            raise FileError(f"cannot write to {options.out}: {error.strerror}; choose another --out") from error
+        write_trained(options.out, trained)
+        page = write_actuator_page(options.out)
     if options.json:
         print(summary_text(trained.summary), end="")
     else:

@@ -9,18 +9,18 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import shutil
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from stiction.core.errors import FileError
+from stiction.core.files import open_regular, publish, read_bounded, unwritten, write_text
 from stiction.core.provenance import made_by
 
 ENTRY = "entry.json"
-"""File of a folder that is an entry: its key, and what is in it, for people."""
+"""File of a folder that is an entry: its key, what it is, for people, and the digest of each other file."""
 
 
 def key_of(made_from: Any, *code: str) -> str:
@@ -38,40 +38,6 @@ def entry_file(folder: Path, name: str, key: str, suffix: str) -> Path:
     return folder / f"{name}-{key[:12]}{suffix}"
 
 
-@contextmanager
-def publish(path: Path) -> Iterator[Path]:
-    """Yield a path beside `path` to write a file or a folder to, which then replaces `path` atomically.
-
-    Where the writing fails, `path` stays as it was. Raises `OSError` as the writing does.
-    """
-    partial, before = (path.with_name(f".{path.name}.{os.getpid()}.{kind}") for kind in ("part", "before"))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        yield partial
-        for written in (partial, *partial.rglob("*")):
-            _sync(written)
-        if path.is_dir():
-            # A folder that is not empty cannot be renamed over, and half of one may not stay under its name.
-            path.rename(before)
-        partial.replace(path)
-        _sync(path.parent)
-    finally:
-        for left in (partial, before):
-            if left.is_dir():
-                shutil.rmtree(left, ignore_errors=True)
-            else:
-                left.unlink(missing_ok=True)
-
-
-def _sync(path: Path) -> None:
-    """Bring a file, or the names in a folder, to the disk."""
-    number = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(number)
-    finally:
-        os.close(number)
-
-
 def cached(folder: Path, name: str, key: str, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """Return the entry of a key from its JSON file (see `entry_file`), written from `make` where there is none.
 
@@ -82,44 +48,56 @@ def cached(folder: Path, name: str, key: str, make: Callable[[], dict[str, Any]]
     if found is not None:
         return found
     text = json.dumps(sealed(make()), allow_nan=False)
-    try:
-        with publish(file) as partial:
-            partial.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise FileError(f"{file} cannot be written: {error}; give another --out") from error
+    write_text(file, text)
     return {name: value for name, value in json.loads(text).items() if name != DIGEST}
 
 
 def read_entry(file: Path, key: str) -> dict[str, Any] | None:
-    """Return the JSON object in a file that names its own `key`; None where it is another's, or none at all."""
-    found = _read(file)
+    """Return the `sealed` JSON object in a file that names its own `key`; None where it is another's, or altered."""
+    found = opened(_read(file))
     return found if found is not None and found.get("key") == key else None
 
 
 def _read(file: Path) -> dict[str, Any] | None:
     """Return the JSON object in a file; None where there is none."""
     try:
-        found = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        found = json.loads(read_bounded(file, "an entry", FileError, LARGEST))
+    except (FileError, ValueError, RecursionError):
         return None
     return found if isinstance(found, dict) else None
 
 
 def has_entry(folder: Path, key: str) -> bool:
-    """Say whether a folder is the entry of a key."""
-    return read_entry(folder / ENTRY, key) is not None
+    """Say whether a folder is the entry of a key, and each of its files the one that was written."""
+    found = read_entry(folder / ENTRY, key)
+    files = None if found is None else found.get("files")
+    try:
+        return isinstance(files, dict) and digests(folder, files) == files
+    except OSError:
+        return False
+
+
+def digests(folder: Path, names: Iterable[str]) -> dict[str, str]:
+    """Return the SHA-256 of files of a folder. Raises `OSError` where one cannot be read."""
+    found = {}
+    for name in names:
+        with open_regular(folder / name) as file:
+            found[name] = hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]
+    return found
 
 
 @contextmanager
 def publish_entry(folder: Path, key: str, label: str) -> Iterator[Path]:
     """Yield an empty folder to fill; it then replaces `folder`, as the entry of `key` with a readable `label`.
 
-    Raises `OSError` as the writing does.
+    Raises `FileError` as `publish`.
     """
     with publish(folder) as partial:
         partial.mkdir()
         yield partial
-        (partial / ENTRY).write_text(json.dumps({"label": label, "key": key}) + "\n", encoding="utf-8")
+        files = sorted(path.relative_to(partial).as_posix() for path in partial.rglob("*") if path.is_file())
+        entry = sealed({"label": label, "key": key, "files": digests(partial, files)})
+        (partial / ENTRY).write_text(json.dumps(entry) + "\n", encoding="utf-8")
 
 
 DIGEST = "entry_sha256"
@@ -156,7 +134,10 @@ class Ledger:
         self._path = path
         self._entries: dict[str, dict[str, Any]] = {}
         try:
-            text = path.read_text(encoding="utf-8") if path.exists() else ""
+            text = ""
+            if path.exists():
+                with open_regular(path) as file:
+                    text = file.read().decode("utf-8")
         except (OSError, UnicodeDecodeError) as error:
             raise FileError(f"{path} cannot be read: {error}; move it away, or give another --out") from error
         whole = text[: text.rfind("\n") + 1]
@@ -199,10 +180,13 @@ class Ledger:
                 file.flush()
                 os.fsync(file.fileno())
         except OSError as error:
-            raise FileError(f"{self._path} cannot be written: {error}; give another --out") from error
+            raise unwritten(self._path, error) from error
         self._end += len(content)
         self._entries |= {entry["key"]: entry for entry in entries}
 
+
+LARGEST = 2**28
+"""Bytes of an entry that are read."""
 
 MOST_LINES = 5
 """Lines of a ledger that a warning names."""

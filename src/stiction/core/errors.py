@@ -36,6 +36,10 @@ class FileError(StictionError):
     """Raised for a file or folder that cannot be read or written, or does not hold what was asked of it."""
 
 
+class UnwrittenError(FileError):
+    """Raised for a file or folder that cannot be written: what was there is as it was."""
+
+
 class LogError(FileError):
     """Raised for a log, of joints or of a walk, that cannot be read or does not hold what was asked of it."""
 

@@ -15,6 +15,7 @@ from types import UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from stiction.core.errors import ConfigurationError, FileError, StictionError
+from stiction.core.files import publish
 
 Row = TypeVar("Row")
 
@@ -67,7 +68,7 @@ def write_rows(path: Path, rows: Sequence[Any]) -> None:
     if not rows:
         raise FileError(f"{path.name}: no row to write; expected at least one")
     names = [field.name for field in fields(rows[0])]
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with publish(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(names)
         writer.writerows([_cell(path, name, value) for name, value in asdict(row).items()] for row in rows)

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from stiction.core.errors import BundleError, ConfigurationError, FileError, RobotError
+from stiction.core.files import read_bounded
 from stiction.deploy.first_run import first_run
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import Policy, PolicyStep, check_model, load_policy
@@ -19,7 +20,6 @@ from stiction.deploy.wear import WearMonitor
 from stiction.formats.bundle import Bundle, read_bundle
 from stiction.formats.contract import Contract
 from stiction.formats.golden import Golden, exercise_of
-from stiction.formats.plain import read_bounded
 from stiction.formats.signature import check_signature
 from stiction.robots.catalog import find_robot, is_shipped
 from stiction.robots.model import Robot

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from stiction.core.errors import RobotError
+from stiction.core.files import publish
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
 
@@ -56,7 +57,7 @@ def write_maker_targets(bundle: Bundle, path: Path) -> None:
     golden = bundle.golden
     walked = slice(None) if golden.walked is None else golden.walked
     rows = maker.to_maker(golden.target[walked])
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with publish(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(["time", *maker.order])
         for time, row in zip(golden.time[walked], rows, strict=True):

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stiction.core.cache import publish
+from stiction.core.files import publish
 from stiction.core.isolation import python_module
 from stiction.core.lifeline import follow_parent, tied
 from stiction.core.opengl import opengl_environment

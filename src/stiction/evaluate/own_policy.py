@@ -19,8 +19,7 @@ from stiction.core.plugins import find_named
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import PolicyStep
 from stiction.formats.bundle import Bundle
-from stiction.formats.contract import Contract
-from stiction.formats.contract_rules import IMPORTED, UNKNOWN
+from stiction.formats.contract import Contract, contract_of_others
 from stiction.formats.golden import Golden
 from stiction.formats.observation import NO_CLIP, ObservationLayout, Term
 from stiction.robots.catalog import find_robot
@@ -84,33 +83,15 @@ def own_policy(function: str, robot: str, control_period: float) -> OwnPolicy:
     spec, module = find_robot(robot), inspect.getmodule(_found(function))
     decimation = max(1, int(np.ceil(control_period / TIMESTEP - 1e-9)))
 
-    def of_joints(name: str) -> tuple[float, ...]:
-        return tuple(spec.joint_values(name).tolist())
-
-    names = {"kp": "kp", "kd": "kd", "standing": "default_position", "torque_limit": "torque_limit"}
-    names |= {name: name for name in ("lower", "upper", "armature", "damping")}
     seen = (Term("angular_velocity", 3, 1.0, NO_CLIP, "base"), Term("base_linear_velocity", 3, 1.0, NO_CLIP, "base"))
-    fixed: dict[str, Any] = {field: of_joints(name) for field, name in names.items()}
-    contract = Contract(
-        robot=spec.name,
-        terrain=UNKNOWN,
-        method=IMPORTED,
-        seed=0,
-        friction_law="coulomb",
-        friction_level=0.0,
-        friction_range=(0.0, 0.0),
-        joint_names=spec.joint_names,
-        control_period=control_period,
-        decimation=decimation,
-        physics_timestep=control_period / decimation,
-        friction=(0.0,) * spec.num_joints,
-        observation=ObservationLayout(seen, history_length=1),
-        action_scale=spec.action_scale if isinstance(spec.action_scale, float) else of_joints("action_scale"),
+    contract = contract_of_others(
+        spec,
+        control_period,
+        decimation,
+        ObservationLayout(seen, history_length=1),
         action_clip=1.0,
         revision="none",
         command=function,
-        anatomy=spec,
-        **fixed,
     )
     try:
         source = "" if module is None else inspect.getsource(module)

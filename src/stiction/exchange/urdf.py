@@ -14,6 +14,7 @@ from typing import Any
 from xml.parsers import expat
 
 from stiction.core.errors import FileError
+from stiction.core.files import read_bounded
 from stiction.exchange.physics import Conversion, JointPhysics, check_axis, known, notes_of, one_line
 
 LARGEST = 16_000_000
@@ -84,14 +85,7 @@ def edited(data: bytes, edits: list[Edit]) -> str:
 
 def read_model(path: Path) -> bytes:
     """Return the bytes of a model; raise `StictionError` if it cannot be read, or is too large to be one."""
-    try:
-        with path.open("rb") as stream:
-            data = stream.read(LARGEST + 1)
-    except OSError as error:
-        raise FileError(f"cannot read {path}: {error.strerror or error}") from error
-    if len(data) > LARGEST:
-        raise FileError(f"{path.name}: more than {LARGEST / 1e6:g} MB; expected a model's XML, meshes apart")
-    return data
+    return read_bounded(path, "a model's XML, meshes apart", FileError, LARGEST)
 
 
 def parse_markup(data: bytes, where: str) -> Markup:

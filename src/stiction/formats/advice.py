@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from stiction.core.errors import FileError
+from stiction.core.files import write_text
 from stiction.formats.following import Following
 from stiction.formats.plain import build, read_object, take_version
 
@@ -102,7 +103,4 @@ def write_source(path: Path, name: str, source: Source) -> None:
     sources = (read_advice(path) if path.exists() else {}) | {name: source}
     plain = {key: asdict(one) for key, one in sorted(sources.items())}
     text = json.dumps({"schema_version": SCHEMA_VERSION, "sources": plain}, indent=1, allow_nan=False)
-    try:
-        path.write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise FileError(f"{path} cannot be written: {error}; choose another --advice") from error
+    write_text(path, text + "\n")

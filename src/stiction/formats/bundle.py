@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
-from stiction.core.cache import publish
 from stiction.core.errors import BundleError, unknown_name
+from stiction.core.files import publish
 from stiction.formats.contract import Contract, read_contract
 from stiction.formats.golden import Golden, read_golden, write_golden
 from stiction.formats.wear import WearModel, read_wear

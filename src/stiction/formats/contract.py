@@ -14,17 +14,20 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
+from typing import Any
 
 import numpy as np
 
 from stiction.core.errors import BundleError
 from stiction.core.names import kinds_of
 from stiction.formats.contract_rules import (
+    IMPORTED,
     PER_JOINT,
     RULES,
     SCHEMA_VERSION,
     SHARE,
     SPEED_RATIO,
+    UNKNOWN,
     expect,
     is_name,
 )
@@ -290,3 +293,41 @@ def _check_known_friction(contract: Contract) -> None:
     allowed, expected, _ = SHARE
     right = isinstance(given, Mapping) and set(given) == set(kinds) and all(map(allowed, given.values()))
     expect(right, "known_friction", given, f"an object with {expected} for each of {', '.join(kinds)}, or null")
+
+
+def contract_of_others(
+    robot: Robot, control_period: float, decimation: int, observation: ObservationLayout, **more: Any
+) -> Contract:
+    """Return the contract of a policy that was trained elsewhere: joints, gains and pose are the robot's.
+
+    Args:
+        robot: as the policy knows it.
+        control_period: time between two actions [s].
+        decimation: physics steps in it.
+        observation: what the policy sees.
+        more: further fields; `action_clip`, `revision` and `command` have to be among them.
+
+    """
+    names = {"kp": "kp", "kd": "kd", "standing": "default_position", "torque_limit": "torque_limit"}
+    names |= {name: name for name in ("lower", "upper", "armature", "damping")}
+    of_joints: dict[str, Any] = {field: tuple(robot.joint_values(name).tolist()) for field, name in names.items()}
+    scale = robot.joint_values("action_scale")
+    return Contract(
+        robot=robot.name,
+        terrain=UNKNOWN,
+        method=IMPORTED,
+        seed=0,
+        friction_law="coulomb",
+        friction_level=0.0,
+        friction_range=(0.0, 0.0),
+        joint_names=robot.joint_names,
+        control_period=control_period,
+        decimation=decimation,
+        physics_timestep=control_period / decimation,
+        friction=(0.0,) * robot.num_joints,
+        observation=observation,
+        action_scale=float(scale[0]) if len(np.unique(scale)) == 1 else tuple(scale.tolist()),
+        anatomy=robot,
+        **of_joints,
+        **more,
+    )

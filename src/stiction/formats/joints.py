@@ -20,7 +20,7 @@ from stiction.core.errors import FileError, unknown_name
 from stiction.core.names import kind_of
 from stiction.formats.log import AXES, TEST_CONDITIONS
 from stiction.formats.plain import is_number, read_object, take_version, write_object
-from stiction.formats.tables import read_npz_arrays
+from stiction.formats.tables import publish_npz, read_npz_arrays
 from stiction.joints.friction import SYMMETRIC
 from stiction.joints.net import TORQUE_SOURCES
 
@@ -373,7 +373,7 @@ def write_fit(path: Path, joints: dict[str, FitSignals]) -> None:
         for item in fields(FitSignals)
         if (values := getattr(signals, item.name)) is not None
     }
-    np.savez_compressed(path, allow_pickle=False, **arrays)
+    publish_npz(path, arrays, compressed=True)
 
 
 def read_fit(path: Path, joint: str) -> FitSignals:

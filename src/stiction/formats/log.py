@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from stiction.core.errors import LogError, unknown_name
+from stiction.core.files import write_text
 from stiction.core.names import kind_of
 from stiction.formats.plain import is_number, read_object
 from stiction.formats.tables import Columns, Table, read_npz, read_parquet, write_csv, write_npz, write_parquet
@@ -388,11 +389,10 @@ def write_log(path: Path, log: Log) -> None:
             values = getattr(signals, name)
             if values is not None:
                 table[f"{name}.{joint}"] = values
-    path.parent.mkdir(parents=True, exist_ok=True)
     writers[path.suffix.lower()](path, table)
     setup = log.setup.to_dict()
     if setup:
-        path.with_suffix(".json").write_text(json.dumps(setup, indent=2) + "\n", encoding="utf-8")
+        write_text(path.with_suffix(".json"), json.dumps(setup, indent=2) + "\n")
 
 
 def listed(table: Columns) -> str:

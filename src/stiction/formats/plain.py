@@ -11,6 +11,7 @@ from types import UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from stiction.core.errors import FileError
+from stiction.core.files import read_bounded, write_text
 
 Record = TypeVar("Record")
 
@@ -31,18 +32,6 @@ def read_object(
 
     """
     return parse_object(read_bounded(path, expected, error, most), path.name, expected, error)
-
-
-def read_bounded(path: Path, expected: str, error: type[FileError], most: int) -> bytes:
-    """Return the content of a file of at most `most` bytes; raises `error` as `read_object` does."""
-    try:
-        with path.open("rb") as file:
-            content = file.read(most + 1)
-    except OSError as fault:
-        raise error(f"cannot read {path}: {fault.strerror or fault}; expected {expected}") from fault
-    if len(content) > most:
-        raise error(f"{path.name}: over {most} bytes; expected {expected}")
-    return content
 
 
 def parse_object(content: bytes | str, where: str, expected: str, error: type[FileError] = FileError) -> dict[str, Any]:
@@ -120,7 +109,7 @@ def _value(hint: Any, value: Any, where: str, error: type[FileError]) -> Any:
 
 def write_object(path: Path, data: dict[str, Any]) -> None:
     """Write a JSON object for people to read too; a number that is not finite is refused (`ValueError`)."""
-    path.write_text(object_text(data), encoding="utf-8")
+    write_text(path, object_text(data))
 
 
 def object_text(data: dict[str, Any]) -> str:

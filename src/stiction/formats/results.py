@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 from stiction.core.errors import FileError
+from stiction.core.files import open_regular, publish, write_text
 from stiction.core.records import column
 from stiction.formats.plain import is_integer, is_number, read_object, take_version
 
@@ -79,7 +80,7 @@ KINDS = get_type_hints(ResultRow)
 
 def write_results(path: Path, rows: Iterable[ResultRow]) -> None:
     """Write results.csv, numbers with the digits that read back exactly."""
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with publish(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
         for row in rows:
@@ -127,7 +128,7 @@ def _value(where: str, name: str, cell: str) -> Any:
 
 def write_summary(path: Path, summary: dict[str, Any]) -> None:
     """Write summary.json; a number that is not finite is refused by the encoder (`ValueError`)."""
-    path.write_text(summary_text(summary), encoding="utf-8")
+    write_text(path, summary_text(summary))
 
 
 def read_summary(path: Path) -> dict[str, Any]:
@@ -155,7 +156,7 @@ def read_metrics(path: Path) -> list[dict[str, Any]]:
     """
     rows: list[dict[str, Any]] = []
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             for line in file:
                 if not _is_row(row := json.loads(line)):
                     break

@@ -151,7 +151,11 @@ def read_run_log(folder: Path) -> RunLog:
     for table in (READINGS, STEPS):
         parts = parts_of(names, table)
         claim(folder.name, 4 * sum((folder / name).stat().st_size for *_, name in parts), "the log has", LogError)
-        arrays = [read_npz_arrays(folder / name) for *_, name in parts]
+        arrays, taken = [], 0
+        for *_, name in parts:
+            arrays.append(read_npz_arrays(folder / name))
+            taken += sum(8 * array.size for array in arrays[-1].values())
+            claim(folder.name, 2 * taken, "the log takes", LogError)
         tables[table] = _joined(folder, table, arrays)
         missing = sum(first - last - 1 for (_, last, _), (first, _, _) in pairwise(parts))
         if missing:

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from stiction.core.cache import publish
-from stiction.core.errors import ConfigurationError, FileError
+from stiction.core.errors import ConfigurationError
+from stiction.core.files import write_text
 from stiction.core.lock import output_folder
 from stiction.core.records import to_plain
 from stiction.formats.plain import read_object
@@ -94,8 +94,4 @@ def _words(value: Any) -> str:
 
 def _write(out: Path, made_with: dict[str, Any]) -> None:
     """Note the settings in the folder."""
-    try:
-        with publish(out / SETTINGS) as partial:
-            partial.write_text(json.dumps(made_with, indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise FileError(f"cannot write {out / SETTINGS}: {error.strerror or error}; choose another --out") from error
+    write_text(out / SETTINGS, json.dumps(made_with, indent=2) + "\n")

@@ -9,10 +9,12 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stiction.core.errors import FileError
+from stiction.core.files import read_bounded, unwritten
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
@@ -38,8 +40,14 @@ def make_key(path: Path) -> Path:
         try:
             with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as opened:
                 opened.write(text)
+        except FileExistsError as error:
+            raise FileError(f"{file} cannot be written: {error.strerror}; choose another name") from error
         except OSError as error:
-            raise FileError(f"{file} cannot be written: {error.strerror or error}; choose another name") from error
+            # Half a key is none, and neither is one without its other half.
+            for half in {path, file}:
+                with suppress(OSError):
+                    half.unlink()
+            raise unwritten(file, error) from error
     return public
 
 
@@ -86,7 +94,7 @@ def _private_key(path: Path, passphrase: Callable[[], str]) -> Ed25519PrivateKey
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
-    content = _content(path)
+    content = read_bounded(path, f"a key, PEM: {MADE}", FileError, MOST_BYTES)
     try:
         secret = passphrase().encode() if b"ENCRYPTED" in content else None
         key: Any = load_pem_private_key(content, secret)
@@ -102,7 +110,7 @@ def _public_key(path: Path) -> Ed25519PublicKey:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
     from cryptography.hazmat.primitives.serialization import load_pem_public_key
 
-    content = _content(path)
+    content = read_bounded(path, f"a key, PEM: {MADE}", FileError, MOST_BYTES)
     if b"PRIVATE KEY" in content:
         raise FileError(f"{path} is a private key, its owner's secret; name the public one, {path.with_suffix('.pub')}")
     try:
@@ -116,18 +124,6 @@ def _public_key(path: Path) -> Ed25519PublicKey:
 
 MADE = "stiction sign --new-key maker.pem makes maker.pem and maker.pub"
 """How keys are made, for messages."""
-
-
-def _content(path: Path) -> bytes:
-    """Return a key file."""
-    try:
-        with path.open("rb") as file:
-            content = file.read(MOST_BYTES + 1)
-    except OSError as error:
-        raise FileError(f"cannot read the key {path}: {error.strerror or error}; {MADE}") from error
-    if len(content) > MOST_BYTES:
-        raise FileError(f"{path}: over {MOST_BYTES} bytes; expected a key, PEM: {MADE}")
-    return content
 
 
 def _line(error: Exception) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import os
 import tokenize
 import warnings
 import zipfile
@@ -21,8 +22,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from stiction.core.cache import publish
 from stiction.core.errors import FileError, LogError
+from stiction.core.files import open_regular, publish, published
 from stiction.core.memory import allowance, claim
 from stiction.formats.plain import parse_object, take_version
 
@@ -54,8 +55,9 @@ class Table:
 def read_bytes(path: Path) -> bytes:
     """Read a file of a bounded size; raise `LogError` where that cannot be done."""
     try:
-        claim(path.name, path.stat().st_size, "the file has", LogError)
-        return path.read_bytes()
+        with open_regular(path) as file:
+            claim(path.name, os.fstat(file.fileno()).st_size, "the file has", LogError)
+            return file.read()
     except OSError as error:
         raise LogError(f"cannot read {path}: {error.strerror or error}") from error
 
@@ -214,13 +216,10 @@ def write_header(schema: str, version: int, header: dict[str, Any]) -> np.ndarra
 
 
 def publish_npz(path: Path, arrays: Columns, compressed: bool = False) -> None:
-    """Write arrays, whole or not at all; raise `FileError` where that cannot be done."""
+    """Write arrays, whole or not at all; raise `UnwrittenError` where that cannot be done."""
     save = np.savez_compressed if compressed else np.savez
-    try:
-        with publish(path) as partial, partial.open("wb") as file:
-            save(file, allow_pickle=False, **arrays)
-    except OSError as error:
-        raise FileError(f"cannot write {path}: {error.strerror or error}; choose another folder") from error
+    with published(path) as file:
+        save(file, allow_pickle=False, **arrays)
 
 
 Record = TypeVar("Record")
@@ -229,7 +228,7 @@ Record = TypeVar("Record")
 def write_arrays(path: Path, record: Any) -> None:
     """Write the fields of a dataclass, all arrays, in single precision."""
     arrays = {item.name: np.asarray(getattr(record, item.name), np.float32) for item in fields(record)}
-    np.savez_compressed(path, allow_pickle=False, **arrays)
+    publish_npz(path, arrays, compressed=True)
 
 
 def read_arrays(path: Path, kind: type[Record], remedy: str) -> Record:
@@ -244,12 +243,13 @@ def write_csv(path: Path, table: Columns) -> None:
     """Write columns of one length with nine significant digits, time with fifteen: it may count from 1970."""
     formats = ["%.15g" if name == "time" else "%.9g" for name in table]
     rows = np.column_stack(list(table.values()))
-    np.savetxt(path, rows, fmt=formats, delimiter=",", header=",".join(table), comments="")
+    with publish(path) as partial:
+        np.savetxt(partial, rows, fmt=formats, delimiter=",", header=",".join(table), comments="")
 
 
 def write_npz(path: Path, table: Columns) -> None:
     """Write columns as arrays of doubles."""
-    np.savez_compressed(path, allow_pickle=False, **table)
+    publish_npz(path, table, compressed=True)
 
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -362,4 +362,5 @@ def _to_matrix(column: Any, samples: int) -> np.ndarray | None:
 def write_parquet(path: Path, table: Columns) -> None:
     """Write columns of doubles, with a checksum on every page."""
     arrow, parquet = _load(path)
-    parquet.write_table(arrow.table(table), path, write_page_checksum=True)
+    with publish(path) as partial:
+        parquet.write_table(arrow.table(table), partial, write_page_checksum=True)

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from stiction.core.errors import LogError
+from stiction.core.files import open_regular
 from stiction.core.memory import check_ratio, claim
 from stiction.formats.dialect import EMPTY, Dialect, find_dialect, is_comment, is_number, parse_stamp
 from stiction.formats.tables import Table
@@ -80,7 +81,7 @@ def _blocks(path: Path) -> Iterator[tuple[list[str], str]]:
         packed = path.stat().st_size
         if not path.name.lower().endswith(".gz"):
             claim(path.name, packed, "the file has", LogError)
-        with gzip.open(path) if path.name.lower().endswith(".gz") else path.open("rb") as file:
+        with open_regular(path) as opened, gzip.open(opened) if path.name.lower().endswith(".gz") else opened as file:
             yield from _decoded(path.name, file, packed)
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise LogError(f"{path.name}: not a whole gzip file ({error}); get it again") from error

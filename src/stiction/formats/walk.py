@@ -271,7 +271,7 @@ def write_walk_fit(path: Path, fit: WalkFit) -> None:
         for name, pair in getattr(fit, group).items():
             for axis, values in zip("xy", pair, strict=True):
                 arrays[f"{group}.{axis}.{name}"] = values.astype(np.float32)
-    np.savez_compressed(path, allow_pickle=False, **arrays)
+    publish_npz(path, arrays, compressed=True)
 
 
 def read_walk_fit(path: Path) -> WalkFit:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from stiction.core.errors import FileError
+from stiction.core.files import write_text
 from stiction.core.records import make_folder, write_rows
 from stiction.engines.catalog import TIMESTEP
 from stiction.evaluate.metrics import WINDOW
@@ -34,6 +34,7 @@ from stiction.report.page import (
     new_figure,
     paragraph,
     render_page,
+    save_figure,
     table,
 )
 from stiction.report.terminal import result_cells
@@ -238,26 +239,14 @@ def write_evaluation(
     """
     figure = draw_budget(rows, samples, summary["ways"])
     make_folder(out)
-    try:
-        write_results(out / "results.csv", rows)
-        write_summary(out / "summary.json", summary)
-        if samples:
-            write_rows(out / "methods.csv", samples)
-        for kind in ("svg", "png"):
-            figure.savefig(out / f"friction_budget.{kind}", dpi=150, facecolor="white")
-        page = out / "report.html"
-        page.write_text(
-            render_page(
-                TITLE,
-                sections(figure, rows, summary, samples),
-                lead(rows).split("\n"),
-                summary["warnings"],
-                summary["command"],
-            ),
-            encoding="utf-8",
-        )
-    except OSError as error:
-        raise FileError(f"the results cannot be written to {out}: {error}; choose another --out") from error
+    write_results(out / "results.csv", rows)
+    write_summary(out / "summary.json", summary)
+    if samples:
+        write_rows(out / "methods.csv", samples)
+    for kind in ("svg", "png"):
+        save_figure(figure, out / f"friction_budget.{kind}", dpi=150)
+    page, shown = out / "report.html", sections(figure, rows, summary, samples)
+    write_text(page, render_page(TITLE, shown, lead(rows).split("\n"), summary["warnings"], summary["command"]))
     return page
 
 

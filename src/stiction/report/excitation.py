@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup
 
+from stiction.core.files import write_text
 from stiction.formats.design import DesignSignals, ExcitationDesign, load_design, percent, read_signals, two_digits
 from stiction.report.page import (
     COLORS,
@@ -126,7 +127,7 @@ def write_excitation_page(folder: Path) -> Path:
     ]
     page = folder / "report.html"
     title = f"Excitation of joint {design.joint}"
-    page.write_text(render_page(title, sections, lead(design), design.warnings, design.command), encoding="utf-8")
+    write_text(page, render_page(title, sections, lead(design), design.warnings, design.command))
     return page
 
 

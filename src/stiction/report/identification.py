@@ -7,6 +7,7 @@ from typing import Any
 
 from markupsafe import Markup
 
+from stiction.core.files import write_text
 from stiction.core.parallel import spread
 from stiction.core.provenance import num_threads
 from stiction.formats.joints import (
@@ -170,7 +171,7 @@ def write_identification_page(folder: Path) -> Path:
     page = folder / "report.html"
     named = ", ".join(joints.joints) if len(joints.joints) <= MOST_NAMES else f"{len(joints.joints)} joints"
     title = f"Joint identification: {named}"
-    page.write_text(render_page(title, sections, lead_lines(joints), remaining_warnings(joints)), encoding="utf-8")
+    write_text(page, render_page(title, sections, lead_lines(joints), remaining_warnings(joints)))
     return page
 
 

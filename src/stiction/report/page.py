@@ -24,6 +24,8 @@ from markupsafe import Markup, escape
 
 from stiction import __version__
 from stiction.core import records
+from stiction.core.errors import escaped
+from stiction.core.files import publish
 from stiction.formats.joints import Estimate, JointRecord
 
 if TYPE_CHECKING:
@@ -172,15 +174,59 @@ def new_figure(
     return figure, axes
 
 
-def legend(axis) -> None:
-    """Add a legend to an axis of `new_figure`, in the page's colours."""
-    axis.legend(fontsize=8, labelcolor=INK, frameon=False)
+def labelled(axis: Axes) -> dict[str, Any]:
+    """Return what was drawn on an axis by its label; `_a`, which matplotlib would hide, is a name too."""
+    drawn: list[Any] = [*axis.lines, *axis.patches, *axis.collections, *axis.containers]
+    return {label: one for one in drawn if not UNNAMED.fullmatch(label := str(one.get_label()))}
+
+
+UNNAMED = re.compile(r"(_child\d+|_container\d+|_nolegend_)?")
+"""What matplotlib calls what has no label."""
+
+
+def legend(axis: Axes | Figure, drawn: dict[str, Any] | None = None, **settings: Any) -> None:
+    """Add a legend to an axis of `new_figure` or to the whole figure, in the page's colours.
+
+    drawn: label -> what was drawn, by default all that is `labelled` on the axis.
+    """
+    found = labelled(axis) if drawn is None else drawn  # type: ignore[arg-type]
+    look: dict[str, Any] = {"fontsize": 8, "labelcolor": INK, "frameon": False} | settings
+    axis.legend(list(found.values()), list(found), **look)
+
+
+def name_plainly(figure: Figure) -> Figure:
+    """Make no text of a figure do anything, and return the figure: names come from files, and `$` is no formula.
+
+    Numbers of a logarithmic axis stay formulas: matplotlib writes them itself.
+    """
+    from matplotlib.text import Text
+    from matplotlib.ticker import LogFormatter
+
+    own = {
+        id(text)
+        for axes in figure.axes
+        for axis in (axes.xaxis, axes.yaxis)
+        for minor in (False, True)
+        if isinstance(axis.get_minor_formatter() if minor else axis.get_major_formatter(), LogFormatter)
+        for text in axis.get_ticklabels(minor=minor)
+    }
+    for text in figure.findobj(Text):
+        text.set_text(escaped(text.get_text()))
+        text.set_usetex(False)
+        text.set_parse_math(id(text) in own)
+    return figure
+
+
+def save_figure(figure: Figure, path: Path, dpi: int) -> None:
+    """Write a figure, of the kind that its file's name says, on white. Raises `FileError` as `publish`."""
+    with publish(path) as partial:
+        name_plainly(figure).savefig(partial, format=path.suffix[1:], dpi=dpi, facecolor="white")
 
 
 def figure_uri(figure: Figure) -> str:
     """Return a figure as a PNG `data:` URI with a transparent background."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=130, transparent=True)
+    name_plainly(figure).savefig(buffer, format="png", dpi=130, transparent=True)
     return data_uri(buffer.getvalue(), "image/png")
 
 

@@ -10,11 +10,22 @@ import numpy as np
 from markupsafe import Markup
 
 from stiction.core.errors import FileError
+from stiction.core.files import write_text
 from stiction.formats.actuator import FILE, ActuatorFit, read_actuator, read_actuator_fit
 from stiction.formats.plain import read_object
 from stiction.formats.results import read_metrics
 from stiction.joints.net import INPUT_SETS, ActuatorNet
-from stiction.report.page import INK, Section, figure_block, legend, new_figure, paragraph, render_page, table
+from stiction.report.page import (
+    INK,
+    Section,
+    figure_block,
+    legend,
+    new_figure,
+    paragraph,
+    render_page,
+    save_figure,
+    table,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -71,7 +82,7 @@ def draw_training(run: Path) -> Path:
     for axis in axes[len(panels) :]:
         axis.set_visible(False)
     path = run / "curves.png"
-    figure.savefig(path, dpi=120, facecolor="white")
+    save_figure(figure, path, dpi=120)
     return path
 
 
@@ -103,7 +114,7 @@ def write_actuator_page(folder: Path) -> Path:
         Section("Training", (figure_block(_losses(net, fit), "Mean squared error of torque over limit."),)),
         Section("What was run", (run_table(net, summary), paragraph(f"Command: {net.command}"))),
     ]
-    page.write_text(render_page("Actuator Net", sections, lead(summary), command=net.command), encoding="utf-8")
+    write_text(page, render_page("Actuator Net", sections, lead(summary), command=net.command))
     return page
 
 

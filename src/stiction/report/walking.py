@@ -8,11 +8,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 from markupsafe import Markup
 
+from stiction.core.files import write_text
 from stiction.core.names import kind_of
 from stiction.formats.joints import Estimate, JointRecord, JointsFile, load_joints
 from stiction.formats.walk import WalkFit, read_walk_fit
 from stiction.report.identification import gather_warnings, lead_lines
-from stiction.report.page import COLORS, INK, Section, figure_block, legend, new_figure, paragraph, render_page, table
+from stiction.report.page import (
+    COLORS,
+    INK,
+    Section,
+    figure_block,
+    labelled,
+    legend,
+    new_figure,
+    paragraph,
+    render_page,
+    table,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,10 +48,8 @@ def write_walking_page(folder: Path) -> Path:
         Section("Can it be trusted?", (_gait(fit), _diagnostics(joints))),
     ]
     page = folder / "report.html"
-    page.write_text(
-        render_page("Joint friction from a walk", sections, lead_lines(joints), grouped_warnings(joints)),
-        encoding="utf-8",
-    )
+    text = render_page("Joint friction from a walk", sections, lead_lines(joints), grouped_warnings(joints))
+    write_text(page, text)
     return page
 
 
@@ -129,7 +139,7 @@ def _clouds(joints: JointsFile, fit: WalkFit) -> Markup:
             _draw_law(axis, joints.joints[name], speed, color, name)
         axis.set_title(kind)
         axis.set_xlabel("speed [rad/s]")
-        if axis.get_legend_handles_labels()[0]:
+        if labelled(axis):
             legend(axis)
         if not names:
             axis.text(0.5, 0.5, "not known", transform=axis.transAxes, ha="center", color=INK)

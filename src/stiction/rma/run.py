@@ -18,8 +18,8 @@ import torch
 from safetensors import SafetensorError
 from safetensors.torch import load, save
 
-from stiction.core.cache import publish
-from stiction.core.errors import FileError, TrainingError
+from stiction.core.errors import FileError, TrainingError, UnwrittenError
+from stiction.core.files import read_bounded, write_bytes, write_text
 from stiction.core.lock import output_folder
 from stiction.core.provenance import git_revision, machine
 from stiction.core.records import from_plain, to_plain
@@ -78,8 +78,7 @@ def _join(tree: Any, tensors: dict[str, torch.Tensor]) -> Any:
 
 def write_json(path: Path, data: Any) -> None:
     """Write JSON atomically."""
-    with publish(path) as partial:
-        partial.write_text(json.dumps(data, indent=1) + "\n")
+    write_text(path, json.dumps(data, indent=1) + "\n")
 
 
 def save_checkpoint(path: Path, tree: dict[str, Any]) -> None:
@@ -93,8 +92,7 @@ def save_checkpoint(path: Path, tree: dict[str, Any]) -> None:
     # A header from an earlier try would vouch for tensors that are not its own.
     path.with_suffix(".json").unlink(missing_ok=True)
     content = save(tensors)
-    with publish(path) as partial:
-        partial.write_bytes(content)
+    write_bytes(path, content)
     write_json(path.with_suffix(".json"), {"tensors": len(tensors), "sha256": _digest(content, rest), "tree": rest})
 
 
@@ -110,9 +108,7 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
     """
     try:
         header = read_object(path.with_suffix(".json"), "that of a checkpoint")
-        if path.stat().st_size > LARGEST_CHECKPOINT:
-            raise ValueError(f"{path.stat().st_size} bytes; expected at most {LARGEST_CHECKPOINT}")
-        content = path.read_bytes()
+        content = read_bounded(path, "tensors of a checkpoint", FileError, LARGEST_CHECKPOINT)
         if header["tensors"] != (count := _count(content)):
             raise TrainingError(f"checkpoint {path}: {count} tensors, expected {header['tensors']}; it is incomplete")
         if "sha256" not in header:
@@ -200,7 +196,7 @@ class RunDirectory:
             try:
                 run.checkpoints.mkdir(exist_ok=True)
                 if cfg.actuator is not None:
-                    (path / FILE).write_bytes(file.read_bytes())
+                    write_bytes(path / FILE, file.read_bytes())
                 if not is_shipped(cfg.task.robot):
                     write_robot(robot, path / ROBOT)
                 write_json(path / "config.json", header | {"config": to_plain(cfg)})
@@ -327,7 +323,7 @@ class RunDirectory:
         try:
             with output_folder(self.path):
                 yield
-        except OSError as error:
+        except (OSError, UnwrittenError) as error:
             raise FileError(
                 f"the run {self.path} cannot be written: {error}; make room or name the right owner, then "
                 f"`stiction train --resume {self.path}` goes on from the last checkpoint"
@@ -425,8 +421,7 @@ class RunDirectory:
         """Drop the figures of iterations that will be run again, and a last line that a kill cut off."""
         order = {"teacher": 0, "student": 1}
         rows = [row for row in self.rows() if (order[row["phase"]], row["iteration"]) <= (order[phase], iteration)]
-        with publish(self.metrics) as partial:
-            partial.write_text("".join(json.dumps(row) + "\n" for row in rows))
+        write_text(self.metrics, "".join(json.dumps(row) + "\n" for row in rows))
 
     def finish(self, figures: dict[str, Any]) -> None:
         """Write summary.json: the last figures, what made them, and where."""

@@ -20,7 +20,8 @@ from typing import Any
 
 import yaml
 
-from stiction.core.errors import RobotError, unknown_name
+from stiction.core.errors import RobotError, StictionError, unknown_name
+from stiction.core.files import read_bounded
 from stiction.robots.model import Robot, Vendor
 
 MOST_BYTES = 256 * 1024
@@ -121,16 +122,19 @@ def read_description(path: Path) -> Description:
 
     Raises `RobotError` naming the entry that is wrong.
     """
+    return describe(read_yaml(path, "a robot.yaml", RobotError), str(path))
+
+
+def read_yaml(path: Path, expected: str, kind: type[StictionError]) -> Any:
+    """Return what a small YAML file holds, without aliases and keys that stand twice; raise `kind` where it cannot be.
+
+    expected: what it is, for messages.
+    """
+    content = read_bounded(path, expected, kind, MOST_BYTES)
     try:
-        size = path.stat().st_size
-        if size > MOST_BYTES:
-            raise RobotError(f"{path}: {size} bytes; a robot.yaml has at most {MOST_BYTES}")
-        content = yaml.load(path.read_text(encoding="utf-8"), Loader=StrictLoader)
-    except OSError as error:
-        raise RobotError(f"{path}: cannot be read: {error.strerror}") from error
+        return yaml.load(content.decode("utf-8"), Loader=StrictLoader)
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
-        raise RobotError(f"{path}: is not YAML: {' '.join(str(error).split())}") from error
-    return describe(content, str(path))
+        raise kind(f"{path}: is not YAML: {' '.join(str(error).split())[:200]}") from error
 
 
 def describe(content: Any, source: str) -> Description:
@@ -217,7 +221,7 @@ def _joints(value: Any, source: str) -> dict[str, dict[str, Any]]:
             elif name == "kind":
                 entries[name] = _text(item, source, f"{where}: kind")
             else:
-                entries[name] = _number(item, source, f"{where}: {name}")
+                entries[name] = yaml_number(item, f"{source}: {where}: {name}", RobotError)
     return found
 
 
@@ -271,7 +275,7 @@ def _names(value: Any, source: str, where: str) -> tuple[str, ...]:
 def _numbers(value: Any, source: str, where: str) -> dict[str, float]:
     """Return numbers by expression."""
     return {
-        check_pattern(pattern, source): _number(item, source, f"{where}: {pattern}")
+        check_pattern(pattern, source): yaml_number(item, f"{source}: {where}: {pattern}", RobotError)
         for pattern, item in _mapping(value, source, where).items()
     }
 
@@ -283,12 +287,12 @@ def _text(value: Any, source: str, where: str) -> str:
     return value
 
 
-def _number(value: Any, source: str, where: str) -> float:
-    """Return a number; YAML takes `1e-3` for text, people do not."""
+def yaml_number(value: Any, where: str, kind: type[StictionError]) -> float:
+    """Return a number of YAML, which takes `1e-3` for text, as people do not; raise `kind` where it is none."""
     if isinstance(value, str) and re.fullmatch(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+", value):
         value = float(value)
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e9:
-        raise RobotError(f"{source}: {where} is {value!r}; expected a number")
+        raise kind(f"{where} is {str(value)[:60]!r}; expected a number")
     return float(value)
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from stiction.core.errors import EngineError
+from stiction.core.files import publish
 from stiction.core.lifeline import follow_parent
 from stiction.core.opengl import render
 from stiction.core.scratch import scratch
@@ -93,7 +94,8 @@ def _render(robot: Robot, out: Path) -> None:
         fill = tuple(round(200 * share) for share in color)
         words = f"{number + 1}  {joint.name}   {joint.default_position:+.2f} rad"
         pen.text((WIDTH + 12, 34 + line * number), words, fill=fill, font=font)
-    page.save(out)
+    with publish(out) as partial:
+        page.save(partial, format="PNG")
 
 
 if __name__ == "__main__":

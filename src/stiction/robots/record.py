@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from stiction.core.errors import RobotError
+from stiction.core.files import read_bounded, write_text
 from stiction.core.records import from_plain
 from stiction.robots.model import Robot
 
@@ -25,7 +26,7 @@ VERSION = 1
 def write_robot(robot: Robot, path: Path) -> None:
     """Write a robot to a JSON file."""
     content = {"version": VERSION, **asdict(robot)}
-    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(content, indent=1) + "\n")
 
 
 def read_robot(path: Path) -> Robot:
@@ -33,13 +34,9 @@ def read_robot(path: Path) -> Robot:
 
     Raises `RobotError` naming the entry that is wrong.
     """
+    text = read_bounded(path, "a robot", RobotError, MOST_BYTES)
     try:
-        size = path.stat().st_size
-        if size > MOST_BYTES:
-            raise RobotError(f"{path}: {size} bytes; at most {MOST_BYTES} are read")
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise RobotError(f"{path}: cannot be read: {error.strerror}") from error
+        content = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise RobotError(f"{path}: is no JSON: {error}") from error
     if not isinstance(content, dict) or content.pop("version", None) != VERSION:

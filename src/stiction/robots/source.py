@@ -14,9 +14,8 @@ from pathlib import Path, PurePosixPath
 import mujoco
 
 from stiction.core.errors import RobotError
-
-MOST_BYTES = 16 * 2**20
-"""Size of the largest XML file that is read."""
+from stiction.core.files import read_bounded
+from stiction.robots.survey import MOST_BYTES, survey
 
 MOST_MESH_BYTES = 1024 * 2**20
 """Size of all meshes together."""
@@ -61,7 +60,17 @@ def read_spec(path: Path) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
     if path.suffix == ".urdf":
         # A link without inertia has none; MuJoCo would weigh its shapes.
         spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
+    _drop_looks(spec)
     return spec, _mend_meshes(spec, path)
+
+
+def _drop_looks(spec: mujoco.MjSpec) -> None:
+    """Leave out pictures, which are only seen, and the memory that a file asks for: neither is bounded."""
+    for material in spec.materials:
+        material.textures = [""] * len(material.textures)
+    for texture in list(spec.textures):
+        spec.delete(texture)
+    spec.memory = -1
 
 
 def compile_source(spec: mujoco.MjSpec, name: str, path: Path | None = None, notes: tuple[str, ...] = ()) -> Source:
@@ -79,15 +88,8 @@ def compile_source(spec: mujoco.MjSpec, name: str, path: Path | None = None, not
 
 def _read_text(path: Path) -> str:
     """Return a file's XML; refuse one that is enormous, or could grow while it is parsed."""
-    try:
-        size = path.stat().st_size
-        if size > MOST_BYTES:
-            raise RobotError(f"{path}: {size} bytes; a robot's XML has at most {MOST_BYTES}")
-        content = path.read_bytes()
-    except OSError as error:
-        raise RobotError(f"{path}: cannot be read: {error.strerror}") from error
-    if b"<!ENTITY" in content or b"<!DOCTYPE" in content:
-        raise RobotError(f"{path}: declares XML entities, which are not read; write them out")
+    content = read_bounded(path, "a robot's XML", RobotError, MOST_BYTES)
+    survey(path, content)
     try:
         return _without_floating_root(content) if path.suffix == ".urdf" else content.decode()
     except (ElementTree.ParseError, UnicodeDecodeError) as error:

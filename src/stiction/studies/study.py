@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from stiction.core.cache import cached, key_of
-from stiction.core.errors import FileError
+from stiction.core.files import write_text
 from stiction.core.lock import output_folder
 from stiction.core.options import read_options
 from stiction.core.provenance import Origin, num_threads
@@ -264,27 +264,27 @@ def write_report(out: Path, report: Report, made: Summary) -> Summary:
     tables = dict(report.tables) | ({"claims": report.claims} if report.claims else {})
     claims = {"claims": [asdict(claim) for claim in report.claims]} if report.claims else {}
     summary = {**made, **claims, **report.summary}
-    try:
-        for name, rows in tables.items():
-            path = out / f"{name}.csv"
+    from stiction.report.page import save_figure
+
+    for name, rows in tables.items():
+        path = out / f"{name}.csv"
+        if rows:
+            (write_results if isinstance(rows[0], ResultRow) else write_rows)(path, rows)
+        else:
             path.unlink(missing_ok=True)
-            if rows:
-                (write_results if isinstance(rows[0], ResultRow) else write_rows)(path, rows)
-        write_summary(out / "summary.json", summary)
-        for name, figure in report.figures.items():
-            picture = out / f"{name}.png"
+    write_summary(out / "summary.json", summary)
+    for name, figure in report.figures.items():
+        picture = out / f"{name}.png"
+        if figure is not None:
+            save_figure(figure, picture, dpi=DPI)
+        else:
             picture.unlink(missing_ok=True)
-            if figure is not None:
-                figure.savefig(picture, dpi=DPI, facecolor="white")
-        if report.title:
-            (out / PAGE).write_text(page_text(report, summary), encoding="utf-8")
-        if report.sheets:
-            text = "\n".join(sheet.markdown() for sheet in report.sheets)
-            (out / "tables.md").write_text(text, encoding="utf-8")
-        if report.files is not None:
-            report.files(out)
-    except OSError as error:
-        raise FileError(f"the study cannot be written to {out}: {error}; choose another --out") from error
+    if report.title:
+        write_text(out / PAGE, page_text(report, summary))
+    if report.sheets:
+        write_text(out / "tables.md", "\n".join(sheet.markdown() for sheet in report.sheets))
+    if report.files is not None:
+        report.files(out)
     return summary
 
 

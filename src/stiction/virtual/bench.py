@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from stiction.core.cache import key_of, publish_entry
-from stiction.core.errors import ConfigurationError, FileError, RobotError, StictionError
+from stiction.core.errors import ConfigurationError, RobotError, StictionError
 from stiction.core.provenance import seed_streams
 from stiction.deploy.pilot import ControlStep, JointCommand, Port, Reading
 from stiction.engines.catalog import binaries, make_engine
@@ -179,11 +179,8 @@ def identify_on_bench(bench: Bench, folder: Path, workers: int = 1) -> None:
         joints = identified(log, workers)
     except StictionError as error:
         joints = JointsFile({name: JointRecord(warnings=(f"{REFUSED}no joint was; {error}",)) for name in log.joints})
-    try:
-        with publish_entry(folder, bench.key, bench.label) as partial:
-            write_found(joints, partial)
-    except OSError as error:
-        raise FileError(f"{folder} cannot be written: {error}; choose another --out") from error
+    with publish_entry(folder, bench.key, bench.label) as partial:
+        write_found(joints, partial)
 
 
 def identified(log: Log, workers: int = 1) -> JointsFile:

@@ -70,7 +70,7 @@ def test_nothing_yet_is_a_page_too(tmp_path: Path) -> None:
     assert "coulomb20-none-s0 failed: it diverged" in (out / "report.html").read_text()
     assert lead(empty).endswith("0 of 0 trainings are finished.") and "18 were not tested" in lead(empty)
     with pytest.raises(StictionError, match="choose another --out"):
-        write_report(tmp_path / "missing", report(empty), MADE)
+        write_report(out / "report.html" / "below", report(empty), MADE)
 
 
 def test_tables_show_means_with_intervals_and_single_seeds_without(tmp_path: Path) -> None:

@@ -73,7 +73,7 @@ def test_the_cache_can_lie_elsewhere(tmp_path: Path, walked: list) -> None:
     found = tasks_for([at], BASE, tmp_path / "cache")
     assert [task.name for task in found] == ["toy-s0/teacher", "toy-s0/student"]
     evaluate_tasks(found, 1)
-    assert len(list((tmp_path / "cache/toy-s0").glob("*.csv"))) == 2
+    assert len(list((tmp_path / "cache/toy-s0").glob("*.json"))) == 2
     assert len(sorted((tmp_path / "runs").rglob("*"))) == len(before) + 2
 
 

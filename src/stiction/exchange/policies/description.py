@@ -14,11 +14,8 @@ from collections.abc import Container, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-import numpy as np
-
 from stiction.core.errors import ConfigurationError, unknown_name
-from stiction.formats.contract import Contract
-from stiction.formats.contract_rules import IMPORTED, UNKNOWN
+from stiction.formats.contract import Contract, contract_of_others
 from stiction.formats.observation import (
     CLOCK_TERMS,
     FRAMES,
@@ -250,36 +247,13 @@ def contract_of(said: Said, robot: Robot, network: tuple[str, bytes], revision: 
         round(period / said.physics_timestep) if said.physics_timestep else math.ceil(period / LARGEST_STEP - 1e-9)
     )
 
-    def of_joints(name: str) -> tuple[float, ...]:
-        return tuple(robot.joint_values(name).tolist())
-
-    scale = np.unique(robot.joint_values("action_scale"))
-    return Contract(
-        robot=robot.name,
-        terrain=UNKNOWN,
-        method=IMPORTED,
-        seed=0,
-        friction_law="coulomb",
-        friction_level=0.0,
-        friction_range=(0.0, 0.0),
-        joint_names=robot.joint_names,
-        control_period=period,
-        decimation=decimation,
-        physics_timestep=period / decimation,
-        kp=of_joints("kp"),
-        kd=of_joints("kd"),
-        standing=of_joints("default_position"),
-        lower=of_joints("lower"),
-        upper=of_joints("upper"),
-        torque_limit=of_joints("torque_limit"),
-        armature=of_joints("armature"),
-        damping=of_joints("damping"),
-        friction=(0.0,) * robot.num_joints,
-        observation=layout_of(said, robot.num_joints),
-        action_scale=float(scale[0]) if len(scale) == 1 else of_joints("action_scale"),
+    return contract_of_others(
+        robot,
+        period,
+        decimation,
+        layout_of(said, robot.num_joints),
         action_clip=min(said.action_clip or UNBOUNDED, UNBOUNDED),
         imported={"name": network[0], "sha256": hashlib.sha256(network[1]).hexdigest()},
-        anatomy=robot,
         revision=revision,
         command=command,
     )

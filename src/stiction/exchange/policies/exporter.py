@@ -16,8 +16,8 @@ import numpy as np
 import yaml
 
 from stiction import __version__
-from stiction.core.cache import publish
-from stiction.core.errors import BundleError, FileError, PolicyError
+from stiction.core.errors import BundleError, PolicyError
+from stiction.core.files import publish
 from stiction.deploy.check import check_bundle
 from stiction.deploy.network_file import NetworkFile
 from stiction.exchange.policies import mjlab, rl_sar, unitree
@@ -75,14 +75,11 @@ def export_to(source: Path, out: Path, to: Target) -> Exported:
         files="\n".join(f"* `{path}`" for path in files),
         notes="\n".join(f"* {note[0].upper()}{note[1:]}." for note in notes),
     )
-    try:
-        with publish(out) as partial:
-            partial.mkdir()
-            for path, content in (files | {"README.md": text.encode()}).items():
-                (partial / path).parent.mkdir(parents=True, exist_ok=True)
-                (partial / path).write_bytes(content)
-    except OSError as error:
-        raise FileError(f"{out} cannot be written: {error}; choose another --out") from error
+    with publish(out) as partial:
+        partial.mkdir()
+        for path, content in (files | {"README.md": text.encode()}).items():
+            (partial / path).parent.mkdir(parents=True, exist_ok=True)
+            (partial / path).write_bytes(content)
     return Exported(out, (*files, "README.md"), tuple(notes))
 
 

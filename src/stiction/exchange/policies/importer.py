@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from stiction.core.errors import BundleError, ConfigurationError, FileError
+from stiction.core.files import open_regular
 from stiction.core.provenance import git_revision
 from stiction.deploy.check import BundleCheck, check_bundle
 from stiction.deploy.network_file import MOST_BYTES
@@ -19,7 +20,7 @@ from stiction.exchange.policies.onnx_file import ForeignNetwork, read_foreign
 from stiction.exchange.policies.rl_sar import entries_of, is_rl_sar, said_by_rl_sar
 from stiction.exchange.policies.settings import said_in_settings
 from stiction.exchange.policies.unitree import is_deploy, said_in_deploy
-from stiction.exchange.policies.values import read_yaml
+from stiction.exchange.policies.values import read_settings
 from stiction.formats.bundle import write_bundle
 from stiction.formats.contract import Contract
 from stiction.robots.catalog import find_robot
@@ -50,7 +51,7 @@ same, not that the files above say what the training did. {notes}
 def read_network(path: Path) -> tuple[bytes, ForeignNetwork]:
     """Return the bytes and the content of an ONNX file of others. Raises `StictionError`."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             data = file.read(MOST_BYTES + 1)
     except OSError as error:
         raise FileError(f"cannot read {path}: {error.strerror or error}; expected a network in ONNX") from error
@@ -77,7 +78,7 @@ def said_of(network: ForeignNetwork, name: str, settings: Sequence[Path], robot:
         said = said_by_holosoma(network.metadata, name)
     own: list[tuple[dict[str, Any], str]] = []
     for path in settings:
-        content = dict(read_yaml(path))
+        content = dict(read_settings(path))
         if is_deploy(content):
             said = together(said, said_in_deploy(content, path.name, maker))
         elif is_rl_sar(content):

@@ -3,31 +3,17 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from stiction.core.errors import FileError
-from stiction.robots.description import StrictLoader, check_pattern
-
-MOST_BYTES = 256 * 1024
-"""Size of the largest file that is read."""
+from stiction.robots.description import check_pattern, read_yaml, yaml_number
 
 
-def read_yaml(path: Path) -> Mapping[str, Any]:
+def read_settings(path: Path) -> Mapping[str, Any]:
     """Return the mapping in a YAML file, without aliases and keys that stand twice. Raises `FileError`."""
-    try:
-        if (size := path.stat().st_size) > MOST_BYTES:
-            raise FileError(f"{path}: {size} bytes; settings of a policy have at most {MOST_BYTES}")
-        content = yaml.load(path.read_text(encoding="utf-8"), Loader=StrictLoader)
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
-        raise FileError(f"{path}: is not YAML: {' '.join(str(error).split())[:200]}") from error
-    return mapping(content, str(path))
+    return mapping(read_yaml(path, "settings of a policy", FileError), str(path))
 
 
 def mapping(value: Any, where: str) -> Mapping[str, Any]:
@@ -38,12 +24,8 @@ def mapping(value: Any, where: str) -> Mapping[str, Any]:
 
 
 def number(value: Any, where: str) -> float:
-    """Return a number; YAML takes `1e-3` for text, people do not."""
-    if isinstance(value, str) and re.fullmatch(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+", value):
-        value = float(value)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e9:
-        raise FileError(f"{where} is {str(value)[:60]!r}; expected a number")
-    return float(value)
+    """Return a number."""
+    return yaml_number(value, where, FileError)
 
 
 def whole(value: Any, where: str) -> int:

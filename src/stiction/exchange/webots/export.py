@@ -31,8 +31,8 @@ from typing import Any
 import numpy as np
 
 from stiction import __version__
-from stiction.core.cache import publish
 from stiction.core.errors import BundleError, ConfigurationError, FileError, PolicyError, RobotError
+from stiction.core.files import publish
 from stiction.deploy.check import check_bundle, robot_of
 from stiction.exchange.webots.controller import CHANNEL, PLUGIN
 from stiction.exchange.webots.proto import FARTHEST, friction_fields, number, proto_name, solid_name, stops, write_proto
@@ -236,12 +236,9 @@ def export_webots(source: Path, out: Path, cfg: WebotsCfg | None = None, robot: 
     bundle = check_bundle(source).bundle
     spec = robot_of(bundle.contract, robot)
     check_fit(spec, bundle.contract)
-    try:
-        with publish(out) as partial:
-            partial.mkdir()
-            _write(partial, spec, bundle, source, cfg)
-    except OSError as error:
-        raise FileError(f"the project {out} cannot be written: {error}; choose another --out") from error
+    with publish(out) as partial:
+        partial.mkdir()
+        _write(partial, spec, bundle, source, cfg)
     files = sorted(path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file())
     return WebotsProject(out, spec.name, bundle, cfg, tuple(files))
 

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from stiction.core.errors import LogError
+from stiction.core.files import open_regular
 from stiction.core.memory import allowance, check_ratio, claim
 
 LARGEST_MESSAGE = 2**16
@@ -67,7 +68,7 @@ def read_packets(path: Path) -> Iterator[Packet]:
     except ImportError as error:
         raise LogError(f'{path.name}: MCAP needs mcap and mcap-ros2-support: pip install "stiction[logs]"') from error
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             size = path.stat().st_size
             yield from _mcap(path.name, _Bounded(file, size), size)
     except (McapError, zstandard.ZstdError, *BROKEN_FILE) as error:
@@ -202,7 +203,7 @@ def _database(path: Path) -> Iterator[Packet]:
 def _check_pages(path: Path) -> None:
     """Refuse what is no SQLite file, and one that was cut off: it has as many pages as it says."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             head, size = file.read(100), path.stat().st_size
     except OSError as error:
         raise LogError(f"cannot read {path}: {error.strerror or error}") from error

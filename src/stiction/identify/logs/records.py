@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from stiction.core.errors import LogError
+from stiction.core.files import open_regular
 from stiction.core.memory import check_ratio, claim
 from stiction.formats.tables import Table, table_of
 from stiction.formats.text import LONGEST_LINE, MOST_COLUMNS
@@ -51,7 +52,7 @@ def read_records(path: Path) -> Table:
 def _bytes(path: Path) -> Iterator[bytes]:
     """Yield the file's bytes, unpacked where it is packed, block by block."""
     packed, seen = path.stat().st_size, 0
-    with gzip.open(path) if path.name.lower().endswith(".gz") else path.open("rb") as file:
+    with open_regular(path) as opened, gzip.open(opened) if path.name.lower().endswith(".gz") else opened as file:
         while block := file.read(2**19):
             seen += len(block)
             check_ratio(path.name, packed, seen, LogError)

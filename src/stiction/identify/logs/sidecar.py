@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from stiction.core.cache import publish
 from stiction.core.errors import FileError, LogError
+from stiction.core.files import write_text
 from stiction.formats.log import JointSignals, Log, sidecar_of, suffix_of
 from stiction.identify.checks import LARGEST_REACH
 from stiction.identify.logs.naming import CURRENTS, DRIVES, guess_columns
@@ -54,11 +54,7 @@ def write_sidecar(
     if target.exists():
         raise FileError(f"{target} is there already; fill it in, or move it away and ask again")
     data, said = propose(path, columns, joint, names, rate, time_scale)
-    try:
-        with publish(target) as partial:
-            partial.write_text(json.dumps(data, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise FileError(f"cannot write {target}: {error.strerror or error}") from error
+    write_text(target, json.dumps(data, indent=2, ensure_ascii=False) + "\n")
     lines = [f"{target}: fill in what is null, look at what was guessed, then: stiction identify {path}"]
     return "\n".join([*lines, *(f"  {line}" for line in said)])
 

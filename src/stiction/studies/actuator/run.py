@@ -21,8 +21,9 @@ from typing import Any
 
 import torch
 
-from stiction.core.cache import publish
+from stiction.core.cache import has_entry, key_of, publish_entry, read_entry, sealed
 from stiction.core.errors import ConfigurationError, FileError, PolicyError
+from stiction.core.files import publish
 from stiction.core.provenance import num_threads
 from stiction.core.records import to_plain
 from stiction.deploy.check import check_bundle
@@ -30,7 +31,7 @@ from stiction.evaluate.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.evaluate.export import export_run
 from stiction.evaluate.summary import describe
 from stiction.evaluate.walk_logs import RecordCfg
-from stiction.formats.actuator import FILE, read_actuator
+from stiction.formats.actuator import read_actuator
 from stiction.formats.bundle import Bundle, find_bundle, read_bundle
 from stiction.joints.net import INPUT_SETS
 from stiction.rma.actuator import error_of, train_actuator, write_trained
@@ -72,11 +73,7 @@ class ActuatorLoop:
         else:
             if cfg.policy is not None:
                 self._check_given(find_bundle(cfg.policy))
-            try:
-                out.mkdir(parents=True, exist_ok=True)
-                write_json(file, {"options": self.options, "command": command})
-            except OSError as error:
-                raise FileError(f"{out} cannot be written: {error.strerror or error}; choose another --out") from error
+            write_json(file, {"options": self.options, "command": command})
 
     def _check_given(self, path: Path) -> None:
         """Refuse a first policy that is damaged, or was made for another robot or physics step."""
@@ -141,8 +138,9 @@ class ActuatorLoop:
     def _logs(self, variant: str, policy: Bundle) -> list[LoggedRun]:
         """Return the runs of a data set."""
         folder = self.out / "logs" / variant
-        if not folder.exists():
-            with publish(folder) as logs:
+        key = key_of([self.options, policy.digest])
+        if not has_entry(folder, key):
+            with publish_entry(folder, key, f"logs of {variant}") as logs:
                 report = partial(self.progress, f"log {variant}")
                 if not record_logs(policy, variant, self.cfg, logs, num_threads(), report):
                     raise PolicyError(f"f0 fell at once in every run of {variant!r}: there is nothing to fit a net to")
@@ -151,13 +149,15 @@ class ActuatorLoop:
     def _net(self, variant: str, inputs: str, runs: list[LoggedRun]) -> dict[str, Any]:
         """Return the errors of a net, fitted first where it is not there."""
         folder = self.out / "nets" / f"{variant}-{inputs}"
-        if not (folder / FILE).exists():
+        key = key_of([self.options, inputs, *(run.sha256 for run in runs)])
+        if not has_entry(folder, key):
 
             def report(group: str, share: float) -> None:
                 self.progress(f"net {variant}, {inputs} inputs, {group}", share)
 
             trained = train_actuator(runs, replace(self.cfg.net, inputs=inputs), self.command, report)  # type: ignore[arg-type]
-            write_trained(folder, trained)
+            with publish_entry(folder, key, f"net of {variant}") as net:
+                write_trained(net, trained)
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         return {name: summary[name] for name in ("rmse", "samples", "inputs", "torque_source")}
 
@@ -175,7 +175,9 @@ class ActuatorLoop:
     def _evaluate(self, name: str, bundle: Bundle) -> list[dict[str, Any]]:
         """Return a policy's rows on every virtual robot, and on the study's own without friction."""
         file = self.out / "evaluation" / f"{name}.json"
-        if not file.exists():
+        key = key_of([self.options, bundle.digest])
+        done = read_entry(file, key)
+        if done is None:
             rows = []
             for index, robot in enumerate(self.robots):
                 levels = (0.0, robot.level) if index == 0 else (robot.level,)
@@ -186,9 +188,9 @@ class ActuatorLoop:
                 )
                 rows += [{"robot": robot.name} | asdict(row) for row in found.rows]
                 self.progress(f"evaluate {name}", (index + 1) / len(self.robots))
-            file.parent.mkdir(parents=True, exist_ok=True)
-            write_json(file, rows)
-        return json.loads(file.read_text(encoding="utf-8"))
+            done = {"key": key, "rows": rows}
+            write_json(file, sealed(done))
+        return json.loads(json.dumps(done["rows"]))
 
 
 def _read_options(file: Path) -> dict[str, Any]:

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from stiction.core.cache import key_of, read_entry
+from stiction.core.cache import key_of, read_entry, sealed
 from stiction.core.errors import ConfigurationError
+from stiction.core.files import write_text
 from stiction.deploy.wear import Moments
 from stiction.evaluate.code import RUN_WALK_CODE
 from stiction.evaluate.evaluate import EvaluationCfg
@@ -127,7 +128,7 @@ def study_run(run: Path, out: Path, cfg: AdaptationCfg, threads: int, progress: 
     model = out / f"{name}-wear.json"
     model.unlink(missing_ok=True)
     if any(wear.told):
-        model.write_text(wear.to_json())
+        write_text(model, wear.to_json())
     per_target = {field: list(getattr(wear, field)) for field in ("told", "determination", "coverage", "reach")}
     part = {
         "key": key,
@@ -141,7 +142,7 @@ def study_run(run: Path, out: Path, cfg: AdaptationCfg, threads: int, progress: 
         "fallen": {per: walk.fallen for per, walk in walks.items()},
         "wear": {"targets": list(wear.targets), "window": wear.window * contract.control_period} | per_target,
     }
-    write_json(file, part)
+    write_json(file, sealed(part))
     return part
 
 

@@ -11,7 +11,19 @@ from markupsafe import Markup
 
 from stiction.core import records
 from stiction.core.statistics import wilson
-from stiction.report.page import COLORS, INK, Section, figure_uri, fold, new_figure, paragraph, picture, table
+from stiction.report.page import (
+    COLORS,
+    INK,
+    Section,
+    figure_uri,
+    fold,
+    labelled,
+    legend,
+    new_figure,
+    paragraph,
+    picture,
+    table,
+)
 from stiction.studies.bench.robots import IdentifiedFriction, Score, score
 from stiction.studies.study import Report
 
@@ -108,8 +120,8 @@ def draw_benches(rows: Sequence[IdentifiedFriction]) -> Figure:
             color = COLORS[index % len(COLORS)]
             axis.errorbar(x, ratio, yerr=ends, fmt=".", markersize=4, linewidth=0.8, color=color, label=robot)
     axis.set(ylabel="found over true", xticks=[])
-    if axis.get_legend_handles_labels()[0]:
-        axis.legend(fontsize=7, labelcolor=INK, frameon=False, ncols=2)
+    if labelled(axis):
+        legend(axis, fontsize=7, ncols=2)
     return figure
 
 

@@ -6,16 +6,18 @@ have what a person with such a robot would have: `bench.npz` and its sidecar, `j
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from itertools import chain
 from pathlib import Path
 from statistics import median
 
 import numpy as np
 
-from stiction.core.cache import has_entry, publish, publish_entry
-from stiction.core.errors import EngineError, FileError, StictionError
+from stiction.core.cache import has_entry, publish_entry, read_entry, sealed
+from stiction.core.errors import EngineError, StictionError, UnwrittenError
+from stiction.core.files import write_text
 from stiction.core.parallel import spread
 from stiction.core.records import column, read_rows, write_rows
 from stiction.deploy.pilot import JointCommand, Reading
@@ -186,12 +188,13 @@ def judge_bench(bench: Bench, folder: Path, workers: int = 1) -> list[Identified
         # The log of a robot that cannot be identified is there to look into.
         write_log(folder / LOG, log)
         joints = identified(log, workers)
+        rows = referee(bench, joints, meter.load)
         with publish_entry(folder, bench.key, bench.label) as partial:
             write_log(partial / LOG, log)
             write_found(joints, partial)
-        return referee(bench, joints, meter.load)
-    except OSError as error:
-        return f"{folder} cannot be written: {error}; choose another --out"
+        return rows
+    except UnwrittenError:
+        raise
     except StictionError as error:
         return str(error)
 
@@ -219,7 +222,16 @@ def study_benches(
     for row in _read(table):
         rows.setdefault(row.robot, []).append(row)
     failed: dict[str, str] = {}
-    new = [bench for bench in benches if not (rows.get(bench.label) and has_entry(out / bench.label, bench.key))]
+    # From where digests vouch for them: the table of all is for people, and may be edited.
+    there = {
+        bench.label: done["rows"]
+        for bench in benches
+        if has_entry(out / bench.label, bench.key) and (done := read_entry(_judged(out, bench), bench.key))
+    }
+    rows |= {label: [IdentifiedFriction(**row) for row in found] for label, found in there.items()}
+    new = [bench for bench in benches if bench.label not in there]
+    if there:
+        _write(table, list(chain.from_iterable(rows.values())))
     workers = max(1, jobs // max(1, len(new)))
     tasks = [(bench, out / bench.label, workers) for bench in new]
     for left, (number, found) in zip(reversed(range(len(new))), spread(judge_bench, tasks, jobs), strict=True):
@@ -228,11 +240,18 @@ def study_benches(
             rows[label], failed[label] = [], found
         else:
             rows[label] = found
+            entry = sealed({"key": new[number].key, "rows": [asdict(row) for row in found]})
+            write_text(_judged(out, new[number]), json.dumps(entry) + "\n")
             _write(table, list(chain.from_iterable(rows.values())))
         progress("benches", 1.0 - left / len(benches))
     # From the file, whose numbers have nine digits: the same command again gives the same.
     done, identified_robots = _read(table), [bench.label for bench in benches if bench.label not in failed]
     return [row for label in identified_robots for row in done if row.robot == label], failed
+
+
+def _judged(out: Path, bench: Bench) -> Path:
+    """Return the file of a robot's rows: not in its own folder, which nothing but what was found may be in."""
+    return out / "judged" / f"{bench.label}.json"
 
 
 def _read(table: Path) -> list[IdentifiedFriction]:
@@ -242,8 +261,4 @@ def _read(table: Path) -> list[IdentifiedFriction]:
 
 def _write(table: Path, rows: Sequence[IdentifiedFriction]) -> None:
     """Write the table so that an interruption leaves the old one."""
-    try:
-        with publish(table) as partial:
-            write_rows(partial, rows)
-    except OSError as error:
-        raise FileError(f"{table} cannot be written: {error}; choose another --out") from error
+    write_rows(table, rows)

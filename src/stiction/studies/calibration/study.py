@@ -9,6 +9,7 @@ from typing import Annotated
 import tyro
 
 from stiction.core.errors import BundleError, ConfigurationError
+from stiction.core.files import write_text
 from stiction.core.records import make_folder
 from stiction.report.terminal import RobotSeeds
 from stiction.studies.study import ParallelOptions, Report, Study, Work
@@ -101,11 +102,6 @@ def run(options: CalibrationOptions, work: Work) -> Report:
         },
         files=lambda out: write_text(out / name, model.to_json()),
     )
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file; may raise `OSError`."""
-    path.write_text(text, encoding="utf-8")
 
 
 STUDY = Study(

@@ -18,6 +18,7 @@ from stiction.report.page import (
     INK,
     Section,
     figure_uri,
+    labelled,
     legend,
     new_figure,
     paragraph,
@@ -145,8 +146,7 @@ def draw_walks(rows: Sequence[WalkRow], episodes: Sequence[EpisodeRow]) -> Figur
         axis.set(xlabel="speed over commanded speed", title=f"{level:.0%} friction", ylim=(len(cells) - 0.5, -0.5))
         axis.set_yticks(range(len(cells)), [f"{policy}\n{command}" for policy, command in cells])
         axis.tick_params(axis="y", labelsize=6)
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8, labelcolor=INK, frameon=False)
+    legend(figure, labelled(axes[0]), loc="outside lower center", ncols=4)
     return figure
 
 

@@ -14,14 +14,14 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from stiction.core.cache import entry_file, key_of, publish
+from stiction.core.cache import cached, entry_file, key_of
 from stiction.core.errors import ConfigurationError, StictionError, TrainingError
 from stiction.core.parallel import spread
 from stiction.evaluate.code import RUN_WALK_CODE
 from stiction.evaluate.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.evaluate.grid import BATCH
 from stiction.evaluate.samples import SeedValues
-from stiction.formats.results import DIRECTIONS, FOLLOWS, ResultRow, read_results, write_results
+from stiction.formats.results import DIRECTIONS, FOLLOWS, ResultRow
 from stiction.joints.friction import has_coefficient
 from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.config import TrainCfg
@@ -99,14 +99,17 @@ class Task:
         return f"{self.run.run.name}/{self.who}"
 
     @property
-    def file(self) -> Path:
-        """File of its rows, named after everything that they depend on: weights, settings and code.
+    def key(self) -> str:
+        """What its rows depend on, for the cache: weights, settings and code.
 
         Raises `StictionError` where the run has no such policy.
         """
-        return entry_file(
-            self.cache, self.who, key_of([self._weights(), asdict(self.settings)], *RUN_WALK_CODE), ".csv"
-        )
+        return key_of([self._weights(), asdict(self.settings)], *RUN_WALK_CODE)
+
+    @property
+    def done(self) -> bool:
+        """Whether its rows are there. Raises as `key`."""
+        return entry_file(self.cache, self.who, self.key, ".json").exists()
 
     def _weights(self) -> str:
         """Return the digest of what walks."""
@@ -152,12 +155,11 @@ def tasks_for(planned: Sequence[PlannedRun], base: EvaluationCfg = BASE, cache: 
 
 def evaluate_task(task: Task) -> list[ResultRow]:
     """Evaluate one policy on one thread, unless its rows are there; return them."""
-    file = task.file
-    if not file.exists():
-        rows = [_rounded(row) for row in task.walk()]
-        with publish(file) as partial:
-            write_results(partial, rows)
-    return read_results(file)
+
+    def walk() -> dict[str, Any]:
+        return {"rows": [asdict(_rounded(row)) for row in task.walk()]}
+
+    return [ResultRow(**row) for row in cached(task.cache, task.who, task.key, walk)["rows"]]
 
 
 def _rounded(row: ResultRow) -> ResultRow:
@@ -177,7 +179,7 @@ def evaluate_tasks(
     """
     found: dict[str, list[ResultRow]] = {}
     failed: dict[str, str] = {}
-    kept = [task for task in tasks if task.file.exists()]
+    kept = [task for task in tasks if task.done]
     new = [task for task in tasks if task not in kept]
     for some, processes in ((kept, 1), (new, jobs)):
         for number, rows in spread(_rows_or_reason, [(task,) for task in some], processes):

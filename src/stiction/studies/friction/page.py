@@ -14,7 +14,19 @@ from stiction.formats.following import BAND, LEAST
 from stiction.formats.results import DIRECTIONS, FOLLOWS, ResultRow
 from stiction.joints.friction import level_axis, level_number
 from stiction.report.following import changes_sheet, levels_sheet
-from stiction.report.page import COLORS, INK, Section, Sheet, figure_uri, fold, legend, new_figure, paragraph, picture
+from stiction.report.page import (
+    COLORS,
+    INK,
+    Section,
+    Sheet,
+    figure_uri,
+    fold,
+    labelled,
+    legend,
+    new_figure,
+    paragraph,
+    picture,
+)
 from stiction.studies import study
 from stiction.studies.claims import JUDGED, said_of
 from stiction.studies.friction.records import HIGHEST, STUDENT, ConditionRecord, Experiment, SeedMean, short_name
@@ -28,7 +40,7 @@ WORDS = dict(zip(DIRECTIONS, ("forward", "backward"), strict=True))
 
 def _names(axis: Axes) -> None:
     """Add a legend where something was drawn."""
-    if axis.get_legend_handles_labels()[0]:
+    if labelled(axis):
         legend(axis)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from markupsafe import Markup
 
 from stiction.evaluate.metrics import MOVING_SPEED
+from stiction.formats.tables import publish_npz
 from stiction.report.page import COLORS, Section, figure_uri, new_figure, paragraph, picture, row_table, table
 from stiction.studies.claims import Verdict
 from stiction.studies.gait.measure import (
@@ -73,7 +74,7 @@ def report(walked: Sequence[Walked], claims: Sequence[Verdict], settings: dict[s
 
     def write_contacts(out: Path) -> None:
         arrays = {f"{one.row.policy} {one.row.command}": one.contact for one in walked}
-        np.savez_compressed(out / "contacts.npz", allow_pickle=False, period=np.array(walked[0].period), **arrays)
+        publish_npz(out / "contacts.npz", {"period": np.array(walked[0].period), **arrays}, compressed=True)
 
     caption = (
         f"Which feet are on the ground, {SHOWN:g} s of the first episode of each policy and command, from the end of "

@@ -30,6 +30,8 @@ from stiction.report.page import (
     draw_seeds,
     figure_uri,
     fold,
+    labelled,
+    legend,
     new_figure,
     paragraph,
     picture,
@@ -88,10 +90,9 @@ def draw_budget(points: Sequence[BudgetPoint], methods: Sequence[str], band: flo
     for axis in axes[len(shown) :]:
         axis.set_visible(False)
     axes[0].set_ylabel("speed reached / commanded")
-    lines = {line.get_label(): line for axis in axes for line in axis.get_legend_handles_labels()[0]}
-    drawn = [method for method in methods if method in lines]
-    handles = [lines[method] for method in drawn]
-    figure.legend(handles, drawn, loc="outside lower center", ncols=5, fontsize=8, labelcolor=INK, frameon=False)
+    lines = {label: line for axis in axes for label, line in labelled(axis).items()}
+    drawn = {method: lines[method] for method in methods if method in lines}
+    legend(figure, drawn, loc="outside lower center", ncols=5)
     return figure
 
 

@@ -39,7 +39,8 @@ def draw_ratios(windows: Sequence[Window], lifetimes: Sequence[Lifetime]) -> Fig
                 axis.plot(*points, color=color, linewidth=0.7, alpha=0.5)
             shared = min((len(line) for line in lines), default=0)
             means = [sum(line[at].ratio for line in lines) / len(lines) for at in range(shared)]
-            axis.plot([row.factor for row in lines[0][:shared]] if lines else [], means, color=color, label=policy)
+            factors = [row.factor for row in lines[0][:shared]] if lines else []
+            axis.plot(factors, means, label=policy, **line_look(policy, policies))
         axis.set(xscale="log", xlabel="wear, factor on dry friction", ylabel="speed ratio", title=f"level {level}")
         ticks = [tick for tick in TICKS if axis.get_xlim()[0] <= tick <= axis.get_xlim()[1]]
         axis.set_xticks(ticks, [f"x{tick:g}" for tick in ticks])

@@ -1,0 +1,118 @@
+"""How files are written, whole under their name or not at all, and how those of others are opened: bounded, no pipe.
+
+What is written goes under another name, is synced, and renamed.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO
+
+from stiction.core.errors import StictionError, UnwrittenError
+
+
+@contextmanager
+def publish(path: Path) -> Iterator[Path]:
+    """Yield a path beside `path` to write a file or a folder to, which then replaces `path` atomically.
+
+    Where the writing fails, `path` stays as it was. A link in its place is replaced, not followed: a folder from others
+    may hold one. Raises `UnwrittenError`, with what the system said, where something cannot be written, or what it is
+    made from cannot be read.
+    """
+    name = path.name if len(os.fsencode(path.name)) <= LONGEST else path.name[: LONGEST // 4]
+    partial, before = (path.with_name(f".{name}.{os.getpid()}.{kind}") for kind in ("part", "before"))
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield partial
+        for written in (partial, *partial.rglob("*")):
+            _sync(written)
+        if path.is_dir():
+            # A folder that is not empty cannot be renamed over, and half of one may not stay under its name.
+            path.rename(before)
+        partial.replace(path)
+        _sync(path.parent)
+    except OSError as error:
+        raise unwritten(path, error, partial) from error
+    finally:
+        for left in (partial, before):
+            if left.is_dir():
+                shutil.rmtree(left, ignore_errors=True)
+            else:
+                with suppress(OSError):
+                    left.unlink()
+
+
+LONGEST = 200
+"""Bytes of a name that leave room, of the 255 that a file system allows, for what the one beside it has more."""
+
+
+def unwritten(path: Path, error: OSError, partial: Path | None = None) -> UnwrittenError:
+    """Return the error for a file that cannot be written; partial: the path that it was written to."""
+    said = error.strerror or str(error)
+    name = str(error.filename or "")
+    if name and name != str(path) and (partial is None or not name.startswith(str(partial))):
+        said = f"{name}: {said}"
+    return UnwrittenError(f"{path} cannot be written: {said}; choose another --out, or make room")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text, whole or not at all. Raises `UnwrittenError` as `publish`."""
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file, whole or not at all. Raises `UnwrittenError` as `publish`."""
+    if path.exists() and not path.is_file() and not path.is_dir():
+        # A device, such as /dev/stdout, is nothing to rename over.
+        try:
+            path.write_bytes(content)
+        except OSError as error:
+            raise unwritten(path, error) from error
+        return
+    with published(path) as file:
+        file.write(content)
+
+
+@contextmanager
+def published(path: Path) -> Iterator[BinaryIO]:
+    """Yield a file to write bytes to, which then replaces `path`. Raises `UnwrittenError` as `publish`."""
+    with publish(path) as partial, partial.open("wb") as file:
+        yield file
+
+
+def open_regular(path: Path) -> BinaryIO:
+    """Open a file to read bytes. Raises `OSError`, also for a pipe or device, which may have no end, or never begin."""
+    number = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    mode = os.fstat(number).st_mode
+    if stat.S_ISREG(mode):
+        return os.fdopen(number, "rb")
+    os.close(number)
+    code = errno.EISDIR if stat.S_ISDIR(mode) else errno.EINVAL
+    raise OSError(code, os.strerror(code) if stat.S_ISDIR(mode) else "it is a pipe or a device, no file", str(path))
+
+
+def read_bounded(path: Path, expected: str, error: type[StictionError], most: int) -> bytes:
+    """Return the content of a file of at most `most` bytes; raise `error`, which names what was `expected`, else."""
+    try:
+        with open_regular(path) as file:
+            content = file.read(most + 1)
+    except OSError as fault:
+        raise error(f"cannot read {path}: {fault.strerror or fault}; expected {expected}") from fault
+    if len(content) > most:
+        raise error(f"{path.name}: over {most} bytes; expected {expected}")
+    return content
+
+
+def _sync(path: Path) -> None:
+    """Bring a file, or the names in a folder, to the disk."""
+    number = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(number)
+    finally:
+        os.close(number)

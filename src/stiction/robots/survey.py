@@ -1,0 +1,112 @@
+"""What a robot's XML would make MuJoCo read and build, looked at before MuJoCo sees it.
+
+A few lines of MJCF can ask for a billion bodies, a pipe that never begins, or a picture of gigabytes, and nothing ends
+MuJoCo once it has begun. What a tree of rigid bodies with hinges does not need is refused, what it includes is bounded.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.parsers import expat
+
+from stiction.core.errors import RobotError
+from stiction.core.files import read_bounded
+
+MOST_BYTES = 2**24
+"""Size of the largest XML that is read."""
+
+MOST_FILES = 64
+"""Files of one robot, meshes apart."""
+
+MOST_ELEMENTS = 50_000
+"""Elements of all files together."""
+
+DEEPEST = 200
+"""Elements in one another: a chain of links."""
+
+LARGEST_COUNT = 10_000
+"""Of a number in `<size>`, which allocates so many for each thing."""
+
+MAKERS = {
+    **dict.fromkeys(("replicate", "composite", "flexcomp", "flex", "skin"), "write out the bodies that it makes"),
+    **dict.fromkeys(("attach", "model"), "put the other model's bodies into this file, or include it"),
+    **dict.fromkeys(("plugin", "extension"), "a robot is described without code"),
+    "hfield": "take the ground out of the robot's file",
+}
+"""Element that makes more than it says -> what to do instead."""
+
+
+def survey(path: Path, content: bytes) -> None:
+    """Refuse the XML of a robot, with what it includes, that is none or could grow while it is read.
+
+    Raises `RobotError`.
+    """
+    left, seen, elements = [(path, content)], {path.resolve()}, 0
+    while left:
+        file, text = left.pop()
+        found, included = _elements(file, text)
+        elements += found
+        if elements > MOST_ELEMENTS:
+            raise RobotError(f"{path}: more than {MOST_ELEMENTS} elements; a robot has some hundred")
+        for name in included:
+            # MuJoCo looks beside the first file; whatever it finds was looked at.
+            for place in {path.parent / name, file.parent / name}:
+                if not place.exists() or place.resolve() in seen:
+                    continue
+                seen.add(place.resolve())
+                if len(seen) > MOST_FILES:
+                    raise RobotError(f"{path}: includes more than {MOST_FILES} files")
+                left.append((place, read_bounded(place, f"XML that {file.name} includes", RobotError, MOST_BYTES)))
+
+
+def _elements(path: Path, content: bytes) -> tuple[int, list[str]]:
+    """Return how many elements one file has, and the names that it includes."""
+    if b"<!ENTITY" in content or b"<!DOCTYPE" in content:
+        raise RobotError(f"{path}: declares XML entities, which are not read; write them out")
+    count, depth, urdf = 0, 0, False
+    included: list[str] = []
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal count, depth, urdf
+        urdf = tag == "robot" if count == 0 else urdf
+        count, depth = count + 1, depth + 1
+        if depth > DEEPEST:
+            raise RobotError(f"{path}: more than {DEEPEST} elements in one another")
+        if urdf:
+            # Of what is not URDF, such as a simulator's plugins, MuJoCo reads nothing.
+            return
+        if tag in MAKERS:
+            raise RobotError(f"{path}: <{tag}> is not read; {MAKERS[tag]}")
+        if tag == "mesh" and "builtin" in attributes:
+            raise RobotError(
+                f"{path}: a mesh of the kind {attributes['builtin']!r} is not read; supply the mesh's file"
+            )
+        if tag == "size":
+            _check_sizes(path, attributes)
+        if tag == "include" and "file" in attributes:
+            included.append(attributes["file"])
+
+    def end(_: str) -> None:
+        nonlocal depth
+        depth -= 1
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    try:
+        parser.Parse(content, True)
+    except (expat.ExpatError, LookupError) as error:
+        raise RobotError(f"{path}: is no XML: {error}") from error
+    return count, included
+
+
+def _check_sizes(path: Path, attributes: dict[str, str]) -> None:
+    """Refuse sizes that only memory is needed for."""
+    for name, text in attributes.items():
+        if name in ("memory", "nstack"):
+            continue
+        try:
+            small = int(text) <= LARGEST_COUNT
+        except ValueError:
+            small = True
+        if not small:
+            raise RobotError(f"{path}: <size {name}={text[:40]!r}>; expected at most {LARGEST_COUNT}")

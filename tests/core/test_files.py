@@ -1,0 +1,79 @@
+"""How files are written and opened: whole or not at all, and never what has no end."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from stiction.core.errors import FileError, UnwrittenError
+from stiction.core.files import publish, read_bounded, write_bytes, write_text
+
+
+def test_what_fails_leaves_what_was_there(tmp_path: Path) -> None:
+    """Half a file under the final name is read by the next command."""
+    file = tmp_path / "joints.json"
+    write_text(file, "old")
+    full = pytest.raises(UnwrittenError, match=r"joints.json cannot be written: No space left on device; choose")
+    with full, publish(file) as partial:
+        partial.write_text("ne")
+        raise OSError(28, "No space left on device")
+    assert file.read_text() == "old" and list(tmp_path.iterdir()) == [file]
+
+
+def test_a_link_is_replaced_and_a_device_written(tmp_path: Path) -> None:
+    """A run folder from others with metrics.jsonl as a link would write into the file of its maker's choice."""
+    (tmp_path / "mine").write_text("mine")
+    (tmp_path / "metrics.jsonl").symlink_to(tmp_path / "mine")
+    write_text(tmp_path / "metrics.jsonl", "theirs")
+    assert (tmp_path / "mine").read_text() == "mine" and not (tmp_path / "metrics.jsonl").is_symlink()
+    write_text(Path("/dev/null"), "gone")
+    assert Path("/dev/null").is_char_device()
+    with pytest.raises(UnwrittenError, match="No space left"):
+        write_bytes(Path("/dev/full"), b"x" * 10)
+
+
+def test_a_name_may_be_as_long_as_the_system_allows(tmp_path: Path) -> None:
+    """What is written beside it must not be refused where the name itself is not."""
+    file = tmp_path / ("a" * 255)
+    write_text(file, "x")
+    assert file.read_text() == "x" and list(tmp_path.iterdir()) == [file]
+
+
+@pytest.mark.parametrize("what", ["pipe", "device", "folder", "link to a device", "too large", "missing"])
+def test_what_has_no_end_is_not_opened(what: str, tmp_path: Path) -> None:
+    """A pipe in a folder from others waits for ever, /dev/zero fills the memory."""
+    file = tmp_path / "config.json"
+    if what == "pipe":
+        os.mkfifo(file)
+    elif what == "folder":
+        file.mkdir()
+    elif what == "link to a device":
+        file.symlink_to("/dev/zero")
+    elif what == "too large":
+        file.write_bytes(bytes(11))
+    with pytest.raises(FileError, match="expected a configuration"):
+        read_bounded(Path("/dev/zero") if what == "device" else file, "a configuration", FileError, 10)
+
+
+LOGS = ("csv", "csv.gz", "npz", "mcap", "jsonl", "db3", "parquet", "pt", "mat", "json")
+
+
+@pytest.mark.parametrize(
+    "name", ["config.json", "metrics.jsonl", "walks.jsonl", "walk.npz", *(f"log.{kind}" for kind in LOGS)]
+)
+def test_no_reader_waits_for_a_pipe(name: str, tmp_path: Path) -> None:
+    """Each reader of files from others, by the name that leads to it; the test would never end."""
+    from stiction.core.cache import Ledger
+    from stiction.formats.plain import read_object
+    from stiction.formats.results import read_metrics
+    from stiction.formats.walk import read_walk
+    from stiction.identify.logs import open_log
+
+    file = tmp_path / name
+    os.mkfifo(file)
+    readers = {"config": lambda path: read_object(path, "it"), "metrics": read_metrics, "walks": Ledger}
+    read = (readers | {"walk": read_walk}).get(name.partition(".")[0], open_log)
+    with pytest.raises(FileError):
+        read(file)
