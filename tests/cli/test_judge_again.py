@@ -66,7 +66,7 @@ def test_the_comparison_is_judged_from_its_summary_alone(tmp_path: Path, capsys:
     out = copy("replication", "summary.json", out=tmp_path / "comparison")
     words = ["replicate", "--judge-again", "--no-clips", "--out", str(out), "--advice", str(tmp_path / "advice.json")]
     assert main(words) == 0
-    assert "who follows everywhere with every seed: nobody" in capsys.readouterr().out
+    assert "no training follows everywhere with every seed" in capsys.readouterr().out
     for name in ("results.csv", "methods.csv", "budget.csv", "onsets.csv", "following.csv"):
         assert (out / name).read_bytes() == (RESULTS / "replication" / name).read_bytes(), name
     assert read_advice(tmp_path / "advice.json") == {TRANSFER: shipped()[TRANSFER]}

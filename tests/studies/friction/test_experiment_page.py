@@ -92,4 +92,4 @@ def test_verdicts_stand_with_criterion_and_evidence(tmp_path: Path) -> None:
     assert len(rows) == 18 and all(all(cells) for cells in rows)
     # faster direction 0.45, 0.50, 0.55: [0.38, 0.62], and not under 0.2
     assert (rows[1][-1], rows[1][1]) == ("V2", "does not")
-    assert rows[1][4] == "direct, faster direction 0.50 [0.38, 0.62] (0.45, 0.50, 0.55)"
+    assert rows[1][3] == "direct, faster direction 0.50 [0.38, 0.62] (0.45, 0.50, 0.55)"

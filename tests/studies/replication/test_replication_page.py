@@ -157,7 +157,7 @@ def test_too_fast_is_no_following() -> None:
     }
     said = recommended_sentence(cells, 0.01)
     assert said == (
-        "With 1 % friction, who follows everywhere with every seed: none; the largest share of seeds over all places: "
+        "With 1 % friction, none follows everywhere with every seed; the largest share of seeds over all places: "
         "none, 3 of 3."
     )
 

@@ -11,7 +11,18 @@ from markupsafe import Markup
 from stiction.formats.following import BAND, LEAST, MOST
 from stiction.formats.results import FOLLOWS
 from stiction.formats.wear import LEVEL
-from stiction.report.page import COLORS, Section, figure_uri, legend, new_figure, paragraph, picture, row_table, table
+from stiction.report.page import (
+    COLORS,
+    Section,
+    figure_uri,
+    legend,
+    line_look,
+    new_figure,
+    paragraph,
+    picture,
+    row_table,
+    table,
+)
 from stiction.studies.study import Report
 from stiction.studies.wear.lifetimes import SIGNALS, Lifetime, Reading, Window, factor_text
 
