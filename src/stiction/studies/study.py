@@ -270,8 +270,8 @@ def write_report(out: Path, report: Report, made: Summary) -> Summary:
         path = out / f"{name}.csv"
         if rows:
             (write_results if isinstance(rows[0], ResultRow) else write_rows)(path, rows)
-        else:
-            path.unlink(missing_ok=True)
+        elif path.exists():
+            path.unlink()
     write_summary(out / "summary.json", summary)
     for name, figure in report.figures.items():
         picture = out / f"{name}.png"
