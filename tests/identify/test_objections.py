@@ -148,7 +148,7 @@ def test_no_training_file_is_written_and_an_old_one_goes(tmp_path: Path, capsys:
     assert (out / "training.json").exists()
     right = capsys.readouterr().out
     assert right.startswith("Dry friction is 0.4") and right.splitlines()[1].startswith("Does it matter? ")
-    assert main([*command, "--torque-scale", "2"]) == 0
+    assert main([*command, "--torque-scale", "2", "--overwrite"]) == 0
     told = capsys.readouterr().out.splitlines()
     assert not (out / "training.json").exists() and load_joints(out / "joints.json").joints["shank"].objections
     assert told[0].startswith("Do first: check --torque-scale") and "2 times kp" in told[1]

@@ -14,7 +14,7 @@ import tyro
 
 from stiction.core.errors import ConfigurationError
 from stiction.core.files import write_text
-from stiction.core.lock import output_folder
+from stiction.core.options import read_options
 from stiction.core.records import part_of
 from stiction.deploy.runtime.config import LimitsCfg, OperatorCfg, SafetyCfg
 from stiction.deploy.transports.config import HeldCfg
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from stiction.deploy.transports.link import Link
     from stiction.formats.bundle import Bundle
     from stiction.formats.contract import Contract
+from stiction.formats.settings import results_folder
 
 DESCRIPTION = """Run a policy bundle on a robot, or play a designed motion on it.
 
@@ -47,6 +48,14 @@ Examples:
   stiction deploy BUNDLE --robot virtual --stand --armed --excitation excite/trajectory.csv
   stiction deploy BUNDLE --robot unitree-go:eth0
   stiction identify stiction-deploy/log"""
+
+
+GROUPS = {
+    "usually needed": ("--robot", "--armed", "--command", "--duration", "--out", "--json"),
+    "the virtual robot": ("--robot-seed", "--friction-level", "--engine", "--robot-cell", "--stand", "--fault"),
+    "what else": ("--excitation", "--expect-digest", "--realtime"),
+}
+"""The options that people use."""
 
 
 @dataclass(frozen=True)
@@ -101,13 +110,15 @@ class DeployCfg:
     """Bolt the virtual robot to a stand, its legs in the air."""
     fault: tuple[str, ...] = ()
     """Faults of the virtual robot's run, NAME@SECOND after the policy took over: tilt@3. A wrong name lists them."""
+    overwrite: bool = False
+    """Write over results of other settings in --out."""
     json: bool = False
     """Print the report as JSON on standard output, and nothing else."""
 
 
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
-    cfg = tyro.cli(DeployCfg, args=arguments, prog="stiction deploy", description=DESCRIPTION)
+    cfg = read_options(DeployCfg, arguments, "stiction deploy", DESCRIPTION, groups=GROUPS)
     from stiction.deploy.check import check_bundle
     from stiction.deploy.transports.config import parse_address
     from stiction.formats.bundle import find_bundle
@@ -116,7 +127,7 @@ def main(arguments: list[str]) -> int:
     if address.transport != "virtual" and (cfg.fault or cfg.stand):
         raise ConfigurationError(f"--fault and --stand are for the virtual robot alone; --robot is {cfg.robot}")
     folder = find_bundle(cfg.bundle)
-    with output_folder(cfg.out):
+    with results_folder(cfg.out, "deploy", cfg):
         bundle = check_bundle(folder, cfg.expect_digest).bundle
         report = _run(cfg, address, bundle, folder)
         text = json.dumps(report, indent=2, allow_nan=False) + "\n"

@@ -96,7 +96,13 @@ def counts_sheet(cells: Sequence[Following]) -> Sheet:
         (cell.method, cell.engine, friction_text(cell.friction_law, cell.friction_level), cell.text, cell.each)
         for cell in cells
     ]
-    header = ("method", "engine", "friction", "seeds that follow", "forward/backward of each seed")
+    header = (
+        "method",
+        "engine",
+        "friction [of the torque limit]",
+        "seeds that follow",
+        "speed ratios of each seed [1]",
+    )
     return Sheet("Seeds that follow", header, tuple(rows), DEFINITION)
 
 
@@ -129,10 +135,12 @@ def recommended_sentence(cells: Sequence[Following], level: float) -> str:
     methods = by_level(cells).get(level)
     if methods is None:
         return ""
-    sure = ", ".join(_named(method, methods[method]) for method in everywhere(methods)) or "nobody"
+    several = everywhere(methods)
+    sure = ", ".join(_named(method, methods[method]) for method in several) or "no training"
     best = ", ".join(f"{_named(method, methods[method])}, {counts_text(methods[method])}" for method in most(methods))
     seeds = f"; the largest share of seeds over all places: {best}" if best else ""
-    return f"With {friction_text('coulomb', level)} friction, who follows everywhere with every seed: {sure}{seeds}."
+    verb = "follow" if len(several) > 1 else "follows"
+    return f"With {friction_text('coulomb', level)} friction, {sure} {verb} everywhere with every seed{seeds}."
 
 
 def changes_sheet(summary: Mapping[str, Any]) -> Sheet | None:

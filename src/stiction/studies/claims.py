@@ -33,6 +33,24 @@ LIMITS = (
 )
 """What the outcomes with an x say."""
 
+SAID = {
+    "reproduces": "hold",
+    "only above x": "hold only above some friction",
+    "only up to x": "hold only up to some friction",
+    "does not": "do not hold",
+    "undecided": "are undecided",
+    "not tested": "were not tested",
+}
+"""Outcome -> what a person says of sentences of which that came out."""
+
+
+def said_of(verdicts: Sequence[Verdict], what: str) -> str:
+    """Return how many sentences came out how, as a sentence to be read aloud; what: `sentences of the paper`."""
+    counts = {words: sum(one.outcome == outcome for one in verdicts) for outcome, words in SAID.items()}
+    listed = [f"{count} {words}" for words, count in counts.items() if count]
+    return f"Of {len(verdicts)} {what}, {', '.join(listed[:-1])}{' and ' if listed[1:] else ''}{listed[-1]}."
+
+
 JUDGED = (
     "Numbers are means over training seeds with their 95 % t-interval in brackets and every seed in parentheses. "
     f"`undecided`: the interval straddles the criterion. {LIMITS} One seed carries no verdict: `not tested`, with its "

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -29,7 +28,7 @@ from stiction.report.page import (
     picture,
 )
 from stiction.studies import study
-from stiction.studies.claims import JUDGED
+from stiction.studies.claims import JUDGED, said_of
 from stiction.studies.friction.records import HIGHEST, STUDENT, ConditionRecord, Experiment, SeedMean, short_name
 
 if TYPE_CHECKING:
@@ -389,9 +388,7 @@ def _run_blocks(experiment: Experiment, runs: Sheet) -> tuple[Markup, ...]:
 def lead(experiment: Experiment) -> str:
     """Return how far it has come, and how many sentences came out how."""
     finished = sum(run.state in ("exported", "finished") for run in experiment.runs)
-    outcomes = Counter(verdict.outcome for verdict in experiment.verdicts)
-    counts = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
-    return (
-        f"{finished} of {len(experiment.runs)} runs are finished. Of {len(experiment.verdicts)} sentences of the paper "
-        f"on training with friction: {counts}."
-    )
+    runs = f"{finished} of {len(experiment.runs)} trainings are finished."
+    if not experiment.verdicts:
+        return runs
+    return f"{said_of(experiment.verdicts, 'sentences of the paper on training with friction')}\n{runs}"

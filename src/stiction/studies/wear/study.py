@@ -22,7 +22,8 @@ A bundle's wear monitor, if it has one, reads the policy's input: does it notice
 as much had nothing grown? Stop it at any time: the same command goes on. What is lost is the walks in progress, one a
 core, under a minute each in PhysX.
 
-Example: stiction study wear saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out results/wear"""
+Example:
+  stiction study wear saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out results/wear"""
 
 
 @dataclass(frozen=True, kw_only=True)
