@@ -48,9 +48,9 @@ help:
 demo: $(READY)
 	$(BIN)/stiction demo $(ARGS)
 
-# Two processes with a file each at a time: most tests are of one thread.
+# Two processes with a file each at a time, in the order of tests/conftest.py: most tests are of one thread.
 test: $(READY)
-	STICTION_THREADS=$${STICTION_THREADS:-1} $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile $(ARGS)
+	STICTION_THREADS=$${STICTION_THREADS:-1} $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
 check: $(READY)
 	$(BIN)/ruff check src tests scripts

@@ -1,4 +1,4 @@
-"""One motion of two simulated joints in the files of thirty strangers: each command by command, and what came out.
+"""One motion of two simulated joints in the files of strangers: each command by command, and what came out.
 
     python scripts/strangers.py            # writes results/identification/strangers.md and .csv, some minutes
     python scripts/strangers.py FOLDER     # writes the files alone, to look at
@@ -25,6 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from stiction.identify.example import SATURN_LITE, Excitation, Motor, example_log
+from stiction.studies.flags.servo import Servo
 
 START = 1_700_000_000
 """When the logs were made, in seconds since 1970."""
@@ -451,6 +452,63 @@ def with_a_rest(folder: Path) -> None:
     text(folder / "log.csv", "time,position,target,torque\n", rows(0.002 * np.arange(len(columns[0])), *columns))
 
 
+KT, RESISTANCE, SUPPLY = 1.5, 4.0, 24.0
+"""Of the servos, at the joint [N m/A, ohm, V]."""
+
+MOTOR = f"--kt {KT:g} --resistance {RESISTANCE:g}"
+
+VOLTS = RESISTANCE / KT * TORQUE + KT * VELOCITY
+"""Across the motors, for the same torques [V]."""
+
+
+def servo_in_percent(folder: Path) -> None:
+    """Degrees, and the duty of the bridge in percent."""
+    text(
+        folder / "log.csv",
+        "time,angle_deg,pwm_percent\n",
+        rows(TIME, np.rad2deg(ONE[:, 1]), 100 / SUPPLY * VOLTS[:, 1]),
+    )
+
+
+def servo_in_ticks(folder: Path) -> None:
+    """A bus servo's registers: milliseconds, ticks of 4096 a turn, counts of 885 for full duty."""
+    ticks, counts = np.round(ONE[:, 1] * 4096 / (2 * np.pi)) + 2048, np.round(885 / SUPPLY * VOLTS[:, 1])
+    head = "timestamp_ms,present_position,present_pwm\n"
+    text(folder / "log.csv", head, rows(1e3 * TIME, ticks, counts))
+
+
+def servo_in_volts(folder: Path) -> None:
+    """Voltages across two motors."""
+    text(folder / "log.csv", "time,q_hip,q_knee,u_hip,u_knee\n", rows(TIME, POSITION, VOLTS))
+
+
+def servo_in_milliamperes(folder: Path) -> None:
+    """The current that a servo reports."""
+    text(folder / "log.csv", "time,position,present_current\n", rows(TIME, ONE[:, 1], 1e3 / KT * TORQUE[:, 1]))
+
+
+def servo_by_sidecar(folder: Path) -> None:
+    """Duties of two joints, with the constants of each motor in the sidecar."""
+    text(folder / "servos.csv", "t,q_hip,q_knee,duty_hip,duty_knee\n", rows(TIME, POSITION, VOLTS / SUPPLY))
+    sidecar = {
+        **{"torque_limit": 45, "torque_source": "motor_side", "test_condition": "bare_motor", "duty_voltage": SUPPLY},
+        "columns": {"position": "q_{joint}", "torque": "duty_{joint}"},
+        "joints": {joint: {"kt": KT, "resistance": RESISTANCE} for joint in FRICTION},
+    }
+    (folder / "servos.json").write_text(json.dumps(sidecar, indent=2))
+
+
+def servo_with_pendulum(folder: Path) -> None:
+    """Half a kilogram at 0.2 m on a motor of which nothing is known but the supply."""
+    log = Servo(coulomb=FRICTION["knee"], supply=SUPPLY).log("duty", mass=0.5)
+    signals = log.joints["knee"]
+    assert signals.position is not None and signals.torque is not None
+    text(folder / "log.csv", "time,position,duty\n", rows(log.time, signals.position, signals.torque))
+
+
+SERVO_FLAGS = "--torque-limit 45 --torque-source motor_side --test-condition bare_motor"
+"""What no log of a servo says of itself; of its controller nothing is known."""
+
 STRANGERS = (
     Stranger("CSV with names `position.<joint>`", canonical, (f"log.csv {FLAGS}",)),
     Stranger(
@@ -510,8 +568,51 @@ STRANGERS = (
     Stranger(
         "a rest before, a push after", with_a_rest, (f"log.csv --joint knee --from 2 --to 14 {FLAGS}",), ("knee",)
     ),
+    Stranger(
+        "a servo: degrees, duty in percent",
+        servo_in_percent,
+        (
+            "log.csv --columns position=angle_deg torque=pwm_percent --position-scale 0.0174532925 --torque-scale 0.01 "
+            f"--duty-voltage {SUPPLY:g} {MOTOR} --joint knee {SERVO_FLAGS}",
+        ),
+        ("knee",),
+    ),
+    Stranger(
+        "a bus servo's registers: ms, ticks, counts of PWM",
+        servo_in_ticks,
+        (
+            "log.csv --columns time=timestamp_ms position=present_position torque=present_pwm --time-scale 1e-3 "
+            f"--position-scale 0.00153398 --torque-scale 0.00112994 --duty-voltage {SUPPLY:g} {MOTOR} --joint knee "
+            f"{SERVO_FLAGS}",
+        ),
+        ("knee",),
+    ),
+    Stranger(
+        "two motors by voltage",
+        servo_in_volts,
+        (f"log.csv --columns position=q_{{joint}} torque=u_{{joint}} --torque-column voltage {MOTOR} {SERVO_FLAGS}",),
+    ),
+    Stranger(
+        "a servo that reports mA",
+        servo_in_milliamperes,
+        (
+            "log.csv --columns torque=present_current position=position --torque-column current --torque-scale 0.001 "
+            f"--kt {KT:g} --joint knee {SERVO_FLAGS}",
+        ),
+        ("knee",),
+    ),
+    Stranger("two servos by duty, their constants in the sidecar", servo_by_sidecar, ("servos.csv",)),
+    Stranger(
+        "a servo of which nothing is known but the supply, with a known pendulum",
+        servo_with_pendulum,
+        (
+            f"log.csv --columns position=position torque=duty --duty-voltage {SUPPLY:g} --pendulum-mass 0.5 "
+            "--pendulum-length 0.2 --joint knee --torque-source motor_side --test-condition loaded",
+        ),
+        ("knee",),
+    ),
 )
-"""Thirty-seven files; none takes more than two commands."""
+"""None takes more than two commands."""
 
 
 def _foreign(name: str, content: bytes) -> Callable[[Path], None]:
@@ -540,6 +641,18 @@ REFUSED = (
         "log.csv",
     ),
     ("names that say nothing", _foreign("log.csv", b"a,b,c\n1,2,3\n2,3,4\n"), "log.csv"),
+    (
+        "a servo's duty in percent, said to be a share",
+        servo_in_percent,
+        "log.csv --columns position=angle_deg torque=pwm_percent --position-scale 0.0174532925 "
+        f"--duty-voltage 24 {MOTOR}",
+    ),
+    (
+        "a servo's duty in counts, said to be percent",
+        servo_in_ticks,
+        "log.csv --columns time=timestamp_ms position=present_position torque=present_pwm --time-scale 1e-3 "
+        f"--position-scale 0.00153398 --torque-scale 0.01 --duty-voltage 24 {MOTOR}",
+    ),
 )
 """What is not read, and must be told the nearest way in."""
 
@@ -592,7 +705,7 @@ def _row(stranger: Stranger, truth: str, found: str, refusal: str, right: bool) 
     }
 
 
-HEAD = """# Thirty strangers' files
+HEAD = """# Strangers' files
 
 The same motion of two simulated joints, with dry friction of 0.442 and 0.8 N m, in the forms in which people have logs;
 `python scripts/strangers.py` writes the files, runs the commands, and this page. Copy the line whose file looks like

@@ -12,6 +12,12 @@ from bundles import make_bundle, make_contract
 from stiction.formats.contract import Contract
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put files with slow tests first: of two processes, one would wait for the other's long file at the end."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
+
+
 @pytest.fixture
 def contract() -> Contract:
     """A valid contract for Saturn Lite."""

@@ -41,6 +41,8 @@ def state(number: int, time: float, **changed: Any) -> RobotState:
         acceleration=np.array([0.0, 0.0, 9.81]),
         joint_torque=np.zeros(JOINTS),
         temperature=np.full(JOINTS, 30.0),
+        lost=np.zeros(JOINTS),
+        motor_fault=np.zeros(JOINTS),
         foot_contact=np.ones(6),
         battery=48.0,
         kp=np.full(JOINTS, np.nan),

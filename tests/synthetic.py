@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from stiction.core.records import to_plain
 from stiction.formats.results import ResultRow
 from stiction.rma.arguments import parse
 from stiction.studies.friction.manifest import Condition, PlannedRun, Run
@@ -72,7 +72,7 @@ def run_files(at: PlannedRun) -> dict[str, str]:
     phases = [{"phase": phase, "iteration": 1, "seconds": 30.0} for phase in ("teacher", "student")]
     walks = {"walk/forward_ratio": 0.5, "walk/backward_ratio": 0.5}
     return {
-        "config.json": json.dumps(header | {"config": to_plain(at.cfg)}),
+        "config.json": json.dumps(header | {"config": asdict(at.cfg)}),
         "metrics.jsonl": "".join(json.dumps(phase | walks) + "\n" for phase in phases),
         "checkpoints/student_000001.safetensors": "weights",
         "checkpoints/student_000001.json": "{}",

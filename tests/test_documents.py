@@ -71,3 +71,11 @@ def test_continuous_integration_runs_what_everybody_runs() -> None:
     script = CHECKOUT / ".ci/run"
     assert os.access(script, os.X_OK)
     assert re.findall(r"^make (\w+)", script.read_text(), re.MULTILINE) == ["check", "test"]
+
+
+def test_every_result_is_in_the_index_and_every_link_leads_somewhere() -> None:
+    """If this failed, a result would be there that nobody finds, or the index would lead into nothing."""
+    folder = CHECKOUT / "results"
+    links = re.findall(r"\]\(([^)]+)\)", (folder / "README.md").read_text())
+    assert not [link for link in links if not (folder / link).exists()]
+    assert {link.partition("/")[0] for link in links} == {path.name for path in folder.iterdir() if path.is_dir()}

@@ -114,6 +114,7 @@ def test_evaluate_writes_results_without_torch(bundle: Path, tmp_path: Path) -> 
         "report.html",
         "methods.csv",
         "walks.jsonl",
+        "settings.json",
     }
 
 

@@ -74,6 +74,34 @@ def test_a_fault_ends_in_one_line_and_status_1(tmp_path: Path, fault: str, said:
     assert report["virtual"]["damped"] > report["faults"][fault]
 
 
+@pytest.mark.parametrize(
+    ("fault", "rule", "least"),
+    [("heartbeat", "operator", 0.5), ("command-loss", "command lost", 3.0)],
+)
+def test_whoever_falls_silent_elsewhere_ends_the_run(tmp_path: Path, fault: str, rule: str, least: float) -> None:
+    """A fault that is accepted and does nothing is called safe: the run went on without anybody."""
+    words = [
+        "deploy",
+        POLICY,
+        "--armed",
+        "--json",
+        "--fault",
+        f"{fault}@0.5",
+        "--command",
+        "vx=0.2",
+        "--duration",
+        "60",
+    ]
+    words += ["--out", str(tmp_path / "run"), "--keep-minutes", "0"]
+    done = subprocess.run(stiction(*words, *PATIENT[:4], *ON_STAND), capture_output=True, text=True, check=False)
+    assert done.returncode == 1, done.stderr
+    report = json.loads(done.stdout)
+    assert report["stop"]["rule"] == rule, done.stderr
+    # It had been heard until then: what is lost is counted from its last word.
+    assert report["stop"]["time"] - report["faults"][fault] > least - 0.06
+    assert report["virtual"]["damped"] > report["faults"][fault]
+
+
 def test_without_arming_nothing_reaches_the_robot(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """A robot moves in a dry run."""
     out = tmp_path / "run"
@@ -106,6 +134,11 @@ def test_a_supervisor_that_is_killed_leaves_a_log_and_no_orphan(tmp_path: Path) 
     ("words", "said"),
     [
         (["--robot", "virtuel"], "did you mean 'virtual'"),
+        (["--robot", "unitree-go"], "network interface"),
+        (["--robot", "unitree-go:nowhere0", "--fault", "tilt@1"], "virtual robot alone"),
+        (["--robot", "virtual:eth0"], "this machine"),
+        (["--robot", "unitree-go:lo"], "maker's order"),
+        (["--robot", "ros2"], "namespace"),
         (["--fault", "tlit@1"], "did you mean 'tilt'"),
         (["--command", "vx=fast"], "command"),
         (["--command", "vx=3"], "trained"),

@@ -32,7 +32,7 @@ def test_json_alone_on_standard_output_and_files_in_the_folder(tmp_path: Path, c
     assert main(["excite", *SHORT.split(), "--joint", "FL_shank", "--out", str(out), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads((out / "design.json").read_text())
-    names = ["design.json", "design.npz", "report.html", "trajectory.csv", "trajectory.json"]
+    names = ["design.json", "design.npz", "report.html", "settings.json", "trajectory.csv", "trajectory.json"]
     assert sorted(path.name for path in out.iterdir()) == names
     log = open_log(out / "trajectory.csv")
     target = log.joints["FL_shank"].target

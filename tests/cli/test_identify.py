@@ -31,7 +31,7 @@ def test_json_alone_on_standard_output_and_files_in_the_folder(
     assert main(["identify", str(log), "--out", str(tmp_path / "out"), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert set(printed) >= {"joints", "warnings"} and printed["warnings"] == []
-    names = ["fit.npz", "joints.json", "report.html", "training.json"]
+    names = ["fit.npz", "joints.json", "report.html", "settings.json", "training.json"]
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == names
     joints = load_joints(tmp_path / "out" / "joints.json")
     assert joints.to_dict() == printed
@@ -69,7 +69,7 @@ def test_a_joint_that_nobody_named_is_warned_of(log: Path, tmp_path: Path, capsy
     bare.write_text(log.read_text().replace(".shank", ""))
     bare.with_suffix(".json").write_text(log.with_suffix(".json").read_text())
     for options, warned in (([], True), (["--joint", "joint"], False), (["--axis", "linear"], False)):
-        assert main(["identify", str(bare), *options, "--out", str(tmp_path / "out"), "--json"]) == 0
+        assert main(["identify", str(bare), *options, "--out", str(tmp_path / "out"), "--overwrite", "--json"]) == 0
         printed = json.loads(capsys.readouterr().out)
         assert any("--joint FL_shank" in text for text in printed["warnings"]) is warned
 

@@ -66,7 +66,18 @@ def test_policies_of_different_trainings_are_no_seeds(walker: Path, tmp_path: Pa
     command = "stiction train --task.rewards.trot 0"
     other = make_bundle(tmp_path / "other", make_contract(command=command, seed=4, method="direct"))
     again = make_bundle(tmp_path / "again", make_contract(command=command, seed=4))
-    options = ["--commands", "vx=0.5", "--episodes", "1", "--seconds", "3", "--out", str(tmp_path / "gait"), "--json"]
+    options = [
+        "--commands",
+        "vx=0.5",
+        "--episodes",
+        "1",
+        "--seconds",
+        "3",
+        "--out",
+        str(tmp_path / "gait"),
+        "--json",
+        "--overwrite",
+    ]
     for second, said in ((other, "more than gait rewards and seed"), (again, "not evaluated")):
         assert main(["study", "gait", str(walker), str(second), *options]) == 0
         claims = json.loads((tmp_path / "gait" / "summary.json").read_text())["claims"]

@@ -201,7 +201,7 @@ def test_a_run_that_reached_its_target_is_exported(tmp_path: Path, capsys: pytes
 def test_help_teaches(capsys: pytest.CaptureFixture) -> None:
     """What to type, what to watch, how to stop and go on: the first thing that people read."""
     with pytest.raises(SystemExit) as stop:
-        main(["train", "--help"])
+        main(["train", "--help-all"])
     assert stop.value.code == 0
     text = capsys.readouterr().out
     for word in ("--preset quick", "tensorboard --logdir", "Ctrl-C", "--resume", "clips/", "diverges", "metrics.jsonl"):

@@ -35,7 +35,7 @@ def test_from_a_walk_to_a_net(tmp_path: Path, capsys: pytest.CaptureFixture) -> 
     assert main(["train-actuator", str(logs), *options]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["torque_source"] == "output_side" and list(summary["commands"]) == ["vx=-0.5"]
-    assert {path.name for path in out.iterdir()} == {FILE, "fit.npz", "summary.json", "report.html"}
+    assert {path.name for path in out.iterdir()} == {FILE, "fit.npz", "summary.json", "settings.json", "report.html"}
     assert main(["train-actuator", "--out", str(out)]) == 1
     assert "no log given" in capsys.readouterr().err
 

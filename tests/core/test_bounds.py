@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +12,7 @@ from stiction.core import memory
 from stiction.core.errors import FileError, StictionError
 from stiction.core.memory import check_memory, free_memory
 from stiction.core.provenance import num_threads, stream_seed
-from stiction.core.records import from_plain, to_plain
+from stiction.core.records import from_plain
 from stiction.evaluate.evaluate import EvaluationCfg
 from stiction.evaluate.grid import GridCfg
 from stiction.locomotion.config import CommandCfg, RandomizationCfg, TaskCfg
@@ -88,7 +88,7 @@ def test_a_setting_of_another_type_is_named(path: tuple[str, ...], value: object
     """A file of somebody else's would fail far from here, with a traceback."""
     import json
 
-    plain = json.loads(json.dumps(to_plain(TrainCfg())))
+    plain = json.loads(json.dumps(asdict(TrainCfg())))
     assert from_plain(TrainCfg, plain) == TrainCfg()
     inner = plain
     for key in path[:-1]:

@@ -210,7 +210,7 @@ def test_commands_end_where_training_did() -> None:
     _, sensors = next(walking(told))
     cases = [([1.5, 0, -1], None), ([1.6, 0, 0], "m/s forward"), ([-0.1, 0, 0], "m/s forward"),
              ([0, 0.1, 0], "m/s sideways"), ([1e9, 0, 0], "m/s forward"), ([0, math.nan, 0], "m/s sideways"),
-             ([0, 0, -1.2], "rad/s")]  # fmt: skip
+             ([0, 0, -1.2], "rad/s turn")]  # fmt: skip
     for command, unit in cases:
         found = ReadingGuard(told).check(0.0, sensors, np.array(command))
         assert (None if found is None else found.unit) == unit, command

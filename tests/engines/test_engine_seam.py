@@ -54,7 +54,7 @@ def test_it_goes_through_the_conformance_suite_on_a_robot_of_choice(mine: Path, 
 
 def test_a_policy_walks_in_it_in_several_processes(mine: Path, bundle: Path, tmp_path: Path, capsys) -> None:
     """A worker that does not find the engine stops an evaluation of hours. It is MuJoCo, and must walk as MuJoCo."""
-    walks = ["--friction-levels", "0.1", "--commands", "vx=0.5", "--episodes", "2", "--seconds", "3", "--robots", "7"]
+    walks = ["--friction-levels", "0.1", "--commands", "vx=0.5", "--episodes", "1", "--seconds", "3", "--robots", "7"]
     engines = [NAME, "mujoco-alone", f"{NAME}+delays"]
     assert main(["evaluate", str(bundle), "--engines", *engines, *walks, "--jobs", "2", "--out", str(tmp_path)]) == 0
     with (tmp_path / "results.csv").open(newline="") as file:

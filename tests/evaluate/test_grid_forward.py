@@ -11,7 +11,7 @@ import pytest
 from bundles import make_bundle, make_contract, make_network
 from stiction.core.errors import StictionError
 from stiction.evaluate import benches as benches_module
-from stiction.evaluate.benches import forwarded, not_forwarded
+from stiction.evaluate.benches import forward_notes, forward_walks
 from stiction.evaluate.evaluate import EvaluationCfg
 from stiction.evaluate.grid import GridCfg
 from stiction.evaluate.run import WalkLedger, walk_grid
@@ -60,7 +60,7 @@ def record(friction: Estimate) -> JointRecord:
 
 def test_on_the_data_sheet_the_friction_is_the_laws_own(still: Bundle, tmp_path: Path) -> None:
     """20 % of 30, 30 and 45 N m, alone and in the batch."""
-    walks = forwarded([still], GRID, tmp_path)
+    walks = forward_walks([still], GRID, tmp_path)
     assert [(walk.simulator.engine, walk.level) for walk in walks] == [
         *(("mujoco", level) for level in ("0", "0.2")),
         *(("mujoco-alone", level) for level in ("0", "0.2")),
@@ -76,12 +76,12 @@ def test_a_virtual_robot_gets_what_its_own_bench_found_and_is_put_there_once(
     """Two robots at one level, two commands: two benches, none the second time, and never the truth."""
     base = replace(BASE, commands=("vx=0.5", "stand"))
     cfg = GridCfg(base, ("mujoco-alone+all",), robots=(3, 4), robot_levels=("0.1",), forward=("still",))
-    walks = forwarded([still], cfg, tmp_path)
+    walks = forward_walks([still], cfg, tmp_path)
     assert len(walks) == 4 and {walk.forward for walk in walks} == {tuple(float(n) for n in range(1, 19))}
     assert benches == [f"saturn_lite--mujoco--all--0.1--{seed}" for seed in (3, 4)]
     truth = 0.1 * SPEC.joint_values("torque_limit") * draw(SPEC, 3).friction.share
     assert not np.isclose(truth, walks[0].forward, rtol=1e-3).any()
-    assert forwarded([still], cfg, tmp_path) == walks and len(benches) == 2
+    assert forward_walks([still], cfg, tmp_path) == walks and len(benches) == 2
 
 
 @pytest.fixture
@@ -102,14 +102,14 @@ def hidden(monkeypatch: pytest.MonkeyPatch, benches: list[str]) -> None:
 def test_a_robot_that_cannot_be_identified_is_left_out_and_named(still: Bundle, tmp_path: Path, hidden: None) -> None:
     """One joint of one robot would end hours of walks on all others; without a word the mean would be of fewer."""
     cfg = GridCfg(BASE, ("mujoco-alone+all",), robots=(3, 4), robot_levels=("0.1",), forward=("still",))
-    assert not_forwarded([still], cfg, tmp_path) == []
-    assert {walk.robot for walk in forwarded([still], cfg, tmp_path)} == {3}
-    (warning,) = not_forwarded([still], cfg, tmp_path)
+    assert forward_notes([still], cfg, tmp_path) == []
+    assert {walk.robot for walk in forward_walks([still], cfg, tmp_path)} == {3}
+    (warning,) = forward_notes([still], cfg, tmp_path)
     assert warning.startswith("Friction is not fed forward on saturn_lite--mujoco--all--0.1--4, its walks are left out")
     assert "'ML_hip' is null" in warning and warning.endswith("it hardly moves")
     (tmp_path / "saturn_lite--mujoco--all--0.1--4" / "joints.json").write_text("half")
     with pytest.raises(StictionError, match=r"joints\.json"):
-        forwarded([still], cfg, tmp_path)
+        forward_walks([still], cfg, tmp_path)
 
 
 def test_the_rest_of_the_grid_goes_on_and_the_summary_says_what_is_missing(
@@ -126,7 +126,7 @@ def test_the_rest_of_the_grid_goes_on_and_the_summary_says_what_is_missing(
 
 def test_the_ledger_knows_a_walk_by_what_was_fed_forward(still: Bundle, tmp_path: Path) -> None:
     """A bench that found something else must not go by the walks of the old one."""
-    walk = forwarded([still], GRID, tmp_path)[1]
+    walk = forward_walks([still], GRID, tmp_path)[1]
     assert walk.forward is not None
     ledger = WalkLedger(tmp_path / "walks.jsonl", GRID, {"still": still.digest})
     other = replace(walk, forward=(9.1, *walk.forward[1:]))
@@ -177,7 +177,7 @@ def test_where_nothing_can_be_fed_forward_it_is_refused(changes: dict, message: 
 def test_policies_that_are_not_there_or_compensate_are_refused(still: Bundle, tmp_path: Path) -> None:
     """Before anything walks."""
     with pytest.raises(StictionError, match="unknown policy 'walker'; known: still"):
-        forwarded([still], replace(GRID, forward=("walker",)), tmp_path)
+        forward_walks([still], replace(GRID, forward=("walker",)), tmp_path)
     compensating = replace(still, contract=make_contract(compensation=(0.1,) * 18))
     with pytest.raises(StictionError, match="once more"):
-        forwarded([compensating], GRID, tmp_path)
+        forward_walks([compensating], GRID, tmp_path)

@@ -10,7 +10,7 @@ import pytest
 
 from bundles import make_bundle, make_contract, make_network
 from stiction.evaluate import benches
-from stiction.evaluate.benches import informed, not_identified, true_friction
+from stiction.evaluate.benches import true_friction, unidentified_notes, with_known_friction
 from stiction.evaluate.evaluate import EvaluationCfg
 from stiction.evaluate.grid import GridCfg, Walk, plan
 from stiction.evaluate.run import WalkLedger
@@ -70,7 +70,7 @@ def seen(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 def told(bundles: list[Bundle], text: str, out: Path) -> dict[tuple[str, str, int | None], tuple[float, ...] | None]:
     """Return what the listener is told, by engine, level and robot."""
     cfg = replace(GRID, base=replace(BASE, known_friction=text))
-    walks = informed(plan([bundle.name for bundle in bundles], cfg), bundles, cfg, out)
+    walks = with_known_friction(plan([bundle.name for bundle in bundles], cfg), bundles, cfg, out)
     assert all(walk.known is None for walk in walks if walk.policy == "other")
     mine = [walk for walk in walks if walk.policy == "listener"]
     return {(walk.simulator.label, walk.level, walk.robot): walk.known for walk in mine}
@@ -119,7 +119,7 @@ def test_a_number_goes_to_all_robots_and_the_contract_says_what_nobody_else_does
 def test_what_the_bench_did_not_tell_is_in_the_summary(bundles: list[Bundle], tmp_path: Path, seen: list[str]) -> None:
     """Two sentences for robot 4, none for robot 3 or the policy that is told nothing; and what each was told."""
     cfg = replace(GRID, engines=("mujoco-alone+all",), base=replace(BASE, known_friction="bench"))
-    assert not_identified(plan(["listener", "other"], cfg), bundles, cfg, tmp_path / "bench") == []
+    assert unidentified_notes(plan(["listener", "other"], cfg), bundles, cfg, tmp_path / "bench") == []
     _, summary = evaluate_all(bundles, cfg, tmp_path)
     notes = [text for text in summary["warnings"] if "not identified" in text]
     assert len(notes) == 2 and all(
@@ -138,7 +138,7 @@ def test_the_ledger_knows_a_walk_by_what_was_told(bundles: list[Bundle], tmp_pat
     for text in ("contract", "true", "true*0.7"):
         cfg = GridCfg(replace(BASE, friction_levels=(0.1,), known_friction=text), ("mujoco",))
         ledger = WalkLedger(tmp_path / "walks.jsonl", cfg, digests)
-        walks: list[Walk] = informed(plan(list(digests), cfg), bundles, cfg, tmp_path)
+        walks: list[Walk] = with_known_friction(plan(list(digests), cfg), bundles, cfg, tmp_path)
         for walk in walks:
             keys[walk.policy].add(ledger.key(walk))
     assert {name: len(found) for name, found in keys.items()} == {"listener": 3, "other": 1}

@@ -25,7 +25,6 @@ from stiction.evaluate.export import TrainedPolicy, contract_of  # noqa: E402
 from stiction.evaluate.trained import (  # noqa: E402
     LatentMean,
     LatentPolicy,
-    evaluate_run,
     latent_sources,
     observed_friction,
     walk_run,
@@ -128,12 +127,12 @@ def test_a_teacher_is_told_what_its_training_varied() -> None:
 def test_rows_of_a_run_look_like_those_of_a_bundle(run: RunDirectory) -> None:
     """Teacher and student stand in one table with bundles, told apart by name."""
     for who in ("teacher", "student"):
-        rows = evaluate_run(run.path, who, SHORT)
+        rows = list(walk_run(run.path, who, SHORT).rows)
         assert [(row.policy, row.method, row.friction_level) for row in rows] == [
             (f"tiny/{who}", "deception", 0.0),
             (f"tiny/{who}", "deception", 0.2),
         ]
-    assert evaluate_run(run.path, "student", SHORT, "mean")[0].policy == "tiny/student+mean"
+    assert walk_run(run.path, "student", SHORT, "mean").rows[0].policy == "tiny/student+mean"
 
 
 def test_a_row_is_the_mean_of_its_episodes(run: RunDirectory) -> None:
@@ -146,7 +145,7 @@ def test_a_row_is_the_mean_of_its_episodes(run: RunDirectory) -> None:
 
 def test_peers_share_the_teachers_latent_and_other_levels_do_not(run: RunDirectory) -> None:
     """The latent z is a function of o_priv alone: lending it among robots of one level must change nothing."""
-    own, peer, swapped = (evaluate_run(run.path, "teacher", SHORT, latent) for latent in ("own", "peer", "swapped"))
+    own, peer, swapped = (walk_run(run.path, "teacher", SHORT, latent).rows for latent in ("own", "peer", "swapped"))
     jitter = [[row.joint_jitter for row in rows] for rows in (own, peer, swapped)]
     assert jitter[1] == pytest.approx(jitter[0], rel=1e-4)
     assert jitter[2] != pytest.approx(jitter[0], rel=1e-3)
@@ -194,9 +193,9 @@ def test_a_phase_that_is_not_finished_is_refused(run: RunDirectory, tmp_path: Pa
     for file in run.checkpoints.glob("teacher_*"):
         (other.checkpoints / file.name).write_bytes(file.read_bytes())
     with pytest.raises(StictionError, match="its teacher stands at iteration 2 of 5"):
-        evaluate_run(other.path, "teacher", SHORT)
+        walk_run(other.path, "teacher", SHORT)
     with pytest.raises(StictionError, match="its student stands at iteration 0 of 1"):
-        evaluate_run(other.path, "student", SHORT)
+        walk_run(other.path, "student", SHORT)
 
 
 def test_a_history_of_another_length_reaches_networks_contract_and_driver(tmp_path: Path) -> None:
@@ -207,7 +206,7 @@ def test_a_history_of_another_length_reaches_networks_contract_and_driver(tmp_pa
     contract = contract_of(directory.config(), directory.header())
     assert contract.observation.history_length == 4
     assert load_actor(directory, "student").adaptation.mlp[0].in_features == 4 * 4
-    assert len(evaluate_run(directory.path, "student", SHORT)) == 2
+    assert len(walk_run(directory.path, "student", SHORT).rows) == 2
     with pytest.raises(StictionError, match="history of 0 frames"):
         TaskCfg(history=0)
 
@@ -240,7 +239,7 @@ def test_a_student_is_told_the_friction_of_each_robot(tmp_path: Path, monkeypatc
             return policy.policy(observation)
 
         monkeypatch.setattr(LatentPolicy, "forward", watch)
-        rows = evaluate_run(directory.path, "student", replace(SHORT, known_friction=text))
+        rows = list(walk_run(directory.path, "student", replace(SHORT, known_friction=text)).rows)
         assert {row.method for row in rows} == {"told"}
     np.testing.assert_allclose(seen["true"][-1], [[0.0] * 3] * 2 + [[1.0] * 3] * 2, atol=1e-6)
     np.testing.assert_allclose(seen["contract"][-1], [[1.0] * 3] * 4, atol=1e-6)

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from servo import SERVO
 from stiction.core.errors import ConfigurationError, LogError
 from stiction.formats.log import setup_from_dict
 from stiction.identify.drive import Drive
 from stiction.identify.runs import make_run
 from stiction.identify.setup import IdentifySetup
+from stiction.studies.flags.servo import SERVO
 
 COLUMN, SPEED = np.array([0.5, -0.5, 0.0]), np.array([1.0, 0.0, -2.0])
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from counts import count
 from stiction.identify.checks import Uniform
 from stiction.identify.closed_loop import ClosedLoop
 from stiction.identify.example import GO1, SATURN_LITE, Excitation, Motor, SensorNoise, example_log
@@ -13,8 +14,8 @@ from stiction.identify.output_error import fit_output_error
 from stiction.joints.friction import Coulomb
 from stiction.joints.simulate import simulate
 
-LOGS = 500
-"""The variance of as many logs is known to within 4.5 %, so 1.2 is five deviations from 1."""
+LOGS, LARGEST_RATIO, LARGEST_BIAS = count(150, 500), 1.0 + 0.01 * count(32, 20), 0.01 * count(30, 20)
+"""The variance of 500 logs is known to within 6.3 %, their mean to 0.045 deviations; of 150 to 11.5 % and 0.08."""
 
 POSITION_NOISE, TORQUE_NOISE = 1e-3, 0.05
 """Standard deviations of the white noise [rad, N m]."""
@@ -35,7 +36,7 @@ def part(position: np.ndarray, torque: np.ndarray | None, target: np.ndarray) ->
 @pytest.mark.slow
 @pytest.mark.parametrize("with_torque", [True, False], ids=["position_and_torque", "position"])
 @pytest.mark.parametrize("motor", [GO1, SATURN_LITE], ids=lambda motor: motor.name)
-def test_the_variance_is_within_1_2_of_the_bound(motor: Motor, with_torque: bool) -> None:
+def test_the_variance_is_that_of_the_bound(motor: Motor, with_torque: bool) -> None:
     """White noise of known size, the first sample's state unknown; the bound is from the sensitivities at the truth."""
     model, joint, target = Model(), motor.joint, SHORT.target()[1]
     assert isinstance(joint.friction, Coulomb)
@@ -61,5 +62,5 @@ def test_the_variance_is_within_1_2_of_the_bound(motor: Motor, with_torque: bool
     ratio = np.var(found, axis=0, ddof=1) / bound
     bias = (np.mean(found, axis=0) - list(truth.values())) / np.sqrt(bound)
     print(dict(zip(model.names, ratio.round(3))))
-    assert np.all(ratio < 1.2), dict(zip(model.names, ratio))
-    assert np.all(np.abs(bias) < 0.2), dict(zip(model.names, bias))
+    assert np.all(ratio < LARGEST_RATIO), dict(zip(model.names, ratio))
+    assert np.all(np.abs(bias) < LARGEST_BIAS), dict(zip(model.names, bias))

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from servo import HANGS, SERVO, known
 from stiction.core.errors import ConfigurationError, LogError
 from stiction.formats.joints import Estimate, JointRecord
 from stiction.identify.drive import BRAKE
 from stiction.identify.pipeline import identify_joint
 from stiction.identify.setup import IdentifySetup
+from stiction.studies.flags.servo import HANGS, SERVO, known
 
 WHOLE = SERVO.viscous + SERVO.brake
 """B + kt ke/R = 0.12 + 0.5625 N m s/rad."""

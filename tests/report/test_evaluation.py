@@ -148,8 +148,8 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
 
 def test_without_the_details_there_is_no_moving_column() -> None:
     """A column of dashes would read as robots that never moved."""
-    assert ">moving</th>" not in results_table(ROWS)
-    assert ">moving</th>" in results_table(ROWS, SUMMARY["rows"])
+    assert ">moving [% of steps]</th>" not in results_table(ROWS)
+    assert ">moving [% of steps]</th>" in results_table(ROWS, SUMMARY["rows"])
 
 
 def test_a_coefficient_is_no_percentage() -> None:

@@ -43,7 +43,7 @@ def test_the_page_needs_no_network(tmp_path: Path) -> None:
     """It is one file that can be sent by mail."""
     results(tmp_path)
     page = write_identification_page(tmp_path).read_text(encoding="utf-8")
-    assert not re.search(r'(src|href)="(?!data:)', page) and "http" not in page and "<script" not in page
+    assert not re.search(r'(src|href)="(?!data:|#)', page) and "http" not in page and "<script" not in page
 
 
 def test_what_is_not_known_is_said_and_warnings_are_shown(tmp_path: Path) -> None:
@@ -51,7 +51,7 @@ def test_what_is_not_known_is_said_and_warnings_are_shown(tmp_path: Path) -> Non
     joints = results(tmp_path, LogSetup(), "<b>")
     page = write_identification_page(tmp_path).read_text(encoding="utf-8")
     assert "Only the torque regression was done" in page and page.count("<td>not known</td>") == 2
-    assert page.count("<li>") == len(joints.warnings) >= 5
+    assert page.partition("<nav")[0].count("<li>") == len(joints.warnings) >= 5
     assert "<b>" not in page and "&lt;b&gt;" in page
 
 

@@ -27,7 +27,7 @@ CFG = TrainCfg(
     checkpoint_every=1,
 )
 
-ATTACKS = int(os.environ.get("STICTION_ATTACKS", "12"))
+ATTACKS = int(os.environ.get("STICTION_ATTACKS", "8"))
 """How many; `scripts/attacks.py` asks for more."""
 
 

@@ -19,7 +19,7 @@ from stiction.engines.catalog import ENGINES, EngineSpec
 from stiction.formats.joints import Estimate, JointRecord, JointsFile, load_joints
 from stiction.robots.catalog import find_robot
 from stiction.studies.bench import robots as bench_study
-from stiction.studies.bench.robots import IdentifiedFriction, LoadMeter, referee, study_benches
+from stiction.studies.bench.robots import IdentifiedFriction, LoadMeter, beside_truth, study_benches
 from stiction.virtual import bench as identification
 from stiction.virtual.bench import Bench, BenchCfg, identify_on_bench
 from stiction.virtual.cases import Case, parse_level
@@ -46,7 +46,7 @@ def engines(monkeypatch: pytest.MonkeyPatch) -> list[Hinges]:
 
 @pytest.fixture(scope="module")
 def studied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[IdentifiedFriction]]:
-    """The study of one robot: its folder, and the referee's rows."""
+    """The study of one robot: its folder, and what was found beside the truth."""
     out = tmp_path_factory.mktemp("study")
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(ENGINES, "hinges", EngineSpec("hinges", Hinges))
@@ -153,7 +153,7 @@ def test_the_load_is_that_of_joints_in_motion(engines: list[Hinges]) -> None:
     for _ in range(100):
         meter.exchange(JointCommand(target, 100.0 + zero, 2.5 + zero, zero))
     assert meter.load[2] == pytest.approx(40.0) and not np.delete(meter.load, 2).any()
-    (row,) = referee(bench, JointsFile({SPEC.joint_names[2]: known(1.0)}), meter.load)
+    (row,) = beside_truth(bench, JointsFile({SPEC.joint_names[2]: known(1.0)}), meter.load)
     share = draw(SPEC, 3).friction
     assert row.load == pytest.approx(0.02 * share.load_share[2] * 40.0)
     assert row.friction == pytest.approx(0.442 * share.share[2])

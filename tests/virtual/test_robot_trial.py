@@ -126,7 +126,7 @@ def test_a_robot_starts_where_it_is_put_on_whatever_ground(standing) -> None:
     np.testing.assert_allclose(recording.position[0, 0], [0.1, 0.2], atol=0.05)
 
 
-def test_wear_shows_in_what_the_referee_sees(standing) -> None:
+def test_wear_shows_in_the_ground_truth(standing) -> None:
     """Ten times the friction after half a second of wear."""
     worn = trial(standing, "friction", "0.02", wear=Wear(start=0.3, end=3.0, seconds=0.5)).recording.friction[:, 0]
     fresh = trial(standing, "friction", "0.02").recording.friction[:, 0]

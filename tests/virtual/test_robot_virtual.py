@@ -123,7 +123,7 @@ def test_friction_reaches_the_engine_as_a_bound_and_grows_with_wear() -> None:
 
 @pytest.mark.parametrize(("load", "watched", "force"), [(0.0, False, 0.0), (0.1, False, 5.0), (0.0, True, 5.0)])
 def test_what_joints_transmit_is_known_to_friction_that_depends_on_it(load: float, watched: bool, force: float) -> None:
-    """Without it friction under load would be none; a referee of a bench may watch it all the same."""
+    """Without it friction under load would be none; the study of benches may watch it all the same."""
     hidden = Hidden.perfect(18)
     engine = Hinges(hidden.body(SPEC), None, 0.001)
     engine.force[:] = 5.0
@@ -209,7 +209,7 @@ def test_a_pilot_refuses_a_robot_that_is_not_the_policys() -> None:
         Pilot(port, policy)
 
 
-def test_the_plug_shows_sensors_and_nothing_of_the_robot() -> None:
+def test_the_handle_shows_sensors_and_nothing_of_the_robot() -> None:
     """By accident nobody reads a parameter: what has no leading underscore is names, a period and sensors."""
     handle = make()[0].handle
     public = {name for name in dir(handle) if not name.startswith("_")}

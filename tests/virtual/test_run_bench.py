@@ -6,12 +6,14 @@ import json
 import socket
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from stiction.cli.loop import JointRow, compared, friction_in, shares
-from stiction.core.errors import FileError
+from stiction.cli import loop
+from stiction.cli.loop import JointRow, compared, friction_in, lateness, shares
+from stiction.core.errors import FileError, StictionError
 from stiction.deploy.runtime.channel import row_layout
 from stiction.deploy.runtime.config import SupervisorCfg
 from stiction.deploy.runtime.motion import Motion
@@ -117,5 +119,53 @@ def test_what_agrees_is_counted_by_hand(tmp_path: Path) -> None:
         JointRow("b", 2.0, "", "1 to 3", None, True),
     ]
     assert shares(rows) == {"bench_holds": [1, 1], "walk_holds": [1, 2]}
-    with pytest.raises(FileError, match="not what identify writes"):
+    with pytest.raises(FileError, match="expected what identify writes"):
         friction_in(tmp_path / "nowhere.json")
+
+
+def report(rule: str | None = None, idle: float = 0.2, policy: float = 0.5) -> dict[str, Any]:
+    """What a run reports of its end and its times [ms]."""
+    stop = None if rule is None else {"rule": rule}
+    return {"stop": stop, "probe_ms": {"p99": idle}, "lateness_ms": {"p99": policy}}
+
+
+@pytest.mark.parametrize(
+    ("run", "said"),
+    [
+        ({}, ""),
+        (report(), ""),
+        (report("tilt"), ""),
+        (report("stale state"), "`stale state`"),
+        (report("tilt", policy=9.0), "policy came 9.0 ms late"),
+        (report(idle=3.0), "idle loop came 3.0 ms late"),
+    ],
+)
+def test_a_busy_machine_is_told_from_a_robot_that_falls(run: dict[str, Any], said: str) -> None:
+    """A robot that falls is called a busy machine and tried again, or a busy machine is called a fall."""
+    found = lateness(run)
+    assert (said in found) and bool(found) == bool(said)
+
+
+def test_a_run_on_a_busy_machine_is_made_again_and_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The demo ends on a machine that does other work, or tries for ever, or throws a run away."""
+    ran, reports = [], [report("stale state"), report("policy silent"), report()]
+
+    def run(*words: object) -> int:
+        ran.append(words)
+        out = Path(str(words[-1]))
+        out.mkdir()
+        made = reports[len(ran) - 1]
+        (out / "report.json").write_text(json.dumps(made))
+        return int(made["stop"] is not None)
+
+    monkeypatch.setattr(loop, "_status", run)
+    loop._deploy(loop.LoopCfg(tmp_path), tmp_path / "walk", "--armed")
+    assert len(ran) == 3 and sorted(path.name for path in tmp_path.iterdir()) == ["walk", "walk-late1", "walk-late2"]
+    ran.clear()
+    with pytest.raises(StictionError, match="too busy"):
+        loop._deploy(loop.LoopCfg(tmp_path, tries=2), tmp_path / "bench")
+    reports[0] = report("tilt")
+    ran.clear()
+    with pytest.raises(StictionError, match="ended with status 1"):
+        loop._deploy(loop.LoopCfg(tmp_path), tmp_path / "other")
+    assert len(ran) == 1

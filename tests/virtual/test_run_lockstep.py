@@ -106,6 +106,8 @@ EXPECTED = {
     "torque": {"torque"},
     "temperature": {"temperature"},
     "flailing": {"flailing", "velocity and angle", "joint rate"},
+    "motor-lost": {"motor lost"},
+    "motor-fault": {"motor fault"},
     "drive-gains": {"drive kp"},
 }
 """Fault of the robot -> the rules that may find it."""

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import tyro
-
 from stiction.core.errors import ConfigurationError
+from stiction.core.options import read_options
 from stiction.locomotion.friction import law_choice, law_help
 from stiction.locomotion.terrain import TerrainName
 from stiction.sim.protocol import DeviceName
@@ -26,7 +25,11 @@ that replays the same states and controls on the same threads, with the per-robo
 each block. iteration_ratio: a whole teacher iteration, likewise. parts: the CPU seconds of an iteration, physics, task,
 inference, PPO, supervised pass, for each way to simulate joint friction, in turn, and their ratios to bare physics of
 the same kind. Also the deployed policy's step, and an identification. On other devices than the processor there are
-env-steps/s, and no ratios. STICTION_FAST_GEMM=0 leaves the slow matrix products of AMD processors."""
+env-steps/s, and no ratios. STICTION_FAST_GEMM=0 leaves the slow matrix products of AMD processors.
+
+Examples:
+  stiction bench
+  stiction bench --robot go2 --method none --json"""
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,7 @@ class Bench:
 
 def main(arguments: list[str]) -> int:
     """Run the verb."""
-    options = tyro.cli(Bench, args=arguments, prog="stiction bench", description=DESCRIPTION)
+    options = read_options(Bench, arguments, "stiction bench", DESCRIPTION)
     if options.blocks < 1 or options.num_envs < 1:
         raise ConfigurationError(f"{options.blocks} blocks of {options.num_envs} robots: expected at least one of each")
     if options.ground:

@@ -12,6 +12,7 @@ import tyro
 
 from stiction.core.errors import ConfigurationError
 from stiction.core.files import write_text
+from stiction.core.options import read_options
 from stiction.exchange.targets import ConvertOptions, convert, convert_training
 from stiction.formats.joints import is_training, load_joints
 
@@ -22,9 +23,9 @@ Without --model: a snippet to paste. With --model (MJCF, URDF, PROTO or world): 
 all else, comments included, as it was. What the simulator cannot hold, or nobody knows, is left out; a comment says so.
 A range is written with the traps of its framework: what friction means there, what overrides it, what holds at rest.
 
-Examples: stiction convert training.json --to mjlab --robot go2 --out friction_events.py
-
-stiction convert joints.json --to mujoco --model robot.xml --joint-map shank='*_calf_joint' --out new.xml"""
+Examples:
+  stiction convert training.json --to mjlab --robot go2 --out friction_events.py
+  stiction convert joints.json --to mujoco --model robot.xml --joint-map shank='*_calf_joint' --out new.xml"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +42,7 @@ class Convert(ConvertOptions):
 
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
-    cfg = tyro.cli(Convert, args=arguments, prog="stiction convert", description=DESCRIPTION)
+    cfg = read_options(Convert, arguments, "stiction convert", DESCRIPTION)
     _keep_inputs(cfg)
     done = convert_training(cfg.joints, cfg) if is_training(cfg.joints) else convert(load_joints(cfg.joints), cfg)
     if cfg.out is not None:

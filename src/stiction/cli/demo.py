@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import tyro
-
 from stiction.core.files import write_text
+from stiction.core.options import read_options
 
 if TYPE_CHECKING:
     from stiction.deploy.check import BundleCheck
@@ -64,20 +63,22 @@ class DemoCfg:
     loop: bool = False
     """The loop of a robot in place of the page: motions on a virtual robot's bench, identify, deploy a policy, identify
     its walk; beside what the robot really has. Some four minutes, in real time."""
+    overwrite: bool = False
+    """Write over results of other settings in --out."""
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 
 
 def main(arguments: list[str]) -> None:
     """Run the demo and print where its page is."""
-    cfg = tyro.cli(DemoCfg, args=arguments, prog="stiction demo", description=DESCRIPTION)
-    from stiction.core.lock import output_folder
+    cfg = read_options(DemoCfg, arguments, "stiction demo", DESCRIPTION)
     from stiction.formats.results import summary_text
+    from stiction.formats.settings import results_folder
 
     if cfg.loop:
         _loop(cfg)
         return
-    with output_folder(cfg.out):
+    with results_folder(cfg.out, "demo", cfg):
         page, summary, warnings = _run(cfg, arguments)
     for text in warnings:
         _say(f"note: {text}")
@@ -107,9 +108,9 @@ def _run(cfg: DemoCfg, arguments: list[str]) -> tuple[Path, dict[str, Any], list
 def _loop(cfg: DemoCfg) -> None:
     """Run the loop on a virtual robot and print what agrees."""
     from stiction.cli.loop import LoopCfg, run_loop, shares, show
-    from stiction.core.lock import output_folder
+    from stiction.formats.settings import results_folder
 
-    with output_folder(cfg.out):
+    with results_folder(cfg.out, "demo --loop", cfg):
         rows = run_loop(LoopCfg(cfg.out))
     if cfg.json:
         print((cfg.out / "loop.json").read_text(encoding="utf-8"), end="")
@@ -157,7 +158,7 @@ def _identify(title: str, arguments: list[str]) -> DemoJoint:
     command = shlex.join(["stiction", "identify", *arguments])
     _say(command)
     with contextlib.redirect_stdout(io.StringIO()):
-        identify.main(arguments)
+        identify.main([*arguments, "--overwrite"])
     folder = Path(arguments[arguments.index("--out") + 1])
     (name, record), *_ = load_joints(folder / "joints.json").joints.items()
     found, cloud, *_ = joint_sections(name, record, read_fit(folder / "fit.npz", name))
@@ -204,7 +205,7 @@ def _evaluate(
     warnings: list[str],
 ) -> tuple[Path, dict[str, Any]]:
     """Evaluate and render the checked policies; write every file; return the page's path and the summary."""
-    from stiction.report.demo import DemoClips, DemoPolicy, render_demo
+    from stiction.report.demo import DemoClips, DemoPolicy, policy_names, render_demo
     from stiction.report.evaluation import write_evaluation
 
     level = round(checks[0].bundle.contract.friction_level, 6) or LEVEL if checks else LEVEL
@@ -217,12 +218,12 @@ def _evaluate(
         rows, evaluated = _walk(cfg, checks, level)
         summary |= evaluated
         write_evaluation(cfg.out / "evaluation", rows, summary)
-    shown = DemoClips(COMMANDS[0], level)
-    clips = _render(cfg, bundles, shown.command, level, warnings)
+    names = policy_names([check.bundle for check in checks])
     policies = [
-        DemoPolicy(check.bundle, check.steps, max(check.action_error, check.target_error), clip)
-        for check, clip in zip(checks, clips, strict=True)
+        DemoPolicy(check.bundle, check.steps, max(check.action_error, check.target_error), name)
+        for check, name in zip(checks, names, strict=True)
     ]
+    shown = DemoClips(COMMANDS[0], level, _render(cfg, bundles, names, level, warnings))
     page = cfg.out / "report.html"
     write_text(page, render_demo(joints, policies, rows, summary, shown, warnings))
     return page, summary
@@ -247,24 +248,29 @@ def _walk(cfg: DemoCfg, checks: list[BundleCheck], level: float) -> tuple[list[R
         return evaluate_all(bundles, GridCfg(settings), cfg.out / "evaluation", jobs=num_threads(), progress=progress)
 
 
-def _render(cfg: DemoCfg, bundles: list[Path], command: str, level: float, warnings: list[str]) -> list[Path | None]:
-    """Render a clip of each policy; without OpenGL say so once and go on."""
-    from stiction.evaluate.clip import ClipError, record_clip
+def _render(
+    cfg: DemoCfg, bundles: Sequence[Path], names: Sequence[str], level: float, warnings: list[str]
+) -> Path | None:
+    """Render all policies in one scene; where that cannot be, without OpenGL, say so and go on."""
+    from stiction.evaluate.clip import ClipError
+    from stiction.evaluate.side_by_side import record_side_by_side
+    from stiction.report.page import COLORS
 
-    clips: list[Path | None] = []
-    for bundle in bundles:
-        if None in clips:
-            clips.append(None)
-            continue
-        try:
-            clips.append(record_clip(bundle, level, command, cfg.out / f"{bundle.resolve().name}.webp"))
-        except ClipError as error:
-            warnings.append(f"{error}.")
-            clips.append(None)
-    return clips
+    if not bundles:
+        return None
+    _say("rendering them side by side")
+    colors = [COLORS[number % len(COLORS)] for number in range(len(bundles))]
+    try:
+        return record_side_by_side(bundles, names, colors, level, COMMANDS[0], cfg.out / "side-by-side.webp")
+    except ClipError as error:
+        warnings.append(f"{error}.")
+        return None
 
 
-DESCRIPTION = (
-    "Identify a joint from a log, say whether its friction matters, check and evaluate policies over friction levels, "
-    "render a clip of each, and write one page that explains it all."
-)
+DESCRIPTION = """Identify a joint from a log, say whether its friction matters, check and evaluate policies over
+friction levels, render them side by side, and write one page that explains it all.
+
+Examples:
+  stiction demo
+  stiction demo --bundles runs/mine/bundle --out my-demo
+  stiction demo --loop"""

@@ -4,18 +4,31 @@ from __future__ import annotations
 
 import json
 import sys
-from contextlib import ExitStack
+from collections.abc import Callable
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
 from stiction.core.errors import ConfigurationError
 from stiction.core.files import write_text
-from stiction.core.lock import output_folder
+from stiction.core.options import read_options
 from stiction.core.records import part_of
 from stiction.deploy.runtime.config import LimitsCfg, OperatorCfg, SafetyCfg
+from stiction.deploy.transports.config import HeldCfg
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from stiction.deploy.runtime.config import RunCfg
+    from stiction.deploy.runtime.motion import Motion
+    from stiction.deploy.transports.config import Address
+    from stiction.deploy.transports.link import Link
+    from stiction.formats.bundle import Bundle
+    from stiction.formats.contract import Contract
+from stiction.formats.settings import results_folder
 
 DESCRIPTION = """Run a policy bundle on a robot, or play a designed motion on it.
 
@@ -25,13 +38,24 @@ with one damping frame, one line that says which rule, which joint and which val
 without --armed.
 
 --robot virtual starts a virtual robot in a process of its own: friction, motors, delays, gears and sensors are those of
---robot-seed. Try there, with --fault, what your robot must never do.
+--robot-seed. Try there, with --fault, what your robot must never do. unitree-go:eth0 is a Go2 or B2 at that network
+interface, unitree-hg:eth0 a G1 or H1-2, ros2:/dog any robot whose driver speaks ROS 2 there: read
+docs/bringing-up-your-robot.md before.
 
 Examples:
   stiction deploy saturn_lite-flat-deception-0.2 --robot virtual --armed --command vx=0.5 --duration 10
   stiction deploy BUNDLE --robot virtual --armed --fault tilt@3
   stiction deploy BUNDLE --robot virtual --stand --armed --excitation excite/trajectory.csv
+  stiction deploy BUNDLE --robot unitree-go:eth0
   stiction identify stiction-deploy/log"""
+
+
+GROUPS = {
+    "usually needed": ("--robot", "--armed", "--command", "--duration", "--out", "--json"),
+    "the virtual robot": ("--robot-seed", "--friction-level", "--engine", "--robot-cell", "--stand", "--fault"),
+    "what else": ("--excitation", "--expect-digest", "--realtime"),
+}
+"""The options that people use."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +65,9 @@ class DeployCfg:
     bundle: Annotated[Path, tyro.conf.Positional]
     """Directory of the bundle, or the name of one that comes with the package."""
     robot: str = "virtual"
-    """How the robot is reached: virtual."""
+    """How the robot is reached: virtual, unitree-go:INTERFACE, unitree-hg:INTERFACE, ros2:/NAMESPACE."""
+    held: HeldCfg = field(default_factory=HeldCfg)
+    """Gains of joints that the robot has and the policy does not move, of a Unitree robot."""
     armed: bool = False
     """Send commands. Without it everything runs but nothing is sent: look at the report and the log first."""
     command: str = "stand"
@@ -84,27 +110,26 @@ class DeployCfg:
     """Bolt the virtual robot to a stand, its legs in the air."""
     fault: tuple[str, ...] = ()
     """Faults of the virtual robot's run, NAME@SECOND after the policy took over: tilt@3. A wrong name lists them."""
+    overwrite: bool = False
+    """Write over results of other settings in --out."""
     json: bool = False
     """Print the report as JSON on standard output, and nothing else."""
 
 
-ROBOTS = ("virtual",)
-"""Transports."""
-
-
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
-    cfg = tyro.cli(DeployCfg, args=arguments, prog="stiction deploy", description=DESCRIPTION)
-    from stiction.core.errors import unknown_name
+    cfg = read_options(DeployCfg, arguments, "stiction deploy", DESCRIPTION, groups=GROUPS)
     from stiction.deploy.check import check_bundle
+    from stiction.deploy.transports.config import parse_address
     from stiction.formats.bundle import find_bundle
 
-    if cfg.robot not in ROBOTS:
-        raise ConfigurationError(unknown_name("robot transport", cfg.robot, ROBOTS))
+    address = parse_address(cfg.robot)
+    if address.transport != "virtual" and (cfg.fault or cfg.stand):
+        raise ConfigurationError(f"--fault and --stand are for the virtual robot alone; --robot is {cfg.robot}")
     folder = find_bundle(cfg.bundle)
-    with output_folder(cfg.out):
+    with results_folder(cfg.out, "deploy", cfg):
         bundle = check_bundle(folder, cfg.expect_digest).bundle
-        report = _run(cfg, bundle, folder)
+        report = _run(cfg, address, bundle, folder)
         text = json.dumps(report, indent=2, allow_nan=False) + "\n"
         write_text(cfg.report or cfg.out / "report.json", text)
     if cfg.json:
@@ -117,7 +142,7 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _run(cfg: DeployCfg, bundle: Any, folder: Path) -> dict[str, Any]:
+def _run(cfg: DeployCfg, address: Address, bundle: Bundle, folder: Path) -> dict[str, Any]:
     """Run on the robot; return the report."""
     import numpy as np
 
@@ -125,7 +150,8 @@ def _run(cfg: DeployCfg, bundle: Any, folder: Path) -> dict[str, Any]:
     from stiction.deploy.runtime.config import RunCfg, SupervisorCfg
     from stiction.deploy.runtime.motion import Motion
     from stiction.deploy.runtime.runtime import run
-    from stiction.evaluate.command import AXES, parse_command
+    from stiction.evaluate.command import parse_command
+    from stiction.formats.velocity import AXES
 
     settings = part_of(SupervisorCfg, cfg)
     velocity = np.array(parse_command(cfg.command).velocity)
@@ -137,23 +163,55 @@ def _run(cfg: DeployCfg, bundle: Any, folder: Path) -> dict[str, Any]:
     say = (lambda text: None) if cfg.json else lambda text: print(f"stiction deploy: {text}", file=sys.stderr)
     if not cfg.armed:
         say("a dry run: nothing is sent to the robot; --armed moves it")
-    operator = cfg.operator
-    with ExitStack() as stack:
-        # Here alone is a simulator, and only for the robot that is one.
-        from stiction.virtual.faults import Faults, parse_fault
-        from stiction.virtual.process import virtual_robot
-        from stiction.virtual.serve import VirtualCfg
+    run_cfg = part_of(RunCfg, cfg, supervisor=settings)
+    if address.transport == "virtual":
+        return _on_virtual_robot(cfg, run_cfg, bundle, folder, velocity, motion, say)
+    with closing(_link(cfg, address, bundle.contract)) as link:
+        return run(bundle, folder, link, run_cfg, velocity, motion, None, say)
 
-        faults = [parse_fault(text) for text in cfg.fault]
-        if any(fault.name == "stop-file" for fault in faults) and operator.stop_file is None:
-            operator = replace(operator, stop_file=cfg.out / "stop")
-        run_cfg = part_of(RunCfg, cfg, supervisor=settings, operator=operator)
-        virtual = VirtualCfg(cfg.robot_seed, cfg.engine, cfg.friction_level, cfg.robot_cell, cfg.stand)
-        robot = stack.enter_context(virtual_robot(folder, virtual))
-        injected = Faults(faults, robot.address, operator.stop_file, bundle.contract.num_joints) if faults else None
+
+def _link(cfg: DeployCfg, address: Address, contract: Contract) -> Link:
+    """Return the link to a robot that is not virtual."""
+    if address.transport == "ros2":
+        from stiction.deploy.transports.ros2 import ros2_link
+
+        return ros2_link(address.place, contract)
+    from stiction.deploy.transports.unitree import unitree_link
+
+    return unitree_link(address.transport, address.place, contract, cfg.held)
+
+
+def _on_virtual_robot(
+    cfg: DeployCfg,
+    run_cfg: RunCfg,
+    bundle: Bundle,
+    folder: Path,
+    velocity: np.ndarray,
+    motion: Motion | None,
+    say: Callable[[str], None],
+) -> dict[str, Any]:
+    """Start a virtual robot and run on it, with the faults that are asked for; return the report."""
+    # Here alone is a simulator, and only for the robot that is one.
+    from stiction.deploy.runtime.runtime import run
+    from stiction.virtual.faults import Faults, operated, parse_fault
+    from stiction.virtual.process import virtual_robot
+    from stiction.virtual.serve import VirtualCfg
+
+    faults = [parse_fault(text) for text in cfg.fault]
+    operator = operated(cfg.operator, faults, cfg.out / "stop")
+    run_cfg = replace(run_cfg, operator=operator)
+    virtual = VirtualCfg(cfg.robot_seed, cfg.engine, cfg.friction_level, cfg.robot_cell, cfg.stand)
+    with virtual_robot(folder, virtual) as robot, ExitStack() as stack:
+        injected = None
+        if faults:
+            injected = stack.enter_context(
+                Faults(faults, robot.address, operator, bundle.contract.num_joints, velocity)
+            )
         report = run(bundle, folder, robot.link, run_cfg, velocity, motion, injected, say)
-        report |= {"faults": {} if injected is None else injected.times, "virtual": robot.said() if cfg.armed else {}}
-    return report
+        return report | {
+            "faults": {} if injected is None else injected.times,
+            "virtual": robot.said() if cfg.armed else {},
+        }
 
 
 def _show(cfg: DeployCfg, report: dict[str, Any]) -> None:

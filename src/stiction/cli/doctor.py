@@ -9,6 +9,7 @@ from typing import Annotated
 
 import tyro
 
+from stiction.core.options import read_options
 from stiction.locomotion.config import TaskCfg
 
 DESCRIPTION = """Measure that every randomised parameter changes the physics as its own formula says.
@@ -16,7 +17,8 @@ DESCRIPTION = """Measure that every randomised parameter changes the physics as 
 Nothing is read back: robots with both ends of each range are simulated, and the difference of their motion is
 compared with the formula's. Exit status 1 where a parameter does nothing, or not what it says.
 
-Example: stiction doctor --randomization --robot go1"""
+Example:
+  stiction doctor --randomization --robot go1"""
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,7 @@ class Doctor:
 
 def main(arguments: list[str]) -> int:
     """Run the verb."""
-    options = tyro.cli(Doctor, args=arguments, prog="stiction doctor", description=DESCRIPTION)
+    options = read_options(Doctor, arguments, "stiction doctor", DESCRIPTION)
     from stiction.core.provenance import machine
 
     if not options.randomization:

@@ -13,6 +13,8 @@ import tyro
 
 from stiction.core.errors import ConfigurationError
 from stiction.core.lock import output_folder
+from stiction.core.options import read_options
+from stiction.formats.settings import results_folder
 from stiction.locomotion.friction import law_choice, law_help
 from stiction.report.terminal import RobotSeeds, jobs_of
 
@@ -97,13 +99,15 @@ class EvaluateCfg:
     was; and for bench, what was identified for --forward and --known-friction."""
     judge_again: bool = False
     """Walk nothing: read results.csv and summary.json in --out, and draw its page anew. No bundle is needed."""
+    overwrite: bool = False
+    """Write over results of other settings in --out."""
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 
 
 def main(arguments: list[str]) -> int:
     """Check and evaluate the bundles, write the results, print them."""
-    cfg = tyro.cli(EvaluateCfg, args=arguments, prog="stiction evaluate", description=DESCRIPTION)
+    cfg = read_options(EvaluateCfg, arguments, "stiction evaluate", DESCRIPTION, groups=GROUPS)
     command = shlex.join(["stiction", "evaluate", *arguments])
     if cfg.judge_again:
         with output_folder(cfg.out):
@@ -126,7 +130,10 @@ def main(arguments: list[str]) -> int:
     base = part_of(EvaluationCfg, cfg)
     settings = part_of(GridCfg, cfg, base=base)
     record = None if cfg.log is None else RecordCfg(cfg.log_robots, cfg.log_seconds, torque=cfg.log_torque)
-    with output_folder(cfg.out), nullcontext() if cfg.log is None else output_folder(cfg.log, "--log"):
+    with (
+        results_folder(cfg.out, "evaluate", cfg),
+        nullcontext() if cfg.log is None else output_folder(cfg.log, "--log"),
+    ):
         bundles = [check_bundle(find_bundle(path)).bundle for path in cfg.bundles]
         bundles += [] if cfg.policy_callable is None else [own(cfg, all(one.is_batch for one in settings.simulators))]
         with work_progress() as progress:
@@ -177,10 +184,23 @@ def write_and_print(cfg: EvaluateCfg, rows: list[ResultRow], summary: dict[str, 
             print(f"logs: {len(summary['logs'])} in {cfg.log}")
 
 
-DESCRIPTION = (
-    "Drive policy bundles over levels of dry joint friction, velocity commands, grounds and physics engines, on the "
-    "robot of the data sheet or on a virtual one with joints of its own, from the bundles alone. A bundle is a "
-    "directory, or the name of one that comes with the package. Stop it at any time: the same command goes on. What is "
-    "lost is the walks in progress, one a core; of the engine mujoco a batch, some three seconds of computing; of "
-    "--forward and --known-friction bench the bench in progress, minutes."
-)
+DESCRIPTION = """Drive policy bundles over levels of dry joint friction, velocity commands, grounds and physics engines,
+on the robot of the data sheet or on a virtual one with joints of its own, from the bundles alone. A bundle is a
+directory, or the name of one that comes with the package.
+
+Examples:
+  stiction evaluate runs/mine/bundle
+  stiction evaluate saturn_lite-flat-deception-0.2 --friction-levels 0 0.1 0.2 0.3 --commands vx=0.5 vx=-0.5
+  stiction evaluate bundle --engines mujoco physx+all --robots 1000 1001
+
+Stop it at any time: the same command goes on. What is lost is the walks in progress, one a core; of the engine mujoco a
+batch, some three seconds of computing; of --forward and --known-friction bench the bench in progress, minutes."""
+
+GROUPS = {
+    "usually needed": ("--friction-levels", "--commands", "--engines", "--terrains", "--out", "--json"),
+    "which robot": ("--robot", "--robots", "--robot-levels"),
+    "the friction": ("--friction-law", "--forward", "--known-friction"),
+    "how much of it": ("--episodes", "--seconds", "--seed", "--jobs"),
+    "what else": ("--log", "--judge-again", "--overwrite"),
+}
+"""The options that people use."""

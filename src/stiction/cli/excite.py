@@ -6,20 +6,25 @@ import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
-import tyro
 from rich.console import Console
 from rich.table import Table
 
+from stiction.core.options import read_options
 from stiction.core.records import header, part_of, texts
 from stiction.formats.design import ExcitationDesign, Predicted, percent, two_digits
 from stiction.formats.plain import object_text
+from stiction.formats.settings import results_folder
 from stiction.identify.excite.setup import ExciteSetup
 
 DESCRIPTION = """Design a log that shows a joint's inertia and friction well: a motion within limits of angle, speed and
 torque, how long to run it, and at which gains. Predicts the standard deviation of each parameter, and shows what a
 single sine or a stiff loop would cost. Guesses of the parameters do: limits hold, and the worst case is judged, over a
 range around them. Writes trajectory.csv (what the controller plays back) with its sidecar, design.json, design.npz and
-report.html."""
+report.html.
+
+Examples:
+  stiction excite --robot go2 --joint FL_calf --out excite
+  stiction identify log.csv --out identified"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,20 +38,23 @@ class ExciteConfig(ExciteSetup):
     """Name of the joint, FL_shank, or its kind, shank."""
     out: Path = Path("excite")
     """Folder for the results."""
+    overwrite: bool = False
+    """Write over results of other settings in --out."""
     json: bool = False
     """Print the machine-readable summary, and nothing else, on standard output."""
 
 
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
-    config = tyro.cli(ExciteConfig, args=arguments, prog="stiction excite", description=DESCRIPTION)
+    config = read_options(ExciteConfig, arguments, "stiction excite", DESCRIPTION)
     from stiction.api.excitation import design
     from stiction.report.terminal import Terminal, work_progress
 
     command = shlex.join(["stiction", "excite", *arguments])
     with work_progress() as progress:
         designed = design(part_of(ExciteSetup, config), config.joint, config.robot, command, progress)
-    designed.save(config.out)
+    with results_folder(config.out, "excite", config):
+        designed.write(config.out)
     if config.json:
         print(object_text(designed.to_dict()), end="")
     else:

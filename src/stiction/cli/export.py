@@ -12,6 +12,7 @@ import tyro
 
 from stiction.core.errors import ConfigurationError, FileError
 from stiction.core.lock import replaced_folder
+from stiction.core.options import read_options
 
 DESCRIPTION = """Export a trained student as a policy bundle, or a policy bundle as others deploy it, not run there.
 
@@ -23,7 +24,11 @@ that runs the bundle. Written and tested short of running.
 
 --to deploy.yaml, rl_sar, mjlab: the network and the file that unitree_rl_lab, rl_sar or mjlab's runtimes read,
 generated from the contract; what that file cannot say goes into the network, what neither holds is refused. Read back
-by `stiction import` it is the same policy."""
+by `stiction import` it is the same policy.
+
+Examples:
+  stiction export runs/mine
+  stiction export runs/mine --to rl_sar --out for-rl_sar"""
 
 
 @dataclass(frozen=True)
@@ -74,7 +79,7 @@ BELONGS = {
 
 def main(arguments: list[str]) -> None:
     """Export what is asked for, and print where it is."""
-    cfg = tyro.cli(ExportCfg, args=arguments, prog="stiction export", description=DESCRIPTION)
+    cfg = read_options(ExportCfg, arguments, "stiction export", DESCRIPTION)
     for name, target in BELONGS.items():
         if getattr(cfg, name) not in (None, ()) and cfg.to != target:
             raise ConfigurationError(f"--{name.replace('_', '-')} is for --to {target}; leave it out")

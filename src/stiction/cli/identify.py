@@ -13,13 +13,14 @@ from rich.console import Console
 from rich.table import Table
 
 from stiction.core.errors import ConfigurationError, RobotError
-from stiction.core.lock import output_folder
 from stiction.core.memory import DEFAULT_LIMIT, limit_memory
+from stiction.core.options import read_options
 from stiction.core.records import part_of
 from stiction.formats.joints import PARAMETERS, JointRecord, JointsFile
 from stiction.formats.log import Log, sidecar_of
 from stiction.formats.plain import object_text
 from stiction.formats.run_log import is_walk_log
+from stiction.formats.settings import SETTINGS, check_settings, results_folder
 from stiction.identify.limb.setup import LimbSetup
 from stiction.identify.setup import IdentifySetup
 from stiction.identify.walking.setup import RobotLogSetup, WalkSetup
@@ -36,13 +37,37 @@ the motor's strength. Gains, torque limit and so on come from flags or from LOG.
 may have its own; --init writes one to fill in. With --robot and a log in which all joints of a leg or an arm move,
 its base held, they are found together, what each does to the others taken off by the robot's model. A walking log
 (stiction evaluate --log) has options of its own, --robot, --mass-known and more: `stiction identify walk --help` lists
-them. A walk whose joints and IMU are in columns of any name is read by `stiction identify walk LOG --robot FILE`."""
+them. A walk whose joints and IMU are in columns of any name is read by `stiction identify walk LOG --robot FILE`.
+
+Examples:
+  stiction identify log.csv --kp 30 --kd 0.5 --torque-limit 12 --test-condition in_air
+  stiction identify log.csv --columns time=t position=q_{joint} target=des_{joint} torque=tau_{joint}
+  stiction identify log.csv --init
+  stiction identify leg.csv --robot robot.urdf
+  stiction identify walk walk.csv --robot robot.xml"""
+
+USUAL = ("--robot", "--kp", "--kd", "--torque-limit", "--torque-source", "--out", "--json")
+ODD = ("--columns", "--names", "--torque-scale", "--position-scale", "--time-scale", "--rate", "--from", "--to")
+
+GROUPS = {
+    "usually needed": (*USUAL, "--test-condition", "--joint"),
+    "odd logs": ("--init", *ODD, "--torque-column", "--join", "--repeat", "--axis"),
+}
+"""The options that people use."""
 
 WALK_DESCRIPTION = """Find the friction of a walking robot's joints in its log: unloaded friction from legs in swing,
 and what load adds to it from the body in stance, where the robot's masses are declared known. The log is one of
 evaluate --log, or has columns of its own; then name the robot, and have an IMU beside the joints, 200 Hz or more. Base
 position and velocity are not needed, and of load nothing is told then. Writes joints.json, fit.npz, training.json and
-report.html."""
+report.html.
+
+Examples:
+  stiction identify walk walk.csv --robot robot.xml --torque-source motor_side
+  stiction identify walk stiction-deploy/log
+  stiction identify walk logs/walk.npz --mass-known"""
+
+WALK_GROUPS = {"usually needed": (*USUAL, "--mass-known"), "odd logs": (*ODD, "--joint-map")}
+"""The options for walks that people use."""
 
 WALK = "walk"
 """The word before a log that is one of a walk, in whatever form."""
@@ -59,7 +84,7 @@ COUPLED = (
 DECLARED = ("kp", "kd", "torque_limit", "torque_source", "torque_scale", "position_scale")
 """What may be declared of the motors in the log of a walk."""
 
-RESULTS = ("joints.json", "fit.npz", "training.json", "report.html")
+RESULTS = ("joints.json", "fit.npz", "training.json", "report.html", SETTINGS)
 """What is written into --out."""
 
 
@@ -108,6 +133,8 @@ class IdentifyConfig(ReadOptions, IdentifySetup, LimbSetup):
     """ROLE=NAME pairs that the repeats have and the log has not: disturbance=pulses, say."""
     out: Path = Path("identified")
     """Folder for joints.json, fit.npz, training.json and report.html."""
+    overwrite: bool = False
+    """Write over results of other settings in --out."""
     json: bool = False
     """Print the machine-readable summary, and nothing else, on standard output."""
     memory_limit: float = DEFAULT_LIMIT / 2**30
@@ -137,6 +164,8 @@ class WalkOptions(ReadOptions, WalkSetup, RobotLogSetup):
     """rad per unit of position, velocity and target."""
     out: Path = Path("identified")
     """Folder for joints.json, fit.npz, training.json and report.html."""
+    overwrite: bool = False
+    """Write over results of other settings in --out."""
     json: bool = False
     """Print the machine-readable summary, and nothing else, on standard output."""
     memory_limit: float = DEFAULT_LIMIT / 2**30
@@ -149,7 +178,7 @@ def main(arguments: list[str]) -> int:
         return _identify_walk(arguments[1:])
     if any(is_walk_log(Path(text)) for text in arguments if not text.startswith("-")):
         return _identify_walk(arguments)
-    config = tyro.cli(IdentifyConfig, args=arguments, prog="stiction identify", description=DESCRIPTION)
+    config = read_options(IdentifyConfig, arguments, "stiction identify", DESCRIPTION, groups=GROUPS)
     with limit_memory(memory_of(config.memory_limit)):
         return _identify_joints(config)
 
@@ -171,6 +200,7 @@ def _identify_joints(config: IdentifyConfig) -> int:
         return 0
     for log in (*config.log, *config.repeat):
         _keep_inputs(log, config.out)
+    check_settings(config.out, _verb(config), config)
     if config.robot is not None:
         return _identify_limb(config, config.robot)
     setup = part_of(IdentifySetup, config)
@@ -181,7 +211,8 @@ def _identify_joints(config: IdentifyConfig) -> int:
         found = identify_joints(
             logs[0], setup, config.joint, logs[1:], () if config.join else runs[1:], progress=progress
         )
-    found.save(config.out)
+    with results_folder(config.out, "identify", config):
+        found.write(config.out)
     _print_results(config, found.file, show)
     if len(found.signals) > 1 and setup.test_condition != "bare_motor":
         Terminal(stderr=True).print(COUPLED, highlight=False, soft_wrap=True)
@@ -203,7 +234,8 @@ def _identify_limb(config: IdentifyConfig, robot: str) -> int:
     setup = part_of(LimbSetup, config)
     with Terminal(stderr=True).status("fitting all joints at once"):
         found = identify_limb(log, robot, part_of(IdentifySetup, config), setup)
-        found.save(config.out)
+    with results_folder(config.out, "identify", config):
+        found.write(config.out)
     _print_results(config, found.file, lambda console, joints: _show_limb(console, joints, setup.model_error))
     return 0
 
@@ -230,7 +262,7 @@ def memory_of(limit: float) -> int:
 
 def _identify_walk(arguments: list[str]) -> int:
     """Identify the log of a walk; return the exit status."""
-    options = tyro.cli(WalkOptions, args=arguments, prog="stiction identify walk", description=WALK_DESCRIPTION)
+    options = read_options(WalkOptions, arguments, "stiction identify walk", WALK_DESCRIPTION, groups=WALK_GROUPS)
     from stiction.formats.run_log import read_walk_log
     from stiction.formats.walk import write_walk_fit
     from stiction.identify.walking.foreign import foreign_walk
@@ -239,6 +271,7 @@ def _identify_walk(arguments: list[str]) -> int:
     from stiction.robots.catalog import find_robot
 
     _keep_inputs(options.log, options.out)
+    check_settings(options.out, _verb(options), options)
     setup = part_of(WalkSetup, options)
     with limit_memory(memory_of(options.memory_limit)), Terminal(stderr=True).status("reading, fitting"):
         if is_walk_log(options.log):
@@ -255,7 +288,7 @@ def _identify_walk(arguments: list[str]) -> int:
             spec = find_robot(options.robot)
             foreign = foreign_walk(log, spec, declared, part_of(RobotLogSetup, options))
             found = identify_walk(foreign.log, spec, setup, foreign.notes, True, foreign.unplaced)
-        _write_results(options.out, found.joints, lambda path: write_walk_fit(path, found.fit), write_walking_page)
+        _write_results(options, found.joints, lambda path: write_walk_fit(path, found.fit), write_walking_page)
     _print_results(options, found.joints, _show_walk)
     return 0
 
@@ -288,6 +321,11 @@ def _refuse_declared(options: WalkOptions) -> None:
             )
 
 
+def _verb(options: IdentifyConfig | WalkOptions) -> str:
+    """Return the words that the options are of."""
+    return f"identify {WALK}" if isinstance(options, WalkOptions) else "identify"
+
+
 def _keep_inputs(log: Path, out: Path) -> None:
     """Refuse a folder in which a result would overwrite the log, or be taken for its sidecar by the next run."""
     inputs = (log.resolve(), sidecar_of(log.resolve()))
@@ -299,12 +337,16 @@ def _keep_inputs(log: Path, out: Path) -> None:
 
 
 def _write_results(
-    folder: Path, joints: JointsFile, write_signals: Callable[[Path], None], write_page: Callable[[Path], Any]
+    options: IdentifyConfig | WalkOptions,
+    joints: JointsFile,
+    write_signals: Callable[[Path], None],
+    write_page: Callable[[Path], Any],
 ) -> None:
     """Write the four files, of which `write_signals` writes fit.npz; raise `StictionError` where that cannot be."""
     from stiction.identify.proposal import write_proposal
 
-    with output_folder(folder):
+    folder = options.out
+    with results_folder(folder, _verb(options), options):
         joints.write(folder / "joints.json")
         write_proposal(folder, joints)
         write_signals(folder / "fit.npz")

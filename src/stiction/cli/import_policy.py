@@ -12,6 +12,7 @@ from typing import Annotated
 import tyro
 
 from stiction.core.lock import replaced_folder
+from stiction.core.options import read_options
 
 DESCRIPTION = """Read a policy that was trained elsewhere, a network in ONNX, as a policy bundle: `verify` and
 `evaluate` take it like one of ours.
@@ -20,10 +21,10 @@ What its metadata say (mjlab, holosoma) is taken; what they do not say is asked 
 deploy.yaml of unitree_rl_lab, rl_sar's config.yaml and base.yaml, or a few lines of your own (docs/policies.md). The
 robot has to drive the joints that the policy moves; its gains, pose and order of joints become the policy's.
 
-Examples: stiction import policy.onnx --robot robot.yaml --out bundle
-
-stiction import policy.onnx --robot go2 --settings config.yaml base.yaml mine.yaml --out bundle
-stiction evaluate bundle --friction-levels 0 0.1 0.2"""
+Examples:
+  stiction import policy.onnx --robot robot.yaml --out bundle
+  stiction import policy.onnx --robot go2 --settings config.yaml base.yaml mine.yaml --out bundle
+  stiction evaluate bundle --friction-levels 0 0.1 0.2"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +45,7 @@ class Import:
 
 def main(arguments: list[str]) -> int:
     """Import the policy, and print where it is."""
-    cfg = tyro.cli(Import, args=arguments, prog="stiction import", description=DESCRIPTION)
+    cfg = read_options(Import, arguments, "stiction import", DESCRIPTION)
     from stiction.exchange.policies.importer import import_policy
 
     def say(note: str) -> None:

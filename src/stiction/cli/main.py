@@ -15,7 +15,8 @@ from stiction.core.provenance import limit_library_threads
 
 VERBS = {
     "demo": "run the whole line on small real input and write one page that explains it",
-    "robot": "check a robot's file, show what is known of it, list the shipped ones",
+    "list": "list the robots, policies and engines that come with the package",
+    "robot": "check a robot's file, show what is known of it and from where",
     "excite": "design the log that identification needs, before the robot is touched",
     "identify": "find a joint's inertia and friction from a log, with intervals",
     "convert": "write identified joints as MuJoCo, URDF, Isaac Lab or Webots reads them",
@@ -38,6 +39,7 @@ ELSEWHERE = {"replicate": "stiction.studies.replication.study", "import": "stict
 """Verbs whose module is called otherwise: a study, and a word of Python."""
 
 NEEDS = {"demo": "sim", "evaluate": "sim", "replicate": "sim", "import": "sim", "sign": "sign"}
+NEEDS |= dict.fromkeys(("list", "robot"), "sim")
 NEEDS |= dict.fromkeys(("train", "train-actuator", "bench", "doctor"), "train")
 """Verbs that do nothing without an extra: it is asked for before anything is done, unless they are asked for help."""
 

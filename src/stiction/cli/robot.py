@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import tyro
-from tyro.conf import Positional, subcommand
+from tyro.conf import Positional
 
-from stiction.core.errors import RobotError
-from stiction.core.lock import output_folder
+from stiction.core.errors import RobotError, unknown_name
+from stiction.core.options import HELP, HELP_ALL, read_options, refuse
+from stiction.formats.settings import results_folder
 
 
 @dataclass(frozen=True)
@@ -32,41 +32,34 @@ class ShowCfg:
     """robot.yaml, a MuJoCo (.xml) or URDF (.urdf) file, a shipped robot, or package.module:ROBOT."""
     out: Path | None = None
     """Folder for robot.png, robot.yaml and robot.xml (the model that is simulated); none: print only."""
+    overwrite: bool = False
+    """Write over another robot in --out."""
     json: bool = False
     """Print the robot as JSON on standard output, and nothing else."""
 
 
 @dataclass(frozen=True)
 class ListCfg:
-    """List the shipped robots and the policies that come with the package."""
+    """List the shipped robots."""
 
     json: bool = False
     """Print the list as JSON on standard output, and nothing else."""
 
 
-@dataclass(frozen=True)
-class RobotCfg:
-    """What to do with robots."""
-
-    do: (
-        Annotated[CheckCfg, subcommand("check")]
-        | Annotated[ShowCfg, subcommand("show")]
-        | Annotated[ListCfg, subcommand("list")]
-    ) = field(default_factory=ListCfg)
-
-
 def main(arguments: list[str]) -> int:
     """Run one of the three; return 1 where a check fails."""
-    cfg = tyro.cli(
-        tyro.conf.OmitSubcommandPrefixes[RobotCfg], args=arguments, prog="stiction robot", description=DESCRIPTION
-    ).do
-    if isinstance(cfg, CheckCfg):
-        return _check(cfg)
-    if isinstance(cfg, ShowCfg):
-        _show(cfg)
-    else:
-        _list(cfg)
-    return 0
+    asked, *rest = arguments or ["list"]
+    if asked in (*HELP, HELP_ALL):
+        print(USAGE)
+        return 0
+    if asked == "list":
+        return _list(read_options(ListCfg, rest, "stiction robot list", LIST))
+    if asked == "check":
+        return _check(read_options(CheckCfg, rest, "stiction robot check", CHECK))
+    if asked == "show":
+        _show(read_options(ShowCfg, rest, "stiction robot show", SHOW))
+        return 0
+    return refuse("stiction robot", unknown_name("word", asked, ("check", "show", "list")))
 
 
 def _check(cfg: CheckCfg) -> int:
@@ -117,7 +110,7 @@ def _show(cfg: ShowCfg) -> None:
         _print(derived)
     if cfg.out is None:
         return
-    with output_folder(cfg.out):
+    with results_folder(cfg.out, "robot show", cfg):
         write_model(robot, cfg.out)
     if not cfg.json:
         print(f"written: {cfg.out}/robot.png, robot.yaml (complete), robot.xml (what is simulated)")
@@ -164,34 +157,44 @@ def _print(derived: Any) -> None:
         console.print(f"note: {note}")
 
 
-def _list(cfg: ListCfg) -> None:
-    """Print the shipped robots and policies."""
+def _list(cfg: ListCfg) -> int:
+    """Print the shipped robots, and the names of the policies."""
+    from stiction.cli.list import robots, show
     from stiction.formats.bundle import shipped_bundles
-    from stiction.robots.catalog import find_robot, robot_names
 
-    robots = [find_robot(name) for name in robot_names()]
-    policies = list(shipped_bundles())
+    rows, policies = robots(), list(shipped_bundles())
     if cfg.json:
-        rows = [
-            {"name": robot.name, "mass": robot.mass, "joints": robot.joint_names, "feet": robot.foot_names}
-            for robot in robots
-        ]
-        print(json.dumps({"robots": rows, "policies": policies}, indent=2))
-        return
-    from rich.table import Table
-
-    from stiction.report.terminal import Terminal
-
-    table = Table("robot", "mass [kg]", "joints", "feet", title="shipped robots", title_justify="left")
-    for robot in robots:
-        table.add_row(robot.name, f"{robot.mass:.4g}", str(robot.num_joints), str(len(robot.feet)))
-    console = Terminal()
-    console.print(table)
-    console.print("shipped policies: " + ", ".join(policies))
+        print(json.dumps({"robots": [asdict(row) for row in rows], "policies": policies}, indent=2))
+    else:
+        show(rows)
+        print("shipped policies: " + ", ".join(policies))
+    return 0
 
 
-DESCRIPTION = (
-    "Check a robot's file, show what is known of it and where each value came from, or list the shipped robots. Your "
-    "own robot is a MuJoCo or URDF file with a few lines of robot.yaml beside it; nothing has to be imported."
-)
-"""What `stiction robot --help` says first."""
+LIST = """List the shipped robots and policies, as `stiction list` does.
+
+Example:
+  stiction robot list"""
+
+CHECK = """Check a robot: mass, inertias, limits, motors, gravity in the pose, feet, mirror, order, and that it stands.
+
+Examples:
+  stiction robot check robot.yaml
+  stiction robot check go2 --json"""
+
+SHOW = """Show a robot: every value with where it came from; draw it standing and write its complete robot.yaml.
+
+Examples:
+  stiction robot show robot.urdf --out robot
+  stiction robot show go2"""
+
+USAGE = """usage: stiction robot check|show|list [--help] [options]
+
+Check a robot's file, show what is known of it and where each value came from, or list the shipped robots. Your own
+robot is a MuJoCo or URDF file with a few lines of robot.yaml beside it; nothing has to be imported.
+
+Examples:
+  stiction robot check robot.yaml
+  stiction robot show robot.yaml --out robot
+  stiction robot list"""
+"""What `stiction robot --help` says."""

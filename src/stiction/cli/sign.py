@@ -11,6 +11,7 @@ from typing import Annotated
 import tyro
 
 from stiction.core.errors import ConfigurationError, FileError
+from stiction.core.options import read_options
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class SignCfg:
 
 def main(arguments: list[str]) -> None:
     """Sign one bundle, or make a key."""
-    cfg = tyro.cli(SignCfg, args=arguments, prog="stiction sign", description=DESCRIPTION)
+    cfg = read_options(SignCfg, arguments, "stiction sign", DESCRIPTION)
     if cfg.new_key is not None:
         if cfg.bundle is not None or cfg.key is not None:
             raise ConfigurationError("--new-key makes a key and signs nothing; sign with it in a second command: --key")
@@ -72,5 +73,6 @@ def _say(cfg: SignCfg, summary: dict[str, str], text: str) -> None:
 DESCRIPTION = (
     "Sign a policy bundle, so that `stiction verify BUNDLE --key maker.pub` finds its author, where checksums find "
     "accidents alone. The signature is of SHA256SUMS, which lists every file; it goes beside it, into SHA256SUMS.sig, "
-    "and OpenSSL can check it too. Needs the extra sign (cryptography)."
+    "and OpenSSL can check it too. Needs the extra sign (cryptography).\n\n"
+    "Examples:\n  stiction sign --new-key maker.pem\n  stiction sign runs/mine/bundle --key maker.pem"
 )

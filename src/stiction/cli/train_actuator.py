@@ -9,13 +9,16 @@ from typing import Annotated
 
 import tyro
 
+from stiction.core.options import read_options
 from stiction.joints.net import ActuatorCfg
 
 DESCRIPTION = """Fit an Actuator Net (what torque a motor gives, from its joint's last samples) to logs that declare on
 which side of the joint's friction torque was measured: walking logs of `stiction evaluate --log --log-torque ...` or of
 a robot, or canonical joint logs with a sidecar. Whole runs are kept out of the fit and measure it.
 
-Then: `stiction train --actuator DIR`."""
+Examples:
+  stiction train-actuator walks/ --out actuator
+  stiction train --actuator actuator"""
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,8 @@ class TrainActuator:
     """Inputs, sizes, schedule, split."""
     out: Path = Path("actuator")
     """Folder for actuator.npz, summary.json, fit.npz and report.html."""
+    overwrite: bool = False
+    """Write over results of other settings in --out."""
     json: bool = False
     """Print summary.json on standard output, and nothing else."""
 
@@ -41,14 +46,14 @@ def _logs_in(path: Path) -> list[Path]:
 
 def main(arguments: list[str]) -> int:
     """Run the verb."""
-    options = tyro.cli(TrainActuator, args=arguments, prog="stiction train-actuator", description=DESCRIPTION)
+    options = read_options(TrainActuator, arguments, "stiction train-actuator", DESCRIPTION)
 
     import torch
 
     from stiction.core.errors import ConfigurationError
-    from stiction.core.lock import output_folder
     from stiction.core.provenance import num_threads
     from stiction.formats.results import summary_text
+    from stiction.formats.settings import results_folder
     from stiction.report.terminal import work_progress
     from stiction.report.training import lead, write_actuator_page
     from stiction.rma.actuator import train_actuator, write_trained
@@ -60,7 +65,7 @@ def main(arguments: list[str]) -> int:
         raise ConfigurationError(
             "no log given; expected files, or folders with the NPZ logs of `stiction evaluate --log`"
         )
-    with output_folder(options.out):
+    with results_folder(options.out, "train-actuator", options):
         runs = [read_run(file) for file in files]
         command = shlex.join(["stiction", "train-actuator", *arguments])
         with work_progress() as progress:

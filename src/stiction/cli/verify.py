@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from stiction.core.errors import StictionError
+from stiction.core.options import read_options
 
 if TYPE_CHECKING:
     from stiction.formats.golden import Exercise
@@ -36,7 +37,7 @@ class VerifyCfg:
 
 def main(arguments: list[str]) -> None:
     """Check one bundle; raise `StictionError` at the first thing that is wrong."""
-    cfg = tyro.cli(VerifyCfg, args=arguments, prog="stiction verify", description=DESCRIPTION)
+    cfg = read_options(VerifyCfg, arguments, "stiction verify", DESCRIPTION)
     from stiction.api.policy import verified
 
     try:
@@ -106,5 +107,6 @@ def _exercise(found: Exercise) -> str:
 DESCRIPTION = (
     "Check a policy bundle: the set of files and their digests, the contract, the network's operators, sizes and work, "
     "its first run in a process with little memory and time, and a replay of the recorded sensors. Checksums find "
-    "accidents, signatures find authors: --key. Needs neither torch nor a simulator."
+    "accidents, signatures find authors: --key. Needs neither torch nor a simulator.\n\n"
+    "Examples:\n  stiction verify runs/mine/bundle\n  stiction verify bundle --key maker.pub --against robot.xml"
 )

@@ -122,17 +122,12 @@ def _value(cell: str, kind: Any) -> str | int | float | None:
 T = TypeVar("T")
 
 
-def to_plain(config: Any) -> Any:
-    """Return a (nested) dataclass as dicts, lists and numbers, ready for JSON."""
-    return dataclasses.asdict(config)
-
-
 LARGEST = 1e300
 """Size from which a number of a file counts as none; an integer has its bound where it is used."""
 
 
 def from_plain(kind: type[T], data: Any, where: str = "config", error: type[StictionError] = FileError) -> T:
-    """Build the dataclass `kind` from what `to_plain` returned; a missing field has its default.
+    """Build the dataclass `kind` from what `asdict` made of it, perhaps through JSON; a missing field has its default.
 
     Every value has the type of its field, and numbers are finite. Raises `error` naming the one that is not, or the
     field that is missing or unknown.

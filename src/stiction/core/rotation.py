@@ -8,8 +8,12 @@ leading shape. Results depend on the order of the operations, to the last bit.
 from __future__ import annotations
 
 import math
+from typing import TypeVar
 
 import numpy as np
+
+Entry = TypeVar("Entry", float, np.ndarray)
+"""An entry of a quaternion, of one frame or of many."""
 
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 """Orientation of a base that is not turned: it looks along x."""
@@ -50,10 +54,14 @@ def into_frames(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
     return vector + 2.0 * crosses(axis, crosses(axis, vector) - w * vector)
 
 
+def up_axis(w: Entry, x: Entry, y: Entry, z: Entry) -> tuple[Entry, Entry, Entry]:
+    """Return the world's upward direction in a frame, of its quaternion's entries: numbers, or arrays of one shape."""
+    return 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+
+
 def up_in_frames(quaternion: np.ndarray) -> np.ndarray:
-    """Return the world's upward direction in N frames, shape (N, 3)."""
-    w, x, y, z = quaternion.T
-    return np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1)
+    """Return the world's upward direction in frames, shape (..., 4), as they see it, shape (..., 3)."""
+    return np.stack(up_axis(*np.moveaxis(np.asarray(quaternion, dtype=np.float64), -1, 0)), axis=-1)
 
 
 def uprightness(quaternion: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stiction.core.errors import PolicyError
-from stiction.core.rotation import roll_pitch
+from stiction.core.rotation import roll_pitch, up_in_frames
 from stiction.formats.known_friction import TERM
 from stiction.formats.observation import CLOCK_TERMS, PLACEHOLDERS, SLOW_TERMS, GaitClock, ObservationLayout
 
@@ -180,8 +180,7 @@ class ObservationBuilder:
 
 def gravity_direction(quaternion: np.ndarray) -> np.ndarray:
     """Return the direction of gravity in the base's frame, (0, 0, -1) upright, shape (..., 3); w x y z, (..., 4)."""
-    w, x, y, z = np.moveaxis(np.asarray(quaternion, dtype=np.float64), -1, 0)
-    return np.stack([2 * (w * y - x * z), -2 * (w * x + y * z), 2 * (x * x + y * y) - 1], axis=-1)
+    return -up_in_frames(quaternion)
 
 
 class Clock:

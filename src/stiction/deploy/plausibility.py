@@ -14,10 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from stiction.core.errors import ConfigurationError, PolicyError, unknown_name
+from stiction.core.rotation import up_axis
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import UNIT_ERROR
 from stiction.deploy.violation import Violation
 from stiction.formats.contract import Contract
+from stiction.formats.velocity import COMMANDS, VELOCITY
 
 
 @dataclass(frozen=True)
@@ -143,12 +145,9 @@ RULES: dict[str, Rule] = {
 }  # fmt: skip
 """Rule -> what it guards against, its limit, and why that number."""
 
-OLDER_RANGE = {"forward": (-0.8, 0.8), "sideways": (-0.3, 0.3), "turn": (-0.6, 0.6)}
+OLDER_RANGE = dict(zip(COMMANDS, ((-0.8, 0.8), (-0.3, 0.3), (-0.6, 0.6)), strict=True))
 """Commands that training draws where nobody says otherwise [m/s, m/s, rad/s]: what is taken for a bundle from before
 contracts had `command_range`, which may be wrong for it, and is said."""
-
-UNITS = ("m/s forward", "m/s sideways", "rad/s")
-"""Of a command's entries."""
 
 MOVING = 0.1
 """A command is a moving one if its norm (m/s and rad/s alike) is above this, as in training."""
@@ -183,7 +182,7 @@ def limits_of(changed: Mapping[str, float]) -> dict[str, float]:
 def command_range(contract: Contract) -> np.ndarray:
     """Return the commands that a policy was trained for: lower and upper ends [m/s, m/s, rad/s], shape (2, 3)."""
     spans = OLDER_RANGE if contract.command_range is None else contract.command_range
-    return np.array([spans[name] for name in OLDER_RANGE]).T
+    return np.array([spans[name] for name in COMMANDS]).T
 
 
 class ReadingGuard:
@@ -342,9 +341,9 @@ class ReadingGuard:
     def _command(self, command: list[float]) -> Violation | None:
         """Judge the command, NaN included."""
         slack = self.limits["command"]
-        for value, low, high, unit in zip(command, *self._commands, UNITS, strict=True):
+        for value, low, high, axis in zip(command, *self._commands, VELOCITY, strict=True):
             if not low - slack <= value <= high + slack:
-                return self._broken("command", value, low if value < low else high, unit=unit)
+                return self._broken("command", value, low if value < low else high, unit=f"{axis.unit} {axis.name}")
         return None
 
 
@@ -355,8 +354,7 @@ class _Good:
         """Keep one reading; `joints`: angles and velocities, shape (2, J)."""
         self.time, self.quaternion, self.rate = time, quaternion, rate
         self.joints, self.position, self.velocity = joints, joints[0], joints[1]
-        w, x, y, z = quaternion
-        self.up = [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]
+        self.up = list(up_axis(*quaternion))
         """The world's up as the base sees it."""
 
     @classmethod

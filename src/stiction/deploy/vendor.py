@@ -31,20 +31,37 @@ class VendorMap:
         """Names of all joints, as the maker numbers them."""
         self._sign, self._offset = np.array(robot.vendor.sign), np.array(robot.vendor.offset)
         own = {name: number for number, name in enumerate(contract.joint_names)}
-        held = {joint.name: joint.position for joint in robot.held}
-        self._number = np.array([own.get(name, -1) for name in self.order])
-        self._held = np.array([held.get(name, 0.0) for name in self.order])
+        at = {joint.name: joint.position for joint in robot.held}
+        number = np.array([own.get(name, -1) for name in self.order])
+        self.held = number < 0
+        """Which of the maker's joints the policy does not move, bool, shape (M,)."""
+        self._number = number
+        self._places = np.array([np.flatnonzero(number == joint)[0] for joint in range(len(own))])
+        self._at = np.array([at.get(name, 0.0) for name in self.order])
 
     def to_maker(self, angles: np.ndarray) -> np.ndarray:
         """Return the maker's angles [rad], (..., M), of ours, (..., J); held joints are at their angles."""
-        known = np.concatenate((angles, np.zeros((*angles.shape[:-1], 1))), axis=-1)[..., self._number]
-        return self._sign * np.where(self._number >= 0, known, self._held) + self._offset
+        return self._sign * np.where(self.held, self._at, self.theirs(angles)) + self._offset
 
     def from_maker(self, angles: np.ndarray) -> np.ndarray:
         """Return our angles [rad], (..., J), of the maker's, (..., M)."""
-        own = self._sign * (angles - self._offset)
-        places = [int(np.flatnonzero(self._number == joint)[0]) for joint in range(int(self._number.max()) + 1)]
-        return own[..., places]
+        return self.ours(self._sign * (angles - self._offset))
+
+    def rates_to_maker(self, values: np.ndarray) -> np.ndarray:
+        """Return the maker's velocities or torques, (..., M), of ours, (..., J): a zero elsewhere is not in them."""
+        return self._sign * self.theirs(values)
+
+    def rates_from_maker(self, values: np.ndarray) -> np.ndarray:
+        """Return our velocities or torques, (..., J), of the maker's, (..., M)."""
+        return self.ours(self._sign * values)
+
+    def theirs(self, values: np.ndarray) -> np.ndarray:
+        """Return what has no direction, such as a gain, in the maker's order, (..., M); zero where joints are held."""
+        return np.concatenate((values, np.zeros((*values.shape[:-1], 1))), axis=-1)[..., self._number]
+
+    def ours(self, values: np.ndarray) -> np.ndarray:
+        """Return what has no direction, such as a temperature, in our order, (..., J)."""
+        return values[..., self._places]
 
 
 def write_maker_targets(bundle: Bundle, path: Path) -> None:

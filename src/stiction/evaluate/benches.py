@@ -82,7 +82,7 @@ def identify_on_benches(
             progress(BENCH_WORK, count / len(missing))
 
 
-def informed(
+def with_known_friction(
     walks: Sequence[Walk],
     bundles: Sequence[Bundle],
     cfg: GridCfg,
@@ -132,8 +132,7 @@ def _known(walk: Walk, contract: Contract, spec: Robot, cfg: GridCfg, out: Path)
 
 def true_friction(case: Case, spec: Robot) -> np.ndarray:
     """Return the mean f/τ_max over the joints of each kind that a virtual robot has without load, shape (kinds,)."""
-    share = case.robot(draw(spec, case.seed)).friction.share
-    friction = case.level.coulomb(spec) * share / spec.joint_values("torque_limit")
+    friction = case.coulomb(draw(spec, case.seed), spec) / spec.joint_values("torque_limit")
     return friction @ kind_average([joint.kind for joint in spec.joints])
 
 
@@ -146,7 +145,7 @@ def _identified(bench: Bench, contract: Contract, out: Path) -> BenchFriction:
 
 
 def benches_of(walks: Iterable[Walk], bundles: Sequence[Bundle], cfg: GridCfg, robot: str | None = None) -> list[Bench]:
-    """Return the benches on which robots must be before `informed` knows what to give, each once."""
+    """Return the benches on which robots must be before `with_known_friction` knows what to give, each once."""
     if parse_source(cfg.base.known_friction).source != "bench":
         return []
     specs = {bundle.name: robot_of(bundle.contract, robot) for bundle in bundles if bundle.contract.observes_friction}
@@ -154,12 +153,12 @@ def benches_of(walks: Iterable[Walk], bundles: Sequence[Bundle], cfg: GridCfg, r
     return list({bench.label: bench for bench in found if bench is not None}.values())
 
 
-def not_identified(
+def unidentified_notes(
     walks: Collection[Walk], bundles: Sequence[Bundle], cfg: GridCfg, out: Path, robot: str | None = None
 ) -> list[str]:
     """Return a sentence for every friction that a bench did not identify, and what a policy was given instead.
 
-    Robots that were not on their bench yet are left out. Arguments and errors as of `informed`.
+    Robots that were not on their bench yet are left out. Arguments and errors as of `with_known_friction`.
     """
     notes = [
         f"On {bench.label}, as {bundle.name} is told it: {note}"
@@ -171,7 +170,7 @@ def not_identified(
     return list(dict.fromkeys(notes))
 
 
-def forwarded(
+def forward_walks(
     bundles: Sequence[Bundle],
     cfg: GridCfg,
     out: Path,
@@ -181,8 +180,8 @@ def forwarded(
 ) -> list[Walk]:
     """Return the walks of `cfg.forward`, each with the friction that is fed forward.
 
-    Left out are those on a robot whose bench does not identify the friction of some joint: `not_forwarded` names them.
-    Robots that were not on their benches yet are put there first. Arguments as of `informed`.
+    Left out are those on a robot whose bench does not identify the friction of some joint: `forward_notes` names them.
+    Robots that were not on their benches yet are put there first. Arguments as of `with_known_friction`.
 
     Raises:
         StictionError: no bundle has such a name, one compensates friction itself, or a file cannot be read or written.
@@ -228,10 +227,10 @@ def joint_friction(bench: Bench, out: Path) -> tuple[float, ...] | str:
         return str(error)
 
 
-def not_forwarded(bundles: Sequence[Bundle], cfg: GridCfg, out: Path, robot: str | None = None) -> list[str]:
+def forward_notes(bundles: Sequence[Bundle], cfg: GridCfg, out: Path, robot: str | None = None) -> list[str]:
     """Return a sentence for every robot on which no friction is fed forward, because its bench did not identify it.
 
-    Robots that were not on their bench yet are left out. Arguments and errors as of `forwarded`.
+    Robots that were not on their bench yet are left out. Arguments and errors as of `forward_walks`.
     """
     benches = {bench.label: bench for bench in _forward_benches(bundles, cfg, robot).values() if bench is not None}
     return [

@@ -8,9 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stiction.core.errors import ConfigurationError
-
-AXES = ("vx", "vy", "wz")
-"""Forward and sideways velocity [m/s], turn rate [rad/s], in the base frame."""
+from stiction.formats.velocity import AXES
 
 STAND = "stand"
 """The command to stand still."""

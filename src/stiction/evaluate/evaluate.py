@@ -170,10 +170,11 @@ def evaluate_bundle(
     cfg: EvaluationCfg,
     robot: str | None = None,
     threads: int = 1,
-    against: FrictionController | None = None,
+    compensation: FrictionController | None = None,
 ) -> Evaluation:
     """Evaluate one bundle; arguments and errors as of `drive_bundle`."""
-    return judge(drive_bundle(bundle, cfg, robot, threads, against=against), bundle.contract, bundle.name, cfg)
+    driven = drive_bundle(bundle, cfg, robot, threads, compensation=compensation)
+    return judge(driven, bundle.contract, bundle.name, cfg)
 
 
 @dataclass(frozen=True)
@@ -219,7 +220,7 @@ def drive_bundle(
     robot: str | None = None,
     threads: int = 1,
     progress: Callable[[float], None] = lambda share: None,
-    against: FrictionController | None = None,
+    compensation: FrictionController | None = None,
 ) -> Driven:
     """Drive a bundle, as checked by `check_bundle`, over levels and commands and return what its robots did.
 
@@ -227,7 +228,7 @@ def drive_bundle(
     """
     spec = robot_of(bundle.contract, robot)
     policy = batch_policy(bundle, spec, cfg, friction_at(bundle.contract, cfg.robot_levels, cfg.law))
-    return drive(policy, bundle.contract, spec, cfg, threads, progress, against)
+    return drive(policy, bundle.contract, spec, cfg, threads, progress, compensation)
 
 
 def batch_policy(bundle: Bundle, spec: Robot, cfg: EvaluationCfg, friction: np.ndarray) -> Driver:
@@ -245,7 +246,7 @@ def drive(
     cfg: EvaluationCfg,
     threads: int = 1,
     progress: Callable[[float], None] = lambda share: None,
-    against: FrictionController | None = None,
+    compensation: FrictionController | None = None,
 ) -> Driven:
     """Drive robots over levels and commands and return what they did.
 
@@ -256,7 +257,7 @@ def drive(
         cfg: levels, commands, episodes.
         threads: threads of the simulator; they do not change the result.
         progress: called with the share that is done [-].
-        against: see `Rollout`.
+        compensation: see `Rollout`.
 
     Raises:
         StictionError: the robot does not fit, the delay is longer than its model holds, or there are too many at once.
@@ -279,7 +280,7 @@ def drive(
         cfg.action_delay,
         cfg.course.terrain(cfg.num_robots, cfg.seed),
         cfg.law,
-        against=against,
+        compensation=compensation,
     )
     velocity = cfg.robot_commands
     along_course = course_commands(velocity[:, 0])

@@ -28,10 +28,11 @@ from stiction.evaluate.golden import record_golden
 from stiction.evaluate.known_friction import nominal_known
 from stiction.formats.bundle import write_bundle
 from stiction.formats.contract import Contract
-from stiction.formats.contract_rules import COMMANDS, METHODS
+from stiction.formats.contract_rules import METHODS
 from stiction.formats.joint_map import mapped
 from stiction.formats.joints import load_joints
 from stiction.formats.known_friction import TERM, bench_friction, known_friction_text
+from stiction.formats.velocity import COMMANDS
 from stiction.formats.wear import WearModel, read_wear
 from stiction.joints.friction import LAWS, has_coefficient, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH, compensated

@@ -44,7 +44,7 @@ class MethodCell:
     """Commanded velocity."""
 
 
-TOLD = "told"
+KNOWN_FRICTION = "told"
 """Method of policies that observe their joints' friction, however it was drawn in training."""
 
 METHODS = {
@@ -56,7 +56,7 @@ METHODS = {
     "logged while `none` walked backward",
     "deception": "friction-aware: friction from none to 1.2 of the nominal one",
     "identified": "friction-aware, around each joint's friction as identified on the bench of a robot of the same kind",
-    TOLD: "friction-aware, and told the friction of each kind of joint, as a bench identifies it",
+    KNOWN_FRICTION: "friction-aware, and told the friction of each kind of joint, as a bench identifies it",
     "direct": "friction within 0.8 to 1.2 of the nominal one",
     "point": "one value of friction and no range: each joint's as identified on the bench of a robot of the same kind",
     "compensation": "nominal friction added to the command, in training and after",
@@ -72,7 +72,7 @@ def method_of(contract: Contract) -> str:
     if contract.actuator is not None:
         return "actuator"
     if contract.observes_friction:
-        return TOLD
+        return KNOWN_FRICTION
     if contract.method == "deception" and contract.joints_file is not None:
         return "identified"
     low, high = contract.friction_range

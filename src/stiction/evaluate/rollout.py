@@ -75,7 +75,7 @@ class Rollout:
         law: Law = COULOMB,
         physics: PhysicsCfg = EXACT,
         timestep: float | None = None,
-        against: FrictionController | None = None,
+        compensation: FrictionController | None = None,
     ) -> None:
         """Put the robots into their standing pose.
 
@@ -92,7 +92,7 @@ class Rollout:
             law: law of the dry friction.
             physics: how dry friction is simulated.
             timestep: physics step [s], a part of the control period; by default the contract's.
-            against: what the joint controllers add against friction at every physics step; its period is `timestep`.
+            compensation: what the joint controllers add at every physics step; its period is `timestep`.
 
         Raises:
             StictionError: the delay is longer than the model holds, or delays what is fed forward too.
@@ -106,7 +106,7 @@ class Rollout:
             raise ConfigurationError(
                 f"action delay {action_delay} s; expected 0 to {longest:g} s, what the model holds"
             )
-        if against is not None and action_delay:
+        if compensation is not None and action_delay:
             raise ConfigurationError(
                 f"friction fed forward with an action delay of {action_delay} s: joint controllers feed it without; "
                 "give one of the two, or a virtual robot, which has both"
@@ -123,20 +123,20 @@ class Rollout:
         self.fleet.set_const(np.arange(num))
         self._policy, self._contract, self._noise = policy, contract, noise or NoiseCfg()
         self._target = self.fleet.targets.copy()
-        if against is not None:
-            self.fleet.before_step.append(self._feed(against))
-            self.fleet.after_reset.append(against.reset)
+        if compensation is not None:
+            self.fleet.before_step.append(self._feed_forward(compensation))
+            self.fleet.after_reset.append(compensation.reset)
         self._generators, self._robots_per_generator = generators, num // len(generators)
         self.reset(np.arange(num))
 
-    def _feed(self, against: FrictionController) -> Callable[[Fleet], None]:
+    def _feed_forward(self, compensation: FrictionController) -> Callable[[Fleet], None]:
         """Return what feeds friction forward: kp (a + τ_ff/kp − θ) is the controllers' torque with τ_ff beside it."""
         kp, kd = self._contract.array("kp"), self._contract.array("kd")
 
         def feed(fleet: Fleet) -> None:
             angle, speed = fleet.joint_position, fleet.joint_velocity
             asked = kp * (self._target - angle) - kd * speed
-            fleet.set_targets(self._target + against.torque(self._target, angle, speed, asked) / kp)
+            fleet.set_targets(self._target + compensation.torque(self._target, angle, speed, asked) / kp)
 
         return feed
 

@@ -21,7 +21,7 @@ from stiction.engines import catalog
 from stiction.engines.catalog import binaries, what_is_missing
 from stiction.engines.engine import Motion
 from stiction.engines.ground import course
-from stiction.evaluate.benches import forwarded, informed
+from stiction.evaluate.benches import forward_walks, with_known_friction
 from stiction.evaluate.code import WALK_CODE
 from stiction.evaluate.command import Command
 from stiction.evaluate.course import START_DISTANCE, Course, starts, straight_on
@@ -76,11 +76,12 @@ def walk_unit(bundle: Bundle, unit: Unit, cfg: GridCfg, robot: str | None = None
     if not unit.simulator.is_batch:
         return [_walk_alone(bundle, first, cell, robot_of(bundle.contract, robot))]
     cell = replace(cell, friction_levels=(float(first.level),), episodes=episodes, first_episode=first.episode)
-    against = None
+    controller = None
     if first.forward is not None:
-        contract, how = bundle.contract, parse_compensation(first.forward_by)
-        against = how.controller(np.array(first.forward), contract.physics_timestep, contract.compensation_width)
-    return list(evaluate_bundle(bundle, cell, robot, against=against).episodes[0])
+        contract, compensation = bundle.contract, parse_compensation(first.forward_by)
+        width = contract.compensation_width
+        controller = compensation.controller(np.array(first.forward), contract.physics_timestep, width)
+    return list(evaluate_bundle(bundle, cell, robot, compensation=controller).episodes[0])
 
 
 def _walk_alone(bundle: Bundle, one: Walk, cfg: EvaluationCfg, spec: Robot) -> Metrics:
@@ -102,8 +103,8 @@ def _walk_alone(bundle: Bundle, one: Walk, cfg: EvaluationCfg, spec: Robot) -> M
         case = Case(one.robot, one.simulator.cell, parse_level(one.level))
     friction, known = (None if given is None else np.array(given) for given in (one.forward, one.known))
     seed = 0 if one.robot is None else cfg.seed
-    how = parse_compensation(one.forward_by)
-    return walk_once(bundle, case, world, cfg, one.episode, spec, friction, seed, known, how)
+    compensation = parse_compensation(one.forward_by)
+    return walk_once(bundle, case, world, cfg, one.episode, spec, friction, seed, known, compensation)
 
 
 def walk_once(
@@ -124,20 +125,8 @@ def walk_once(
     """
     (command,), period = cfg.parsed_commands, bundle.contract.control_period
     steps = round(cfg.duration / period)
-    trial = trials.walk(
-        bundle,
-        case,
-        world,
-        command_source(command, cfg.course),
-        steps,
-        episode,
-        None,
-        spec,
-        friction,
-        seed,
-        known,
-        compensation,
-    )
+    commands = command_source(command, cfg.course)
+    trial = trials.walk(bundle, case, world, commands, steps, episode, None, spec, friction, seed, known, compensation)
     part = trial.recording.extended(steps).of(slice(0, 1), round(cfg.settle / period))
     return measure(part, command, spec.groups(), spec.mass * GRAVITY, cfg.course)
 
@@ -195,8 +184,8 @@ def walk_grid(
     with output_folder(out):
         ledger = WalkLedger(out / LEDGER, cfg, {bundle.name: bundle.digest for bundle in bundles}, robot)
         walks = plan([bundle.name for bundle in bundles], cfg)
-        walks += forwarded(bundles, cfg, out / BENCHES, jobs, robot, progress)
-        walks = informed(walks, bundles, cfg, out / BENCHES, jobs, robot, progress)
+        walks += forward_walks(bundles, cfg, out / BENCHES, jobs, robot, progress)
+        walks = with_known_friction(walks, bundles, cfg, out / BENCHES, jobs, robot, progress)
         done = {walk: found for walk in walks if (found := ledger.find(walk)) is not None}
         total, finished = Counter(walk.simulator.label for walk in walks), Counter[str]()
 

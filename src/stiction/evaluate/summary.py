@@ -10,7 +10,7 @@ from typing import Any
 
 from stiction.core.errors import UNSAFE, ConfigurationError
 from stiction.core.provenance import Origin
-from stiction.evaluate.benches import not_forwarded, not_identified
+from stiction.evaluate.benches import forward_notes, unidentified_notes
 from stiction.evaluate.grid import GridCfg
 from stiction.evaluate.run import BENCHES, Progress, walk_grid
 from stiction.evaluate.table import methods_of, rows_of
@@ -40,8 +40,8 @@ def evaluate_all(
         "warnings": [
             *origin.warnings(),
             *warnings_on(cfg.used_robots),
-            *not_forwarded(bundles, cfg, out / BENCHES, robot),
-            *not_identified(done, bundles, cfg, out / BENCHES, robot),
+            *forward_notes(bundles, cfg, out / BENCHES, robot),
+            *unidentified_notes(done, bundles, cfg, out / BENCHES, robot),
         ],
         "forward": list(cfg.forward),
         "forward_by": list(cfg.forward_by),

@@ -31,7 +31,7 @@ from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionMethod
 from stiction.rma.config import TrainCfg
 from stiction.rma.figures import Board
-from stiction.rma.phase import PhaseRunner, torch_threads
+from stiction.rma.phase import PhaseRunner, one_torch_thread
 from stiction.rma.run import RunDirectory
 from stiction.rma.runner import multiply_adds, ppo_cfg
 from stiction.robots.mjcf import build
@@ -80,7 +80,7 @@ def _native(env: LocomotionEnv) -> NativeSimulation:
 def _timed_rollout(env: LocomotionEnv, actions: torch.Tensor) -> tuple[float, list[dict[str, np.ndarray]]]:
     """Step the task with `actions`, (steps, N, joints); return the seconds of `step` alone and each state before it."""
     states, seconds = [], 0.0
-    with torch.no_grad(), torch_threads(1):
+    with torch.no_grad(), one_torch_thread():
         for action in actions:
             before, control = env.fleet.simulation.state(), env.fleet.simulation.bind("ctrl")
             start = time.perf_counter()

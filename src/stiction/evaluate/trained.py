@@ -21,7 +21,6 @@ from stiction.evaluate.evaluate import Evaluation, EvaluationCfg, drive, judge
 from stiction.evaluate.export import TrainedPolicy, contract_of
 from stiction.evaluate.known_friction import known_to, parse_source
 from stiction.evaluate.rollout import friction_at
-from stiction.formats.results import ResultRow
 from stiction.locomotion.friction import FrictionCfg, friction_share
 from stiction.locomotion.randomization import nominal_privileged
 from stiction.rma.models import RMAActor, StudentPolicy
@@ -124,11 +123,6 @@ CALIBRATION_SEED = 1_000_003
 
 Progress = Callable[[float], None]
 """Called with the share that is done [-]."""
-
-
-def evaluate_run(run: Path, who: Who, cfg: EvaluationCfg, latent: Latent = "own") -> list[ResultRow]:
-    """Return the rows of `walk_run`, one per level and command."""
-    return list(walk_run(run, who, cfg, latent).rows)
 
 
 def walk_run(

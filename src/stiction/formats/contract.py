@@ -156,6 +156,18 @@ class Contract:
         _check_known_friction(self)
 
     @property
+    def trained(self) -> str:
+        """What dry friction its joints had while it learned, in words: the name of a way to train on every page."""
+        low, high = self.friction_range
+        if self.imported is not None:
+            return "elsewhere"
+        if self.method == "none" or high == 0.0:
+            return "without friction"
+        scale = (1.0, "") if has_coefficient(self.friction_law) else (100.0, " %")
+        number = [f"{scale[0] * value:.3g}" for value in (low, self.friction_level, high)]
+        return f"at 0 to {number[2]}{scale[1]} friction" if low == 0.0 else f"at {number[1]}{scale[1]} friction"
+
+    @property
     def law(self) -> Law:
         """Law of the joint friction in training."""
         return Law(self.friction_law) if self.stribeck is None else Law(self.friction_law, *self.stribeck)

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from stiction.core.errors import BundleError
 from stiction.formats.plain import is_integer, is_number, is_text
+from stiction.formats.velocity import COMMANDS
 
 
 class Rule(NamedTuple):
@@ -24,9 +25,6 @@ class Rule(NamedTuple):
     schema: dict[str, Any]
     """The same in JSON Schema, as far as that can say it."""
 
-
-COMMANDS = ("forward", "sideways", "turn")
-"""Entries of a velocity command, [m/s], [m/s] and [rad/s]."""
 
 LONGEST = 4096
 """Characters of a text."""

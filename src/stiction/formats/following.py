@@ -15,15 +15,15 @@ from stiction.formats.results import DIRECTIONS, FOLLOWS, ResultRow
 Pace = Literal["too slow", "follows", "too fast"]
 """What a speed ratio is."""
 
-LEAST, MOST = (f"{100 * end:g} %" for end in FOLLOWS)
-"""The ends of the band as people read them."""
+SLOW, FAST = (f"{100 * end:g} %" for end in FOLLOWS)
+"""Too slow is under the one, too fast over the other: the ends of the band, as people read them."""
 
-BAND = f"{100 * FOLLOWS[0]:g} to {MOST}"
+BAND = f"{100 * FOLLOWS[0]:g} to {FAST}"
 """The band as people read it."""
 
 DEFINITION = (
     f"Following is {BAND} of the commanded speed, forward and backward, by every training seed, and nobody falls. "
-    f"Too slow: under {LEAST} in the slower direction; too fast: over {MOST} in the faster one; a seed can be both."
+    f"Too slow: under {SLOW} in the slower direction; too fast: over {FAST} in the faster one; a seed can be both."
 )
 """For pages."""
 
@@ -78,10 +78,10 @@ class Following:
     @property
     def text(self) -> str:
         """Seeds that follow, and what is wrong with the others: `4 of 5, 1 too fast`."""
-        return together([self])
+        return counts_text([self])
 
 
-def together(cells: Sequence[Following]) -> str:
+def counts_text(cells: Sequence[Following]) -> str:
     """Return the same over several cells of one training method: pairs of a seed and a cell."""
     wrong = {
         "too slow": sum(cell.too_slow for cell in cells),

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from stiction.formats.advice import TRAINING, TRANSFER, Source, TrainedWith, read_advice
-from stiction.formats.following import BAND, Following, together
+from stiction.formats.following import BAND, Following, counts_text
 from stiction.joints.friction import level_text
 
 SHIPPED = Path(__file__).parent / "advice.json"
@@ -84,7 +84,7 @@ class Advice:
             seeds = max(cell.seeds for cell in self.elsewhere)
             parts.append(
                 f"In other engines and on virtual robots at {_percent(self.elsewhere[0].friction_level)}, pairs of a "
-                f"seed and a place: {_bracketed(together(self.elsewhere))}, of "
+                f"seed and a place: {_bracketed(counts_text(self.elsewhere))}, of "
                 f"{'one seed' if seeds == 1 else f'{seeds} seeds'}."
             )
         return " ".join(parts)

@@ -155,8 +155,17 @@ LARGEST_MISMATCH = 0.15
 """Relative size of logged torque − PD torque beyond which gains, torque unit or timing must be wrong."""
 
 
+SMALL_MISMATCH = 0.1
+"""The same under which no other multiple of the gains is looked for."""
+
+EXPLAINED = 0.03
+"""Relative size of what is left of it where lateness alone explains the rest, and no multiple is looked for."""
+
 LONGEST_LATENESS = 0.04
-"""Lateness of a whole loop that is looked for before its torque is called another multiple [s]."""
+"""Lateness of a loop that is looked for before its torque is called another multiple [s]."""
+
+LATENESS_STEPS = 20
+"""Steps that it is looked for in, before single samples about the best one."""
 
 
 @dataclass(frozen=True)
@@ -166,8 +175,8 @@ class Mismatch:
     size: float
     """|τ_logged − PD(target, position, velocity)| / |τ_logged| [1]."""
     scales: tuple[float, float]
-    """Multiples of kp (target − position) and of −kd θ' that, with a constant, come nearest to the logged torque
-    [1]."""
+    """Multiples of kp (target − position) and of −kd θ' that, with a constant and a lateness, come nearest to the
+    logged torque [1]; 1 where the size is at most `SMALL_MISMATCH`."""
 
 
 def controller_mismatch(
@@ -188,19 +197,58 @@ def controller_mismatch(
         clear = ~signals.bridged
     difference = (expected - measured)[clear]
     size = float(np.linalg.norm(difference - difference.mean() * biased) / np.linalg.norm(measured[clear]))
-    spring, damper = gains.kp * (target - position)[clear], -gains.kd * velocity[clear]
-    free = np.abs(spring + damper) < gains.torque_limit
-    if free.mean() < 0.5:  # In another unit everything is beyond the limit.
-        free[:] = True
-    free = np.flatnonzero(free)
-    columns, logged = np.stack([spring, damper, np.ones_like(spring)], axis=1), measured[clear]
-    best, scales = np.inf, np.ones(3)
-    most = int(LONGEST_LATENESS / signals.step)
-    # A loop that is late asks for the same torque a little later, and friction does not mind: only the size counts.
-    for late in range(0, most + 1, max(1, most // 20)):
-        rows = free[free >= late]
-        found = np.linalg.lstsq(columns[rows - late], logged[rows], rcond=None)[0]
-        rest = float(np.mean((logged[rows] - columns[rows - late] @ found) ** 2))
-        if rest < best:
-            best, scales = rest, found
-    return Mismatch(size, (float(scales[0]), float(scales[1]) if gains.kd > 0 else 1.0))
+    if size <= SMALL_MISMATCH:
+        return Mismatch(size, (1.0, 1.0))
+    signals_below = np.stack([target, position, velocity, measured])
+    scales = _late_scales(signals_below, gains, clear, int(LONGEST_LATENESS / signals.step))
+    return Mismatch(size, (scales[0], scales[1] if gains.kd > 0 else 1.0))
+
+
+def _late_scales(signals: np.ndarray, gains: PDGains, clear: np.ndarray, most: int) -> tuple[float, float]:
+    """Return the multiples of a controller's two terms that a logged torque is nearest to, however late the loop is.
+
+    A command takes its time to the motor, and so does what the motor reports on its way back: torque of now came from
+    an angle of so many samples ago, and from a target older still. With the target taken to be as late as the angle, a
+    joint that follows it freely seems to have other gains, for little more than that lateness is left of kp (a − θ).
+
+    Both are 1 where some lateness alone explains it: a motion of few frequencies does not tell lags from multiples.
+
+    signals: target, position, velocity and torque, shape (4, num_samples); clear: samples that count, (num_samples,);
+    most: samples that a loop may be late.
+    """
+    target, position, velocity, logged = signals
+    spring, damper = gains.kp * (target - position), -gains.kd * velocity
+    free = clear & (np.abs(spring + damper) < gains.torque_limit)
+    if free.sum() < 0.5 * clear.sum():  # In another unit everything is beyond the limit.
+        free = clear
+
+    def fit(late: int, older: int) -> tuple[float, float, np.ndarray]:
+        """Return what is left at some lags, by the declared gains and by the nearest multiples, and those."""
+        rows = np.flatnonzero(free[late + older :]) + older
+        spring = gains.kp * (target[rows - older] - position[rows])
+        columns = np.stack([spring, damper[rows], np.ones(len(rows))], axis=1)
+        measured = logged[rows + late]
+        found = np.linalg.lstsq(columns, measured, rcond=None)[0]
+        declared = float(np.var(measured - spring - damper[rows]) / np.mean(measured**2))
+        return declared, float(np.mean((measured - columns @ found) ** 2)), found
+
+    best, at, scales = np.inf, (0, 0), np.ones(3)
+    steps = {max(1, most // LATENESS_STEPS), 1}
+    for step in sorted(steps, reverse=True):
+        middle = at
+        for late, older in _lags(most, step, None if step == max(steps) else middle, max(steps)):
+            declared, rest, found = fit(late, older)
+            if declared <= EXPLAINED**2:
+                return 1.0, 1.0
+            if rest < best:
+                best, at, scales = rest, (late, older), found
+    return float(scales[0]), float(scales[1])
+
+
+def _lags(most: int, step: int, about: tuple[int, int] | None, reach: int) -> list[tuple[int, int]]:
+    """Return pairs of lags, together at most `most`: all in steps, or within `reach` of a pair."""
+    places = range(0, most + 1, step)
+    pairs = [(one, other) for one in places for other in places if one + other <= most]
+    if about is None:
+        return pairs
+    return [pair for pair in pairs if max(abs(pair[0] - about[0]), abs(pair[1] - about[1])) < reach]

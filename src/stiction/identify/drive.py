@@ -11,7 +11,7 @@ and R), or a run of the same joint whose current was logged.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import isfinite
 
 import numpy as np
@@ -120,10 +120,6 @@ class Drive:
         if self.by_voltage and self.back_emf is not None:
             signal = signal - self.back_emf * velocity
         return (self.per_unit or 1.0) * signal
-
-    def with_back_emf(self, ke: float) -> Drive:
-        """Return the drive with ke as it was found [V s/rad]."""
-        return replace(self, ke=ke)
 
 
 def _check_duty(where: str, duty: np.ndarray, scale: float) -> None:

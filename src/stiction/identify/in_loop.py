@@ -78,7 +78,8 @@ def close_loop(run: Run, base: Fit, chosen: Fit) -> InLoop:
         reason = str(error)
     richer = fit_in_loop(run, chosen) if chosen is not base else None
     instrumental = fit_with_instruments(run, base) if base.rows is run.rows else None
-    return InLoop(mismatch, symmetric, richer, instrumental, None, reason)
+    scales = None if difference is None else difference.scales
+    return InLoop(mismatch, symmetric, richer, instrumental, None, reason, scales)
 
 
 def controller(run: Run) -> PDGains:

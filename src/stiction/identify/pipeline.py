@@ -44,7 +44,7 @@ from stiction.identify.regression import (
     predict_torque,
     rigid_torque,
 )
-from stiction.identify.runs import Run, make_run
+from stiction.identify.runs import Run, fit_signals, make_run
 from stiction.identify.setup import IdentifySetup
 from stiction.identify.verdict import is_leg, judge
 from stiction.identify.warnings import NAMELESS, find_warnings
@@ -333,19 +333,13 @@ def _fit_signals(evidence: Evidence) -> FitSignals:
     whole = replace(prepared, used=np.arange(len(prepared.torque)))
     everything = make_rows([whole], [run.setup.payload], run.setup.motor_strength or 1.0)
     best = evidence.loop.chosen or evidence.loop.symmetric
-    return FitSignals(
-        time=run.signals.time,
-        position=run.signals.position,
-        velocity=prepared.velocity,
-        acceleration=prepared.acceleration,
-        torque=prepared.torque - prepared.outside,
-        fitted_torque=predict_torque(evidence.base, everything),
-        law_torque=predict_torque(evidence.chosen, everything),
-        rigid_torque=rigid_torque(evidence.chosen, everything),
-        used=prepared.mask,
-        target=run.logged_target,
-        simulated_position=best.simulated.position if best else None,
-        simulated_torque=best.simulated.torque if best and run.measured else None,
+    return fit_signals(
+        run,
+        predict_torque(evidence.base, everything),
+        predict_torque(evidence.chosen, everything),
+        rigid_torque(evidence.chosen, everything),
+        best.simulated.position if best else None,
+        best.simulated.torque if best and run.measured else None,
     )
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from stiction.formats.joints import LOAD_REGRESSORS, Estimate, JointRecord
+from stiction.identify.assumption import torque_unit
 from stiction.identify.back_emf import BackEmf, Braking, brake_summary, braking, split_viscous
 from stiction.identify.choice import Choice, GravityChoice
 from stiction.identify.combinations import (
@@ -377,6 +378,7 @@ def _diagnostics(evidence: Evidence, strength: Strength) -> dict[str, Any]:
         "gravity": evidence.gravity and evidence.gravity.text,
         "drift": find_drift(rows, base) if alone else Drift(None, "several logs were fitted together"),
         "controller_mismatch": loop.mismatch,
+        "torque_unit": torque_unit(run),
         "closed_loop": loop.reason,
         "output_error": _simulated(loop.symmetric),
         "output_error_law": _simulated(loop.chosen),

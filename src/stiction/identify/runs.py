@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stiction.core.errors import LogError
+from stiction.formats.joints import FitSignals
 from stiction.formats.log import JointSignals, Log
 from stiction.identify.checks import Uniform, check_excitation, check_log
 from stiction.identify.model import GRAVITY, Model
@@ -86,15 +87,44 @@ def make_run(log: Log, joint: str | None, setup: IdentifySetup, alone: bool = Tr
     if alone:
         check_excitation(where, prepared.velocity, signals.step)
     if setup.pendulum and setup.pendulum_angle is None:
-        setup = replace(setup, pendulum_angle=_hanging(where, prepared))
+        setup = replace(setup, pendulum_angle=hanging(where, prepared))
     rows = make_rows([prepared], [setup.payload], setup.motor_strength or 1.0)
     if alone:
         check_rows(where, rows, prepared)
     return Run(log.source, name, setup, signals, torque, prepared, rows, log.notes)
 
 
-def _hanging(where: str, prepared: Prepared) -> float:
-    """Return the angle at which a pendulum hangs straight down, from the phase of its weight [rad]."""
+def fit_signals(
+    run: Run,
+    fitted: np.ndarray,
+    law: np.ndarray,
+    rigid: np.ndarray,
+    simulated_position: np.ndarray | None = None,
+    simulated_torque: np.ndarray | None = None,
+) -> FitSignals:
+    """Return what the page draws of a run: its signals, and torques as of `FitSignals`, shape (num_samples,) each."""
+    prepared = run.prepared
+    return FitSignals(
+        time=run.signals.time,
+        position=run.signals.position,
+        velocity=prepared.velocity,
+        acceleration=prepared.acceleration,
+        torque=prepared.torque - prepared.outside,
+        fitted_torque=fitted,
+        law_torque=law,
+        rigid_torque=rigid,
+        used=prepared.mask,
+        target=run.logged_target,
+        simulated_position=simulated_position,
+        simulated_torque=simulated_torque,
+    )
+
+
+def hanging(where: str, prepared: Prepared) -> float:
+    """Return the angle at which a pendulum hangs straight down, from the phase of its weight [rad].
+
+    Raises `LogError` where the log does not show it.
+    """
     rows = make_rows([prepared], [None])
     check_rows(where, rows, prepared)
     fit = fit_rows(rows, Model("coulomb", True))

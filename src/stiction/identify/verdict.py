@@ -15,10 +15,11 @@ from typing import Any
 from stiction.core.errors import StictionError
 from stiction.core.names import kind_of
 from stiction.formats.advice import TRANSFER, FrictionEffect, Source
-from stiction.formats.following import LEAST
+from stiction.formats.following import SLOW
 from stiction.formats.joints import FRICTION_REACHES_ZERO, Estimate, JointRecord
 from stiction.formats.results import DIRECTIONS, FOLLOWS
 from stiction.identify.advice import TRAINED_IN, Advice, advise, shipped
+from stiction.identify.assumption import assumption
 from stiction.identify.objections import no_friction_shown
 from stiction.identify.reference import CONDITIONS, Placement, Quantity, place
 
@@ -115,7 +116,7 @@ def _evidence_text(noticeable: float, effects: Sequence[FrictionEffect]) -> str:
     if not onsets:
         return text
     listed = onsets[0] if len(onsets) == 1 else f"{', '.join(onsets[:-1])}, and {onsets[-1]}"
-    return f"{text} Their slower direction slowed under {LEAST} of it {listed}."
+    return f"{text} Their slower direction slowed under {SLOW} of it {listed}."
 
 
 def _onset_text(level: int, effects: Sequence[FrictionEffect]) -> str:
@@ -199,6 +200,8 @@ class Verdict:
     """Seals removed, and wear."""
     advice: Advice | None = None
     """What to train with; None where there is nothing to cover."""
+    assumes: tuple[str, ...] = ()
+    """Flags whose numbers the friction rests on and nothing in the log shows; the first line says so."""
 
     @property
     def text(self) -> str:
@@ -231,6 +234,7 @@ class Verdict:
             "text": self.text,
             "placement": [asdict(item) for item in self.placement],
             "what_if": [asdict(item) for item in self.what_if],
+            "assumes": list(self.assumes),
         }
 
 
@@ -297,12 +301,13 @@ def judge(record: JointRecord, sources: Mapping[str, Source] | None = None, legs
         (
             _how_much(record),
             _matters(record, thresholds, legs and rotary),
-            _to_run(record, level, advice, legs and rotary),
+            _to_run(record, level, advice, legs and rotary, _harmless(record, thresholds)),
         ),
         tuple(details),
         placement,
         what_if(record, thresholds, legs) if rotary and not record.objections else (),
         advice,
+        assumption(record)[0],
     )
 
 
@@ -345,20 +350,8 @@ def _how_much(record: JointRecord) -> str:
     missing = "" if ratio is not None else "; of what torque limit is not known (--torque-limit)"
     if not numbers:
         return f"Dry friction is not known, measured {condition}{missing}."
-    if coulomb is None and record.kp is not None and record.torque_source is None:
-        missing += (
-            f"; all of it if kp is {record.kp:.4g} {unit}/{'rad' if record.axis == 'rotary' else 'm'}, as declared: "
-        )
-        missing += "positions alone do not show it"
-    if coulomb is not None and _scale_unchecked(record):
-        missing += f"; all of it if the torque is in {unit}, as declared: without --kp and --kd nothing shows it"
-    return f"Dry friction is {numbers}, measured {condition}{missing}."
-
-
-def _scale_unchecked(record: JointRecord) -> bool:
-    """Return whether a measured torque was held against nothing: no controller, no known load."""
-    known = record.diagnostics.get("strength", {}).get("source") == "known_load"
-    return record.diagnostics.get("controller_mismatch", 0.0) is None and not known
+    _, said = assumption(record)
+    return f"Dry friction is {numbers}, measured {condition}{missing}{'; ' if said else ''}{said}."
 
 
 def _in_which_unit(record: JointRecord) -> list[str]:
@@ -392,13 +385,12 @@ def _matters(record: JointRecord, thresholds: Thresholds, legs: bool) -> str:
     if ratio is None:
         return f"{begin} Cannot be told without the motor's torque limit (--torque-limit)."
     low, high = ratio.interval95
-    margin = 1.0 if record.test_condition == "loaded" else MARGIN
+    margin = _margin(record)
     noticed = 100 * thresholds.noticeable
     least = f"{noticed:.4g} % of the torque limit is the least that slowed walking policies in simulation"
-    wide = band is not None and band.interval95[1] > thresholds.dead_band
     if low >= thresholds.noticeable:
         return f"{begin} Yes: it is at least {100 * low:.4g} %; {least}."
-    if margin * high < thresholds.noticeable and not wide:
+    if _harmless(record, thresholds):
         times = "" if margin == 1.0 else f", even times {margin:g} for load too little"
         return f"{begin} No: it is at most {100 * high:.4g} %{times}; {least}."
     if record.objections:
@@ -411,8 +403,25 @@ def _matters(record: JointRecord, thresholds: Thresholds, legs: bool) -> str:
     return f"{begin} Probably: at such low gains the dead band is up to {reached:.4g} rad wide."
 
 
-def _to_run(record: JointRecord, level: float | None, advice: Advice | None, legs: bool) -> str:
-    """Say what to run."""
+def _margin(record: JointRecord) -> float:
+    """Return the factor on friction that load may add."""
+    return 1.0 if record.test_condition == "loaded" else MARGIN
+
+
+def _harmless(record: JointRecord, thresholds: Thresholds) -> bool:
+    """Return whether friction is too little to be noticed by a policy, even with the margin."""
+    ratio, band = record.friction_ratio, record.dead_band
+    wide = band is not None and band.interval95[1] > thresholds.dead_band
+    return ratio is not None and _margin(record) * ratio.interval95[1] < thresholds.noticeable and not wide
+
+
+def _to_run(record: JointRecord, level: float | None, advice: Advice | None, legs: bool, harmless: bool) -> str:
+    """Say what to run; harmless: whether friction, if there is any, is too little to be noticed by a policy."""
+    if record.objections and legs and harmless:
+        return (
+            "Nothing has to be done: there is no friction to train for (--method none). To tell how little there is, "
+            f"{record.objections[0].remedy}. No level is proposed."
+        )
     if record.objections:
         return f"Do first: {record.objections[0].remedy}. No level is proposed."
     if level is not None and level >= TRAINABLE:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +11,12 @@ from markupsafe import Markup
 
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract_rules import METHODS
-from stiction.formats.following import BAND, LEAST, MOST, row_pace
+from stiction.formats.following import BAND, FAST, SLOW, row_pace
 from stiction.formats.joints import JointRecord
 from stiction.formats.results import ResultRow
 from stiction.report.evaluation import budget_picture, definitions_table, draw_budget, results_table, run_blocks
 from stiction.report.following import paces_text
-from stiction.report.page import Section, file_uri, paragraph, picture, render_page, row, table
+from stiction.report.page import Section, file_uri, paragraph, picture, render_page, table
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,17 @@ class DemoPolicy:
     """Golden steps replayed by the check."""
     error: float
     """Largest difference of action or target in the replay."""
-    clip: Path | None
-    """A clip at the nominal level, or None where it could not be rendered."""
+    name: str
+    """What it is called on the page, see `policy_names`."""
+
+
+def policy_names(bundles: Sequence[Bundle]) -> list[str]:
+    """Return what policies are called: by the friction that they met in training, and their own name among equals."""
+    words = [f"trained {bundle.contract.trained}" for bundle in bundles]
+    return [
+        f"{text} ({bundle.name})" if words.count(text) > 1 else text
+        for text, bundle in zip(words, bundles, strict=True)
+    ]
 
 
 @dataclass(frozen=True)
@@ -57,6 +66,8 @@ class DemoClips:
     """Command of the clips: `vx=0.5`."""
     level: float
     """Friction level of the clips [-]."""
+    file: Path | None = None
+    """All policies in one scene, or None where it could not be rendered."""
 
 
 def render_demo(
@@ -73,15 +84,17 @@ def render_demo(
     where none was evaluated. warnings: what was left out, and why.
     """
     sections = [Section("What is this about?", tuple(map(paragraph, INTRODUCTION))), *map(_joint_section, joints)]
-    lead = NO_POLICY
+    lead: Sequence[str] = (NO_POLICY,)
     if policies:
-        lead = LEAD.format(level=clips.level)
+        lead = verdict(policies, rows, clips.level)
         heading = "Three ways to train, one robot" if len(policies) == 3 else "The policies"
+        called = {policy.bundle.name: policy.name for policy in policies}
+        rows = [replace(row, policy=called[row.policy]) for row in rows]
         budget = budget_picture(draw_budget(rows)), paragraph(BUDGET_TEXT), _followed(rows, policies)
         sections += [
             Section(heading, _policy_blocks(policies)),
             Section(
-                f"How they walk with {clips.level:.0%} friction in every joint", (_clip_row(policies, rows, clips),)
+                f"How they walk with {clips.level:.0%} friction in every joint", _clip_blocks(policies, rows, clips)
             ),
             Section("How much friction each of them bears", budget),
             Section("Are these files what they claim to be?", _check_blocks(policies)),
@@ -89,15 +102,12 @@ def render_demo(
             Section("What was run", run_blocks(summary)),
         ]
     sections.append(Section("Go on from here", (table(["you want to", "command"], NEXT_STEPS),)))
-    return render_page("Dry friction in robot joints, from a log to a policy", sections, lead, warnings)
+    return render_page(
+        "Dry friction in robot joints, from a log to a policy", sections, lead, warnings, summary["command"]
+    )
 
 
 NO_POLICY = "A joint was identified. No policy was evaluated."
-
-LEAD = (
-    "Dry friction was identified from a log, and policies that were trained without it and with it walked side by side "
-    "with friction of {level:.0%} of each joint's torque limit, and of less and more."
-)
 
 NEXT_STEPS = (
     ("identify a joint of your own", "stiction identify LOG.csv --kp 20 --kd 0.5 --torque-limit 25"),
@@ -124,8 +134,8 @@ METHODS_TEXT = (
 BUDGET_TEXT = (
     "Read it from left to right, towards more friction in the joints: every policy gets slower. One that was trained "
     f"without friction leaves the green band, {BAND} of the command, at its lower edge; one that was trained with much "
-    f"of it may begin above. A policy follows within the band, where no robot falls; under {LEAST} it is too slow, "
-    f"over {MOST} too fast:"
+    f"of it may begin above. A policy follows within the band, where no robot falls; under {SLOW} it is too slow, "
+    f"over {FAST} too fast:"
 )
 
 CHECK_TEXT = (
@@ -148,33 +158,56 @@ def _policy_blocks(policies: Sequence[DemoPolicy]) -> tuple[Markup, ...]:
     contracts = [policy.bundle.contract for policy in policies]
     cells = [
         (
-            contract.method,
+            policy.name,
             METHODS.get(contract.method, contract.method),
+            contract.method,
             f"{contract.friction_range[0]:.0%} to {contract.friction_range[1]:.0%}",
             str(contract.seed),
         )
-        for contract in contracts
+        for policy, contract in zip(policies, contracts, strict=True)
     ]
     robots = ", ".join(dict.fromkeys(contract.robot for contract in contracts))
     return (
         paragraph(METHODS_TEXT.format(robots=robots)),
-        table(["method", "meaning", "friction in training", "seed"], cells),
+        table(["policy", "meaning", "method", "friction in training [of τ_max]", "seed"], cells),
     )
 
 
-def _clip_row(policies: Sequence[DemoPolicy], rows: Sequence[ResultRow], clips: DemoClips) -> Markup:
-    """Return the clips side by side, or what is known without them."""
+def verdict(policies: Sequence[DemoPolicy], rows: Sequence[ResultRow], level: float) -> list[str]:
+    """Return a line for each policy: what it does at one level of friction, and at which levels it follows."""
+    lines = []
+    for policy in policies:
+        own = [row for row in rows if row.policy == policy.bundle.name and row.speed_ratio is not None]
+        levels = sorted({row.friction_level for row in own})
+        seen = {at: {row_pace(row) or "" for row in own if row.friction_level == at} for at in levels}
+        here = " and ".join(DOES[one] for one in DOES if one in seen.get(level, set())) or "was not tried"
+        held = ", ".join(f"{at:.0%}" for at in levels if seen[at] == {"follows"}) or "no tested friction"
+        lines.append(f"{policy.name.capitalize()}: {here} at {level:.0%} friction; it follows both ways at {held}.")
+    return lines
+
+
+DOES = {"follows": "follows its command", "too slow": "is too slow", "too fast": "is too fast", "fell": "falls"}
+"""Pace -> what a policy of that pace does; of two directions it may do two things."""
+
+
+def _clip_blocks(policies: Sequence[DemoPolicy], rows: Sequence[ResultRow], clips: DemoClips) -> tuple[Markup, ...]:
+    """Return all policies in one scene, and what each reached."""
     ratios = {
         r.policy: f"{r.speed_ratio:.0%} of it ({row_pace(r)})"
         for r in rows
         if (r.friction_level, r.command) == (clips.level, clips.command) and r.speed_ratio is not None
     }
-    shown = []
-    for policy in policies:
-        reached = ratios.get(policy.bundle.name, "an unknown share of it")
-        caption = f"{policy.bundle.contract.method}: commanded {clips.command}, reached {reached}"
-        shown.append(paragraph(caption) if policy.clip is None else picture(file_uri(policy.clip), caption))
-    return row(*shown)
+    said = f"commanded {clips.command} m/s, reached"
+    reached = [
+        paragraph(f"{policy.name}: {said} {ratios.get(policy.name, 'an unknown share')}.") for policy in policies
+    ]
+    if clips.file is None:
+        return tuple(reached)
+    return picture(file_uri(clips.file), SCENE), *reached
+
+
+SCENE = "One start line, one command, one camera that stands still; a line on the ground is a metre. In real time."
+"""What the clip shows."""
 
 
 def _followed(rows: Sequence[ResultRow], policies: Sequence[DemoPolicy]) -> Markup:
@@ -185,10 +218,10 @@ def _followed(rows: Sequence[ResultRow], policies: Sequence[DemoPolicy]) -> Mark
     for policy in policies:
         paces: dict[str, list[tuple[str, set[str]]]] = {command: [] for command in commands}
         for r in moving:
-            if r.policy == policy.bundle.name:
+            if r.policy == policy.name:
                 paces[r.command].append((f"{r.friction_level:.0%}", {row_pace(r) or ""}))
-        cells.append([policy.bundle.contract.method, *map(paces_text, paces.values())])
-    return table(["method", *commands], cells)
+        cells.append([policy.name, *map(paces_text, paces.values())])
+    return table(["policy", *(f"{command} m/s" for command in commands)], cells)
 
 
 def _check_blocks(policies: Sequence[DemoPolicy]) -> tuple[Markup, ...]:

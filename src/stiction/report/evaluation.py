@@ -15,7 +15,7 @@ from stiction.core.records import make_folder, write_rows
 from stiction.engines.catalog import TIMESTEP
 from stiction.evaluate.metrics import WINDOW
 from stiction.evaluate.table import BOTH, Sample
-from stiction.formats.following import BAND, DEFINITION, LEAST, MOST, following, pace, row_pace
+from stiction.formats.following import BAND, DEFINITION, FAST, SLOW, following, pace, row_pace
 from stiction.formats.results import FOLLOWS, ResultRow, write_results, write_summary
 from stiction.joints.friction import LAWS, has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
@@ -27,8 +27,10 @@ from stiction.report.page import (
     Spread,
     draw_seeds,
     figure_block,
+    label_ends,
     legend,
     line_look,
+    mark_look,
     new_figure,
     paragraph,
     render_page,
@@ -106,12 +108,15 @@ def draw_budget(rows: Sequence[ResultRow], samples: Sequence[Sample] = (), metho
                 continue
             points = sorted((level_number(law, r.friction_level), r.speed_ratio) for r in shown if r.policy == name)
             levels, ratios = ([point[k] for point in points] for k in (0, 1))
-            axis.plot(levels, ratios, marker="o", markersize=4, label=name, **line_look(name, names))
+            look = line_look(name, names) | {"marker": mark_look(name, names), "markersize": 4}
+            axis.plot(levels, ratios, label=name, **look)
         where = f"{_scene_text(scene)}, " if _scenes(moving) != [DEFAULT] else ""
         axis.set(title=f"{where}commanded {command}", xlabel=level_axis(law))
     if moving:
         for axis in axes[::width]:
             axis.set_ylabel("speed reached / commanded")
+        for axis in axes[width - 1 :: width]:
+            label_ends(axis)
         legend(axes[0])
     return figure
 
@@ -128,11 +133,27 @@ TITLE = "Speed over joint friction"
 MOVING = "moving"
 """Column that results.csv does not have; it comes from summary.json."""
 
+UNITS = {
+    "friction": "of τ_max",
+    "command": "m/s, wz rad/s",
+    "speed ratio": "1",
+    "error": "m/s, of wz rad/s",
+    "falls": "% of episodes",
+    "jitter": "rad/s²",
+    "cost of transport": "1",
+    "tripod": "% of moving steps",
+    "flight": "% of moving steps",
+    MOVING: "% of steps",
+    "steps passed": "steps",
+    "crossed": "% of walks",
+}
+"""Column -> its unit."""
+
 DEFINITIONS = (
     ("speed ratio", "mean speed along the command over the commanded speed; after a fall the speed counts as zero"),
     (
         "pace",
-        f"follows: {BAND} of the commanded speed, and nobody fell; too slow: under {LEAST}; too fast: over {MOST}",
+        f"follows: {BAND} of the commanded speed, and nobody fell; too slow: under {SLOW}; too fast: over {FAST}",
     ),
     ("error", f"mean distance of velocity and command, over windows of {WINDOW:g} s, in m/s (rad/s for a pure turn)"),
     ("falls", "share of episodes with a fall; a simulation that became unstable counts as one"),
@@ -224,14 +245,14 @@ def write_evaluation(
         write_rows(out / "methods.csv", samples)
     for kind in ("svg", "png"):
         save_figure(figure, out / f"friction_budget.{kind}", dpi=150)
-    page = out / "report.html"
-    write_text(page, render_page(TITLE, sections(figure, rows, summary, samples), lead(rows), summary["warnings"]))
+    page, shown = out / "report.html", sections(figure, rows, summary, samples)
+    write_text(page, render_page(TITLE, shown, lead(rows).split("\n"), summary["warnings"], summary["command"]))
     return page
 
 
 def lead(rows: Sequence[ResultRow]) -> str:
-    """Return the answer in a sentence for each policy: at which levels it follows all commands with a speed."""
-    sentences = []
+    """Return the answer, then a line for each policy: at which levels it follows all commands with a speed."""
+    sentences = [best(rows)]
     scenes = _scenes(rows)
     for policy in dict.fromkeys(row.policy for row in rows):
         for scene in scenes:
@@ -239,7 +260,33 @@ def lead(rows: Sequence[ResultRow]) -> str:
             if own:
                 where = f", {_scene_text(scene)}," if len(scenes) > 1 else ""
                 sentences.append(f"{policy}{where} {_follows_where(own)}")
-    return " ".join((*sentences, f"A policy is one training seed. {DEFINITION}"))
+    return "\n".join((*sentences, f"A policy is one training seed. {DEFINITION}"))
+
+
+def best(rows: Sequence[ResultRow]) -> str:
+    """Return which policy follows at most of the frictions, as a sentence to be read aloud."""
+    seen: dict[tuple[str, Scene], dict[tuple[str, float], set[str]]] = {}
+    for row in rows:
+        if (found := row_pace(row)) is not None:
+            levels = seen.setdefault((row.policy, _scene(row)), {})
+            levels.setdefault((row.friction_law, row.friction_level), set()).add(found)
+    if not seen:
+        return "No policy was asked to move."
+    counts = {key: sum(one == {"follows"} for one in levels.values()) for key, levels in seen.items()}
+    most = max(counts.values())
+    first = [key for key, count in counts.items() if count == most]
+    if not most:
+        return "No policy follows its command at any of the frictions."
+    named = dict.fromkeys(policy for policy, _ in first)
+    who = ", ".join([*named][:MOST_NAMED]) + (f" and {len(named) - MOST_NAMED} more" if len(named) > MOST_NAMED else "")
+    several = "each follow their" if len(named) > 1 else "follows its"
+    return (
+        f"{who} {several} command at {most} of {len(seen[first[0]])} frictions{', the most of all' * (len(seen) > 1)}."
+    )
+
+
+MOST_NAMED = 3
+"""Policies that the first sentence names."""
 
 
 def _follows_where(rows: Sequence[ResultRow]) -> str:
@@ -285,7 +332,8 @@ def methods_table(samples: Sequence[Sample]) -> Markup:
         numbers = (sample_text(own.get(name), look[name]["form"]) for name in MEASURES)
         rows.append([*cell, *numbers, _paces(points), each])
     header = ["method", "engine", "ground", "friction", "command", *(look[name]["label"] for name in MEASURES)]
-    return table([*header, "pace of the seeds", "speed ratio of each seed"], rows, SAMPLES)
+    header = [f"{name} [{UNITS[name]}]" if name in UNITS else name for name in header]
+    return table([*header, "pace of the seeds", "speed ratio of each seed [1]"], rows, SAMPLES, grouped=True)
 
 
 def _paces(points: Sequence[float]) -> str:
@@ -321,7 +369,8 @@ def results_table(rows: Sequence[ResultRow], details: Sequence[dict[str, Any]] =
     course = ["steps passed", "crossed"] if any(row.terrain != "flat" for row in rows) else []
     measured = [name for name, _ in DEFINITIONS if details or name != MOVING]
     header = ["policy", *where, "friction", "command", *measured, *course, "episodes"]
-    return table(header, [[line[name] for name in header] for line in lines], INTERVALS if details else "")
+    shown = [f"{name} [{UNITS[name]}]" if name in UNITS else name for name in header]
+    return table(shown, [[line[name] for name in header] for line in lines], INTERVALS if details else "", grouped=True)
 
 
 def definitions_table() -> Markup:

@@ -127,7 +127,7 @@ def write_excitation_page(folder: Path) -> Path:
     ]
     page = folder / "report.html"
     title = f"Excitation of joint {design.joint}"
-    write_text(page, render_page(title, sections, lead(design), design.warnings))
+    write_text(page, render_page(title, sections, lead(design), design.warnings, design.command))
     return page
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from stiction.formats.following import DEFINITION, LEAST, Following, together
+from stiction.formats.following import DEFINITION, SLOW, Following, counts_text
 from stiction.joints.friction import level_text
 from stiction.report.page import Sheet
 
@@ -67,7 +67,7 @@ def recommended_sheet(cells: Sequence[Following]) -> Sheet:
     rows = []
     for level, methods in levels.items():
         sure = ", ".join(_named(method, own[method]) for method in everywhere(methods))
-        counts = (together(methods[method]) if methods[method] else "not tested" for method in own)
+        counts = (counts_text(methods[method]) if methods[method] else "not tested" for method in own)
         rows.append((friction_text("coulomb", level), sure or "nobody", *counts))
     header = ("friction", "every seed, everywhere", *(_named(method, found) for method, found in own.items()))
     note = (
@@ -96,7 +96,13 @@ def counts_sheet(cells: Sequence[Following]) -> Sheet:
         (cell.method, cell.engine, friction_text(cell.friction_law, cell.friction_level), cell.text, cell.each)
         for cell in cells
     ]
-    header = ("method", "engine", "friction", "seeds that follow", "forward/backward of each seed")
+    header = (
+        "method",
+        "engine",
+        "friction [of the torque limit]",
+        "seeds that follow",
+        "speed ratios of each seed [1]",
+    )
     return Sheet("Seeds that follow", header, tuple(rows), DEFINITION)
 
 
@@ -129,10 +135,12 @@ def recommended_sentence(cells: Sequence[Following], level: float) -> str:
     methods = by_level(cells).get(level)
     if methods is None:
         return ""
-    sure = ", ".join(_named(method, methods[method]) for method in everywhere(methods)) or "nobody"
-    best = ", ".join(f"{_named(method, methods[method])}, {together(methods[method])}" for method in most(methods))
+    several = everywhere(methods)
+    sure = ", ".join(_named(method, methods[method]) for method in several) or "no training"
+    best = ", ".join(f"{_named(method, methods[method])}, {counts_text(methods[method])}" for method in most(methods))
     seeds = f"; the largest share of seeds over all places: {best}" if best else ""
-    return f"With {friction_text('coulomb', level)} friction, who follows everywhere with every seed: {sure}{seeds}."
+    verb = "follow" if len(several) > 1 else "follows"
+    return f"With {friction_text('coulomb', level)} friction, {sure} {verb} everywhere with every seed{seeds}."
 
 
 def changes_sheet(summary: Mapping[str, Any]) -> Sheet | None:
@@ -141,7 +149,7 @@ def changes_sheet(summary: Mapping[str, Any]) -> Sheet | None:
     rows = tuple((one["id"], one["before"], one["asked_before"], one["now"], one["asked"]) for one in changes)
     header = ("", "before", "what was asked", "now", "what is asked")
     note = (
-        f"The rows are the same. Before, following asked for {LEAST} or more, or for the mean over seeds to be within "
+        f"The rows are the same. Before, following asked for {SLOW} or more, or for the mean over seeds to be within "
         f"the band. {DEFINITION}"
     )
     return Sheet("Verdicts that changed with the definition of following", header, rows, note) if rows else None

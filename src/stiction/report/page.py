@@ -12,11 +12,13 @@ import mimetypes
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from functools import cache
-from itertools import zip_longest
+from itertools import groupby, zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
@@ -34,8 +36,14 @@ if TYPE_CHECKING:
 INK = "#7d8590"
 """Grey that reads on white and on near-black: axes and labels of the figures, whose background is transparent."""
 
-COLORS = ("#3b82c4", "#d97a3a", "#4c9f70", "#b3589a", "#c4a13b", "#6b6fc4")
-"""Line colours, chosen to read on both backgrounds."""
+COLORS = ("#2667a6", "#ff660d", "#0fa766", "#b47090", "#766324", "#813ee2")
+"""Line colours that read on both backgrounds, and are apart to colour-blind eyes too: a test simulates them."""
+
+STYLES = ("-", (0, (5, 1.5)), "-.", (0, (1, 1.2)), (0, (6, 1.5, 1, 1.5, 1, 1.5)), (0, (2.5, 1)))
+"""Line styles, beside the colours: who sees none of those, or prints in grey, still tells the lines apart."""
+
+MARKS = ("o", "s", "^", "D", "v", "P")
+"""Points of single policies, likewise."""
 
 
 @dataclass(frozen=True)
@@ -72,11 +80,17 @@ def paragraph(text: str) -> Markup:
     return _block("paragraph", text)
 
 
-def table(header: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "") -> Markup:
-    """Return a table of plain text; the first column is the row's name, columns of numbers align right, words left."""
+def table(header: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "", grouped: bool = False) -> Markup:
+    """Return a table of plain text; the first column is the row's name, columns of numbers align right, words left.
+
+    grouped: rows of one first cell, which follow each other, stand under it as a heading, and the second is the name.
+    """
     cells = [list(row) for row in rows]
     words = [any(map(_is_word, column)) for column in zip_longest([""] * len(header), *cells, fillvalue="")]
-    return _block("table", header, cells, words, caption)
+    if not grouped:
+        return _block("table", header, [("", cells)], words, caption)
+    groups = [(name, [line[1:] for line in own]) for name, own in groupby(cells, key=lambda line: line[0])]
+    return _block("table", header[1:], groups, words[1:], caption)
 
 
 def row_table(rows: Sequence[Any], caption: str = "") -> Markup:
@@ -95,7 +109,7 @@ def _is_word(cell: str) -> bool:
 
 def picture(uri: str, caption: str = "") -> Markup:
     """Return an image from a data URI (`figure_uri`, `file_uri`); the caption is also its alternative text."""
-    return _block("picture", uri, caption)
+    return _block("picture", uri, caption, caption.replace("`", ""))
 
 
 def row(*blocks: Markup) -> Markup:
@@ -221,22 +235,46 @@ def figure_block(figure: Figure, caption: str) -> Markup:
     return picture(figure_uri(figure), caption)
 
 
+FEWEST_LISTED = 3
+"""Sections from which on a page begins with a list of them."""
+
+
 def render_page(
-    title: str, sections: Sequence[Section], lead: str | Sequence[str] = "", warnings: Sequence[str] = ()
+    title: str,
+    sections: Sequence[Section],
+    lead: str | Sequence[str] = "",
+    warnings: Sequence[str] = (),
+    command: str = "",
+    date: str = "",
 ) -> str:
-    """Return the page as one HTML text; `lead` is the answer in a sentence or two, or lines, shown under the title."""
+    """Return the page as one HTML text: what made it and when, the answer, warnings, contents, sections.
+
+    lead: the answer in a sentence or two, or lines, the first of which is the answer; command: that made what is shown;
+    date: of the page, by default today.
+    """
     lines = [lead] if isinstance(lead, str) else list(lead)
+    drawn = f"Drawn on {date or datetime.now().astimezone().date().isoformat()}"
     return (
         _environment()
         .get_template("page.html")
         .render(
             title=title,
             sections=sections,
+            anchors=anchors([section.title for section in sections]),
+            listed=len(sections) >= FEWEST_LISTED,
+            made=drawn + (f"; what it shows was made by `{command}`." if command else "."),
             lead=[line for line in lines if line],
             warnings=warnings,
             version=__version__,
         )
     )
+
+
+def anchors(titles: Sequence[str]) -> list[str]:
+    """Return the anchor of each heading: its words, and a number where another has the same."""
+    names = ["-".join(re.findall(r"[a-z0-9]+", title.lower()))[:60] or "part" for title in titles]
+    seen = [names[:index].count(name) for index, name in enumerate(names)]
+    return [f"{name}-{count + 1}" if count else name for name, count in zip(names, seen, strict=True)]
 
 
 LABELS = {
@@ -321,9 +359,46 @@ class Spread(NamedTuple):
 
 
 def line_look(name: str, names: Sequence[str]) -> dict[str, Any]:
-    """Return colour and style of a line, the same in every figure with these names; the second round is dashed."""
+    """Return colour and style of a line, the same in every figure with these names; no two of 36 have both alike."""
     number = list(names).index(name)
-    return {"color": COLORS[number % len(COLORS)], "linestyle": "-" if number < len(COLORS) else "--"}
+    round_, place = divmod(number, len(COLORS))
+    return {"color": COLORS[place], "linestyle": STYLES[(place + round_) % len(STYLES)]}
+
+
+def mark_look(name: str, names: Sequence[str]) -> str:
+    """Return the mark of a line's points, the same in every figure with these names."""
+    return MARKS[list(names).index(name) % len(MARKS)]
+
+
+CLOSEST = 0.055
+"""Least distance of two names at the ends of lines, over the height of their axis."""
+
+
+def label_ends(axis: Axes) -> None:
+    """Write the name of every line at its right end, beside the axis, so that nobody has to look for its colour."""
+    named = [line for line in axis.lines if not str(line.get_label()).startswith("_")]
+    heights = {index: np.asarray(line.get_ydata(), dtype=float) for index, line in enumerate(named)}
+    low, high = axis.get_ylim()
+    ends = sorted((float(values[-1]), index) for index, values in heights.items() if values.size)
+    places = spaced([(value - low) / (high - low) for value, _ in ends], CLOSEST)
+    for (_, index), place in zip(ends, places, strict=True):
+        look: dict[str, Any] = {"color": named[index].get_color(), "va": "center", "annotation_clip": False}
+        text = str(named[index].get_label())
+        axis.annotate(text, (1.0, place), (1.015, place), "axes fraction", fontsize=7.5, **look)
+
+
+def spaced(places: Sequence[float], least: float) -> list[float]:
+    """Return ascending places moved apart to at least a distance, within 0 to 1 where they fit there."""
+    found: list[float] = []
+    for place in places:
+        found.append(max(place, found[-1] + least) if found else max(place, 0.0))
+    over = max(0.0, found[-1] - 1.0) if found else 0.0
+    if over:
+        ceiling = 1.0
+        for index in range(len(found) - 1, -1, -1):
+            found[index] = min(found[index], ceiling)
+            ceiling = found[index] - least
+    return found
 
 
 def draw_seeds(axis: Axes, points: Sequence[Spread], method: str, methods: Sequence[str]) -> None:

@@ -114,7 +114,7 @@ def write_actuator_page(folder: Path) -> Path:
         Section("Training", (figure_block(_losses(net, fit), "Mean squared error of torque over limit."),)),
         Section("What was run", (run_table(net, summary), paragraph(f"Command: {net.command}"))),
     ]
-    write_text(page, render_page("Actuator Net", sections, lead(summary)))
+    write_text(page, render_page("Actuator Net", sections, lead(summary), command=net.command))
     return page
 
 

@@ -8,16 +8,18 @@ from typing import Annotated, Literal
 
 import tyro
 
+from stiction.core.options import read_options
 from stiction.rma.config import PRESETS, TrainCfg, preset
 
 DESCRIPTION = """Train a policy that walks on what the robot measures, with or without friction in its joints.
 
-A first look, some ten minutes of one core; then results, some twenty-five:
+Examples, of which the first takes some ten minutes of one core, the second some twenty-five:
   stiction train --preset quick --method deception --friction-level 0.2 --out runs/first
-  stiction train --method deception --friction-level 0.2 --out runs/deception
-These learn in one phase. The paper's two, a teacher (PPO, sees everything) and its student (behaviour cloning):
-  stiction train --preset two-phase --method deception --friction-level 0.2 --out runs/paper
-Terrain wants that one: its teacher sees the ground.
+  stiction train --robot robot.yaml --friction-from identified/training.json --out runs/mine
+  stiction train --resume runs/mine
+
+The presets full and quick learn in one phase. The paper's two, a teacher (PPO, sees everything) and its student
+(behaviour cloning), are those of --preset two-phase; terrain wants it: its teacher sees the ground.
 
 Watch it: the terminal shows the time left and how the robots walk (`nohup stiction train ... 2> train.log &` writes a
 line every 30 s). `tensorboard --logdir runs` shows every figure, teacher and student as two runs: reward/* (weighted
@@ -32,6 +34,15 @@ bit. A run that diverges ends with status 1 and says what it saw, since when, an
 
 The run holds config.json, metrics.jsonl (a line an iteration), tensorboard/, checkpoints/, clips/, curves.png and, when
 it is finished, summary.json. Next: `stiction export runs/deception`."""
+
+
+GROUPS = {
+    "usually needed": ("--robot", "--method", "--friction-level", "--friction-from", "--preset", "--out", "--seed"),
+    "the joints": ("--joints", "--joint-map", "--actuator", "--friction-law"),
+    "ground and physics": ("--terrain", "--physics", "--symmetry"),
+    "how it runs": ("--num-envs", "--device", "--resume", "--stop-at-tracking-error", "--video-every", "--json"),
+}
+"""The options that people use."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +74,7 @@ def parse(arguments: list[str]) -> Train:
     Raises `ConfigurationError` where one of them would have no effect.
     """
     default = Train(config=_defaults(arguments))
-    options = tyro.cli(Train, args=arguments, prog="stiction train", description=DESCRIPTION, default=default)
+    options = read_options(Train, arguments, "stiction train", DESCRIPTION, default, GROUPS)
     options.config.check_effects()
     return options
 

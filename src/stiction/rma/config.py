@@ -371,12 +371,6 @@ class TrainCfg:
             "use fewer --num-envs, fewer steps, or a shorter history",
         )
 
-    @property
-    def env_steps(self) -> int:
-        """Control steps of all robots in the whole run."""
-        rollouts = self.teacher.iterations * self.teacher.steps + self.student.iterations * self.student.steps
-        return rollouts * self.num_envs
-
 
 _SHOWN = TrainCfg(task=TaskCfg(physics=FAST), video_every=100)
 

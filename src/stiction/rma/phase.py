@@ -38,14 +38,14 @@ class Interrupted(TrainingError):
 
 
 @contextlib.contextmanager
-def torch_threads(count: int) -> Iterator[None]:
-    """Give torch `count` threads for a while.
+def one_torch_thread() -> Iterator[None]:
+    """Give torch one thread for a while, as rollouts do.
 
-    Rollouts use one: their tensors are small, and torch's own threads, which wait actively after each operation, would
-    take the cores from the simulator's.
+    Their tensors are small, and torch's own threads, which wait actively after each operation, would take the cores
+    from the simulator's.
     """
     before = torch.get_num_threads()
-    torch.set_num_threads(count)
+    torch.set_num_threads(1)
     try:
         yield
     finally:
@@ -126,7 +126,7 @@ class PhaseRunner(OnPolicyRunner):
         """Collect one rollout and update; return the means of all figures."""
         start = time.perf_counter()
         rollout = RolloutFigures(self.env.cfg.control_period)
-        with torch.no_grad(), torch_threads(1):
+        with torch.no_grad(), one_torch_thread():
             obs = self.env.get_observations()
             for _ in range(self.cfg["num_steps_per_env"]):
                 age = self.env.episode_length_buf

@@ -9,7 +9,7 @@ import shlex
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from stiction.core.errors import FileError, TrainingError, UnwrittenError
 from stiction.core.files import read_bounded, write_bytes, write_text
 from stiction.core.lock import output_folder
 from stiction.core.provenance import git_revision, machine
-from stiction.core.records import from_plain, to_plain
+from stiction.core.records import from_plain
 from stiction.formats.actuator import FILE, actuator_file, read_actuator
 from stiction.formats.plain import is_integer, is_number, read_object
 from stiction.formats.results import read_metrics
@@ -199,7 +199,7 @@ class RunDirectory:
                     write_bytes(path / FILE, file.read_bytes())
                 if not is_shipped(cfg.task.robot):
                     write_robot(robot, path / ROBOT)
-                write_json(path / "config.json", header | {"config": to_plain(cfg)})
+                write_json(path / "config.json", header | {"config": asdict(cfg)})
             except OSError as error:
                 raise FileError(
                     f"the run's folder {path} cannot be made: {error.strerror}; name another --out"

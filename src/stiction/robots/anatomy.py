@@ -212,7 +212,7 @@ def _shape(model: mujoco.MjModel, data: mujoco.MjData, geom: int, frame: tuple[n
         first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
         return Shape("hull", (0.0, 0.0, 0.0), vertices=hull(model.mesh_vert[first : first + count]), **common)
     if kind == int(mujoco.mjtGeom.mjGEOM_ELLIPSOID):
-        return Shape("hull", (0.0, 0.0, 0.0), vertices=hull(_ball() * model.geom_size[geom]), **common)
+        return Shape("hull", (0.0, 0.0, 0.0), vertices=hull(_directions() * model.geom_size[geom]), **common)
     return None
 
 
@@ -230,7 +230,7 @@ def hull(points: np.ndarray) -> tuple[Vector, ...]:
     if len(corners) > MOST_CORNERS:
         axes = np.concatenate((np.eye(3), -np.eye(3)))
         best = {int(number) for number in np.argmax(corners @ axes.T, axis=0)}
-        for direction in _ball():
+        for direction in _directions():
             if len(best) == MOST_CORNERS:
                 break
             best.add(int(np.argmax(corners @ direction)))
@@ -238,8 +238,13 @@ def hull(points: np.ndarray) -> tuple[Vector, ...]:
     return tuple(as_vector(corner) for corner in corners)
 
 
-def _ball(count: int = 120) -> np.ndarray:
-    """Return directions spread evenly over the sphere (Fibonacci's lattice), shape (count, 3)."""
+DIRECTIONS = 120
+"""Directions in which the corners of a shape are looked for."""
+
+
+def _directions() -> np.ndarray:
+    """Return directions spread evenly over the sphere (Fibonacci's lattice), shape (DIRECTIONS, 3)."""
+    count = DIRECTIONS
     height = 1.0 - 2.0 * (np.arange(count) + 0.5) / count
     angle = np.pi * (1.0 + 5.0**0.5) * np.arange(count)
     radius = np.sqrt(1.0 - height**2)

@@ -29,7 +29,7 @@ from stiction.robots.anatomy import Anatomy, Part, dissect, hinges
 from stiction.robots.description import Description
 from stiction.robots.hold import hold
 from stiction.robots.model import Base, Foot, Joint, Link, Robot, tree_poses
-from stiction.robots.shapes import Contact, Shape, Vector, bounds, reach
+from stiction.robots.shapes import Contact, Shape, bounds, reach, vector
 from stiction.robots.source import Source
 
 FREQUENCY, DAMPING_RATIO = 10.0, 2.0
@@ -326,8 +326,8 @@ def _base(part: Part, said: Description, origins: list[Origin]) -> Base:
     else:
         half = _equal_box(part) / 2
         low, high, where = np.array(part.com) - half, np.array(part.com) + half, "rule: the box of equal inertia"
-    size, middle = _tuple(high - low), _tuple((high + low) / 2)
-    box = Shape("box", _tuple((high - low) / 2), middle, contact="ground")
+    size, middle = vector(high - low), vector((high + low) / 2)
+    box = Shape("box", vector((high - low) / 2), middle, contact="ground")
     seen = tuple(replace(shape, contact="ground") for shape in part.touched) if said.collision == "file" else (box,)
     origins.append(Origin("base", "box", " x ".join(f"{extent:.3g}" for extent in size) + " m", where))
     return Base(part.mass, part.com, part.inertia, seen or (box,), size, middle)
@@ -337,12 +337,6 @@ def _equal_box(part: Part) -> np.ndarray:
     """Return the full extent of a uniform box of the same mass and moments [m], shape (3,)."""
     x, y, z = part.inertia[:3]
     return np.sqrt(np.maximum(6.0 / part.mass * np.array([y + z - x, x + z - y, x + y - z]), 1e-4))
-
-
-def _tuple(values: np.ndarray) -> Vector:
-    """Return three numbers."""
-    x, y, z = (float(value) for value in values)
-    return x, y, z
 
 
 Poses = tuple[np.ndarray, np.ndarray]
@@ -372,7 +366,7 @@ def _feet(
         low, high = bounds(sole, poses[1][link])
         middle = poses[1][link].T @ ((low + high) / 2)
         down = tuple(replace(shape, contact="ground") for shape in sole)
-        feet.append(Foot(name, link, _tuple(middle), float(high[2] - low[2]) / 2, down))
+        feet.append(Foot(name, link, vector(middle), float(high[2] - low[2]) / 2, down))
     lowest = min(_lowest(foot.shapes, poses, foot.link) for foot in feet)
     where = said.source if said.feet else "rule: outermost links that touch the ground in the pose"
     origins.extend(Origin(foot.name, "foot", f"{len(foot.shapes)} shapes", where) for foot in feet)

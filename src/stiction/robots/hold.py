@@ -14,7 +14,7 @@ import numpy as np
 from stiction.core.errors import RobotError, unknown_name
 from stiction.core.rotation import quaternion_of
 from stiction.robots.model import Body, HeldJoint, Link, Robot, link_poses
-from stiction.robots.shapes import Shape, Vector
+from stiction.robots.shapes import Shape, vector
 
 Place = tuple[np.ndarray, np.ndarray]
 """A frame in another one: position [m], shape (3,), and rotation, shape (3, 3)."""
@@ -59,8 +59,8 @@ def hold(robot: Robot, angles: Mapping[str, float]) -> Robot:
                 shapes=merged.shapes,
                 name=link.name,
                 parent=parent,
-                origin=_vector(position[old] - frames[parent]),
-                axis=_vector(rotation[old] @ np.array(link.axis)),
+                origin=vector(position[old] - frames[parent]),
+                axis=vector(rotation[old] @ np.array(link.axis)),
             )
         )
     feet = []
@@ -69,7 +69,7 @@ def hold(robot: Robot, angles: Mapping[str, float]) -> Robot:
             raise RobotError(f"robot {robot.name!r}: no driven joint moves the foot {foot.name!r}")
         place = position[foot.link] - frames[owner[foot.link]], rotation[foot.link]
         shapes = tuple(_moved(shape, place) for shape in foot.shapes)
-        middle = _vector(place[0] + place[1] @ np.array(foot.position))
+        middle = vector(place[0] + place[1] @ np.array(foot.position))
         feet.append(replace(foot, link=owner[foot.link], position=middle, shapes=shapes))
     trunk = merge(parts(-1, (robot.base,)))
     names = robot.mirror_names
@@ -81,7 +81,7 @@ def hold(robot: Robot, angles: Mapping[str, float]) -> Robot:
         feet=tuple(feet),
         held=robot.held
         + tuple(
-            HeldJoint(joint.name, angles[joint.name], _vector(rotation[number] @ np.array(robot.links[number].axis)))
+            HeldJoint(joint.name, angles[joint.name], vector(rotation[number] @ np.array(robot.links[number].axis)))
             for number, joint in enumerate(robot.joints)
             if joint.name in angles
         ),
@@ -107,7 +107,7 @@ def merge(parts: Sequence[tuple[Body, Place]]) -> Body:
         inertia += body.mass * (away @ away * np.eye(3) - np.outer(away, away))
     shapes = tuple(_moved(shape, place) for body, place in parts for shape in body.shapes)
     xx, yy, zz, xy, xz, yz = (float(inertia[pair]) for pair in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
-    return Body(float(mass), _vector(com), (xx, yy, zz, xy, xz, yz), shapes)
+    return Body(float(mass), vector(com), (xx, yy, zz, xy, xz, yz), shapes)
 
 
 def _moved(shape: Shape, place: Place) -> Shape:
@@ -116,13 +116,7 @@ def _moved(shape: Shape, place: Place) -> Shape:
     if np.array_equal(rotation, np.eye(3)) and not position.any():
         return shape
     w, x, y, z = quaternion_of(rotation @ shape.rotation)
-    return replace(shape, position=_vector(position + rotation @ np.array(shape.position)), quaternion=(w, x, y, z))
-
-
-def _vector(values: np.ndarray) -> Vector:
-    """Return three numbers."""
-    x, y, z = (float(value) for value in values)
-    return x, y, z
+    return replace(shape, position=vector(position + rotation @ np.array(shape.position)), quaternion=(w, x, y, z))
 
 
 def reflect(body: Link, x: bool = False, y: bool = False) -> Link:
@@ -130,4 +124,4 @@ def reflect(body: Link, x: bool = False, y: bool = False) -> Link:
     sign = np.array([-1.0 if x else 1.0, -1.0 if y else 1.0, 1.0])
     xx, yy, zz, xy, xz, yz = body.inertia
     inertia = (xx, yy, zz, float(xy * sign[0] * sign[1]), float(xz * sign[0]), float(yz * sign[1]))
-    return replace(body, origin=_vector(sign * body.origin), com=_vector(sign * body.com), inertia=inertia)
+    return replace(body, origin=vector(sign * body.origin), com=vector(sign * body.com), inertia=inertia)

@@ -12,6 +12,13 @@ from stiction.core.rotation import matrix
 
 Vector = tuple[float, float, float]
 
+
+def vector(values: np.ndarray) -> Vector:
+    """Return three numbers of an array, shape (3,)."""
+    x, y, z = values.tolist()
+    return x, y, z
+
+
 ShapeKind = Literal["sphere", "capsule", "cylinder", "box", "hull"]
 
 Contact = Literal["ground", "obstacles", "nothing"]

@@ -33,6 +33,24 @@ LIMITS = (
 )
 """What the outcomes with an x say."""
 
+SAID = {
+    "reproduces": "hold",
+    "only above x": "hold only above some friction",
+    "only up to x": "hold only up to some friction",
+    "does not": "do not hold",
+    "undecided": "are undecided",
+    "not tested": "were not tested",
+}
+"""Outcome -> what a person says of sentences of which that came out."""
+
+
+def said_of(verdicts: Sequence[Verdict], what: str) -> str:
+    """Return how many sentences came out how, as a sentence to be read aloud; what: `sentences of the paper`."""
+    counts = {words: sum(one.outcome == outcome for one in verdicts) for outcome, words in SAID.items()}
+    listed = [f"{count} {words}" for words, count in counts.items() if count]
+    return f"Of {len(verdicts)} {what}, {', '.join(listed[:-1])}{' and ' if listed[1:] else ''}{listed[-1]}."
+
+
 JUDGED = (
     "Numbers are means over training seeds with their 95 % t-interval in brackets and every seed in parentheses. "
     f"`undecided`: the interval straddles the criterion. {LIMITS} One seed carries no verdict: `not tested`, with its "
@@ -116,17 +134,17 @@ def rejudged_summary(
     before: Mapping[str, Any],
     verdicts: Iterable[Verdict],
     now: Iterable[Verdict],
-    made: Mapping[str, Any],
+    provenance: Mapping[str, Any],
     own: Iterable[str],
 ) -> dict[str, Any]:
     """Return what summary.json keeps where its rows are judged anew, with `judged` and `changed`.
 
-    before: the summary, with `verdicts`; now: those of today; made: by what the rows are judged now; own: entries that
-    are written anew, beside verdicts and parts.
+    before: the summary, with `verdicts`; now: those of today; provenance: by what the rows are judged now; own: entries
+    that are written anew, beside verdicts and parts.
     """
     anew = {"schema_version", "verdicts", "parts", *own}
     kept = {name: value for name, value in before.items() if name not in anew}
-    return kept | {"judged": made, "changed": changed_verdicts(verdicts, now, before.get("changed", []))}
+    return kept | {"judged": provenance, "changed": changed_verdicts(verdicts, now, before.get("changed", []))}
 
 
 Labelled = tuple[str, Measurement]

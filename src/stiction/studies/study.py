@@ -12,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import inspect
 import json
+import re
 import shlex
 import sys
 import time
@@ -22,14 +23,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-import tyro
-
 from stiction.core.cache import cached, key_of
 from stiction.core.files import write_text
 from stiction.core.lock import output_folder
+from stiction.core.options import read_options
 from stiction.core.provenance import Origin, num_threads
 from stiction.core.records import make_folder, write_rows
 from stiction.formats.results import ResultRow, summary_text, write_results, write_summary
+from stiction.formats.settings import results_folder
 from stiction.report.terminal import Terminal, jobs_of, print_warnings, work_progress
 
 if TYPE_CHECKING:
@@ -53,6 +54,8 @@ class Options:
 
     out: Path = Path("stiction-study")
     """Directory for tables, summary.json, figures and report.html."""
+    overwrite: bool = False
+    """Write over results of other settings in --out."""
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 
@@ -96,6 +99,7 @@ class Work:
         self.origin = Origin.now()
         self.bars = ExitStack()
         """Ends with the progress, when the study has run."""
+        self._options = options
         self._code, self._stack, self._start = code, stack, time.perf_counter()
 
     def begin(self) -> Path:
@@ -103,7 +107,10 @@ class Work:
 
         Raises `StictionError` where it cannot be written, or another process writes it; it is this one's to the end.
         """
-        self._stack.enter_context(output_folder(self.out))
+        if getattr(self._options, "judge_again", False):
+            self._stack.enter_context(output_folder(self.out))
+        else:
+            self._stack.enter_context(results_folder(self.out, self.verb, self._options))
         self._start = time.perf_counter()
         return self.out
 
@@ -162,7 +169,7 @@ class Report:
     title: str = ""
     """Heading of the page; without one there is none."""
     lead: str = ""
-    """The answer in a sentence or two: on the page, and printed."""
+    """The answer, a sentence that can be read aloud, and further lines: on the page, and printed."""
     tables: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     """Name -> records, written as NAME.csv. Of what has no rows, a file of before is removed."""
     claims: Sequence[Verdict] = ()
@@ -219,7 +226,8 @@ class Study(Generic[Chosen]):
 
         """
         program = f"stiction {verb}"
-        options = tyro.cli(self.options, args=arguments, prog=program, description=self.description)
+        example = "" if "\n  stiction " in self.description else f"\n\nExample:\n  {program} --out {verb.split()[-1]}"
+        options = read_options(self.options, arguments, program, self.description + example)
         command = shlex.join([*program.split(), *arguments])
         code = hashlib.sha256(Path(inspect.getfile(self.run)).read_bytes()).hexdigest()
         with ExitStack() as stack:
@@ -244,10 +252,10 @@ class Study(Generic[Chosen]):
         return report.status
 
 
-def write_report(out: Path, report: Report, made: Summary) -> Summary:
+def write_report(out: Path, report: Report, provenance: Summary) -> Summary:
     """Write tables, summary.json, figures and page into a folder; return the summary.
 
-    made: `Work.provenance` and `warnings`.
+    provenance: `Work.provenance` and `warnings`.
 
     Raises:
         FileError: something cannot be written.
@@ -255,15 +263,15 @@ def write_report(out: Path, report: Report, made: Summary) -> Summary:
     """
     tables = dict(report.tables) | ({"claims": report.claims} if report.claims else {})
     claims = {"claims": [asdict(claim) for claim in report.claims]} if report.claims else {}
-    summary = {**made, **claims, **report.summary}
+    summary = {**provenance, **claims, **report.summary}
     from stiction.report.page import save_figure
 
     for name, rows in tables.items():
         path = out / f"{name}.csv"
         if rows:
             (write_results if isinstance(rows[0], ResultRow) else write_rows)(path, rows)
-        else:
-            path.unlink(missing_ok=True)
+        elif path.exists():
+            path.unlink()
     write_summary(out / "summary.json", summary)
     for name, figure in report.figures.items():
         picture = out / f"{name}.png"
@@ -284,8 +292,14 @@ def verdict_sheet(verdicts: Sequence[Verdict], note: str, title: str = "") -> Sh
     """Return what became of each sentence as a table. note: what its reader must know."""
     from stiction.report.page import Sheet
 
-    rows = tuple((v.id, v.outcome, f"“{v.sentence}”", v.criterion, v.evidence) for v in verdicts)
-    return Sheet(title, ("", "outcome", "sentence", "criterion", "evidence"), rows, note)
+    rows = tuple((f"“{v.sentence}”", filled(v), v.criterion, v.evidence, v.id) for v in verdicts)
+    return Sheet(title, ("sentence", "outcome", "criterion", "evidence", "number in the CSV"), rows, note)
+
+
+def filled(verdict: Verdict) -> str:
+    """Return the outcome of a sentence with the friction that its x stands for."""
+    found = re.match(r"x = ([^;]+)", verdict.evidence) if verdict.outcome.endswith(" x") else None
+    return f"{verdict.outcome[:-1]}{found[1]}" if found else verdict.outcome
 
 
 PAGE = "report.html"
@@ -301,11 +315,13 @@ def page_text(report: Report, summary: Summary) -> str:
     if report.claims:
         parts = [*parts, Section("What became of each sentence", verdict_sheet(report.claims, report.judged).blocks())]
     took = f", {summary['seconds']:.0f} s" if "seconds" in summary else ""
-    made = f"Revision {summary['revision']}{took} on {summary['machine']['cpu']}."
+    revision = f"Revision {summary['revision']}{took} on {summary['machine']['cpu']}."
     again = judged_text(summary)
-    blocks = [paragraph(f"Command: {summary['command']}"), *report.run, paragraph(made)]
+    blocks = [paragraph(f"Command: {summary['command']}"), *report.run, paragraph(revision)]
     parts = [*parts, Section("What was run", (*blocks, *((paragraph(again),) if again else ())))]
-    return render_page(report.title, parts, report.lead, [*summary["warnings"], *report.notes])
+    return render_page(
+        report.title, parts, report.lead.split("\n"), [*summary["warnings"], *report.notes], summary["command"]
+    )
 
 
 WIDE = 140

@@ -129,6 +129,14 @@ class Case:
         """Return what the robot `hidden` is in this cell."""
         return hidden.only(self.groups)
 
+    def coulomb(self, hidden: Hidden, spec: Robot) -> np.ndarray:
+        """Return the dry friction that its joints have without load, f [N m], shape (J,)."""
+        return self.level.coulomb(spec) * self.robot(hidden).friction.share
+
+    def shown(self, hidden: Hidden, spec: Robot) -> np.ndarray:
+        """Return the same as its motors' torque shows it, f/k [N m], shape (J,): k is their strength."""
+        return self.coulomb(hidden, spec) / self.robot(hidden).motors.strength
+
     def friction(self, hidden: Hidden, spec: Robot, timestep: float) -> JointFriction:
         """Return the dry friction of its joints; `timestep`: of the physics [s]."""
         return self.robot(hidden).friction.at(self.level.coulomb(spec), self.level.load, timestep)

@@ -5,13 +5,15 @@ Those of the robot are asked of its process; the others happen to the supervisor
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import socket
 import subprocess
+import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +21,13 @@ import numpy as np
 
 from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.deploy.pilot import JointCommand
+from stiction.deploy.runtime.config import OperatorCfg
+from stiction.deploy.runtime.operator import ALIVE
 from stiction.deploy.runtime.policy_process import FAULTS as OF_POLICY
 from stiction.deploy.runtime.runtime import Injected
 from stiction.deploy.transports.link import RobotState, command_layout
+from stiction.deploy.transports.udp import LOOPBACK
+from stiction.formats.velocity import AXES
 
 OF_ROBOT = {
     "stale": "the robot says nothing any more",
@@ -39,6 +45,8 @@ OF_ROBOT = {
     "torque": "a motor gives twice its limit",
     "temperature": "a motor has 120 °C",
     "flailing": "all joints move at 15 rad/s",
+    "motor-lost": "the robot's own bus loses every message of a motor",
+    "motor-fault": "a motor says that something is wrong with it",
     "drive-gains": "the drives act with other gains than they were given",
 }
 """Faults of the robot and of its sensors."""
@@ -65,6 +73,9 @@ POLICY = {
 
 FAULTS = OF_ROBOT | POLICY | OF_MACHINE
 """Every fault that can be injected, and what it is."""
+
+SAID_EVERY = 0.05
+"""Time between two words of somebody elsewhere [s]."""
 
 ASK = b"STCNfault "
 """How the robot's process is asked for a fault of its own."""
@@ -94,18 +105,86 @@ def parse_fault(text: str) -> Fault:
     return Fault(name, number)
 
 
+def operated(operator: OperatorCfg, faults: Sequence[Fault], stop_file: Path) -> OperatorCfg:
+    """Return who may stop or steer a run, such that every fault has something to happen to: what is not named is made.
+
+    stop_file: where a stop file may appear.
+    """
+    needed = {fault.name for fault in faults}
+    if "stop-file" in needed and operator.stop_file is None:
+        operator = replace(operator, stop_file=stop_file)
+    if "heartbeat" in needed and operator.heartbeat is None:
+        operator = replace(operator, heartbeat=_free_address())
+    if "command-loss" in needed and operator.command_from is None:
+        operator = replace(operator, command_from=_free_address())
+    return operator
+
+
+def _free_address() -> str:
+    """Return an address on loopback at which nobody listens."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
+        port.bind((LOOPBACK, 0))
+        return f"{LOOPBACK}:{port.getsockname()[1]}"
+
+
+class SecondMachine:
+    """Says that it is there, or what velocity is wanted, until it falls silent: what a run hears from elsewhere."""
+
+    def __init__(self, address: str, words: bytes) -> None:
+        """Begin to send words to HOST:PORT."""
+        host, _, port = address.rpartition(":")
+        self._address, self._words = (host, int(port)), words
+        self._silent = threading.Event()
+        self._thread = threading.Thread(target=self._speak, daemon=True, name="second machine")
+        self._thread.start()
+
+    def _speak(self) -> None:
+        """Send until told to stop."""
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
+            while not self._silent.wait(SAID_EVERY):
+                port.sendto(self._words, self._address)
+
+    def fall_silent(self) -> None:
+        """Say nothing any more."""
+        self._silent.set()
+        self._thread.join()
+
+
 class Faults(Injected):
-    """Injects faults into a run when they are due."""
+    """Injects faults into a run when they are due; a context, since some need somebody who speaks until then."""
 
     obeyed = True
 
-    def __init__(self, faults: Sequence[Fault], robot: tuple[str, int], stop_file: Path | None, joints: int) -> None:
-        """robot: address of the virtual robot; stop_file: of the run; joints: how many the robot has."""
+    def __init__(
+        self, faults: Sequence[Fault], robot: tuple[str, int], operator: OperatorCfg, joints: int, velocity: np.ndarray
+    ) -> None:
+        """Take what is to happen, to a virtual robot at an address of a port on this machine.
+
+        operator: see `operated`; joints: how many the robot has; velocity: commanded from elsewhere where a fault ends
+        that: forward, sideways [m/s], turn [rad/s], shape (3,).
+        """
         self._waiting = sorted(faults, key=lambda fault: fault.second)
-        self._robot, self._stop_file, self._joints = robot, stop_file, joints
+        self._robot, self._stop_file, self._joints = robot, operator.stop_file, joints
+        said = json.dumps(dict(zip(AXES, map(float, velocity), strict=True))).encode()
+        places = {"heartbeat": (operator.heartbeat, ALIVE), "command-loss": (operator.command_from, said)}
+        needed = {fault.name for fault in faults}
+        self._speak = {name: place for name, place in places.items() if name in needed}
+        self._elsewhere: dict[str, SecondMachine] = {}
         self._of_policy = 0
         self.times: dict[str, float] = {}
         """Fault -> when it was injected, on the monotonic clock [s]."""
+
+    def __enter__(self) -> Faults:
+        """Let whoever is to fall silent speak."""
+        for name, (address, words) in self._speak.items():
+            assert address is not None, "see operated"
+            self._elsewhere[name] = SecondMachine(address, words)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Let everybody be silent."""
+        for machine in self._elsewhere.values():
+            machine.fall_silent()
 
     def due(self, elapsed: float, policy: subprocess.Popen[bytes] | None) -> int:
         """Inject what is due; see `Injected.due`."""
@@ -123,6 +202,8 @@ class Faults(Injected):
         elif name == "second-writer":
             zero = np.zeros(self._joints)
             self._tell(command_layout(self._joints).pack(1, 0.0, vars(JointCommand(zero, zero, zero, zero))))
+        elif name in self._elsewhere:
+            self._elsewhere[name].fall_silent()
         elif name == "stop-file" and self._stop_file is not None:
             self._stop_file.touch()
         elif name in SIGNALS and (target := os.getpid() if name.startswith("sig") else policy and policy.pid):
@@ -202,6 +283,8 @@ CHANGES: dict[str, Change] = {
     "flailing": lambda state, first, count: _with(
         state, joint_velocity=15.0 * np.where(np.arange(len(state.kp)) % 2, 1.0, -1.0)
     ),
+    "motor-lost": lambda state, first, count: _with(state, lost=_one(state.lost, count)),
+    "motor-fault": lambda state, first, count: _with(state, motor_fault=_one(state.motor_fault, 4.0)),
     "drive-gains": lambda state, first, count: _with(state, kp=1.5 * state.kp),
 }
 """Fault of the robot -> what it says then."""

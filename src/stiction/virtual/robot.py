@@ -194,18 +194,18 @@ class VirtualRobot:
         self._commands: DelayLine[JointCommand] = DelayLine(whole_steps(hidden.delays.command, engine.timestep))
         self._samples: DelayLine[Reading] = DelayLine(whole_steps(hidden.delays.sensors, engine.timestep))
         self._reported: deque[np.ndarray] = deque(maxlen=self._steps)
-        self._against: FrictionController | None = None
+        self._compensation: FrictionController | None = None
         self.handle = RobotHandle(self._names, period, lambda: self._reading, self._exchange)
         """For what drives the robot."""
         standing = spec.joint_values("default_position")
         self.place(standing, np.array([0.0, 0.0, spec.standing_height]), UPRIGHT)
 
-    def program(self, against: FrictionController | None) -> None:
+    def program(self, compensation: FrictionController | None) -> None:
         """Let the motor controllers feed friction forward by themselves, from their own encoders; None: they do not.
 
         Their period is the engine's physics step.
         """
-        self._against = against
+        self._compensation = compensation
 
     def place(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
         """Put the robot there, at rest and limp; see `Engine.reset`."""
@@ -213,8 +213,8 @@ class VirtualRobot:
         self._motion, self._tick = self._engine.motion(self._loads), 0
         for part in (self._drive, self._friction, self._imu):
             part.reset()
-        if self._against is not None:
-            self._against.reset()
+        if self._compensation is not None:
+            self._compensation.reset()
         self._gears.reset(joint_position)
         self._encoders.reset(joint_position)
         zero = np.zeros_like(joint_position)
@@ -247,9 +247,9 @@ class VirtualRobot:
         commanded = commanded_torque(
             command.kp, command.kd, command.target, command.forward, encoders.angle, encoders.velocity
         )  # 2
-        if self._against is not None:  # a joint that is commanded limp stays so
-            against = self._against.torque(command.target, encoders.angle, encoders.velocity, commanded)
-            commanded = commanded + np.where(command.kp > 0.0, against, 0.0)
+        if self._compensation is not None:  # a joint that is commanded limp stays so
+            forward = self._compensation.torque(command.target, encoders.angle, encoders.velocity, commanded)
+            commanded = commanded + np.where(command.kp > 0.0, forward, 0.0)
         last = self._given
         self._given, reported = self._drive.torque(commanded, self._gears.velocity)  # 3
         wear = 1.0 if self._wear is None else np.where(self._worn, self._wear.factor(self._time), 1.0)

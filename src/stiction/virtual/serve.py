@@ -147,6 +147,8 @@ class RobotProcess:
             acceleration=force,
             joint_torque=reading.joint_torque,
             temperature=np.full(self._spec.num_joints, ROOM_TEMPERATURE),
+            lost=np.zeros(self._spec.num_joints),
+            motor_fault=np.zeros(self._spec.num_joints),
             foot_contact=reading.foot_contact.astype(float),
             battery=BATTERY,
             kp=self._command.kp,

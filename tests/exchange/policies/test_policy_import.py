@@ -10,7 +10,7 @@ import yaml
 from foreign import JOINTS, MJLAB, ROBOT, network, written
 from stiction.core.errors import StictionError
 from stiction.deploy.check import check_bundle
-from stiction.exchange.policies.description import Said, contract_of, missing, require, together
+from stiction.exchange.policies.description import Said, contract_of, merged, missing, require
 from stiction.exchange.policies.importer import import_policy
 from stiction.exchange.policies.mjlab import said_by_mjlab
 from stiction.exchange.policies.rl_sar import said_by_rl_sar
@@ -54,13 +54,13 @@ def test_what_nobody_says_is_asked_for_by_name(tmp_path: Path) -> None:
 
 def full(**changes) -> Said:
     """Return a policy of which all is said."""
-    said = together(said_by_mjlab(MJLAB, "theirs"), said_in_settings(yaml.safe_load(OWN), "own"))
-    return together(said, Said(**changes))
+    said = merged(said_by_mjlab(MJLAB, "theirs"), said_in_settings(yaml.safe_load(OWN), "own"))
+    return merged(said, Said(**changes))
 
 
 def test_what_is_said_twice_is_the_later_one_with_a_note() -> None:
     """Three decimals of mjlab can be made exact; a contradiction is never silent."""
-    both = together(full(), said_in_settings({"kp": {".*_calf_joint": 20, ".*": 25.1}}, "own"))
+    both = merged(full(), said_in_settings({"kp": {".*_calf_joint": 20, ".*": 25.1}}, "own"))
     assert both.notes == ("kp is said twice, and differently; the later file holds",)
     contract = contract_of(both, find_robot(ROBOT), ("n", b""), "r", "c")
     assert contract.kp[:3] == (25.1, 25.1, 20.0)
@@ -106,7 +106,7 @@ def test_a_deploy_yaml_by_hand() -> None:
 def test_a_policy_with_another_order_gets_the_robot_in_its_order() -> None:
     """Joints side by side in place of leg by leg: each stays on its own link, with its own limits."""
     robot = find_robot(ROBOT)
-    said = together(full(), said_in_deploy(yaml.safe_load(DEPLOY), "deploy.yaml", JOINTS))
+    said = merged(full(), said_in_deploy(yaml.safe_load(DEPLOY), "deploy.yaml", JOINTS))
     contract = contract_of(said, robot, ("n", b""), "r", "c")
     assert contract.joint_names[:2] == (JOINTS[3], JOINTS[0]) and contract.anatomy is not None
     for name, link in zip(contract.joint_names, contract.anatomy.links, strict=True):
@@ -202,4 +202,4 @@ def test_what_a_contract_cannot_hold_is_refused(change: dict, message: str) -> N
 def test_settings_that_make_no_sense_are_refused(content: dict, message: str) -> None:
     """In one line that names the entry."""
     with pytest.raises(StictionError, match=message):
-        contract_of(together(full(), said_in_settings(content, "own")), find_robot(ROBOT), ("n", b""), "r", "c")
+        contract_of(merged(full(), said_in_settings(content, "own")), find_robot(ROBOT), ("n", b""), "r", "c")

@@ -22,8 +22,8 @@ from stiction.joints.friction import Coulomb
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Joint, simulate
 
-LOGS = 80
-"""Simulated logs: the deviation of a deviation is 8 %."""
+LOGS = 40
+"""Simulated logs: the deviation of a deviation is 11 %."""
 
 
 def pattern_of(made: Excitation) -> Pattern:
@@ -52,7 +52,7 @@ def test_predicted_deviations_are_those_of_estimates_from_simulated_logs(made: E
             lambda x, begin=begin, logged=logged: signals(begin + x * scale) - logged, np.zeros(4), diff_step=0.1
         )
         found.append(begin + fit.x * scale)
-    assert np.std(found, axis=0) / scale == pytest.approx(np.ones(4), abs=0.25)
+    assert np.std(found, axis=0) / scale == pytest.approx(np.ones(4), abs=0.3)
     assert np.abs(np.mean(found, axis=0) - truth) == pytest.approx(np.zeros(4), abs=0.5 * scale.max())
 
 
@@ -138,7 +138,7 @@ def test_gains_are_lowered_only_where_the_joint_still_tracks(made: Excitation) -
     assert (chosen.worst or np.inf) < 0.9 * (by_kp[20.0].worst or 0.0)
     assert "not at the given kp 20" in made.record.advice
     gains, _ = choose_gains(
-        make_task(replace(ExciteSetup(duration=8.0), coulomb=0.44).filled()), True, lambda share: None
+        make_task(ExciteSetup(duration=8.0, rate=250.0, coulomb=0.44).filled()), True, lambda share: None
     )
     assert gains == PDGains(20.0, 0.5)
 
@@ -172,9 +172,10 @@ def test_a_speed_limit_that_no_motion_keeps_is_refused(monkeypatch: pytest.Monke
         design_excitation(setup, "shank", "")
 
 
-def test_the_same_seed_gives_the_same_motion(task: Task, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_same_seed_gives_the_same_motion(monkeypatch: pytest.MonkeyPatch) -> None:
     """And another seed another: the search does use it."""
     monkeypatch.setattr(design, "GENERATIONS", 1)
+    task = make_task(ExciteSetup(torque_limit=45.0, coulomb=0.44, duration=5.0, rate=100.0, speed_limit=8.0).filled())
     shares: list[float] = []
     one = design.search(task, 3, shares.append)
     assert one == design.search(task, 3, lambda share: None) != design.search(task, 4, lambda share: None)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from limb_logs import ARM6, Truth, limb_logs
 
+from stiction.cli.identify import RESULTS
 from stiction.cli.main import main
 from stiction.formats.joints import ARMATURE, load_joints
 from stiction.formats.log import write_log
@@ -31,7 +32,7 @@ def test_a_log_and_a_robot_give_friction_of_every_joint(
     assert main(["identify", str(log), "--robot", ARM6.robot, "--out", str(tmp_path)]) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "wrist_3" in said and "off by 10%" in said and "--model-error" in said
-    assert {path.name for path in tmp_path.iterdir()} == {"joints.json", "fit.npz", "training.json", "report.html"}
+    assert {path.name for path in tmp_path.iterdir()} == set(RESULTS)
     joints = load_joints(tmp_path / "joints.json").joints
     for record, friction, rotor in zip(joints.values(), truth.coulomb_friction, truth.armature, strict=True):
         assert record.coulomb_friction is not None

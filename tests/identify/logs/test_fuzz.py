@@ -1,6 +1,6 @@
-"""Thirteen thousand damaged inputs: a complete log or the one error, soon, in little memory, never a part as the whole.
+"""Thousands of damaged inputs: a complete log or the one error, soon, in little memory, never a part as the whole.
 
-11,700 by injuries to valid files (`tests/damage.py`, in processes with a bound on memory), the rest by hypothesis.
+Most by injuries to valid files (`tests/damage.py`, in processes with a bound on memory), the rest by hypothesis.
 """
 
 from __future__ import annotations
@@ -21,12 +21,13 @@ from hypothesis import strategies as st
 
 import damage
 import logfiles
+from counts import count
 from stiction.core.errors import StictionError
 from stiction.formats.log import LogSetup, read_setup
 from stiction.identify.logs import open_log
 
-EACH = 650
-"""Inputs a kind; there are eighteen kinds."""
+EACH = count(200, 650)
+"""Injuries a kind of file; there are eighteen kinds."""
 
 TESTS = Path(__file__).parents[2]
 

@@ -1,4 +1,4 @@
-"""What a referee makes of identified friction, with numbers worked out by hand."""
+"""Identified friction beside the truth, with numbers worked out by hand."""
 
 from __future__ import annotations
 

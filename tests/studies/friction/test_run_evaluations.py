@@ -3,6 +3,7 @@
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -21,13 +22,13 @@ def walked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Evaluations that were really walked; walking itself is made up."""
     names: list[str] = []
 
-    def walk(run: Path, who: str, cfg) -> list:
+    def walk(run: Path, who: str, cfg) -> SimpleNamespace:
         names.append(f"{run.name}/{who}")
         if run.name == "bad-s0":
             raise StictionError("the robot is unknown")
-        return [row(names[-1], level, "vx=0.5", 1 / 3) for level in cfg.friction_levels]
+        return SimpleNamespace(rows=[row(names[-1], level, "vx=0.5", 1 / 3) for level in cfg.friction_levels])
 
-    monkeypatch.setattr(run_evaluation, "evaluate_run", walk)
+    monkeypatch.setattr(run_evaluation, "walk_run", walk)
     return names
 
 

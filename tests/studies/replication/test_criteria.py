@@ -11,7 +11,7 @@ from stiction.studies.claims import Finding
 from stiction.studies.replication import criteria
 from stiction.studies.replication.claims import CLAIMS, judge_all
 from stiction.studies.replication.criteria import elsewhere, on_robot, together_over_axes
-from stiction.studies.replication.plan import ROBOT
+from stiction.studies.replication.plan import VIRTUAL_ROBOT
 
 SEEDS = (0, 1, 2)
 SPREAD = (-0.01, 0.0, 0.01)
@@ -52,7 +52,7 @@ def judged(judge: criteria.Judge, *parts: list[Row]) -> Finding:
 
 PHYSX, ODE = Condition("physx", 0.0), Condition("ode-webots", 0.0)
 JITTERS_ELSEWHERE = elsewhere("deception", criteria.jitters("none", *DIRECTIONS))
-REAL = [Condition(ROBOT, level, "real") for level in (0.1, 0.2)]
+REAL = [Condition(VIRTUAL_ROBOT, level, "real") for level in (0.1, 0.2)]
 
 
 def test_the_slower_direction_is_that_of_each_seed() -> None:
@@ -181,8 +181,8 @@ def test_stairs_elsewhere_are_those_of_every_other_engine() -> None:
 
 def test_the_bench_is_not_felt_and_a_share_of_the_load_is() -> None:
     """Both halves of the explanation must hold."""
-    bench = rows("none", Condition(ROBOT, 0.0107, "real-bench"), 1.0)
-    loaded = Condition(ROBOT, 0.0107, "real-bench+load0.1")
+    bench = rows("none", Condition(VIRTUAL_ROBOT, 0.0107, "real-bench"), 1.0)
+    loaded = Condition(VIRTUAL_ROBOT, 0.0107, "real-bench+load0.1")
     assert judged(criteria.load_above_bench, bench, rows("none", loaded, 0.3)).outcome == "reproduces"
     assert judged(criteria.load_above_bench, bench, rows("none", loaded, 1.0)).outcome == "does not"
 
@@ -219,7 +219,7 @@ def test_the_same_policies_are_compared_one_by_one() -> None:
     apart = (0.0, 0.1, 0.2)
 
     def at(level: float, deviation: float) -> list[Row]:
-        condition = Condition(ROBOT, level, "real")
+        condition = Condition(VIRTUAL_ROBOT, level, "real")
         return [
             row | {"speed_ratio": 1.0 - deviation - apart[seed]}
             for seed in SEEDS
@@ -476,7 +476,7 @@ def test_falls_on_few_robots_are_no_rate_of_robots() -> None:
         assert judged(stable, *parts).outcome == outcome
 
 
-BENCH, LOADED = (Condition(ROBOT, 0.0107, f"real-bench{load}") for load in ("", "+load0.1"))
+BENCH, LOADED = (Condition(VIRTUAL_ROBOT, 0.0107, f"real-bench{load}") for load in ("", "+load0.1"))
 
 
 def test_the_bench_and_its_load_are_frictions_of_the_robot() -> None:

@@ -107,7 +107,7 @@ def test_every_file_is_written(tmp_path: Path) -> None:
     assert "a &lt;sentence&gt;" in html
     assert "<script" not in html and 'src="http' not in html
     assert html.index("Which training does my joint need?") < html.index("a &lt;sentence&gt;")
-    assert html.index("a &lt;sentence&gt;") < html.index("What E1 was judged by") < html.index("0.90 ± 0.10")
+    assert html.index("a &lt;sentence&gt;") < html.index("E1 in verdicts.csv") < html.index("0.90 ± 0.10")
     assert read_rows(tmp_path / "methods.csv", Sample) == RESULT.samples
     assert read_rows(tmp_path / "evidence.csv", EvidenceRow) == RESULT.evidence
     assert read_rows(tmp_path / "forward.csv", ForwardPoint) == RESULT.forward
@@ -157,7 +157,7 @@ def test_too_fast_is_no_following() -> None:
     }
     said = recommended_sentence(cells, 0.01)
     assert said == (
-        "With 1 % friction, who follows everywhere with every seed: none; the largest share of seeds over all places: "
+        "With 1 % friction, none follows everywhere with every seed; the largest share of seeds over all places: "
         "none, 3 of 3."
     )
 
@@ -213,7 +213,7 @@ def test_a_missing_method_and_a_single_seed_are_said() -> None:
     """The paper compares three methods."""
     assert any("actuator, deception" in text for text in warnings(RESULT))
     assert warnings(RESULT)[0] == "Not trained, and left out: p-s1. it diverged"
-    assert lead(RESULT).startswith("Of 1 sentences and explanations: 1 not tested.")
+    assert lead(RESULT).endswith("\nOf 1 sentences and explanations of the paper, 1 were not tested.")
     stairs = replace(RESULT.samples[0], terrain="stairs=0.1", seeds="0")
     assert any(
         "no verdict: none on stairs." in text for text in warnings(replace(RESULT, samples=[stairs, *RESULT.samples]))

@@ -18,7 +18,7 @@ from stiction.formats.results import write_summary
 from stiction.studies.replication import run as walked
 from stiction.studies.replication.page import warnings
 from stiction.studies.replication.plan import Part, Size, parts_of
-from stiction.studies.replication.run import kept_part, planned_rows, replicate, rows_in, walk_part
+from stiction.studies.replication.run import part_from_ledger, planned_rows, replicate, rows_in, walk_part
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
@@ -46,11 +46,11 @@ def test_what_was_walked_is_kept_without_walking(
     """The same rows, and the reader is told; where nothing was walked there is nothing."""
     walked = walk_part(FIRST, [still], tmp_path / "first", 1, lambda *rest: None)
     no_walk(monkeypatch)
-    kept = kept_part(FIRST, [still], tmp_path / "first")
+    kept = part_from_ledger(FIRST, [still], tmp_path / "first")
     assert kept is not None
     assert (kept.rows, kept.details) == (walked.rows, walked.details)
     assert kept.kept.startswith("not asked for: 2 of 2 rows")
-    assert kept_part(SECOND, [still], tmp_path / "second") is None
+    assert part_from_ledger(SECOND, [still], tmp_path / "second") is None
 
 
 def test_a_row_that_lacks_a_walk_is_not_kept(still: Bundle, tmp_path: Path) -> None:
@@ -59,12 +59,12 @@ def test_a_row_that_lacks_a_walk_is_not_kept(still: Bundle, tmp_path: Path) -> N
     ledger = tmp_path / "first" / "walks.jsonl"
     lines = ledger.read_text().splitlines(keepends=True)
     ledger.write_text("".join(lines[:-1]))
-    kept = kept_part(FIRST, [still], tmp_path / "first")
+    kept = part_from_ledger(FIRST, [still], tmp_path / "first")
     assert kept is not None
     assert len(kept.rows) == 1
     assert kept.kept.startswith("not asked for: 1 of 2 rows")
     longer = replace(FIRST, grid=replace(FLAT, base=replace(FLAT.base, seconds=1.5)))
-    assert kept_part(longer, [still], tmp_path / "first") is None
+    assert part_from_ledger(longer, [still], tmp_path / "first") is None
 
 
 def test_a_part_alone_does_not_replace_the_others(
@@ -96,7 +96,7 @@ def test_no_robot_is_put_on_its_bench_for_a_part_that_is_not_asked_for(
     walks = plan(["still"], grid)
     ledger.add(tuple(walks), [METRICS] * len(walks))
     monkeypatch.setattr("stiction.evaluate.benches.identify_on_bench", lambda *rest: pytest.fail("put on its bench"))
-    kept = kept_part(part, [still], tmp_path)
+    kept = part_from_ledger(part, [still], tmp_path)
     assert kept is not None
     assert [(row.method, row.episodes) for row in kept.rows] == [("none", 2)]
 
@@ -107,7 +107,7 @@ def test_what_could_not_be_walked_is_said_before_the_numbers(
     """A robot that is left out would be missing from one way alone, and nobody would see it; kept or walked now."""
     said = ["Robot 4 is left out"]
     monkeypatch.setattr(
-        walked, "not_forwarded", lambda bundles, grid, benches: said if benches.parent.name == "first" else []
+        walked, "forward_notes", lambda bundles, grid, benches: said if benches.parent.name == "first" else []
     )
     for asked in (None, ["second"]):
         result = replicate([still], (FIRST, SECOND), tmp_path, asked=asked)

@@ -89,7 +89,9 @@ def test_the_study_writes_its_page(tmp_path: Path, capsys: pytest.CaptureFixture
     options = ["--step-heights", "0.01", "--friction-levels", "0", "--trials", "2", "--out", str(out)]
     assert main(["study", "stairs", policy, *options]) == 0
     assert "climbs 1 cm: 2 of 2" in capsys.readouterr().out
-    assert {file.name for file in out.iterdir()} == {"stairs.csv", "summary.json", "stairs.png", "report.html"}
+    assert {file.name for file in out.iterdir()} == {
+        *("stairs.csv", "summary.json", "stairs.png", "settings.json", "report.html"),
+    }
     assert (out / "stairs.csv").read_text().splitlines()[1].startswith(f"{policy},0,0.01,2,2,0,12,")
     assert main(["study", "stairs", policy, policy, "--out", str(tmp_path / "twice")]) == 1
     assert "two bundles" in capsys.readouterr().err and not (tmp_path / "twice").exists()

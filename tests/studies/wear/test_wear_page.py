@@ -7,9 +7,6 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import pytest
-
-from stiction.core.errors import StictionError
 from stiction.studies.study import write_report
 from stiction.studies.wear.lifetimes import Lifetime, Reading, Window
 from stiction.studies.wear.page import answers, report
@@ -163,9 +160,3 @@ def test_a_robot_that_fell_at_once_has_no_window(tmp_path: Path) -> None:
     fallen = replace(LIFETIME, end="fell", first_ratio=None, last_ratio=None)
     assert "fell" in written(tmp_path, [fallen], [], [])
     assert not (tmp_path / "windows.csv").exists()
-
-
-def test_a_folder_that_cannot_be_written_is_one_clear_line(tmp_path: Path) -> None:
-    """If this failed, hours of walks would end in a traceback."""
-    with pytest.raises(StictionError, match=r"cannot be written to .*choose another --out"):
-        written(tmp_path / "gone", [LIFETIME], [], [])

@@ -51,11 +51,16 @@ class SafetyCfg:
     stay below 4."""
     flailing_seconds: float = 0.3
     """[s]."""
+    lost: float = 10.0
+    """Most messages of a motor that the robot's own bus may lose within 0.1 s, of some 50; not judged where a robot
+    does not count them."""
+    motor_fault: bool = True
+    """Whether a motor that says that something is wrong with it stops the robot."""
 
     def __post_init__(self) -> None:
         """Refuse limits that are none."""
         for name, value in vars(self).items():
-            if not 0 < value < 1e4:
+            if not isinstance(value, bool) and not 0 < value < 1e4:
                 raise ConfigurationError(f"safety {name} of {value}: expected a positive number")
 
 

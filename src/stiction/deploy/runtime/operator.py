@@ -24,6 +24,7 @@ import numpy as np
 
 from stiction.core.errors import ConfigurationError
 from stiction.deploy.runtime.config import OperatorCfg
+from stiction.formats.velocity import AXES
 
 KEYS = b" q\r\n"
 """Keys that stop the robot."""
@@ -32,9 +33,6 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 ALIVE = b"alive"
 """What a second machine sends, some ten times a second."""
-
-AXES = ("vx", "vy", "wz")
-"""Of a velocity command: forward, sideways [m/s], turn [rad/s]."""
 
 LARGEST_COMMAND = 512
 """Bytes of a velocity command."""

@@ -10,13 +10,7 @@ import numpy as np
 from stiction.deploy.runtime.channel import TIMES
 from stiction.deploy.runtime.limits import LIMITED_BY
 from stiction.deploy.runtime.supervisor import Stop, Supervisor
-from stiction.deploy.runtime.ticker import Histogram
-
-QUIET = 0.5
-"""p99 of an idle loop's lateness up to which lateness is judged [ms]; beyond, the machine is the reason."""
-
-LATE = 2.0
-"""p99 of lateness up to which it is well [ms]."""
+from stiction.deploy.runtime.ticker import LATE, QUIET, Histogram
 
 
 @dataclass

@@ -125,10 +125,12 @@ def run(
         loop.run(velocity)
         if operator.complaint:
             say(f"the last velocity command was none: {operator.complaint}")
+        if link.complaint:
+            say(f"{link.malformed} messages of the robot were no state; the last one: {link.complaint}")
     of_bundle = {"bundle": bundle.name, "digest": bundle.digest, "robot": contract.robot}
     log = {"log": None if rows is None else LOG, "log_lost": 0 if rows is None else rows.lost + (not rows.alive)}
     of_run = {"armed": cfg.supervisor.armed, "stage": supervisor.stage.name.lower(), "sent": loop.sent_at}
-    of_link = {"states": loop.states, "malformed": getattr(link, "malformed", 0), "realtime": effect or None}
+    of_link = {"states": loop.states, "malformed": link.malformed, "realtime": effect or None}
     return summary(supervisor, timing, of_run | of_link | log | of_bundle)
 
 

@@ -10,15 +10,11 @@ from collections import deque
 
 import numpy as np
 
-from stiction.core.rotation import into_frame
+from stiction.core.rotation import up_in_frames
 from stiction.deploy.runtime.config import SafetyCfg
 from stiction.deploy.transports.link import RobotState
 from stiction.deploy.violation import Violation
 from stiction.formats.contract import Contract
-
-DOWN = np.array([0.0, 0.0, -1.0])
-"""Direction of gravity in the world."""
-
 
 RULES = {
     "tilt": "the robot leans further than it can come back from",
@@ -26,6 +22,8 @@ RULES = {
     "joint speed": "a joint moves faster than in any walk",
     "torque": "a motor gives more than its limit: the drive is set up for another robot",
     "temperature": "a motor is too hot",
+    "motor lost": "the robot itself does not hear a motor any more",
+    "motor fault": "a motor says that something is wrong with it, by the maker's code",
     "flailing": "all joints together move faster than in any walk",
 }
 """Rule -> what it says of the robot."""
@@ -37,10 +35,14 @@ def tilt(quaternion: np.ndarray, angular_velocity: np.ndarray, horizon: float) -
     quaternion: w x y z, shape (4,); angular_velocity: in the base's frame [rad/s], shape (3,). Gravity's direction g in
     the base's frame changes by −ω × g.
     """
-    now = into_frame(quaternion / np.linalg.norm(quaternion), DOWN)
+    now = -up_in_frames(quaternion / np.linalg.norm(quaternion))
     ahead = now - horizon * np.cross(angular_velocity, now)
     ahead = ahead / np.linalg.norm(ahead)
     return float(np.arccos(np.clip(-now[2], -1.0, 1.0))), float(np.arccos(np.clip(-ahead[2], -1.0, 1.0)))
+
+
+LOST_SECONDS = 0.1
+"""Time over which lost messages are counted [s]."""
 
 
 class Safety:
@@ -51,11 +53,13 @@ class Safety:
         self._cfg, self._names, self._limit = cfg, contract.joint_names, contract.array("torque_limit")
         self._torques: deque[np.ndarray] = deque(maxlen=max(1, round(cfg.torque_seconds / period)))
         self._squares: deque[float] = deque(maxlen=max(1, round(cfg.flailing_seconds / period)))
+        self._lost: deque[np.ndarray] = deque(maxlen=1 + max(1, round(LOST_SECONDS / period)))
 
     def reset(self) -> None:
         """Forget what was seen."""
         self._torques.clear()
         self._squares.clear()
+        self._lost.clear()
 
     def check(self, state: RobotState) -> Violation | None:
         """Return the first broken rule of a reading whose sensors are finite, None where none is broken."""
@@ -88,6 +92,13 @@ class Safety:
         if (worst := self._worst(np.nan_to_num(state.temperature), cfg.temperature)) is not None:
             hot = float(state.temperature[worst])
             return Violation("temperature", self._names[worst], hot, cfg.temperature, "°C")
+        self._lost.append(np.nan_to_num(state.lost))
+        missed = self._lost[-1] - self._lost[0]
+        if (worst := self._worst(missed, cfg.lost)) is not None:
+            return Violation("motor lost", self._names[worst], float(missed[worst]), cfg.lost)
+        fault = np.nan_to_num(state.motor_fault)
+        if cfg.motor_fault and (worst := self._worst(np.abs(fault), 0.0)) is not None:
+            return Violation("motor fault", self._names[worst], float(fault[worst]), 0.0)
         return None
 
     def _worst(self, values: np.ndarray, limit: float) -> int | None:

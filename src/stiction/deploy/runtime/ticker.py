@@ -7,6 +7,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+QUIET = 0.5
+"""p99 of an idle loop's lateness up to which lateness is judged [ms]; beyond, the machine is the reason."""
+
+LATE = 2.0
+"""p99 of a loop's lateness up to which it is well [ms]."""
+
 
 class Ticker:
     """Wakes at start + n · period for whole n. A deadline that passed a period ago, or more, is skipped for good."""

@@ -34,6 +34,10 @@ class RobotState:
     """Motor current times the data sheet's torque constant, at the joint [N m], shape (J,)."""
     temperature: np.ndarray
     """Of the motors [°C], shape (J,)."""
+    lost: np.ndarray
+    """Messages of each motor that did not reach the robot's own computer, counted up since it started, shape (J,)."""
+    motor_fault: np.ndarray
+    """What each motor says is wrong with it, the maker's code; 0: nothing, shape (J,)."""
     foot_contact: np.ndarray
     """1 where a foot bears load, 0 where it does not, shape (L,)."""
     battery: float
@@ -60,6 +64,11 @@ class Link(Protocol):
     lock_name: str
     """What one writer at a time may hold: the robot's address, as a name for a file."""
 
+    malformed: int
+    """Messages that were no whole state."""
+    complaint: str
+    """What was wrong with the last of them; empty: there was none."""
+
     def fileno(self) -> int:
         """Return the file that is readable when a state has come."""
 
@@ -76,7 +85,7 @@ class Link(Protocol):
 def state_layout(joints: int, feet: int) -> Layout:
     """Return the message of a `RobotState`."""
     sizes = {"quaternion": 4, "angular_velocity": 3, "acceleration": 3, "joint_position": joints}
-    sizes |= dict.fromkeys(("joint_velocity", "joint_torque", "temperature"), joints)
+    sizes |= dict.fromkeys(("joint_velocity", "joint_torque", "temperature", "lost", "motor_fault"), joints)
     sizes |= {"foot_contact": feet, "battery": 1}
     return Layout(STATE, sizes | dict.fromkeys(("kp", "kd", "torque_limit"), joints) | {"command": 1})
 

@@ -39,6 +39,8 @@ class UdpLink:
         self._number = secrets.randbits(40)
         self.malformed = 0
         """Datagrams that were no whole state."""
+        self.complaint = ""
+        """What was wrong with the last of them."""
         try:
             self._socket.connect(address)
         except OSError as error:
@@ -66,6 +68,7 @@ class UdpLink:
             message = self._states.unpack(data)
             if message is None:
                 self.malformed += 1
+                self.complaint = f"{len(data)} bytes that are no whole state of this robot"
             else:
                 found.append(state_of(self._states, message))
         return found

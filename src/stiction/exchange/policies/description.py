@@ -119,7 +119,7 @@ MEANINGS = {
 """What has to be known -> how to say it in a file of settings, and what it means."""
 
 
-def together(first: Said, second: Said) -> Said:
+def merged(first: Said, second: Said) -> Said:
     """Return what two files say; where both say something, the second, and a note where it is something else."""
     both, notes = {}, [*first.notes, *second.notes]
     for part in fields(Said):

@@ -13,7 +13,7 @@ from stiction.deploy.check import BundleCheck, check_bundle
 from stiction.deploy.network_file import MOST_BYTES
 from stiction.deploy.policy import check_model, load_policy
 from stiction.evaluate.golden import record_golden
-from stiction.exchange.policies.description import Said, contract_of, require, together
+from stiction.exchange.policies.description import Said, contract_of, merged, require
 from stiction.exchange.policies.holosoma import is_holosoma, said_by_holosoma
 from stiction.exchange.policies.mjlab import is_mjlab, said_by_mjlab
 from stiction.exchange.policies.onnx_file import ForeignNetwork, read_foreign
@@ -80,7 +80,7 @@ def said_of(network: ForeignNetwork, name: str, settings: Sequence[Path], robot:
     for path in settings:
         content = dict(read_settings(path))
         if is_deploy(content):
-            said = together(said, said_in_deploy(content, path.name, maker))
+            said = merged(said, said_in_deploy(content, path.name, maker))
         elif is_rl_sar(content):
             # A policy's own entries stand over those of its robot, in whatever order they are given.
             inner = entries_of(content, path.name)
@@ -88,9 +88,9 @@ def said_of(network: ForeignNetwork, name: str, settings: Sequence[Path], robot:
         else:
             own.append((content, path.name))
     if rl_sar:
-        said = together(said, said_by_rl_sar(rl_sar, "config.yaml and base.yaml"))
+        said = merged(said, said_by_rl_sar(rl_sar, "config.yaml and base.yaml"))
     for content, where in own:
-        said = together(said, said_in_settings(content, where))
+        said = merged(said, said_in_settings(content, where))
     require(said, " and ".join([name, *(path.name for path in settings)]))
     return said
 

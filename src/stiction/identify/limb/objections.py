@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stiction.formats.joints import JointRecord, Objection
+from stiction.formats.joints import Estimate, JointRecord, Objection
 from stiction.identify.consistency import LARGEST_SIGMAS
 from stiction.identify.limb.regression import JointRows, LimbFit
 from stiction.identify.objections import (
@@ -19,9 +19,22 @@ MODEL = "check signs and zeros of the joints, the direction up (--up) and the lo
 """What to do where the links are not the model's."""
 
 
-def limb_objections(record: JointRecord, fit: LimbFit, free: LimbFit, rows: JointRows) -> tuple[Objection, ...]:
-    """Return what makes the fit invalid, the plainest first; free: a fit that may let the links err more."""
+def limb_objections(
+    record: JointRecord, fit: LimbFit, free: LimbFit, scale: Estimate | None, rows: JointRows
+) -> tuple[Objection, ...]:
+    """Return what makes the fit invalid, the plainest first.
+
+    free: a fit that may let the links err more; scale: of the limb's torques by its links, None where they do not tell.
+    """
     found = list(signal_objections(rows.joint.run, record))
+    if scale is not None and not scale.interval95[0] <= 1 <= scale.interval95[1]:
+        low, high = scale.interval95
+        seen = (
+            f"the logged torques are {scale.value:.3g} times ({low:.3g} to {high:.3g}) what the links' masses ask for: "
+            "the torques' unit or sign, or the model, is not the robot's"
+        )
+        unit = "check the torques' unit (--torque-scale; --kt, --resistance, --duty-voltage) and the masses"
+        found.append(Objection("torque_scale", seen, f"{unit}; {MODEL}"))
     rest = record.diagnostics["relative_torque_error"]
     if rest > LARGEST_REST:
         seen = (

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from stiction.core.errors import LogError
-from stiction.formats.joints import FitSignals, JointRecord, JointsFile
+from stiction.formats.joints import Estimate, FitSignals, JointRecord, JointsFile
 from stiction.formats.log import Log
 from stiction.identify.limb.record import found_torques, joint_record, joint_signals
-from stiction.identify.limb.regression import LimbFit, fit_limb, limb_rows
+from stiction.identify.limb.regression import JointRows, LimbFit, fit_limb, fit_scale, limb_rows
 from stiction.identify.limb.setup import LimbSetup, check_declared
 from stiction.identify.limb.signals import limb_run
 from stiction.identify.pipeline import REFUSED
@@ -56,8 +56,9 @@ def identify_limb(
             f"{log.source}: excitation too poor: what the joints do cannot be told apart; move each at two frequencies "
             "of its own, in both directions"
         ) from error
+    scale = _scale(names, prior, rows)
     torques = found_torques(limb, fit)
-    records = {one.joint.run.joint: joint_record(limb, fit, free, one) for one in rows}
+    records = {one.joint.run.joint: joint_record(limb, fit, free, scale, one) for one in rows}
     refused = {name: JointRecord(warnings=(REFUSED + text,)) for name, text in limb.refused.items()}
     everyone = records | refused
     return LimbIdentification(
@@ -65,3 +66,11 @@ def identify_limb(
         {one.joint.run.joint: joint_signals(limb, fit, torques, one) for one in rows},
         fit,
     )
+
+
+def _scale(names: tuple[str, ...], prior: np.ndarray, rows: tuple[JointRows, ...]) -> Estimate | None:
+    """Return the scale of the torques by the links, None where they ask for none, as of joints that stand upright."""
+    try:
+        return fit_scale(names, prior, rows)
+    except np.linalg.LinAlgError:
+        return None

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from stiction.formats.joints import ARMATURE, Estimate, FitSignals, JointRecord
+from stiction.identify.assumption import torque_unit
 from stiction.identify.back_emf import brake_summary, braking, split_viscous
 from stiction.identify.combinations import Strength, exact
 from stiction.identify.consistency import Comparison, compare_parts, find_drift, whiteness, widened
@@ -23,6 +24,7 @@ from stiction.identify.limb.signals import LimbRun
 from stiction.identify.model import Model
 from stiction.identify.record import plain, sampling
 from stiction.identify.regression import MAX_INFLATION, Fit, fit_rows
+from stiction.identify.runs import fit_signals
 from stiction.identify.verdict import is_leg, judge
 from stiction.identify.warnings import find_warnings
 from stiction.joints.friction import dead_band, friction_ratio
@@ -53,8 +55,11 @@ def own_fit(fit: LimbFit, rows: JointRows) -> Fit:
     return fit_rows(replace(run.rows, torque=left), Model())
 
 
-def joint_record(limb: LimbRun, fit: LimbFit, free: LimbFit, rows: JointRows) -> JointRecord:
-    """Return one joint's record with its warnings; free: a fit that was allowed larger errors of the links."""
+def joint_record(limb: LimbRun, fit: LimbFit, free: LimbFit, scale: Estimate | None, rows: JointRows) -> JointRecord:
+    """Return one joint's record with its warnings.
+
+    free: a fit that was allowed larger errors of the links; scale: of the limb's torques by its links, where they tell.
+    """
     doubts = model_doubts(fit, free)
     run = rows.joint.run
     own, inflation = own_fit(fit, rows), fit.inflation(rows)
@@ -84,10 +89,11 @@ def joint_record(limb: LimbRun, fit: LimbFit, free: LimbFit, rows: JointRows) ->
         torque_limit=limit,
     )
     diagnostics = _diagnostics(limb, fit, rows, own, comparisons) | {"inflation": inflation}
+    diagnostics |= {"torque_unit": torque_unit(run), "torque_by_links": scale}
     if brakes is not None and together:
         diagnostics["drive"] = brake_summary(brakes, together, strength)
     record = replace(record, diagnostics=plain(diagnostics), friction_law=_law(record, diagnostics, own))
-    record = replace(record, objections=limb_objections(record, fit, free, rows))
+    record = replace(record, objections=limb_objections(record, fit, free, scale, rows))
     verdict = judge(record, legs=is_leg(run.joint)).to_dict()
     record = replace(record, diagnostics=record.diagnostics | plain({"verdict": verdict}))
     said = (*(one.seen for one in record.objections), *doubts, *find_warnings(record, run))
@@ -201,18 +207,7 @@ def joint_signals(limb: LimbRun, fit: LimbFit, torques: np.ndarray, rows: JointR
     late = fit.values[fit.index[LATENESS]] * np.gradient(prepared.torque, prepared.step)
     rigid = torques[:, rows.joint.number] + armature * prepared.acceleration + offset - late - prepared.outside
     fitted = rigid + viscous * prepared.velocity + coulomb * prepared.direction
-    return FitSignals(
-        time=run.signals.time,
-        position=run.signals.position,
-        velocity=prepared.velocity,
-        acceleration=prepared.acceleration,
-        torque=prepared.torque - prepared.outside,
-        fitted_torque=fitted,
-        law_torque=fitted,
-        rigid_torque=rigid,
-        used=prepared.mask,
-        target=run.signals.target,
-    )
+    return fit_signals(run, fitted, fitted, rigid)
 
 
 def found_torques(limb: LimbRun, fit: LimbFit) -> np.ndarray:

@@ -13,13 +13,14 @@ where parameters are as many as blocks, and the prior's own, of errors that are 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.stats import t as student
 
 from stiction.formats.joints import Estimate
+from stiction.identify.combinations import shifted
 from stiction.identify.intervals import block_count, correlation_time, jackknife_covariance, make_blocks
 from stiction.identify.limb.dynamics import MODES, link_torques
 from stiction.identify.limb.setup import LimbSetup
@@ -30,6 +31,9 @@ OWN = ("armature", "viscous_friction", "coulomb_friction", "offset")
 
 LATENESS = "lateness"
 """How late the torque is logged [s]."""
+
+SCALE = "torque_scale"
+"""Logged torque over what the links, as heavy as the model says, and the joints ask for, less 1 [1]."""
 
 ROUNDS = 4
 """Weights follow from residuals and residuals from the fit: both settle in three."""
@@ -69,8 +73,6 @@ class LimbFit:
     """Standard deviation of each parameter about zero beforehand, infinite where nothing is known, (P,)."""
     rows: tuple[JointRows, ...]
     """What it was fitted to, joint by joint."""
-    sizes: np.ndarray
-    """Root mean square of each joint's residual [N m]."""
     blocks: int
     """Blocks of the log behind the covariance."""
 
@@ -151,6 +153,21 @@ def limb_rows(run: LimbRun, setup: LimbSetup) -> tuple[tuple[str, ...], np.ndarr
     return (*own, *errors, LATENESS), prior, tuple(rows)
 
 
+def fit_scale(names: tuple[str, ...], prior: np.ndarray, rows: tuple[JointRows, ...]) -> Estimate:
+    """Return what the logged torques are over what the links' masses say, as they are known [1].
+
+    All links heavier by one share and all torques larger by it are the same; a single link is only as well known as
+    `prior` has it. Raises `numpy.linalg.LinAlgError` as `fit_limb`.
+    """
+    scaled = []
+    for one in rows:
+        prepared = one.joint.run.prepared
+        links = prepared.torque[prepared.used] - one.torque
+        scaled.append(replace(one, regressor=np.hstack([one.regressor, links[:, None]])))
+    found = fit_limb((*names, SCALE), np.append(prior, np.inf), tuple(scaled)).estimate(SCALE)
+    return shifted(found, 1.0)
+
+
 def _link_inertia(run: LimbRun) -> np.ndarray:
     """Return the inertia of the links about each joint in the middle of the motion [kg m²], shape (J,)."""
     each = np.eye(run.mechanism.num_joints)
@@ -187,6 +204,5 @@ def fit_limb(names: tuple[str, ...], prior: np.ndarray, rows: tuple[JointRows, .
         reach=float(student.ppf(0.975, blocks.count - 1)),
         prior=prior,
         rows=rows,
-        sizes=np.array([float(np.sqrt(np.mean(one**2))) for one in residuals]),
         blocks=blocks.count,
     )

@@ -17,11 +17,11 @@ from stiction.core.memory import claim
 from stiction.core.rotation import continuous
 from stiction.formats.log import BodySignals
 from stiction.identify.logs.containers import LARGEST_MESSAGE, Packet, Topic
-from stiction.identify.logs.unitree import BODY_PLACES, decode_body
+from stiction.identify.logs.unitree import STATE_KINDS, decode_body
 
 IMU = "sensor_msgs/msg/Imu"
 
-KINDS = (IMU, *BODY_PLACES)
+KINDS = (IMU, *STATE_KINDS)
 """Types that say how the body moves."""
 
 LONGEST_FRAME = 1024

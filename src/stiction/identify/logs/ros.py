@@ -22,11 +22,12 @@ from stiction.core.extras import remedy
 from stiction.core.memory import claim
 from stiction.formats.log import BodySignals, JointSignals, Log
 from stiction.formats.tables import WIDEST_MATRIX
+from stiction.formats.unitree import STRUCTURES
 from stiction.identify.logs.cells import take
 from stiction.identify.logs.containers import LARGEST_MESSAGE, Packet, Topic, read_packets
 from stiction.identify.logs.imu import choose_imu, read_body
 from stiction.identify.logs.naming import COMMAND_WORDS, TOPICS
-from stiction.identify.logs.unitree import LAYOUTS, decode_motors
+from stiction.identify.logs.unitree import STATE_KINDS, decode_motors, motors_of
 
 STATE, ARRAY, TRAJECTORY = (
     "sensor_msgs/msg/JointState",
@@ -34,10 +35,10 @@ STATE, ARRAY, TRAJECTORY = (
     "trajectory_msgs/msg/JointTrajectory",
 )
 
-STATES = (STATE, *(kind for kind in LAYOUTS if kind.endswith("State")))
+STATES = (STATE, *STATE_KINDS)
 """Types that say where the joints are."""
 
-COMMANDS = (STATE, ARRAY, TRAJECTORY, *(kind for kind in LAYOUTS if kind.endswith("Cmd")))
+COMMANDS = (STATE, ARRAY, TRAJECTORY, *(kind for kind in STRUCTURES if kind not in STATE_KINDS))
 """Types that say what they were asked for; a joint state by its topic's name."""
 
 HEADER = """
@@ -285,8 +286,8 @@ BROKEN_MESSAGE = (struct.error, ValueError, IndexError, KeyError, OverflowError,
 
 def _decoder(source: str, topic: Topic) -> Callable[[bytes], Content]:
     """Return what turns a message of a topic into its stamp, names and numbers."""
-    if topic.schema in LAYOUTS:
-        names = [f"joint_{index}" for index in range(LAYOUTS[topic.schema].motors)]
+    if topic.schema in STRUCTURES:
+        names = [f"joint_{index}" for index in range(motors_of(topic.schema))]
         return lambda data: (0, names, dict(decode_motors(topic.schema, data)))
     try:
         from mcap.exceptions import McapError
@@ -348,7 +349,7 @@ def state_series(collected: Collected) -> Series:
     names = collected.names
     stamps, by_receipt = collected.clock()
     notes = []
-    if collected.schema in LAYOUTS:
+    if collected.schema in STRUCTURES:
         moving = np.any([array.any(axis=0) for array in known.values()], axis=0)
         if not moving.any():
             raise LogError(f"{collected.source}: every motor says zero in every message")

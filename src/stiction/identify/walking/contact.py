@@ -38,15 +38,10 @@ def feet_down(log: WalkLog, motion: WalkMotion, spec: Robot, setup: WalkSetup) -
         assert log.foot_contact is not None
         return log.foot_contact
     if source == "torque":
-        return ground_force(motion, spec, setup) > BEARING * GRAVITY * robot_mass(spec)
+        return ground_force(motion, spec, setup) > BEARING * GRAVITY * spec.mass
     height = np.einsum("tli,ti->tl", foot_positions(spec, motion.joints.position), motion.upward)
     height -= [foot.radius for foot in spec.feet]
     return height - height.min(axis=1, keepdims=True) < setup.clearance
-
-
-def robot_mass(spec: Robot) -> float:
-    """Return the mass of the whole robot [kg]."""
-    return spec.base.mass + sum(link.mass for link in spec.links)
 
 
 def ground_force(motion: WalkMotion, spec: Robot, setup: WalkSetup) -> np.ndarray:

@@ -25,7 +25,6 @@ from stiction.core.cache import has_entry, key_of, publish_entry, read_entry, se
 from stiction.core.errors import ConfigurationError, FileError, PolicyError
 from stiction.core.files import publish
 from stiction.core.provenance import num_threads
-from stiction.core.records import to_plain
 from stiction.deploy.check import check_bundle
 from stiction.evaluate.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.evaluate.export import export_run
@@ -61,7 +60,7 @@ class ActuatorLoop:
         EvaluationCfg((cfg.level,), cfg.commands, cfg.episodes, cfg.seconds)
         self.out, self.cfg, self.command, self.progress = out, cfg, command, progress
         self.robots = loop_robots(cfg.level, cfg.train.seed)
-        self.options = json.loads(json.dumps(to_plain(cfg), default=str))
+        self.options = json.loads(json.dumps(asdict(cfg), default=str))
         file = out / "study.json"
         if file.is_file():
             held = _read_options(file)

@@ -153,7 +153,7 @@ def report(found: dict[str, Any]) -> Report:
     lines = answers(found)
     return Report(
         title="What does adaptation do?",
-        lead=" ".join(lines),
+        lead="\n".join(lines),
         tables={"results": [ResultRow(**row) for run in found["runs"].values() for row in run["latents"]["rows"]]},
         sections=sections(found, effects, probes),
         summary=found,

@@ -1,4 +1,4 @@
-"""How well benches find the friction of virtual robots, by a referee who knows the truth.
+"""How well benches find the friction of virtual robots: what they say beside the truth.
 
 The truth goes into `bench.csv` alone, which nothing that trains or drives reads. The folders of the robots beside it
 have what a person with such a robot would have: `bench.npz` and its sidecar, `joints.json`, `training.json`.
@@ -115,7 +115,7 @@ def score(rows: Sequence[IdentifiedFriction]) -> Score:
 
 
 LOG, TABLE = "bench.npz", "bench.csv"
-"""Name of a robot's log, and of the referee's table."""
+"""Name of a robot's log, and of the table of truths."""
 
 MOVING = 0.1
 """Speed from which a joint counts as moving [rad/s]; the slow part of the bench's motion has 0.35."""
@@ -150,10 +150,10 @@ class LoadMeter:
         return self._sum / np.maximum(self._count, 1)
 
 
-def referee(bench: Bench, joints: JointsFile, load: np.ndarray) -> list[IdentifiedFriction]:
+def beside_truth(bench: Bench, joints: JointsFile, load: np.ndarray) -> list[IdentifiedFriction]:
     """Return what was found beside what was there, one row a joint that was logged; load: as of `LoadMeter`."""
     hidden, case = bench.case.robot(draw(bench.spec, bench.case.seed)), bench.case
-    friction = case.level.coulomb(bench.spec) * hidden.friction.share
+    friction = case.coulomb(hidden, bench.spec)
     added = case.level.load * hidden.friction.load_share * load
     rows = []
     for joint, record in joints.joints.items():
@@ -178,7 +178,7 @@ def referee(bench: Bench, joints: JointsFile, load: np.ndarray) -> list[Identifi
 
 
 def judge_bench(bench: Bench, folder: Path, workers: int = 1) -> list[IdentifiedFriction] | str:
-    """Log a robot on its bench, identify it from its log, and return the referee's rows; or why there are none.
+    """Log a robot on its bench, identify it, and return what was found beside the truth; or why there is nothing.
 
     folder: of the robot; workers: processes.
     """
@@ -188,7 +188,7 @@ def judge_bench(bench: Bench, folder: Path, workers: int = 1) -> list[Identified
         # The log of a robot that cannot be identified is there to look into.
         write_log(folder / LOG, log)
         joints = identified(log, workers)
-        rows = referee(bench, joints, meter.load)
+        rows = beside_truth(bench, joints, meter.load)
         with publish_entry(folder, bench.key, bench.label) as partial:
             write_log(partial / LOG, log)
             write_found(joints, partial)
@@ -224,9 +224,9 @@ def study_benches(
     failed: dict[str, str] = {}
     # From where digests vouch for them: the table of all is for people, and may be edited.
     there = {
-        bench.label: done["rows"]
+        bench.label: stored["rows"]
         for bench in benches
-        if has_entry(out / bench.label, bench.key) and (done := read_entry(_judged(out, bench), bench.key))
+        if has_entry(out / bench.label, bench.key) and (stored := read_entry(_judged(out, bench), bench.key))
     }
     rows |= {label: [IdentifiedFriction(**row) for row in found] for label, found in there.items()}
     new = [bench for bench in benches if bench.label not in there]

@@ -22,7 +22,8 @@ is off on the calibration robots follow intervals (split conformal prediction, a
 is measured on the test robots. NAME-wear.json is the map with both; the monitor then says them beside every reading.
 Give it to the robot beside the bundle, or to `stiction export --wear`. Stop it at any time: the same command goes on.
 
-Example: stiction study calibration saturn_lite-flat-deception-0.2 --out results/wear/calibration"""
+Example:
+  stiction study calibration saturn_lite-flat-deception-0.2 --out results/wear/calibration"""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -54,28 +54,29 @@ def hunting(speed: np.ndarray, period: float) -> np.ndarray:
     """
     found = []
     for joint in speed.T:
-        ways = np.sign(joint[np.abs(joint) > MOVES])
-        found.append((np.diff(ways) != 0).sum() / 2 >= OFTEN * len(speed) * period)
+        directions = np.sign(joint[np.abs(joint) > MOVES])
+        found.append((np.diff(directions) != 0).sum() / 2 >= OFTEN * len(speed) * period)
     return np.array(found, bool)
 
 
 def stand(
-    case: RobotCase, world: World, spec: Robot, friction: np.ndarray, how: Compensation | None
+    case: RobotCase, world: World, spec: Robot, friction: np.ndarray, compensation: Compensation | None
 ) -> tuple[float, float]:
     """Let a robot stand; return the rms speed of its joints [rad/s] and the share of them that hunts.
 
-    case, world: the robot and where it stands; spec: its data sheet; friction: as identified [N m], shape (J,); how:
-    it is fed forward; None: it is not.
+    case, world: the robot and where it stands; spec: its data sheet; friction: as identified [N m], shape (J,);
+    compensation: how it is fed forward; None: it is not.
     """
     start, sensing = seed_streams(case.seed, ["standing", "standing, sensors"]).values()
     robot = world.robot(case, spec, sensing)
     target, kp, kd = (spec.joint_values(name) for name in ("default_position", "kp", "kd"))
     begin = target + INITIAL_ANGLE * start.uniform(-1.0, 1.0, spec.num_joints)
     robot.place(begin, np.array([0.0, 0.0, spec.standing_height]), UPRIGHT)
-    against = None if how is None else how.controller(friction, world.timestep if how.in_motor else world.period)
-    by_computer = None if how is None or how.in_motor else against
-    if by_computer is None:
-        robot.program(against)
+    by_computer = None
+    if compensation is not None and compensation.in_motor:
+        robot.program(compensation.controller(friction, world.timestep))
+    elif compensation is not None:
+        by_computer = compensation.controller(friction, world.period)
     forward, speeds, port = np.zeros(spec.num_joints), [], robot.handle
     for _ in range(round(SECONDS / world.period)):
         seen = port.read().sensors
@@ -88,9 +89,9 @@ def stand(
     return float(np.sqrt(np.square(measured).mean())), float(hunting(measured, world.period).mean())
 
 
-def stand_by(engine: str, seed: int, level: str, spec: Robot, how: Compensation | None) -> Standing:
+def stand_by(engine: str, seed: int, level: str, spec: Robot, compensation: Compensation | None) -> Standing:
     """Return how a virtual robot stands whose friction in motion is known. Arguments as of `stand` and `Standing`."""
     case = Case(seed, "all", parse_level(level))
     friction = case.level.coulomb(spec) * case.robot(draw(spec, seed)).friction.share
-    found = stand(case, World(partial(make_engine, engine)), spec, friction, how)
-    return Standing(f"{engine}+all", seed, level, "none" if how is None else how.label, *found)
+    found = stand(case, World(partial(make_engine, engine)), spec, friction, compensation)
+    return Standing(f"{engine}+all", seed, level, "none" if compensation is None else compensation.label, *found)

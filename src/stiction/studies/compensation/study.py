@@ -24,7 +24,8 @@ what comes of an identification that is 30 % too low or too high. Then virtual r
 of their own, hold their standing pose: do their joints move to and fro? The friction of each of their joints in motion
 is taken as known. With friction as benches identify it, walks are `stiction evaluate --forward --forward-by`.
 
-Example: stiction study compensation saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out compensation"""
+Example:
+  stiction study compensation saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out compensation"""
 
 SHARES = (0.75, 0.7, 0.8, 0.525, 0.975)
 

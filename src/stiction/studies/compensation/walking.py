@@ -16,14 +16,14 @@ from stiction.formats.results import ResultRow
 from stiction.joints.compensation import Compensation
 
 
-def walk_by(bundle: Bundle, cfg: EvaluationCfg, how: Compensation | None, threads: int) -> dict[str, Any]:
-    """Return `rows`, of results.csv, of a policy at every level and command; how: friction is fed forward, or None."""
-    contract, against, suffix = bundle.contract, None, ""
-    if how is not None:
+def walk_by(bundle: Bundle, cfg: EvaluationCfg, compensation: Compensation | None, threads: int) -> dict[str, Any]:
+    """Return `rows`, of results.csv, of a policy at every level and command, with friction fed forward or without."""
+    contract, controller, suffix = bundle.contract, None, ""
+    if compensation is not None:
         friction = friction_at(contract, cfg.robot_levels, cfg.law)
-        against = how.controller(friction, contract.physics_timestep, contract.compensation_width)
-        suffix = fed_suffix(how)
-    rows = evaluate_bundle(bundle, cfg, threads=threads, against=against).rows
+        controller = compensation.controller(friction, contract.physics_timestep, contract.compensation_width)
+        suffix = fed_suffix(compensation)
+    rows = evaluate_bundle(bundle, cfg, threads=threads, compensation=controller).rows
     return {"rows": [asdict(replace(r, policy=r.policy + suffix, method=r.method + suffix)) for r in rows]}
 
 

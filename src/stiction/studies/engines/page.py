@@ -270,7 +270,7 @@ def report(result: EnginesResult, settings: dict[str, Any]) -> Report:
     found = {"failures": len(failed), "answers": answers, "missing": result.missing}
     return Report(
         title="Physics engines",
-        lead=" ".join(conformance_lines(result.conformance)),
+        lead="\n".join(conformance_lines(result.conformance)),
         tables=rows | {"episodes": result.episodes},
         sections=sections(result, figures, settings["robot"]),
         run=run_blocks(settings),

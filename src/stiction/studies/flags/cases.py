@@ -1,4 +1,7 @@
-"""Ten mistakes that people make, each on three records: two that were measured, and joints whose friction is known."""
+"""Ten mistakes that people make, each on three records: two that were measured, and joints whose friction is known.
+
+Mistakes with servos are in `drives`, with whole limbs in `limbs`.
+"""
 
 from __future__ import annotations
 
@@ -6,17 +9,19 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from stiction.core.errors import FileError
+from stiction.formats.joints import JointRecord
 from stiction.formats.log import JointSignals, Log, LogSetup
 from stiction.identify.example import LEG, SATURN_LITE, Excitation, Motor, SensorNoise, example_log
 from stiction.identify.setup import IdentifySetup
 from stiction.joints.friction import Coulomb
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Gravity, Joint
+from stiction.studies.flags import RIGHT
 
 ARM = Motor("arm", Joint(6.0, 12.0, Coulomb(13.0), 0.5, Gravity(90.0, 15.0)), PDGains(9000.0, 600.0, 330.0))
 """A large arm's shoulder, stiffly controlled; its gravity is seven times its friction."""
@@ -50,6 +55,17 @@ class Given:
     """The flags."""
     friction: float
     """Its dry friction [N m, N, or N m over k]: the truth of a simulation, what the right flags give of a record."""
+
+    @property
+    def level(self) -> float:
+        """Its friction."""
+        return self.friction
+
+    def identified(self) -> list[tuple[str, float, JointRecord]]:
+        """Return name, right friction and record of what was identified. Raises `StictionError` where it is refused."""
+        from stiction.identify.pipeline import identify_joint
+
+        return [("", self.friction, identify_joint(self.log, setup=self.setup).record)]
 
     @property
     def signals(self) -> JointSignals:
@@ -91,6 +107,12 @@ def leg() -> Given:
     return simulated(LEG)
 
 
+def free() -> Given:
+    """Return the motor without any dry friction."""
+    bare = replace(SATURN_LITE, joint=replace(SATURN_LITE.joint, friction=Coulomb(0.0)))
+    return simulated(bare)
+
+
 def arm() -> Given:
     """Return the shoulder of a large arm."""
     given = simulated(ARM, ARM_MOTION, ARM_NOISE)
@@ -103,7 +125,7 @@ def emps(folder: Path) -> Given:
     """Return the EMPS drive; its friction is the published one [N]. Raises `StictionError` where it is not there."""
     from stiction.identify.logs import open_log, parse_columns
 
-    path = _record(folder, EMPS)
+    path = record_file(folder, EMPS)
     log = open_log(path, parse_columns(["time=t", "position=qm", "target=qg", "torque=vir"]), "drive")
     setup = IdentifySetup(
         kp=EMPS_VOLT * EMPS_SPEED_GAIN * EMPS_POSITION_GAIN,
@@ -126,13 +148,13 @@ def go2(folder: Path, joint: str = "RL_thigh") -> Given:
     """
     from stiction.identify.logs import open_log
 
-    path = _record(folder, GO2)
+    path = record_file(folder, GO2)
     log = open_log(path, names=tuple(f"{leg}_{kind}" for leg in LEGS for kind in KINDS))
     setup = IdentifySetup(kp=20.0, kd=1.5, torque_limit=23.7, test_condition="in_air")
     return Given(replace(log, joints={joint: log.joints[joint]}), setup, {"RL_thigh": 0.188, "FL_hip": 0.303}[joint])
 
 
-def _record(folder: Path, name: Path) -> Path:
+def record_file(folder: Path, name: Path) -> Path:
     """Return the file of a record; raise `FileError` where it is not there."""
     if not (folder / name).is_file():
         raise FileError(f"{folder} has no {name}: set STICTION_DATA to a folder with the measured records")
@@ -264,6 +286,17 @@ def unchecked(given: Given) -> Given:
     return given.flags(kp=None, kd=None, torque_limit=None)
 
 
+class Identified(Protocol):
+    """A log with flags, right or wrong, that can be identified."""
+
+    @property
+    def level(self) -> float:
+        """Right friction, of several joints the first one's [N m, or N]."""
+
+    def identified(self) -> list[tuple[str, float, JointRecord]]:
+        """Return name, right friction and record of each joint. Raises `StictionError` where all of it is refused."""
+
+
 @dataclass(frozen=True)
 class Case:
     """One mistake on one record."""
@@ -272,10 +305,12 @@ class Case:
     """What was done wrong."""
     record: str
     """To which record."""
-    given: Callable[[], Given]
+    given: Callable[[], Identified]
     """The log and the flags after it."""
     invisible: str = ""
     """Why nothing in the log can show it; empty where something can."""
+    flag: str = ""
+    """The flag that is then wrong, which the verdict's first line must name as its assumption."""
 
 
 def cases(folder: Path) -> list[Case]:
@@ -285,57 +320,91 @@ def cases(folder: Path) -> list[Case]:
     def no_gains(factor: float) -> Callable[[Given], Given]:
         return lambda given: scale(factor)(unchecked(given))
 
-    table: list[tuple[str, str, Callable[[], Given], Callable[[Given], Given], str]] = [
-        ("gravity left out", "leg", leg, without_gravity, ""),
-        ("gravity left out", "arm", arm, without_gravity, ""),
-        ("gravity left out", "Go2", leg_of_go2, without_gravity, ""),
-        ("condition not stated", "leg", leg, unstated, ""),
-        ("condition not stated", "arm", arm, unstated, ""),
-        ("condition not stated", "Go2", leg_of_go2, unstated, ""),
-        ("loaded, gravity not said", "leg", leg, loaded, ""),
-        ("loaded, gravity not said", "arm", arm, loaded, ""),
-        ("sign of the torque", "EMPS", drive, other_sign, ""),
-        ("sign of the torque", "arm", arm, other_sign, ""),
-        ("sign of the target", "Go2", leg_of_go2, other_target_sign, ""),
-        ("volts for newtons", "EMPS", drive, scale(1 / EMPS_VOLT), ""),
-        ("torque twice as large", "leg", leg, scale(2.0), ""),
-        ("torque a third too large", "motor", motor, scale(4 / 3), ""),
-        ("torque a fifth too large", "motor", motor, scale(1.2), "to less than three tenths a late loop does the same"),
-        ("torque a fifth too large", "leg", leg, scale(1.2), "to less than three tenths a late loop does the same"),
-        ("torque twice as large, no gains", "motor", motor, no_gains(2.0), "without gains, limit or known load"),
-        ("degrees", "motor", motor, degrees, ""),
-        ("degrees", "leg", leg, degrees, ""),
-        ("degrees", "Go2", leg_of_go2, degrees, ""),
-        ("target in degrees", "motor", motor, target_in_degrees, ""),
-        ("kp twice as large", "EMPS", drive, gains(2.0), ""),
-        ("kp half as large", "leg", leg, gains(0.5), ""),
-        ("kp half as large", "Go2", leg_of_go2, gains(0.5), ""),
-        ("kp twice as large", "Go2", leg_of_go2, gains(2.0), "but for more viscous friction, which a joint may have"),
-        ("kp and kd twice as large", "Go2", leg_of_go2, gains(2.0, 2.0), POSITIONS_ALONE),
-        ("target 20 ms late", "EMPS", drive, late_target(0.02), ""),
-        ("target 20 ms late", "leg", leg, late_target(0.02), ""),
-        ("target 20 ms late", "Go2", leg_of_go2, late_target(0.02), ""),
-        ("torque of another joint", "motor", motor, torque_of(leg), ""),
-        ("torque of another joint", "arm", arm, torque_of(leg), ""),
-        ("target of another joint", "Go2", leg_of_go2, target_of(folder, "FL_hip"), ""),
-        ("torque cut off at half", "EMPS", drive, clipped(0.5), ""),
-        ("torque cut off at half", "leg", leg, clipped(0.5), ""),
-        ("torque cut off at half", "motor", motor, clipped(0.5), ""),
-        ("cut off at half, no gains", "motor", motor, lambda given: unchecked(clipped(0.5)(given)), ""),
-        ("half the rate", "EMPS", drive, stamps(2.0), ""),
-        ("half the rate", "leg", leg, stamps(2.0), ""),
-        ("half the rate", "Go2", leg_of_go2, stamps(2.0), ""),
-        ("twice the rate", "Go2", leg_of_go2, stamps(0.5), ""),
-        ("contact", "EMPS", drive, contact(40.0), ""),
-        ("contact", "leg", leg, contact(2.0), ""),
-        ("contact", "motor", motor, contact(1.0), ""),
-        ("contact", "Go2", leg_of_go2, contact(1.5), ""),
+    table: list[tuple[Any, ...]] = [
+        *((RIGHT, name, record, all_right) for name, record in (("motor", motor), ("leg", leg), ("arm", arm))),
+        (RIGHT, "free", free, all_right),
+        (RIGHT, "EMPS", drive, all_right),
+        (RIGHT, "Go2", leg_of_go2, all_right),
+        ("gravity left out", "leg", leg, without_gravity),
+        ("gravity left out", "arm", arm, without_gravity),
+        ("gravity left out", "Go2", leg_of_go2, without_gravity),
+        ("condition not stated", "leg", leg, unstated),
+        ("condition not stated", "arm", arm, unstated),
+        ("condition not stated", "Go2", leg_of_go2, unstated),
+        ("loaded, gravity not said", "leg", leg, loaded),
+        ("loaded, gravity not said", "arm", arm, loaded),
+        ("sign of the torque", "EMPS", drive, other_sign),
+        ("sign of the torque", "arm", arm, other_sign),
+        ("sign of the target", "Go2", leg_of_go2, other_target_sign),
+        ("volts for newtons", "EMPS", drive, scale(1 / EMPS_VOLT)),
+        ("torque twice as large", "leg", leg, scale(2.0)),
+        ("torque a third too large", "motor", motor, scale(4 / 3)),
+        ("torque a fifth too large", "motor", motor, scale(1.2)),
+        ("torque a fifth too large", "leg", leg, scale(1.2)),
+        ("torque an eighth too large", "motor", motor, scale(9 / 8)),
+        ("torque a seventh too small", "leg", leg, scale(6 / 7)),
+        (
+            "torque twice as large, no gains",
+            "motor",
+            motor,
+            no_gains(2.0),
+            "without gains, limit or known load",
+            "--torque-scale",
+        ),
+        ("degrees", "motor", motor, degrees),
+        ("degrees", "leg", leg, degrees),
+        ("degrees", "Go2", leg_of_go2, degrees),
+        ("target in degrees", "motor", motor, target_in_degrees),
+        ("kp twice as large", "EMPS", drive, gains(2.0)),
+        ("kp half as large", "leg", leg, gains(0.5)),
+        ("kp half as large", "Go2", leg_of_go2, gains(0.5)),
+        (
+            "kp twice as large",
+            "Go2",
+            leg_of_go2,
+            gains(2.0),
+            "but for more viscous friction, which a joint may have",
+            "--kp",
+        ),
+        ("kp and kd twice as large", "Go2", leg_of_go2, gains(2.0, 2.0), POSITIONS_ALONE, "--kp"),
+        ("target 20 ms late", "EMPS", drive, late_target(0.02)),
+        ("target 20 ms late", "leg", leg, late_target(0.02)),
+        ("target 20 ms late", "Go2", leg_of_go2, late_target(0.02)),
+        ("torque of another joint", "motor", motor, torque_of(leg)),
+        ("torque of another joint", "arm", arm, torque_of(leg)),
+        ("target of another joint", "Go2", leg_of_go2, target_of(folder, "FL_hip")),
+        ("torque cut off at half", "EMPS", drive, clipped(0.5)),
+        ("torque cut off at half", "leg", leg, clipped(0.5)),
+        ("torque cut off at half", "motor", motor, clipped(0.5)),
+        ("cut off at half, no gains", "motor", motor, lambda given: unchecked(clipped(0.5)(given))),
+        ("half the rate", "EMPS", drive, stamps(2.0)),
+        ("half the rate", "leg", leg, stamps(2.0)),
+        ("half the rate", "Go2", leg_of_go2, stamps(2.0)),
+        ("twice the rate", "Go2", leg_of_go2, stamps(0.5)),
+        ("contact", "EMPS", drive, contact(40.0)),
+        ("contact", "leg", leg, contact(2.0)),
+        ("contact", "motor", motor, contact(1.0)),
+        ("contact", "Go2", leg_of_go2, contact(1.5)),
     ]
-    return [
-        Case(mistake, record, partial(_after, right, change), invisible)
-        for mistake, record, right, change, invisible in table
-    ]
+    return [case(*row) for row in table]
 
 
-def _after(right: Callable[[], Given], change: Callable[[Given], Given]) -> Given:
+def case(
+    mistake: str,
+    record: str,
+    right: Callable[[], Any],
+    change: Callable[[Any], Any],
+    invisible: str = "",
+    flag: str = "",
+) -> Case:
+    """Return the case of a record, with its right flags, and what is changed about it; the rest as of `Case`."""
+    return Case(mistake, record, partial(_after, right, change), invisible, flag)
+
+
+def all_right(given: Any) -> Any:
+    """Make no mistake."""
+    return given
+
+
+def _after(right: Callable[[], Any], change: Callable[[Any], Any]) -> Identified:
     return change(right())

@@ -10,14 +10,17 @@ from typing import TYPE_CHECKING
 
 from stiction.core.errors import FileError, StictionError
 from stiction.core.records import column
+from stiction.formats.joints import FRICTION_REACHES_ZERO
+from stiction.studies.flags import RIGHT
 from stiction.studies.study import Options, Report, Study, Work
 
 if TYPE_CHECKING:
+    from stiction.formats.joints import Estimate, JointRecord
     from stiction.studies.flags.cases import Case
 
 DESCRIPTION = (
-    "Make ten kinds of mistakes that people make on three records each, measured ones (STICTION_DATA) and simulated "
-    "joints of known friction, and count which of them end with a friction that is stated, wrong, and not objected to."
+    "Make mistakes that people make, on measured records (STICTION_DATA) and on simulated joints, servos and limbs of "
+    "known friction, and count which of them end with a friction that is stated, wrong, and not objected to."
 )
 
 TOLERANCE = 0.1
@@ -34,7 +37,7 @@ class FlagsOptions(Options):
 
 @dataclass(frozen=True)
 class Outcome:
-    """What identification said after a mistake."""
+    """What identification said after a mistake; of several joints, of the one of which it said most that is wrong."""
 
     mistake: str = field(metadata=column("mistake"))
     """What was done wrong."""
@@ -50,6 +53,10 @@ class Outcome:
     """Upper end."""
     caught: str = field(metadata=column("caught by"))
     """`refused`, or the reasons of the objections; empty where the friction is stated."""
+    assumes: str = field(metadata=column("stated if"))
+    """Flags that the verdict's first line names as those on which the friction rests."""
+    flag: str = field(metadata=column("wrong flag"))
+    """The flag that was wrong, where the mistake does not show; else empty."""
     said: str = field(metadata=column("in words"))
     """The refusal, or the first objection, or the first line of the verdict and the first warning."""
     invisible: str = field(metadata=column("why it does not show"))
@@ -60,53 +67,87 @@ class Outcome:
         """Whether what came out is not the right friction."""
         if self.found is None or self.low is None or self.high is None:
             return False
-        return abs(self.found / self.right - 1) > TOLERANCE and not self.low <= self.right <= self.high
+        return abs(self.found - self.right) > TOLERANCE * self.right and not self.low <= self.right <= self.high
+
+    @property
+    def assumed(self) -> bool:
+        """Whether it is stated and wrong, under the very assumption that does not hold."""
+        return self.wrong and not self.caught and bool(self.flag) and self.flag in self.assumes.split()
 
     @property
     def confident(self) -> bool:
-        """Whether it is stated, wrong, and not objected to."""
-        return self.wrong and not self.caught
+        """Whether it is stated, wrong, not objected to, and not under an assumption that was named."""
+        return self.wrong and not self.caught and not self.assumed
+
+    @property
+    def false_alarm(self) -> bool:
+        """Whether nothing was wrong, and there was an objection all the same, or a wrong friction."""
+        none = self.right == 0 and self.caught == FRICTION_REACHES_ZERO
+        return self.mistake == RIGHT and (self.wrong or (bool(self.caught) and not none))
 
 
 def outcome(case: Case) -> Outcome:
     """Identify a record after a mistake."""
-    from stiction.identify.pipeline import identify_joint
-
     given = case.given()
     try:
-        record = identify_joint(given.log, setup=given.setup).record
+        found = given.identified()
     except StictionError as error:
-        nothing = (None, None, None)
-        return Outcome(case.mistake, case.record, given.friction, *nothing, "refused", str(error), case.invisible)
-    friction = record.coulomb_friction or record.combinations["f/k"]
+        return _outcome(case, "", given.level, None, "refused", str(error))
+    rows = [_joint_outcome(case, *one) for one in found]
+    return max(rows, key=lambda row: (row.confident, row.false_alarm, row.assumed, not row.caught))
+
+
+def _joint_outcome(case: Case, name: str, right: float, record: JointRecord) -> Outcome:
+    """Return what was said of one joint."""
+    friction = record.coulomb_friction or record.combinations.get("f/k")
+    if friction is None:
+        return _outcome(case, name, right, None, "refused", record.warnings[0])
     reasons = ", ".join(dict.fromkeys(one.reason for one in record.objections))
-    stated = " ".join((record.diagnostics["verdict"]["lines"][0], *record.warnings[:1]))
+    verdict = record.diagnostics["verdict"]
+    stated = " ".join((verdict["lines"][0], *record.warnings[:1]))
     said = record.objections[0].seen if record.objections else stated
-    numbers = (friction.value, *friction.interval95)
-    return Outcome(case.mistake, case.record, given.friction, *numbers, reasons, said, case.invisible)
+    return _outcome(case, name, right, friction, reasons, said, " ".join(verdict["assumes"]))
+
+
+def _outcome(
+    case: Case, name: str, right: float, friction: Estimate | None, caught: str, said: str, assumes: str = ""
+) -> Outcome:
+    """Return a row; friction: None where there is none."""
+    value, (low, high) = (None, (None, None)) if friction is None else (friction.value, friction.interval95)
+    record = f"{case.record}, {name}" if name else case.record
+    return Outcome(case.mistake, record, right, value, low, high, caught, assumes, case.flag, said, case.invisible)
 
 
 def lead(rows: Sequence[Outcome]) -> str:
     """Count what became of the cases."""
-    caught, wrong = [row for row in rows if row.caught], [row for row in rows if row.confident]
-    right, hidden = len(rows) - len(caught) - len(wrong), sum(bool(row.invisible) for row in wrong)
-    refused = sum(row.caught == "refused" for row in caught)
+    right_flags, cases = [row for row in rows if row.mistake == RIGHT], [row for row in rows if row.mistake != RIGHT]
+    caught, wrong = [row for row in cases if row.caught], [row for row in cases if row.confident]
+    assumed = sum(row.assumed for row in cases)
+    right, refused = len(cases) - len(caught) - len(wrong) - assumed, sum(row.caught == "refused" for row in caught)
     return (
-        f"{len(rows)} cases: {len(caught)} caught ({refused} refused, {len(caught) - refused} not valid), "
-        f"{right} stated and right all the same, {len(wrong)} stated and wrong, {hidden} of these by a mistake that is "
-        "known not to show."
+        f"{len(cases)} cases: {len(caught)} caught ({refused} refused, {len(caught) - refused} not valid), "
+        f"{right} stated and right all the same, {assumed} wrong and stated under the assumption that does not hold, "
+        f"{len(wrong)} stated and wrong. With the right flags {sum(row.false_alarm for row in right_flags)} false "
+        f"alarms in {len(right_flags)}."
     )
+
+
+def all_cases(folder: Path) -> list[Case]:
+    """Return the cases of joints, of servos and of limbs. folder: of the measured records."""
+    from stiction.studies.flags.cases import cases
+    from stiction.studies.flags.drives import drive_cases
+    from stiction.studies.flags.limbs import limb_cases
+
+    return [*cases(folder), *drive_cases(folder), *limb_cases(folder)]
 
 
 def run(options: FlagsOptions, work: Work) -> Report:
     """Make every mistake."""
-    from stiction.studies.flags.cases import cases
-
     folder = os.environ.get("STICTION_DATA")
     if not folder:
         raise FileError("STICTION_DATA names no folder; expected one with the measured records emps and go2")
     work.begin()
-    todo = cases(Path(folder))
+    todo = all_cases(Path(folder))
     rows = []
     for number, case in enumerate(todo):
         work.progress(f"{case.mistake}: {case.record}", number / len(todo))
@@ -117,7 +158,7 @@ def run(options: FlagsOptions, work: Work) -> Report:
         lead=answer,
         tables={"flags": rows},
         summary={"lead": answer, "seconds": work.seconds},
-        status=1 if any(row.confident and not row.invisible for row in rows) else 0,
+        status=1 if any(row.confident or row.false_alarm for row in rows) else 0,
     )
 
 

@@ -177,10 +177,10 @@ def _judged(experiment: Experiment) -> Experiment:
     )
 
 
-def judge_again(out: Path, made: dict[str, Any]) -> Experiment:
+def judge_again(out: Path, provenance: dict[str, Any]) -> Experiment:
     """Return the experiment that a folder has, judged anew; its summary says so, and which verdicts changed.
 
-    made: by what it is judged now: the command, and what `Origin` says.
+    provenance: by what it is judged now: the command, and what `Origin` says.
 
     Raises:
         StictionError: the folder has no files of the experiment.
@@ -188,7 +188,7 @@ def judge_again(out: Path, made: dict[str, Any]) -> Experiment:
     """
     before = read_experiment(out)
     found = _judged(before)
-    summary = rejudged_summary(before.summary, before.verdicts, found.verdicts, made, own=LISTS)
+    summary = rejudged_summary(before.summary, before.verdicts, found.verdicts, provenance, own=LISTS)
     return replace(found, summary={"warnings": []} | summary)
 
 

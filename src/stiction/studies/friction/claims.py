@@ -15,7 +15,7 @@ import numpy as np
 from stiction.evaluate.command import STAND
 from stiction.evaluate.grid import BATCH
 from stiction.evaluate.samples import Measurement
-from stiction.formats.following import LEAST
+from stiction.formats.following import SLOW
 from stiction.formats.results import DIRECTIONS, FOLLOWS
 from stiction.studies.claims import (
     FOLLOWING,
@@ -157,7 +157,7 @@ CLAIMS: tuple[Claim[TrainingEvidence], ...] = (
     Claim(
         "V1",
         "the inclusion of f_j introduced nonlinearity, significantly increasing training difficulty",
-        f"iterations until the teacher reaches {LEAST} both ways, under its own friction: direct takes more than none",
+        f"iterations until the teacher reaches {SLOW} both ways, under its own friction: direct takes more than none",
         takes_longer(DIRECT, NONE),
     ),
     Claim(
@@ -188,7 +188,7 @@ CLAIMS: tuple[Claim[TrainingEvidence], ...] = (
     Claim(
         "V5",
         "fine-tuning a pre-trained model (trained without static friction) by introducing f_j also failed",
-        f"finetune, level {LEVEL:g}: too slow, under {LEAST} of the command in its slower direction",
+        f"finetune, level {LEVEL:g}: too slow, under {SLOW} of the command in its slower direction",
         too_slow("coulomb20-finetune"),
     ),
     Claim(
@@ -231,14 +231,14 @@ CLAIMS: tuple[Claim[TrainingEvidence], ...] = (
     Claim(
         "A1",
         "conventional domain randomization approaches resulted in significantly underperforming real-world models",
-        f"none: too slow, under {LEAST} of the command in its slower direction, at each level of friction above 0; in "
+        f"none: too slow, under {SLOW} of the command in its slower direction, at each level of friction above 0; in "
         "simulation",
         underperforms,
     ),
     Claim(
         "A2",
         "recognizing the increased training difficulty ..., a simple and novel solution to reduce learning complexity",
-        f"iterations until the teacher reaches {LEAST} both ways: deception takes fewer than direct",
+        f"iterations until the teacher reaches {SLOW} both ways: deception takes fewer than direct",
         takes_longer(DIRECT, DECEPTION),
     ),
     Claim(
@@ -251,7 +251,7 @@ CLAIMS: tuple[Claim[TrainingEvidence], ...] = (
     Claim(
         "I1",
         "only by incorporating static friction into the randomization could we achieve satisfactory performance",
-        f"at {LEVEL:g}, none is too slow, under {LEAST} in its slower direction, and deception follows: {FOLLOWING}",
+        f"at {LEVEL:g}, none is too slow, under {SLOW} in its slower direction, and deception follows: {FOLLOWING}",
         each(too_slow(NONE), follows_at(DECEPTION, LEVEL)),
     ),
     Claim(
@@ -264,7 +264,7 @@ CLAIMS: tuple[Claim[TrainingEvidence], ...] = (
     Claim(
         "C1",
         "the introduction of static friction will cause the model to fail to train",
-        f"direct, level {LEVEL:g}: too slow, under {LEAST} of the command in its slower direction",
+        f"direct, level {LEVEL:g}: too slow, under {SLOW} of the command in its slower direction",
         too_slow(DIRECT),
     ),
 )

@@ -128,10 +128,10 @@ class Task:
             return [replace(row, policy=self.name) for row in rows]
         import torch
 
-        from stiction.evaluate.trained import evaluate_run
+        from stiction.evaluate.trained import walk_run
 
         torch.set_num_threads(1)
-        return evaluate_run(self.run.path, self.who, self.settings)
+        return list(walk_run(self.run.path, self.who, self.settings).rows)
 
 
 def tasks_for(planned: Sequence[PlannedRun], base: EvaluationCfg = BASE, cache: Path | None = None) -> list[Task]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from markupsafe import Markup
 
-from stiction.formats.following import BAND, LEAST
+from stiction.formats.following import BAND, SLOW
 from stiction.formats.results import DIRECTIONS, FOLLOWS, ResultRow
 from stiction.joints.friction import level_axis, level_number
 from stiction.report.following import changes_sheet, levels_sheet
@@ -29,7 +28,7 @@ from stiction.report.page import (
     picture,
 )
 from stiction.studies import study
-from stiction.studies.claims import JUDGED
+from stiction.studies.claims import JUDGED, said_of
 from stiction.studies.friction.records import HIGHEST, STUDENT, ConditionRecord, Experiment, SeedMean, short_name
 
 if TYPE_CHECKING:
@@ -258,7 +257,7 @@ def onset_sheet(experiment: Experiment) -> Sheet:
         nowhere = "stays above" if onset.level is None else "under from the start"
         rows.append((onset.condition, *(nowhere if value is None else f"{value:.3f}" for value in values)))
     note = " ".join(f"{c.method}: {c.axis or 'no axis'}; {c.reason}." for c in experiment.collapses)
-    title = f"Friction at which the slower direction slows under {LEAST}"
+    title = f"Friction at which the slower direction slows under {SLOW}"
     return Sheet(title, ("condition", *names), tuple(rows), note)
 
 
@@ -389,9 +388,7 @@ def _run_blocks(experiment: Experiment, runs: Sheet) -> tuple[Markup, ...]:
 def lead(experiment: Experiment) -> str:
     """Return how far it has come, and how many sentences came out how."""
     finished = sum(run.state in ("exported", "finished") for run in experiment.runs)
-    outcomes = Counter(verdict.outcome for verdict in experiment.verdicts)
-    counts = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
-    return (
-        f"{finished} of {len(experiment.runs)} runs are finished. Of {len(experiment.verdicts)} sentences of the paper "
-        f"on training with friction: {counts}."
-    )
+    runs = f"{finished} of {len(experiment.runs)} trainings are finished."
+    if not experiment.verdicts:
+        return runs
+    return f"{said_of(experiment.verdicts, 'sentences of the paper on training with friction')}\n{runs}"

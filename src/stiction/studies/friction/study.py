@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from stiction.core.errors import TrainingError
 from stiction.studies.study import ParallelOptions, Report, Study, Work
@@ -35,6 +35,8 @@ class FrictionOptions(ParallelOptions):
     add: bool = False
     """Add to what --out has: results of runs that are not in --runs, but were in --runs when --out was written, stay.
     Trainings on several machines, or over several days, then make one experiment."""
+    free: ClassVar[tuple[str, ...]] = ("train", "add", "ship", "list", "parts", "cache")
+    """Options that do more of the same, or say where from."""
     out: Path = Path("results/friction-training")
     """Folder of results.csv, intervals.csv, following.csv, curves.csv, summary.json, tables.md, figures,
     report.html."""

@@ -16,7 +16,8 @@ DESCRIPTION = (
     "Drive policies over commands and show which feet are on the ground when: gait diagram, shares of each contact "
     "group, flight, synchrony; and judge the paper's sentences on its two gait rewards. Which rewards a policy had is "
     "read off the training command in its contract, or off the run. Train the ablations with `stiction train "
-    "--task.rewards.trot 0`, `--task.rewards.unsync 0`, and both."
+    "--task.rewards.trot 0`, `--task.rewards.unsync 0`, and both.\n\n"
+    "Example:\n  stiction study gait saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out gait"
 )
 
 

@@ -14,7 +14,8 @@ from stiction.studies.study import Options, Report, Study, Work
 DESCRIPTION = (
     "Drive the same policies with the joints' friction simulated by rows of the solver, by softer rows and by yielding "
     "springs, at several steps, and hold their speeds against rows at 0.25 ms. Evaluation is always on rows at the "
-    "step of the contract; this shows what training on another physics may cost."
+    "step of the contract; this shows what training on another physics may cost.\n\n"
+    "Example:\n  stiction study physics saturn_lite-flat-none-0.2 --out physics"
 )
 
 

@@ -13,7 +13,7 @@ from stiction.joints.friction import has_coefficient
 from stiction.robots.model import Robot
 from stiction.studies.claims import differences
 from stiction.studies.friction.evaluation import onset_level
-from stiction.studies.replication.plan import FRICTION, NOMINAL, REST, ROBOT
+from stiction.studies.replication.plan import FRICTION_CELL, NOMINAL_CELL, REST_CELL, VIRTUAL_ROBOT
 from stiction.studies.replication.records import (
     CAUSES,
     FEWEST_LEVELS,
@@ -27,7 +27,7 @@ from stiction.studies.replication.records import (
 BESIDE = ("none", *FED_BY.values(), "deception")
 """Friction fed forward between the methods that it is held against."""
 
-BARE = {ROBOT: REST, FRICTION: NOMINAL}
+BARE = {VIRTUAL_ROBOT: REST_CELL, FRICTION_CELL: NOMINAL_CELL}
 """Cell with friction -> the same robot without."""
 
 
@@ -110,13 +110,13 @@ def _by_seed(evidence: Evidence, method: str, engine: str, law: str) -> dict[int
     return {seed: curve for seed, curve in curves.items() if 0.0 in curve}
 
 
-def friction_effects(result: Replication, method: str = "none") -> tuple[FrictionEffect, ...]:
-    """Return what friction did to a method in every engine, and on the virtual robots, where its level is a share of
-    the torque limit: the evidence behind the verdicts of `stiction identify`.
+def friction_effects(result: Replication) -> tuple[FrictionEffect, ...]:
+    """Return what friction did to the conventional policies in every engine, and on the virtual robots, where its level
+    is a share of the torque limit: the evidence behind the verdicts of `stiction identify`.
     """
     evidence = Evidence.of(row for part in result.parts for row in part.details)
     unit = result.summary["dead_band"]
-    own = (onset for onset in result.onsets if onset.method == method and onset.friction_law in SHARES)
+    own = (onset for onset in result.onsets if onset.method == "none" and onset.friction_law in SHARES)
     return tuple(_effect(evidence, onset, unit) for onset in own if onset.engine not in CAUSES)
 
 

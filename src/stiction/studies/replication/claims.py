@@ -15,19 +15,19 @@ from collections.abc import Iterable
 from stiction.evaluate.grid import REAL
 from stiction.evaluate.methods import FED, FED_BY_MEASURED
 from stiction.evaluate.samples import Condition, Evidence, each_seed
-from stiction.formats.following import LEAST
+from stiction.formats.following import SLOW
 from stiction.formats.results import DIRECTIONS
 from stiction.studies.claims import FOLLOWING, Claim, Verdict, each
 from stiction.studies.friction.claims import HARDLY, JITTER, MOVES
 from stiction.studies.replication import criteria
 from stiction.studies.replication.criteria import HALF, JUMPING, NOTICEABLE, elsewhere, on_robot
-from stiction.studies.replication.plan import PAPER, ROBOT
+from stiction.studies.replication.plan import PAPER_COEFFICIENT, VIRTUAL_ROBOT
 from stiction.studies.replication.records import EvidenceRow
 from stiction.studies.stairs.climb import ENOUGH
 
 FORWARD, BACKWARD = DIRECTIONS
 
-STICKY = Condition(ROBOT, 0.2, REAL)
+STICKY = Condition(VIRTUAL_ROBOT, 0.2, REAL)
 """The virtual robot with the friction of the training, on which stairs are judged."""
 
 ALL_CLIMBED = f"at least {100 * ENOUGH:g} % of crossings, at each height"
@@ -157,7 +157,7 @@ CLAIMS: tuple[Claim[Evidence], ...] = (
     Claim(
         "V5",
         "fine-tuning a model that was trained without static friction also failed",
-        f"finetune, virtual robot: too slow, under {LEAST} of the command in the slower direction, at each level",
+        f"finetune, virtual robot: too slow, under {SLOW} of the command in the slower direction, at each level",
         on_robot("finetune", criteria.too_slow),
     ),
     Claim(
@@ -187,14 +187,14 @@ CLAIMS: tuple[Claim[Evidence], ...] = (
     ),
     Claim(
         "X1",
-        f"the unit: {PAPER:g} read as a coefficient of the joint's load freezes conventional policies",
-        f"none, law load, c = {PAPER:g}: {FROZEN}",
+        f"the unit: {PAPER_COEFFICIENT:g} read as a coefficient of the joint's load freezes conventional policies",
+        f"none, law load, c = {PAPER_COEFFICIENT:g}: {FROZEN}",
         criteria.frozen_by("load"),
     ),
     Claim(
         "X2",
-        f"the unit: {PAPER:g} read as a coefficient of the motor's torque does",
-        f"none, law effort, c = {PAPER:g}: {FROZEN}",
+        f"the unit: {PAPER_COEFFICIENT:g} read as a coefficient of the motor's torque does",
+        f"none, law effort, c = {PAPER_COEFFICIENT:g}: {FROZEN}",
         criteria.frozen_by("effort"),
     ),
     Claim(
@@ -207,7 +207,7 @@ CLAIMS: tuple[Claim[Evidence], ...] = (
     Claim(
         "X4",
         "on the real robot friction under load was far above the bench's value",
-        f"none, virtual robot: in the slower direction not under {LEAST} at the bench's value, and under it with 0.1 "
+        f"none, virtual robot: in the slower direction not under {SLOW} at the bench's value, and under it with 0.1 "
         "of the load",
         criteria.load_above_bench,
     ),
@@ -245,9 +245,6 @@ CLAIMS: tuple[Claim[Evidence], ...] = (
     ),
 )
 """In the order of the paper, then the criteria."""
-
-WITHOUT_POLICY = ("E9",)
-"""Sentences of a policy that no preset has: an Actuator Net's for stairs."""
 
 
 def judge_all(

@@ -29,7 +29,14 @@ from stiction.studies.claims import (
     within,
 )
 from stiction.studies.friction.claims import JITTER, MOVES, STATIONARY
-from stiction.studies.replication.plan import FRICTION, OTHERS, OVER, PAPER, REST, ROBOT
+from stiction.studies.replication.plan import (
+    FRICTION_CELL,
+    OTHER_ENGINES,
+    PAPER_COEFFICIENT,
+    REST_CELL,
+    STAIRS_COMMAND,
+    VIRTUAL_ROBOT,
+)
 from stiction.studies.stairs.climb import ENOUGH
 
 BENCHED = f"{REAL}-bench"
@@ -60,7 +67,7 @@ def elsewhere(method: str, judge: JudgeAt, level: float = 0.0) -> Judge:
     """Judge in every other engine in which a method was walked at a level of Coulomb friction; all must agree."""
 
     def judge_all(e: Evidence) -> Finding:
-        engines = [engine for engine in OTHERS if level in e.levels(method, engine)]
+        engines = [engine for engine in OTHER_ENGINES if level in e.levels(method, engine)]
         if not engines:
             return Finding("not tested", f"{method} was not walked in another engine")
         return all_of(*(_located(engine, judge(e, method, Condition(engine, level))) for engine in engines))
@@ -73,7 +80,7 @@ def _located(engine: str, found: Finding) -> Finding:
     return Finding(found.outcome, f"{engine}: {found.evidence}")
 
 
-def on_robot(method: str, judge: JudgeAt, engine: str = ROBOT) -> Judge:
+def on_robot(method: str, judge: JudgeAt, engine: str = VIRTUAL_ROBOT) -> Judge:
     """Judge a sentence that names no level at every friction of virtual robots: where a method was not walked and
     others were, the evidence says so.
 
@@ -135,7 +142,7 @@ def _counted(judge: Judge, *methods: str) -> Judge:
     def judge_counted(e: Evidence) -> Finding:
         found = judge(e)
         evidence = [found.evidence]
-        for c in e.frictions(methods[-1], ROBOT):
+        for c in e.frictions(methods[-1], VIRTUAL_ROBOT):
             counted, left_out = e.robots(c, *methods)
             if left_out:
                 evidence.append(f"at {c.level:g} ({c.law}) robots counted: {len(counted)}, left out: {len(left_out)}")
@@ -228,7 +235,7 @@ def climbs(e: Evidence, method: str, c: Condition) -> Finding:
 
 def climbs_elsewhere(method: str) -> Judge:
     """A method crosses stairs of every height that was tried in each other engine, without friction."""
-    return lambda e: all_of(*(_located(engine, climbs(e, method, Condition(engine, 0.0))) for engine in OTHERS))
+    return lambda e: all_of(*(_located(engine, climbs(e, method, Condition(engine, 0.0))) for engine in OTHER_ENGINES))
 
 
 def climbs_not(e: Evidence, method: str, c: Condition) -> Finding:
@@ -239,7 +246,7 @@ def climbs_not(e: Evidence, method: str, c: Condition) -> Finding:
 def _crossings(e: Evidence, method: str, c: Condition, low: float, high: float) -> Finding:
     """Judge the share of crossings at each height."""
     walked = {terrain for name, engine, *_, terrain, _ in e.cells if (name, engine) == (method, c.engine)}
-    rates = {terrain: e.rate(method, c, (OVER,), "crossed", terrain) for terrain in sorted(walked - {"flat"})}
+    rates = {terrain: e.rate(method, c, (STAIRS_COMMAND,), "crossed", terrain) for terrain in sorted(walked - {"flat"})}
     if not rates:
         return Finding("not tested", f"{method} was not walked over stairs in {c.engine}")
     return all_of(*(rate_within(f"{method} on {terrain}", rate, low, high) for terrain, rate in rates.items()))
@@ -263,7 +270,7 @@ def stationary(e: Evidence, method: str, c: Condition) -> Finding:
 
 def frozen_by(law: str) -> Judge:
     """The paper's number as a coefficient stops a policy that never met friction: it stands upright."""
-    return under("none", Condition(BATCH, PAPER, law), stationary)
+    return under("none", Condition(BATCH, PAPER_COEFFICIENT, law), stationary)
 
 
 def too_slow(e: Evidence, method: str, c: Condition) -> Finding:
@@ -297,22 +304,22 @@ def loses_at_each_level(method: str, engine: str) -> Judge:
 
 def slower_than_by_all_else(e: Evidence, method: str, c: Condition) -> Finding:
     """A friction leaves a method slower than all other differences of the virtual robot alone, policy by policy."""
-    rest = e.slower(method, Condition(REST, 0.0))
+    rest = e.slower(method, Condition(REST_CELL, 0.0))
     return larger_paired(("all but friction", rest), ("friction alone", e.slower(method, c)))
 
 
-friction_is_the_cause = on_robot("none", slower_than_by_all_else, FRICTION)
+friction_is_the_cause = on_robot("none", slower_than_by_all_else, FRICTION_CELL)
 
 
 def lower_is_better(e: Evidence) -> Finding:
     """Half of the friction leaves the conventional policy nearer to the command."""
-    high, low = (e.error("none", Condition(ROBOT, level, REAL)) for level in (0.2, 0.1))
+    high, low = (e.error("none", Condition(VIRTUAL_ROBOT, level, REAL)) for level in (0.2, 0.1))
     return larger_paired(("none at 0.2", high), ("at 0.1", low))
 
 
 def load_above_bench(e: Evidence) -> Finding:
     """The bench's friction does not trouble the conventional policy, a share of the load does."""
-    frictions = {condition.law: condition for condition in e.frictions("none", ROBOT)}
+    frictions = {condition.law: condition for condition in e.frictions("none", VIRTUAL_ROBOT)}
     asked = {BENCHED: (FOLLOWS[0], np.inf), f"{BENCHED}{LOADED}0.1": (-np.inf, FOLLOWS[0])}
     if not asked.keys() <= frictions.keys():
         return Finding("not tested", "the virtual robot was not walked at the bench's friction with 0.1 of the load")

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from stiction.evaluate.methods import FED, FED_BY
 from stiction.evaluate.table import BOTH, Sample
-from stiction.formats.following import BAND, LEAST, MOST, Following
+from stiction.formats.following import BAND, FAST, SLOW, Following
 from stiction.formats.results import FOLLOWS
 from stiction.joints.friction import has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
@@ -40,9 +39,9 @@ from stiction.report.page import (
 )
 from stiction.robots.terrain import STEPS, TREAD
 from stiction.studies import study
-from stiction.studies.claims import JUDGED
+from stiction.studies.claims import JUDGED, said_of
 from stiction.studies.replication.clips import ClipPair, clip_sections
-from stiction.studies.replication.plan import OVER
+from stiction.studies.replication.plan import STAIRS_COMMAND
 from stiction.studies.replication.records import (
     FEWEST_LEVELS,
     BudgetPoint,
@@ -213,7 +212,8 @@ def stairs_sheet(samples: Sequence[Sample]) -> Sheet | None:
             where = method, engine, friction_text(law, level), terrain, seeds_text([sample]), str(sample.trials)
             rows.append((*where, sample_text(sample, ".0%"), sample_text(steps, ".1f")))
     header = ("method", "engine", "friction", "ground", "seeds", "trials", "crossed", "steps passed")
-    note = f"Blind, {TREAD:.2f} m treads, {STEPS} up, landing, {STEPS} down, {OVER.removeprefix('vx=')} m/s. {NOTE}"
+    speed = STAIRS_COMMAND.removeprefix("vx=")
+    note = f"Blind, {TREAD:.2f} m treads, {STEPS} up, landing, {STEPS} down, {speed} m/s. {NOTE}"
     return Sheet("Stairs", header, tuple(rows), note) if rows else None
 
 
@@ -238,9 +238,9 @@ VERDICT_NOTE = (
     "how trainings differ, the other how many walks there were. A trial is a walk; of virtual robots it is a pair "
     "of policy and robot, since the walks of one robot are not independent. All policies walk on the same virtual "
     "robots: there, rates and speeds have one more interval with the robots as the sample, which must agree; joint "
-    "accelerations are compared over seeds alone, of those that walk. E: the paper's "
-    "comparison; V: its section on training with friction; T: what it concludes from its motors; X: explanations "
-    "for what it saw."
+    "accelerations are compared over seeds alone, of those that walk. Letters of the numbers in verdicts.csv: E, the "
+    "paper's comparison; V, its section on training with friction; T, what it concludes from its motors; X, "
+    "explanations for what it saw."
 )
 """What a reader of the verdicts must know."""
 
@@ -254,7 +254,7 @@ def evidence_sheet(claim: str, evidence: Sequence[EvidenceRow]) -> Sheet:
             where = row.method, row.engine, friction, row.terrain, row.command
             rows.append((*where, row.column, row.seeds, row.each))
     header = ("method", "engine", "friction", "ground", "command", "column", "seeds", "each seed")
-    return Sheet(f"What {claim} was judged by", header, tuple(rows))
+    return Sheet("The rows that this was judged by", header, tuple(rows))
 
 
 def onset_sheet(onsets: Sequence[Onset]) -> Sheet:
@@ -268,9 +268,9 @@ def onset_sheet(onsets: Sequence[Onset]) -> Sheet:
         interval = "–" if one.low is None or one.high is None else f"{max(0.0, one.low):.3g} to {one.high:.3g}"
         band = "–" if one.dead_band is None else f"{1000 * one.dead_band:.0f}"
         rows.append((one.method, one.engine, one.friction_law, text, interval, band, one.each))
-    header = ("method", "engine", "law", f"slows under {LEAST}", "95 % over seeds", "dead band [mrad]", "each seed")
-    note = f"The slower of forward and backward. What is above {LEAST} may be over {MOST}, and then follows no more."
-    return Sheet(f"Where each training method slows under {LEAST} of the command", header, tuple(rows), note)
+    header = ("method", "engine", "law", f"slows under {SLOW}", "95 % over seeds", "dead band [mrad]", "each seed")
+    note = f"The slower of forward and backward. What is above {SLOW} may be over {FAST}, and then follows no more."
+    return Sheet(f"Where each training method slows under {SLOW} of the command", header, tuple(rows), note)
 
 
 def forward_sheet(points: Sequence[ForwardPoint], virtual: bool) -> Sheet | None:
@@ -317,8 +317,8 @@ NAMED_LEVEL = 0.2
 REMEDY = (
     "A verdict takes several training seeds of every method that a sentence compares: give those of each seed "
     "with --policies, or train them with --preset full. It has three seeds or more of every method "
-    "on flat ground, and of `none` and `deception` over stairs. It has no policy of an Actuator Net for stairs: E9 is "
-    "judged only where such policies are given."
+    "on flat ground, and of `none` and `deception` over stairs. It has no policy of an Actuator Net for stairs: the "
+    "sentence on that is judged only where such policies are given."
 )
 """What to do about a single seed."""
 
@@ -390,7 +390,7 @@ def sections(
     if "budget" in figures:
         caption = f"Slower of forward and backward. Points: training seeds; band: 95 % t-interval; green: {BAND}."
         image = picture(figure_uri(figures["budget"]), caption)
-        levels = image, *folded("onsets", f"Where each method slows under {LEAST}, in numbers")
+        levels = image, *folded("onsets", f"Where each method slows under {SLOW}, in numbers")
     counterparts = Sheet("The paper's figures and tables, and ours", ("in the paper", "here"), COUNTERPARTS)
     page = [
         Section("Which training does my joint need?", needs),
@@ -410,7 +410,9 @@ def sections(
 
 def _brief(verdicts: Sheet) -> Sheet:
     """Return the verdicts without their evidence."""
-    return replace(verdicts, header=verdicts.header[:-1], rows=tuple(cells[:-1] for cells in verdicts.rows))
+    keep = [index for index, title in enumerate(verdicts.header) if title != "evidence"]
+    rows = tuple(tuple(cells[index] for index in keep) for cells in verdicts.rows)
+    return replace(verdicts, header=tuple(verdicts.header[index] for index in keep), rows=rows)
 
 
 def evidence_fold(result: Replication) -> Markup:
@@ -419,7 +421,7 @@ def evidence_fold(result: Replication) -> Markup:
     for verdict in result.verdicts:
         rows = evidence_sheet(verdict.id, result.evidence)
         blocks = [paragraph(verdict.evidence), *(rows.blocks() if rows.rows else ())]
-        folds.append(fold(f"{verdict.id}: {verdict.outcome}", blocks))
+        folds.append(fold(f"“{verdict.sentence}” ({study.filled(verdict)}, {verdict.id} in verdicts.csv)", blocks))
     return fold("Numbers, intervals and the rows behind each sentence (evidence.csv)", folds)
 
 
@@ -444,12 +446,11 @@ def lead(result: Replication) -> str:
     single, several = single_and_several(result)
     outcomes = ""
     if several:
-        counts = Counter(verdict.outcome for verdict in result.verdicts)
-        listed = ", ".join(f"{number} {outcome}" for outcome, number in counts.items())
-        outcomes = f"Of {len(result.verdicts)} sentences and explanations: {listed}."
+        outcomes = said_of(result.verdicts, "sentences and explanations of the paper") if result.verdicts else ""
     elif single:
         outcomes = f"One training seed a method: numbers, no verdicts. {REMEDY}"
-    return f"{outcomes} {recommended_sentence(result.needs, NAMED_LEVEL)}".strip()
+    needs = recommended_sentence(result.needs, NAMED_LEVEL)
+    return "\n".join(filter(None, (needs, outcomes) if several else (outcomes, needs)))
 
 
 def single_and_several(result: Replication) -> tuple[list[str], list[str]]:

@@ -20,10 +20,10 @@ from stiction.virtual.cases import Case, parse_level, reported
 
 Size = Literal["quick", "full"]
 
-ALL = (*DIRECTIONS, "vy=0.3", "wz=0.5", STAND)
+FLAT_COMMANDS = (*DIRECTIONS, "vy=0.3", "wz=0.5", STAND)
 """Every command on flat ground."""
 
-OVER = "vx=0.4"
+STAIRS_COMMAND = "vx=0.4"
 """The command over stairs."""
 
 SECONDS = 8.0
@@ -32,20 +32,20 @@ SECONDS = 8.0
 LEVELS = (0.0, 0.01, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
 """Friction over the torque limit; 1 % is the paper's."""
 
-SHORT = (0.0, 0.01, 0.1, 0.2, 0.3)
+QUICK_LEVELS = (0.0, 0.01, 0.1, 0.2, 0.3)
 """The same for the preset `quick`."""
 
-PAPER = 0.442
+PAPER_COEFFICIENT = 0.442
 """The paper's number [N m], read as a coefficient."""
 
-COEFFICIENTS = (0.0, 0.02, 0.05, 0.1, 0.2, PAPER)
+COEFFICIENTS = (0.0, 0.02, 0.05, 0.1, 0.2, PAPER_COEFFICIENT)
 """Of the laws `load` and `effort`."""
 
-OTHERS = ("physx", "ode-webots")
+OTHER_ENGINES = ("physx", "ode-webots")
 """Engines that are not the one of the training. Plain `ode` and `ode-webots` differ in their settings alone: `stiction
 study engines` compares them."""
 
-ROBOT, (NOMINAL, FRICTION, REST) = "physx+all", CAUSES
+VIRTUAL_ROBOT, (NOMINAL_CELL, FRICTION_CELL, REST_CELL) = "physx+all", CAUSES
 """The virtual robot, and the cells by which causes are told apart."""
 
 ROBOT_LEVELS = ("0.01", "0.1", "0.2", "0.3", "bench", "bench+0.02", "bench+0.1")
@@ -87,17 +87,17 @@ def _stairs(quick: bool, robots: int | None) -> tuple[Part, Part]:
     """Return the grids over stairs; arguments as of `parts_of`."""
     # 80 % of crossings are shown by 18, six of each of three seeds, and not by 15 (Wilson: from 0.824, from 0.796). On
     # virtual robots it takes 16 of them, however often each of them crosses.
-    base = EvaluationCfg((0.0, 0.2), (OVER,), 3 if quick else 6, SECONDS)
+    base = EvaluationCfg((0.0, 0.2), (STAIRS_COMMAND,), 3 if quick else 6, SECONDS)
     heights = ("stairs=0.08",) if quick else ("stairs=0.06", "stairs=0.08", "stairs=0.1")
     virtual = GridCfg(
         replace(base, episodes=2),
-        (ROBOT,),
+        (VIRTUAL_ROBOT,),
         heights,
         reported(robots or (2 if quick else 16)),
         robot_levels=("0", "0.2") if quick else ("0", "0.1", "0.2"),
     )
     return (
-        Part("stairs", "Stairs, up, landing and down", GridCfg(base, (BATCH, *OTHERS), heights), stairs=True),
+        Part("stairs", "Stairs, up, landing and down", GridCfg(base, (BATCH, *OTHER_ENGINES), heights), stairs=True),
         Part("stairs-robot", "Stairs, on the virtual robot", virtual, stairs=True),
     )
 
@@ -106,7 +106,7 @@ def parts_of(size: Size, robots: int | None = None) -> tuple[Part, ...]:
     """Return the grids of a preset; `robots`: how many virtual robots, by default 2 (quick), or 8, over stairs 16."""
     quick = size == "quick"
     # Training seeds are the sample: episodes differ in their first angles alone, and two show whether that matters.
-    base = EvaluationCfg(SHORT if quick else LEVELS, DIRECTIONS, 2, SECONDS)
+    base = EvaluationCfg(QUICK_LEVELS if quick else LEVELS, DIRECTIONS, 2, SECONDS)
     flat_robots = reported(robots or (2 if quick else 8))
 
     def on_robots(
@@ -118,31 +118,33 @@ def parts_of(size: Size, robots: int | None = None) -> tuple[Part, ...]:
     causes = ("0.01", "0.1", "0.2", "bench", "bench+0.02") if quick else ROBOT_LEVELS
     return (
         Part(
-            "training", "In the simulator of the training", GridCfg(replace(base, commands=ALL, episodes=8), (BATCH,))
+            "training",
+            "In the simulator of the training",
+            GridCfg(replace(base, commands=FLAT_COMMANDS, episodes=8), (BATCH,)),
         ),
         Part(
             "engines",
             "Sim2Sim: other engines",
-            GridCfg(base, OTHERS if quick else ("mujoco-alone", *OTHERS)),
+            GridCfg(base, OTHER_ENGINES if quick else ("mujoco-alone", *OTHER_ENGINES)),
             forward=True,
         ),
-        Part("robot", "On the virtual robot", on_robots(ROBOT_LEVELS, REST, ROBOT)),
+        Part("robot", "On the virtual robot", on_robots(ROBOT_LEVELS, REST_CELL, VIRTUAL_ROBOT)),
         Part(
             "standing",
             "On the virtual robot, told to stand",
-            on_robots(ROBOT_LEVELS[:-1] if quick else ROBOT_LEVELS, ROBOT, commands=(STAND,)),
+            on_robots(ROBOT_LEVELS[:-1] if quick else ROBOT_LEVELS, VIRTUAL_ROBOT, commands=(STAND,)),
             ("none", "deception", "iterative"),
         ),
         Part(
             "causes",
             "On the virtual robot: friction alone, and neither friction nor the rest",
-            on_robots(causes, NOMINAL, FRICTION),
+            on_robots(causes, NOMINAL_CELL, FRICTION_CELL),
             ("none", "deception"),
         ),
         Part(
             "forward",
             "What a user would try: the virtual robot's identified friction, fed forward",
-            on_robots(("0.1", "0.2") if quick else ("0.1", "0.2", "0.3"), ROBOT, forward_only=True),
+            on_robots(("0.1", "0.2") if quick else ("0.1", "0.2", "0.3"), VIRTUAL_ROBOT, forward_only=True),
             ("none",),
             forward=True,
         ),
@@ -174,17 +176,17 @@ OVER_STAIRS = tuple(
 )
 """Conditions over stairs."""
 
-KNOWN = Case(0, "all", parse_level("0.2"))
+KNOWN_CASE = Case(0, "all", parse_level("0.2"))
 """The virtual robot whose bench says what the method `identified` trains with. It is of the kind of the reported ones
 and none of them: of a robot, training sees the `joints.json` from its bench log and nothing else."""
 
-TAKEN = ("none", "direct", "deception", "finetune", "iterative", "compensation")
+FROM_EXPERIMENT = ("none", "direct", "deception", "finetune", "iterative", "compensation")
 """Conditions of the experiment that the comparison takes: one a training method, none of its ablations."""
 
 
 def known_bench(spec: Robot) -> Bench:
     """Return the bench of the robot that training knows; spec: its data sheet."""
-    return Bench("physx", KNOWN, spec)
+    return Bench("physx", KNOWN_CASE, spec)
 
 
 def first_policy(seed: int) -> str:
@@ -222,6 +224,10 @@ def comparison_runs(joints: Path) -> list[Run]:
     joints: the `joints.json` of `known_bench`.
     """
     known = {condition.name: condition for condition in MANIFEST}
-    conditions = (*(known[f"coulomb20-{name}"] for name in TAKEN), *OVER_STAIRS, *identified_conditions(joints))
+    conditions = (
+        *(known[f"coulomb20-{name}"] for name in FROM_EXPERIMENT),
+        *OVER_STAIRS,
+        *identified_conditions(joints),
+    )
     runs = [Run(one, seed) for one in conditions for seed in sorted({*SEEDS, *one.seeds})]
     return sorted(runs, key=lambda run: run.seed)

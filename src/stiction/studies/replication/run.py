@@ -17,10 +17,10 @@ from stiction.evaluate.benches import (
     all_identified,
     bench_of,
     benches_of,
-    forwarded,
-    informed,
-    not_forwarded,
-    not_identified,
+    forward_notes,
+    forward_walks,
+    unidentified_notes,
+    with_known_friction,
 )
 from stiction.evaluate.grid import GridCfg, Walk, plan, plan_forward
 from stiction.evaluate.methods import FED_BY, METHODS, method_of
@@ -57,7 +57,7 @@ def walk_part(part: Part, bundles: Sequence[Bundle], out: Path, jobs: int, progr
     return PartRecord(part.name, part.title, details, warnings=_unidentified(done, bundles, grid, out))
 
 
-def kept_part(part: Part, bundles: Sequence[Bundle], out: Path) -> PartRecord | None:
+def part_from_ledger(part: Part, bundles: Sequence[Bundle], out: Path) -> PartRecord | None:
     """Return the rows of a grid that were walked before, those all of whose walks are in its ledger; walk nothing.
 
     None where there are none. Arguments as of `walk_part`; raises as `WalkLedger`.
@@ -144,16 +144,16 @@ def _planned(grid: GridCfg, bundles: Sequence[Bundle], out: Path) -> list[Walk]:
     walks = plan(list(specs), grid)
     benches = [bench for walk in plan_forward(grid) if (bench := bench_of(walk, specs[walk.policy])) is not None]
     if all_identified(benches, out / BENCHES):
-        walks += forwarded(bundles, grid, out / BENCHES)
+        walks += forward_walks(bundles, grid, out / BENCHES)
     if all_identified(benches_of(walks, bundles, grid), out / BENCHES):
-        return informed(walks, bundles, grid, out / BENCHES)
+        return with_known_friction(walks, bundles, grid, out / BENCHES)
     return walks
 
 
 def _unidentified(walks: Collection[Walk], bundles: Sequence[Bundle], grid: GridCfg, out: Path) -> list[str]:
     """Return sentences for friction that the benches did not identify: it is not fed forward, or given otherwise."""
     benches = out / BENCHES
-    return [*not_forwarded(bundles, grid, benches), *not_identified(walks, bundles, grid, benches)]
+    return [*forward_notes(bundles, grid, benches), *unidentified_notes(walks, bundles, grid, benches)]
 
 
 def replicate(
@@ -193,14 +193,14 @@ def replicate(
     records = _records(bundles, parts, out, jobs, progress, asked)
     by_name = {part.name: part for part in parts}
     spec = robot_of(bundles[0].contract)
-    made = {
+    found = {
         **(summary or {}),
         "dead_band": spec.dead_band,
         "grids": {record.name: _settings(by_name[record.name], record) for record in records},
         "seconds": time.perf_counter() - start,
         "policies": {bundle.name: describe(bundle) | {"way": method_of(bundle.contract)} for bundle in bundles},
     }
-    return judged(records, spec, made)
+    return judged(records, spec, found)
 
 
 def judged(records: Sequence[PartRecord], spec: Robot, summary: dict[str, Any]) -> Replication:
@@ -236,7 +236,7 @@ def _records(
         if part.name in asked:
             planned.append(planned_rows(part, takes[part.name]))
         else:
-            found[part.name] = record = kept_part(part, takes[part.name], out / part.name)
+            found[part.name] = record = part_from_ledger(part, takes[part.name], out / part.name)
             planned.append(rows_in(record.details) if record else {})
     check_nothing_lost(planned, out / SUMMARY, asked)
     for part in parts:
@@ -321,10 +321,10 @@ def source_of(result: Replication) -> Source:
     return Source(summary["command"], summary["revision"], policies, methods, result.needs, friction_effects(result))
 
 
-def judge_again(out: Path, made: dict[str, Any]) -> Replication:
+def judge_again(out: Path, provenance: dict[str, Any]) -> Replication:
     """Return the comparison that a folder has, judged anew; its summary says so, and which verdicts changed.
 
-    made: by what it is judged now: the command, and what `Origin` says.
+    provenance: by what it is judged now: the command, and what `Origin` says.
 
     Raises:
         StictionError: the folder has no summary of a comparison.
@@ -340,7 +340,7 @@ def judge_again(out: Path, made: dict[str, Any]) -> Replication:
             f"{out / SUMMARY} is no summary of `stiction replicate` ({error!r}); expected one that it wrote"
         ) from error
     found = judged(records, find_robot(robot_in_file(robot, str(out / SUMMARY), "walk it again")), {})
-    summary = rejudged_summary(before, verdicts, found.verdicts, made, own=("ways", "warnings"))
+    summary = rejudged_summary(before, verdicts, found.verdicts, provenance, own=("ways", "warnings"))
     return replace(found, summary=summary)
 
 

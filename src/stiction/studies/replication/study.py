@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from stiction.core.errors import ConfigurationError, StictionError, TrainingError, unknown_name
 from stiction.core.records import make_folder
@@ -54,6 +54,8 @@ class ReplicateOptions(ParallelOptions):
     --policies that walked."""
     clips: bool = True
     """Render clips: of four methods one each in the simulator of the training, and one on a virtual robot."""
+    free: ClassVar[tuple[str, ...]] = ("parts", "clips")
+    """Options that do more of the same."""
     out: Path | None = None  # type: ignore[assignment]
     """By default stiction-replication-quick, or -full. Folder of results.csv, methods.csv, budget.csv, forward.csv,
     onsets.csv, following.csv, verdicts.csv, evidence.csv, summary.json, tables.md, figures, clips, report.html, and a

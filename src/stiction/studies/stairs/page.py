@@ -29,7 +29,7 @@ def report(rows: Sequence[Climb], settings: dict[str, Any]) -> Report:
     caption = f"Share of trials that succeed, with Wilson's 95 % interval; the line is {ENOUGH:.0%}."
     return Report(
         title="Stairs",
-        lead=" ".join(found),
+        lead="\n".join(found),
         tables={"stairs": rows},
         sections=(
             Section("Success over step height", (picture(figure_uri(figure), caption),)),

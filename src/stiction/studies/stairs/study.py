@@ -14,7 +14,8 @@ from stiction.studies.study import Options, Report, Study, Work
 
 DESCRIPTION = """Drive policy bundles over stairs: up, a landing, down, height by height, at levels of joint friction.
 
-Example: stiction study stairs bundles/stairs --step-heights 0.06 0.08 0.10 --out results/stairs"""
+Example:
+  stiction study stairs bundles/stairs --step-heights 0.06 0.08 0.10 --out results/stairs"""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -382,7 +382,7 @@ def monitor_readings(
 ) -> list[dict[str, Any]]:
     """Return the readings of the bundle's monitor after `settle` [s], from the policy's input; none without a monitor.
 
-    The target is the joint that wears, or the level where several do. The truth is the referee's alone.
+    The target is the joint that wears, or the level where several do. Nothing but this study sees the truth.
     """
     if bundle.wear is None:
         return []

@@ -8,10 +8,21 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from stiction.formats.following import BAND, LEAST, MOST
+from stiction.formats.following import BAND, FAST, SLOW
 from stiction.formats.results import FOLLOWS
 from stiction.formats.wear import LEVEL
-from stiction.report.page import COLORS, Section, figure_uri, legend, new_figure, paragraph, picture, row_table, table
+from stiction.report.page import (
+    COLORS,
+    Section,
+    figure_uri,
+    legend,
+    line_look,
+    new_figure,
+    paragraph,
+    picture,
+    row_table,
+    table,
+)
 from stiction.studies.study import Report
 from stiction.studies.wear.lifetimes import SIGNALS, Lifetime, Reading, Window, factor_text
 
@@ -39,7 +50,8 @@ def draw_ratios(windows: Sequence[Window], lifetimes: Sequence[Lifetime]) -> Fig
                 axis.plot(*points, color=color, linewidth=0.7, alpha=0.5)
             shared = min((len(line) for line in lines), default=0)
             means = [sum(line[at].ratio for line in lines) / len(lines) for at in range(shared)]
-            axis.plot([row.factor for row in lines[0][:shared]] if lines else [], means, color=color, label=policy)
+            factors = [row.factor for row in lines[0][:shared]] if lines else []
+            axis.plot(factors, means, label=policy, **line_look(policy, policies))
         axis.set(xscale="log", xlabel="wear, factor on dry friction", ylabel="speed ratio", title=f"level {level}")
         ticks = [tick for tick in TICKS if axis.get_xlim()[0] <= tick <= axis.get_xlim()[1]]
         axis.set_xticks(ticks, [f"x{tick:g}" for tick in ticks])
@@ -96,7 +108,7 @@ def report(
     over_seeds = Section("Training methods, over their seeds", (method_table(methods), paragraph(METHODS)))
     return Report(
         title="Wear",
-        lead=" ".join(lines),
+        lead="\n".join(lines),
         tables={"lives": lifetimes, "windows": windows, "readings": readings},
         sections=(
             Section("Speed while friction grows", (picture(figure_uri(ratios), SPEED),)),
@@ -129,7 +141,7 @@ ENDS = (
     "Wear is a factor on each joint's dry friction, as a bench without load would find it. A lifetime lasts from the "
     f"first window within {BAND} of the command (`follows from`, where others came before it) to the last one; its end "
     "is known at the end of the window after that, and reported at the wear in that window's middle. Too slow: under "
-    f"{LEAST} from there on; too fast: over {MOST}; from the start: no window follows. The mean and its 95 % interval "
+    f"{SLOW} from there on; too fast: over {FAST}; from the start: no window follows. The mean and its 95 % interval "
     "over robots are of the logarithm, and given where every lifetime ended within the wear that was tried."
 )
 

@@ -10,19 +10,20 @@ import tyro
 
 from stiction.core.errors import FileError
 from stiction.core.records import make_folder, part_of, read_rows
-from stiction.formats.following import LEAST, MOST
+from stiction.formats.following import FAST, SLOW
 from stiction.report.terminal import RobotSeeds
 from stiction.studies.study import ParallelOptions, Report, Study, UsageError, Work
 
 DESCRIPTION = f"""Let policies walk on virtual robots whose friction grows from x0.3, seals out, to x3 of a level.
 
 A policy's lifetime lasts while it follows its command, from the first to the last time: it ends where the policy is too
-slow for good, under {LEAST}, or where the robot falls. Too fast at first, over {MOST}, it has not begun to follow.
+slow for good, under {SLOW}, or where the robot falls. Too fast at first, over {FAST}, it has not begun to follow.
 A bundle's wear monitor, if it has one, reads the policy's input: does it notice before that? And would it have noticed
 as much had nothing grown? Stop it at any time: the same command goes on. What is lost is the walks in progress, one a
 core, under a minute each in PhysX.
 
-Example: stiction study wear saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out results/wear"""
+Example:
+  stiction study wear saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out results/wear"""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Simulated servos: a motor behind a bridge, driven by voltage, with and without a known pendulum."""
+"""A simulated servo: a motor behind a bridge, driven by voltage, with and without a known pendulum."""
 
 from __future__ import annotations
 

@@ -1,0 +1,241 @@
+"""From the words of a command line to its options: one door for every verb, its help, and one line for what is wrong.
+
+tyro reads the words, from the fields of a dataclass. Its help is a page of boxes in which nobody finds the few options
+that are needed, and its errors are boxes too: both are said here as the rest of the program speaks.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import re
+import shutil
+import sys
+import textwrap
+import warnings
+from collections.abc import Mapping, Sequence
+from contextlib import redirect_stderr
+from difflib import get_close_matches
+from typing import Any, NoReturn, TypeVar
+
+import tyro
+
+from stiction.core.errors import escaped
+
+Options = TypeVar("Options")
+
+Groups = Mapping[str, Sequence[str]]
+"""Heading -> the options that people use, `--out`, in the order in which `--help` shows them."""
+
+HELP, HELP_ALL = ("-h", "--help"), "--help-all"
+"""Words that ask for help: with the options that people use, and with all of them."""
+
+WIDEST, LEFT = 120, 30
+"""Columns of a help page, and those of an option's name in it."""
+
+RULE = re.compile("[-─]{5,}")
+"""A line that tyro draws within the box of an error; behind it stand hints."""
+
+
+def read_options(
+    kind: type[Options],
+    arguments: Sequence[str],
+    program: str,
+    description: str,
+    default: Options | None = None,
+    groups: Groups | None = None,
+) -> Options:
+    """Return the options that the words of a command line say.
+
+    kind: dataclass of the options, a field each; program: words before the arguments, `stiction train`; description:
+    what it does, in paragraphs, one of them with examples, in indented lines; default: options from which unsaid ones
+    are taken; groups: options that `--help` shows, all of them without.
+
+    Raises:
+        SystemExit: help was asked for and printed (status 0), or the words are wrong, which one line on standard error
+            says (status 2).
+
+    """
+    extra: dict[str, Any] = {} if default is None else {"default": default}
+    asked = [word for word in arguments if word in (*HELP, HELP_ALL)]
+    if asked:
+        parser = _parser(kind, program, extra)
+        brief = None if HELP_ALL in asked else groups
+        width = min(WIDEST, shutil.get_terminal_size().columns)
+        print(help_text(parser, program, description, groups or {}, brief is not None, width))
+        raise SystemExit(0)
+    said = io.StringIO()
+    try:
+        with redirect_stderr(said):
+            return tyro.cli(kind, args=arguments, prog=program, **extra)
+    except SystemExit as stop:
+        if not stop.code:
+            raise
+        refuse(program, _wrong(_parser(kind, program, extra), arguments, said.getvalue()))
+
+
+def refuse(program: str, what: str) -> NoReturn:
+    """Say in one line what is wrong with a command line, and end with status 2."""
+    end = "" if what.endswith("?") else ";"
+    print(f"{program}: {escaped(what)}{end} `{program} --help` shows the usage", file=sys.stderr)
+    raise SystemExit(2)
+
+
+def nearest(word: str, known: Sequence[str]) -> str:
+    """Return `; did you mean ...?` with the nearest of the known words, nothing where none is near."""
+    return "".join(f"; did you mean {found}?" for found in get_close_matches(word, known, n=1))
+
+
+def _parser(kind: type[Any], program: str, extra: dict[str, Any]) -> argparse.ArgumentParser:
+    """Return the options as argparse has them: the one form in which tyro tells others of them."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        parser: Any = tyro.extras.get_parser(kind, prog=program, **extra)
+        return parser
+
+
+def _wrong(parser: argparse.ArgumentParser, arguments: Sequence[str], said: str) -> str:
+    """Return what is wrong with the arguments, in a line. said: what tyro printed of it, in its box."""
+    text = _plain(said)
+    known = {name: action for action in parser._actions for name in action.option_strings}
+    names = [word.partition("=")[0].replace("_", "-") for word in arguments]
+    for name in names:
+        if name.startswith("--") and name not in known:
+            return f"unknown option {name}{nearest(name, list(known))}"
+    if found := re.match(r"invalid choice '(.*?)' for argument '([\w.-]+)", text):
+        value, name = found.groups()
+        choices = _choices(known.get(name) or next(one for one in parser._actions if one.dest == name))
+        return f"{name} {value!r}; expected {', '.join(choices)}{nearest(value, choices)}"
+    if found := re.match(r"Error parsing (\S+?):? (?:invalid literal for|could not convert).*?('.*')", text):
+        name, value = found.groups()
+        return f"{name} {value}: expected {_wanted(known.get(name.split('/')[0]))}"
+    if found := re.match(r"Missing value for argument '([\w./-]+)'", text):
+        name = found[1].split("/")[0]
+        return f"{name}: a value is missing; expected {_wanted(known.get(name))}"
+    if text.startswith("Missing from"):
+        missing = [
+            action for action in parser._actions if action.required and not set(action.option_strings) & {*names}
+        ]
+        if missing:
+            return "; ".join(
+                f"{_name(action)} is missing: {_sentence(_told(action)[0]).rstrip('.')}" for action in missing
+            )
+    if text.startswith("Unrecognized"):
+        return f"{text.partition(': ')[2]}: a word that no option takes"
+    return text or "the options cannot be read"
+
+
+def _plain(said: str) -> str:
+    """Return what an error of tyro says, without its title, its box and the hints behind it."""
+    lines: list[str] = []
+    for line in said.splitlines()[1:]:
+        bare = line.strip().strip("│|").strip()
+        if RULE.fullmatch(bare) and lines:
+            break
+        if not RULE.fullmatch(bare) and not bare.startswith(("╰", "+")):
+            lines.append(bare)
+    return " ".join(lines)
+
+
+def _choices(action: argparse.Action) -> list[str]:
+    """Return the words that an option takes, in their order; none where it takes any."""
+    found = re.fullmatch(r"\{(.*)\}", str(action.metavar or "")) if action.choices else None
+    return [word for word in found[1].split(",") if word != "None"] if found else []
+
+
+def _wanted(action: argparse.Action | None) -> str:
+    """Return what an option expects, in words."""
+    words = {"INT": "a whole number", "FLOAT": "a number"}
+    metavar = str(getattr(action, "metavar", None) or "a value").replace("{None}|", "")
+    return ", ".join(words.get(part, part) for part in metavar.split())
+
+
+def help_text(
+    parser: argparse.ArgumentParser, program: str, description: str, groups: Groups, brief: bool, width: int
+) -> str:
+    """Return the help of a program: what it does, examples, its options.
+
+    brief: the groups alone, a sentence an option, and of the description the first paragraph and the examples.
+    """
+    actions = {name: action for action in parser._actions for name in action.option_strings}
+    paragraphs = description.strip().split("\n\n")
+    if brief:
+        paragraphs = [one for index, one in enumerate(paragraphs) if not index or "\n  stiction " in f"\n{one}"]
+    positional = [action for action in parser._actions if not action.option_strings]
+    usage = " ".join([f"usage: {program}", *map(_name, positional), "[options]"])
+    blocks = [usage, *(_wrapped(one, width) for one in paragraphs)]
+    sections = {"arguments": positional} if positional else {}
+    sections |= {title: [actions[name] for name in names] for title, names in groups.items()}
+    shown = {id(action) for section in sections.values() for action in section}
+    rest = [action for action in actions.values() if id(action) not in shown and "-h" not in action.option_strings]
+    if not brief:
+        for group in parser._action_groups:
+            members = [action for action in group._group_actions if any(action is one for one in rest)]
+            if members:
+                sections[str(group.title).replace("task.", "").replace("options", "").strip() or "options"] = members
+    for title, section in sections.items():
+        lines = [_line(action, brief, width) for action in section if _told(action)[0] != argparse.SUPPRESS]
+        blocks.append("\n".join([f"{title}:", *lines]))
+    count = len({id(action) for action in rest})
+    if brief and count:
+        blocks.append(f"{count} more options: {program} {HELP_ALL}")
+    return "\n\n".join(blocks)
+
+
+def _wrapped(paragraph: str, width: int) -> str:
+    """Return a paragraph as wide as the page; indented lines, which are commands, stay as they are."""
+    parts: list[str] = []
+    for line in paragraph.split("\n"):
+        if parts and not line.startswith("  ") and not parts[-1].startswith("  "):
+            parts[-1] += " " + line
+        else:
+            parts.append(line)
+    return "\n".join(part if part.startswith("  ") else textwrap.fill(part, width) for part in parts)
+
+
+def _line(action: argparse.Action, brief: bool, width: int) -> str:
+    """Return an option with what it means, the text in a column of its own."""
+    text, default = _told(action)
+    text = " ".join((_sentence(text) if brief else text).split())
+    choices = _choices(action)
+    unsaid = [choice for choice in choices if not re.search(rf"\b{re.escape(choice)}\b", text)]
+    if unsaid:
+        text += f" One of {', '.join(choices)}."
+    if default not in ("", "None", "False"):
+        text += f" [{default}]"
+    left = f"  {_name(action)}"
+    body = textwrap.wrap(text, width, initial_indent=" " * LEFT, subsequent_indent=" " * LEFT) or [""]
+    if len(left) < LEFT - 1:
+        return "\n".join([left.ljust(LEFT) + body[0].lstrip(), *body[1:]])
+    return "\n".join([left, *body])
+
+
+def _name(action: argparse.Action) -> str:
+    """Return an option as it is typed, with a word for its value; an argument in capitals."""
+    metavar = str(action.metavar or "").replace("{None}|", "")
+    if not action.option_strings:
+        kind = metavar.strip("[]").split()[0].strip("[]") if metavar else ""
+        name = action.dest.rpartition(".")[2].replace("-", "_").upper() if kind in ("PATH", "STR", "") else kind
+        return f"[{name} ...]" if action.nargs in ("*", "+") else name
+    name = next(iter(action.option_strings))
+    if _told(action)[1] == "True":
+        name = ", ".join(action.option_strings)
+    if _choices(action):
+        metavar = "WORD"
+    elif action.nargs == "*":
+        metavar = f"{metavar.strip('[]').split()[0]} ..."
+    return f"{name} {metavar}".strip()
+
+
+def _told(action: argparse.Action) -> tuple[str, str]:
+    """Return what an option means, and its default."""
+    text = str(action.help or "")
+    found = re.search(r"\s*\((?:default: (.*?)|required|optional)\)\s*$", text, re.DOTALL)
+    return (text[: found.start()], (found[1] or "").strip()) if found else (text, "")
+
+
+def _sentence(text: str) -> str:
+    """Return the first sentence of a text, or what stands before a semicolon that is in no brackets."""
+    whole = " ".join(text.split())
+    first = re.split(r"(?<=[^.][.;])\s", whole, maxsplit=1)[0].rstrip(";")
+    return first if first.count("[") == first.count("]") else re.split(r"(?<=[^.][.])\s", whole, maxsplit=1)[0]

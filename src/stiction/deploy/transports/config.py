@@ -1,0 +1,61 @@
+"""Which robot is meant and how it is reached: `virtual`, `unitree-go:eth0`, `unitree-hg:eth0`, `ros2:/NAMESPACE`.
+
+No transport is loaded here: `--help` must be quick.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from stiction.core.errors import ConfigurationError, unknown_name
+
+WANTS = {
+    "virtual": "",
+    "unitree-go": "the network interface with the robot's cable, such as unitree-go:eth0",
+    "unitree-hg": "the network interface with the robot's cable, such as unitree-hg:eth0",
+    "ros2": "the namespace of the robot's topics, such as ros2:/dog, or ros2:/ where they have none",
+}
+"""Transport -> what has to be named with it; empty: nothing."""
+
+
+@dataclass(frozen=True)
+class Address:
+    """A transport and where on it."""
+
+    transport: str
+    """One of `WANTS`."""
+    place: str
+    """Network interface or namespace; empty for the virtual robot."""
+
+
+def parse_address(text: str) -> Address:
+    """Return the address that a text says.
+
+    Raises `ConfigurationError` for a transport that there is not, and for one whose place is not named: which network a
+    robot is on is never guessed.
+    """
+    transport, _, place = text.partition(":")
+    if transport not in WANTS:
+        raise ConfigurationError(unknown_name("robot transport", transport, WANTS))
+    wanted = WANTS[transport]
+    if wanted and not place:
+        raise ConfigurationError(f"robot {text!r} does not say where; expected {wanted}")
+    if place and not wanted:
+        raise ConfigurationError(f"robot {text!r}: {transport} is on this machine; expected {transport}")
+    return Address(transport, place)
+
+
+@dataclass(frozen=True)
+class HeldCfg:
+    """Gains with which joints are held that the robot has and the policy does not move."""
+
+    kp: float | None = None
+    """[N m/rad]; needed where there are such joints."""
+    kd: float | None = None
+    """[N m s/rad]; needed where there are such joints, and what damps them after a stop."""
+
+    def __post_init__(self) -> None:
+        """Refuse gains that are none."""
+        for value in (self.kp, self.kd):
+            if value is not None and not 0 <= value <= 1000:
+                raise ConfigurationError(f"a gain of {value} for held joints: expected 0 to 1000")

@@ -1,0 +1,184 @@
+"""A robot whose driver speaks ROS 2: `joint_states` and `imu/data` come, `joint_command` goes, see `ros_messages`.
+
+Needs a ROS 2 installation whose Python is the one that runs this (`rclpy` is on no package index). Gains and targets go
+in one message: a driver that takes targets alone cannot be damped, and is no robot for this.
+"""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from typing import Any, Protocol
+
+from stiction.core.errors import ConfigurationError, RobotError
+from stiction.deploy.pilot import JointCommand
+from stiction.deploy.transports.link import RobotState
+from stiction.deploy.transports.ros_messages import command_message, robot_state, stamp_of
+from stiction.formats.contract import Contract
+
+STATE_TOPIC, IMU_TOPIC, COMMAND_TOPIC = "joint_states", "imu/data", "joint_command"
+
+PERIOD = 0.002
+"""Time between two states that is expected of a driver [s]; another rate only stretches means over time."""
+
+MOST_WAITING = 64
+"""Messages that may wait; more are lost, the oldest first."""
+
+APART = 0.02
+"""Longest that an IMU's message may be older than the joints' [s]: one control period at 50 Hz."""
+
+
+class Node(Protocol):
+    """What is needed of a ROS node, or of what stands in for one: messages as plain data."""
+
+    def fileno(self) -> int:
+        """Return the file that is readable when a message has come."""
+
+    def receive(self) -> list[tuple[str, Mapping[str, Any]]]:
+        """Return topics and messages that have come, oldest first; never waits."""
+
+    def publish(self, message: Mapping[str, Any]) -> None:
+        """Send a command."""
+
+    def close(self) -> None:
+        """End the node."""
+
+
+class Ros2Link:
+    """`Link` over ROS 2: a state is each message of the joints with the newest one of the IMU."""
+
+    def __init__(self, node: Node, contract: Contract, lock_name: str = "ros2") -> None:
+        """Drive the joints of a contract, by their names."""
+        self._node, self.joint_names = node, contract.joint_names
+        self.foot_names = () if contract.anatomy is None else contract.anatomy.foot_names
+        self.period, self.lock_name = PERIOD, lock_name
+        self._imu: Mapping[str, Any] | None = None
+        self._first: float | None = None
+        self._states = self._number = 0
+        self.malformed, self.complaint = 0, ""
+
+    def fileno(self) -> int:
+        """Return the node's file."""
+        return self._node.fileno()
+
+    def receive(self) -> list[RobotState]:
+        """Return the states that have come, oldest first."""
+        found = []
+        for topic, message in self._node.receive():
+            if topic == IMU_TOPIC:
+                self._imu = message
+                continue
+            try:
+                found.append(self._state(message))
+            except (ValueError, KeyError, TypeError, IndexError) as error:
+                self.malformed, self.complaint = self.malformed + 1, " ".join(str(error).split())
+        return found
+
+    def _state(self, message: Mapping[str, Any]) -> RobotState:
+        """Return the state of a message of the joints; raise `ValueError` where there is none."""
+        if self._imu is None:
+            raise ValueError(f"no message on {IMU_TOPIC} yet")
+        time = stamp_of(message)
+        if not abs(behind := time - stamp_of(self._imu)) <= APART:
+            raise ValueError(f"the IMU's message is {behind:.3f} s older than the joints'; at most {APART} s")
+        first = time if self._first is None else self._first
+        state = robot_state(message, self._imu, self.joint_names, len(self.foot_names), self._states + 1, first)
+        self._first, self._states = first, self._states + 1
+        return state
+
+    def send(self, command: JointCommand) -> int:
+        """Send a command; return its number."""
+        self._number += 1
+        self._node.publish(command_message(command, self.joint_names))
+        return self._number
+
+    def close(self) -> None:
+        """End the node."""
+        self._node.close()
+
+
+def ros2_link(namespace: str, contract: Contract) -> Ros2Link:
+    """Return the link to the driver in a namespace; raise `RobotError` where there is no ROS 2."""
+    if not namespace.startswith("/") or not all(part.isidentifier() for part in namespace.split("/") if part):
+        raise ConfigurationError(f"namespace {namespace!r}: expected such as /dog, or / for none")
+    return Ros2Link(RclpyNode(namespace), contract, f"ros2{namespace.replace('/', '-')}")
+
+
+class RclpyNode:
+    """`Node` by rclpy, which spins in a thread of its own."""
+
+    def __init__(self, namespace: str) -> None:
+        """Subscribe and advertise; nothing is sent. Raises `RobotError` where ROS 2 is not there."""
+        try:
+            import rclpy
+            from rclpy.executors import SingleThreadedExecutor
+            from rclpy.qos import qos_profile_sensor_data
+            from sensor_msgs.msg import Imu, JointState
+            from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
+        except ImportError as error:
+            raise RobotError(
+                f"ROS 2 is not here ({error}): install it, source its setup.bash, and use the Python that it is for"
+            ) from error
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context)
+        self._node = rclpy.create_node("stiction", namespace=namespace, context=self._context)
+        self._bell, self._ear = socket.socketpair()
+        for end in (self._bell, self._ear):
+            end.setblocking(False)
+        self._waiting: deque[tuple[str, Mapping[str, Any]]] = deque(maxlen=MOST_WAITING)
+        for topic, kind in ((STATE_TOPIC, JointState), (IMU_TOPIC, Imu)):
+            self._node.create_subscription(kind, topic, self._hear(topic), qos_profile_sensor_data)
+        self._kinds = Float64MultiArray, MultiArrayLayout, MultiArrayDimension
+        self._publisher = self._node.create_publisher(Float64MultiArray, COMMAND_TOPIC, 1)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._thread = threading.Thread(target=self._executor.spin, daemon=True, name="ros2")
+        self._thread.start()
+
+    def _hear(self, topic: str) -> Callable[[Any], None]:
+        """Return what is called with every message of a topic."""
+
+        def hear(message: Any) -> None:
+            self._waiting.append((topic, plain(message)))
+            with suppress(BlockingIOError):
+                self._bell.send(b"!")
+
+        return hear
+
+    def fileno(self) -> int:
+        """Return the file that the spinning thread makes readable."""
+        return self._ear.fileno()
+
+    def receive(self) -> list[tuple[str, Mapping[str, Any]]]:
+        """Return what has come."""
+        with suppress(BlockingIOError):
+            while self._ear.recv(256):
+                pass
+        return [self._waiting.popleft() for _ in range(len(self._waiting))]
+
+    def publish(self, message: Mapping[str, Any]) -> None:
+        """Send a command."""
+        array, layout, dimension = self._kinds
+        dim = [dimension(**given) for given in message["layout"]["dim"]]
+        self._publisher.publish(array(layout=layout(dim=dim, data_offset=0), data=message["data"]))
+
+    def close(self) -> None:
+        """End the node and the thread."""
+        self._executor.shutdown()
+        self._thread.join()
+        self._node.destroy_node()
+        self._context.shutdown()
+        self._bell.close()
+        self._ear.close()
+
+
+def plain(message: Any) -> Any:
+    """Return a ROS message as dictionaries, lists and numbers."""
+    if hasattr(message, "get_fields_and_field_types"):
+        return {name: plain(getattr(message, name)) for name in message.get_fields_and_field_types()}
+    if isinstance(message, str) or not hasattr(message, "__len__"):
+        return message
+    return [plain(value) for value in message]

@@ -1,0 +1,234 @@
+"""A Unitree robot behind `rt/lowstate` and `rt/lowcmd`: `unitree-go` is Go2 and B2, `unitree-hg` is G1 and H1-2.
+
+What is ours, joint by joint, becomes the maker's by order, signs and zeros in the contract (`deploy.vendor`). Motors
+that nobody drives are off. Joints that the robot has and the policy does not move are held: from where they were found
+they go to their angles slowly, and they are damped when the others are.
+
+    robot ──LowState──▶ checksum, mode ──▶ RobotState        JointCommand ──▶ LowCmd, checksum ──▶ robot
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError, RobotError
+from stiction.deploy.observation import Sensors
+from stiction.deploy.pilot import JointCommand
+from stiction.deploy.transports.config import HeldCfg
+from stiction.deploy.transports.dds import Bus, DdsBus
+from stiction.deploy.transports.link import RobotState
+from stiction.deploy.vendor import VendorMap
+from stiction.formats.contract import Contract
+from stiction.formats.unitree import GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE, Structure
+
+PERIOD = 0.002
+"""Time between two states [s]."""
+
+HEAD = (0xFE, 0xEF)
+LOW_LEVEL = 0xFF
+"""`level_flag` of go: the commands are of motors, not of a gait."""
+
+MOTOR_ON, MOTOR_OFF = 1, 0
+"""`mode` of a motor."""
+
+PITCH_ROLL = 0
+"""`mode_pr` of hg: ankles and waist in numbers of joints (pitch, roll), not of the motors behind them (A, B)."""
+
+MOTORS_TIMED_OUT = 0x80
+"""In go's `bit_flag`."""
+
+HELD_SPEED = 0.5
+"""How fast joints that the policy does not move go to where they are held [rad/s]."""
+
+HELD_STEP = 0.1
+"""Longest time that one step of theirs makes up for [s]: after a pause they do not jump."""
+
+FOREIGN = 0.0
+"""Number of a command that was not ours; ours begin with 1."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """The messages of one family of robots."""
+
+    state: Structure
+    """What the robot says."""
+    command: Structure
+    """What it is told."""
+
+
+FAMILIES = {"unitree-go": Family(GO_STATE, GO_COMMAND), "unitree-hg": Family(HG_STATE, HG_COMMAND)}
+"""Transport -> its messages."""
+
+
+class Protocol:
+    """What a contract's joints are in the messages of one family, and back. Keeps nothing."""
+
+    def __init__(self, transport: str, contract: Contract, held: HeldCfg) -> None:
+        """Drive the joints of a contract.
+
+        Raises `RobotError`: the contract does not say the maker's order, or names more joints than the messages have;
+        `ConfigurationError`: there are joints to be held, and no gains.
+        """
+        self.family, self.joint_names = FAMILIES[transport], contract.joint_names
+        self.foot_names = () if contract.anatomy is None else contract.anatomy.foot_names
+        self._maker = VendorMap(contract)
+        motors = self.family.command.dtype["motor_cmd"].shape[0]
+        if len(self._maker.order) > motors:
+            raise RobotError(f"{len(self._maker.order)} joints in the contract; {transport} has {motors} motors")
+        self._held = self._maker.held
+        if self._held.any() and (held.kp is None or held.kd is None):
+            names = [name for name, is_held in zip(self._maker.order, self._held, strict=True) if is_held]
+            raise ConfigurationError(
+                f"the policy does not move {', '.join(names)}: give the gains that hold them, --held.kp and --held.kd"
+            )
+        self._held_kp, self._held_kd = held.kp or 0.0, held.kd or 0.0
+        self.held_goal = self._maker.to_maker(np.zeros(len(self.joint_names)))
+        """Where held joints are to be, in the maker's numbers [rad], shape (M,); of the others it says nothing."""
+
+    def read(self, data: bytes) -> np.ndarray:
+        """Return the message that bytes from the robot hold; raise `ValueError` where it is not to be believed."""
+        structure = self.family.state
+        message = structure.from_wire(data)
+        if structure.checksum(message) != message["crc"]:
+            raise ValueError("its checksum is that of other numbers")
+        if structure is HG_STATE and message["mode_pr"] != PITCH_ROLL:
+            raise ValueError(
+                f"mode_pr is {message['mode_pr']}: its angles are of the motors A and B, not of pitch and roll"
+            )
+        return message
+
+    def measured(self, message: np.ndarray) -> np.ndarray:
+        """Return the angles of all joints, in the maker's numbers [rad], shape (M,)."""
+        return message["motor_state"]["q"][: len(self._maker.order)].astype(float)
+
+    def state(self, message: np.ndarray, number: int, time: float, command: float) -> RobotState:
+        """Return what a message says; number, time [s], command: as of `RobotState`."""
+        motors, imu = message["motor_state"][: len(self._maker.order)], message["imu_state"]
+        unknown = np.full(len(self.joint_names), np.nan)
+        sensors = Sensors(
+            quaternion=imu["quaternion"].astype(float),
+            angular_velocity=imu["gyroscope"].astype(float),
+            joint_position=self._maker.from_maker(self.measured(message)),
+            joint_velocity=self._maker.rates_from_maker(motors["dq"].astype(float)),
+        )
+        if self.family.state is GO_STATE:
+            temperature, lost = motors["temperature"], self._maker.ours(motors["lost"].astype(float))
+            fault = motors["reserve"][:, 0] + 256.0 * (message["bit_flag"] & MOTORS_TIMED_OUT)
+            battery = float(message["power_v"])
+        else:
+            temperature, lost = motors["temperature"].max(axis=1), unknown
+            fault, battery = motors["motorstate"].astype(float), np.nan
+        return RobotState(
+            number=number,
+            time=time,
+            sensors=sensors,
+            acceleration=imu["accelerometer"].astype(float),
+            joint_torque=self._maker.rates_from_maker(motors["tau_est"].astype(float)),
+            temperature=self._maker.ours(temperature.astype(float)),
+            lost=lost,
+            motor_fault=self._maker.ours(fault),
+            foot_contact=np.full(len(self.foot_names), np.nan),
+            battery=battery,
+            # Neither family says with which gains or limits its drives act.
+            kp=unknown,
+            kd=unknown,
+            torque_limit=unknown,
+            command=command,
+        )
+
+    def message(self, command: JointCommand, held: np.ndarray, mode_machine: int) -> np.ndarray:
+        """Return the message of a command.
+
+        held: angles of held joints, in the maker's numbers [rad], shape (M,); mode_machine: what hg says it is, and
+        wants to hear again.
+        """
+        structure, maker = self.family.command, self._maker
+        message = structure.blank()
+        if structure is GO_COMMAND:
+            message["head"], message["level_flag"] = HEAD, LOW_LEVEL
+        else:
+            message["mode_pr"], message["mode_machine"] = PITCH_ROLL, mode_machine
+        motors, stiff = message["motor_cmd"][: len(maker.order)], command.kp.any()
+        motors["mode"] = MOTOR_ON
+        motors["q"] = np.where(self._held, held, maker.to_maker(command.target))
+        motors["tau"] = maker.rates_to_maker(command.forward)
+        motors["kp"] = np.where(self._held, self._held_kp if stiff else 0.0, maker.theirs(command.kp))
+        motors["kd"] = np.where(self._held, self._held_kd, maker.theirs(command.kd))
+        message["crc"] = structure.checksum(message)
+        return message
+
+
+class UnitreeLink:
+    """`Link` to one robot; sends nothing before a whole state has come."""
+
+    def __init__(self, protocol: Protocol, bus: Bus, lock_name: str = "unitree") -> None:
+        """`lock_name`: what one writer at a time may hold."""
+        self._protocol, self._bus = protocol, bus
+        self.joint_names, self.foot_names = protocol.joint_names, protocol.foot_names
+        self.period, self.lock_name = PERIOD, lock_name
+        self._newest: np.ndarray | None = None
+        self._held: np.ndarray | None = None
+        self._first: int | None = None
+        self._time = self._held_at = 0.0
+        self._states = self._number = 0
+        self.malformed = 0
+        """States that were not whole, had another checksum, or another meaning."""
+        self.complaint = ""
+        """What was wrong with the last of them."""
+
+    def fileno(self) -> int:
+        """Return the bus's file."""
+        return self._bus.fileno()
+
+    def receive(self) -> list[RobotState]:
+        """Return the states that have come and can be believed, oldest first."""
+        came, found = self._bus.receive(), []
+        command = FOREIGN if self._bus.foreign() else np.nan
+        for stamp, data in came:
+            try:
+                message = self._protocol.read(data)
+            except ValueError as error:
+                self.malformed, self.complaint = self.malformed + 1, str(error)
+                continue
+            self._first = stamp if self._first is None else self._first
+            self._newest, self._time = message, (stamp - self._first) * 1e-9
+            self._states += 1
+            found.append(self._protocol.state(message, self._states, self._time, command))
+        return found
+
+    def send(self, command: JointCommand) -> int:
+        """Send a command; return its number."""
+        self._number += 1
+        if self._newest is not None:
+            held = self._hold(self._newest, bool(command.kp.any()))
+            mode = 0 if self._protocol.family.state is GO_STATE else int(self._newest["mode_machine"])
+            message = self._protocol.message(command, held, mode)
+            self._bus.send(self._protocol.family.command.to_wire(message))
+        return self._number
+
+    def _hold(self, newest: np.ndarray, stiff: bool) -> np.ndarray:
+        """Return where held joints are asked to be, in the maker's numbers [rad], shape (M,).
+
+        They are on the way to their angles while the others are stiff, and where they are while these are damped.
+        """
+        elapsed, self._held_at = self._time - self._held_at, self._time
+        if not stiff or self._held is None:
+            self._held = self._protocol.measured(newest)
+        else:
+            most = HELD_SPEED * min(max(elapsed, 0.0), HELD_STEP)
+            self._held = self._held + np.clip(self._protocol.held_goal - self._held, -most, most)
+        return self._held
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._bus.close()
+
+
+def unitree_link(transport: str, interface: str, contract: Contract, held: HeldCfg) -> UnitreeLink:
+    """Return the link to the robot at a network interface; errors as of `Protocol` and `DdsBus`."""
+    protocol = Protocol(transport, contract, held)
+    bus = DdsBus(interface, protocol.family.state, protocol.family.command)
+    return UnitreeLink(protocol, bus, f"unitree-{interface}")

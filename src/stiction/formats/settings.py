@@ -1,0 +1,97 @@
+"""What a folder of results was made with: `settings.json`, so that a run with other settings does not write over it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from stiction.core.errors import ConfigurationError
+from stiction.core.files import write_text
+from stiction.core.lock import output_folder
+from stiction.core.records import to_plain
+from stiction.formats.plain import read_object
+
+SETTINGS = "settings.json"
+"""The file in a folder of results."""
+
+FREE = ("out", "json", "overwrite", "jobs", "memory_limit", "report", "advice", "judge_again")
+"""Options on which results do not depend; options of a kind may name more of them in a `free` of their own."""
+
+SAID = 3
+"""Settings that a refusal names."""
+
+
+@contextmanager
+def results_folder(out: Path, verb: str, options: Any) -> Iterator[None]:
+    """Be the only writer of a folder of results, which has none of other settings, and note the settings at the end.
+
+    verb: what writes, `evaluate`, `study wear`; options: its dataclass. `overwrite`, where it has that, lets results of
+    other settings be written over. What fails notes nothing; what is interrupted goes on with the same settings.
+
+    Raises `StictionError` where the folder has results of other settings, or as `output_folder`.
+    """
+    with output_folder(out):
+        check_settings(out, verb, options)
+        made_with = _plain(verb, options)
+        try:
+            yield
+        except Exception:
+            raise
+        except BaseException:
+            _write(out, made_with)
+            raise
+        _write(out, made_with)
+
+
+def check_settings(out: Path, verb: str, options: Any) -> None:
+    """Raise `ConfigurationError` where a folder has results of other settings, which may not be written over."""
+    if not getattr(options, "overwrite", False) and (out / SETTINGS).exists():
+        _refuse_other(out, _plain(verb, options))
+
+
+def _plain(verb: str, options: Any) -> dict[str, Any]:
+    """Return verb and options as JSON has them."""
+    free = (*FREE, *getattr(options, "free", ()))
+    settings = {name: value for name, value in to_plain(options).items() if name not in free}
+    return json.loads(json.dumps({"verb": verb, "settings": settings}, default=str))
+
+
+def _refuse_other(out: Path, made_with: dict[str, Any]) -> None:
+    """Raise `ConfigurationError` where a folder has results of another verb, or of other settings."""
+    there = read_object(out / SETTINGS, "what `stiction` writes there; remove it, or choose another --out")
+    verb, before = there.get("verb"), there.get("settings")
+    how = "choose another --out, or add --overwrite"
+    if verb != made_with["verb"] or not isinstance(before, dict):
+        raise ConfigurationError(f"{out} has results of `stiction {verb}`; {how}")
+    differing = _differing(before, made_with["settings"])
+    if differing:
+        more = f" and {len(differing) - SAID} more" if len(differing) > SAID else ""
+        raise ConfigurationError(
+            f"{out} has results of `stiction {verb}` with other settings: {', '.join(differing[:SAID])}{more}; {how}"
+        )
+
+
+def _differing(before: dict[str, Any], now: dict[str, Any], prefix: str = "") -> list[str]:
+    """Return what differs of the settings that both have, in words; another version may have more or fewer."""
+    found: list[str] = []
+    for name in before.keys() & now.keys():
+        old, new = before[name], now[name]
+        if isinstance(old, dict) and isinstance(new, dict):
+            found += _differing(old, new, f"{prefix}{name}.")
+        elif old != new:
+            found.append(f"{prefix}{name} {_words(old)}, now {_words(new)}".replace("_", "-"))
+    return sorted(found)
+
+
+def _words(value: Any) -> str:
+    """Return a value as a person types it."""
+    text = " ".join(map(str, value)) if isinstance(value, list) else str(value)
+    return text[:60] or "none"
+
+
+def _write(out: Path, made_with: dict[str, Any]) -> None:
+    """Note the settings in the folder."""
+    write_text(out / SETTINGS, json.dumps(made_with, indent=2) + "\n")

@@ -1,0 +1,69 @@
+"""What every verb says of itself: on one screen, with examples whose options exist."""
+
+from __future__ import annotations
+
+import re
+import shlex
+
+import pytest
+
+from stiction.cli.main import VERBS, main
+from stiction.cli.study import find_study, study_names
+
+SCREEN = 48
+"""Lines of a terminal that fills a laptop's screen."""
+
+PROGRAMS = [
+    *([verb] for verb in VERBS if verb != "study"),
+    ["identify", "walk"],
+    *(["robot", w] for w in ("check", "show")),
+]
+PROGRAMS += [["study", name] for name in study_names()]
+
+
+def help_of(capsys: pytest.CaptureFixture, *words: str) -> str:
+    """Return what a verb prints when it is asked for help."""
+    try:
+        assert main(list(words)) == 0
+    except SystemExit as stop:
+        assert not stop.code
+    return capsys.readouterr().out
+
+
+@pytest.mark.parametrize("words", PROGRAMS, ids=[" ".join(words) for words in PROGRAMS])
+def test_examples_are_in_every_help_and_their_options_exist(capsys: pytest.CaptureFixture, words: list[str]) -> None:
+    """If this failed, the first thing that a reader copies would not be there, or would not run."""
+    program = " ".join(["stiction", *words])
+    text = help_of(capsys, *words, "--help-all")
+    examples = [line for line in re.findall(r"^  (stiction .*)$", text, re.MULTILINE) if line.startswith(program)]
+    assert examples, text
+    assert re.findall(r"^  stiction .*$", help_of(capsys, *words, "--help"), re.MULTILINE)
+    for example in examples:
+        flags = [word for word in shlex.split(example) if word.startswith("--")]
+        verb = shlex.split(example)[1 : 1 + len(words)]
+        assert verb == words
+        assert words == ["robot"] or all(re.search(rf"^\s+.*{flag}\b", text, re.MULTILINE) for flag in flags), example
+
+
+def test_training_is_explained_on_one_screen(capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
+    """If this failed, the twenty options that people use would scroll away."""
+    monkeypatch.setenv("COLUMNS", "100")
+    brief, whole = help_of(capsys, "train", "--help"), help_of(capsys, "train", "--help-all")
+    assert brief.count("\n") <= SCREEN
+    named = re.findall(r"^  (--[\w.-]+)", brief, re.MULTILINE)
+    everything = re.findall(r"^  (--[\w.-]+)", whole, re.MULTILINE)
+    assert 15 <= len(named) <= 25 and len(everything) > 100 and set(named) < set(everything)
+
+
+@pytest.mark.parametrize("what", ["all", "robots", "policies", "engines"])
+def test_what_is_shipped_is_listed(capsys: pytest.CaptureFixture, what: str) -> None:
+    """If this failed, nobody would know which names a verb takes."""
+    text = help_of(capsys, "list", what)
+    names = {"robots": "saturn_lite", "policies": "saturn_lite-stairs-deception-0.2", "engines": "ode-webots"}
+    for kind, name in names.items():
+        assert (name in text.split()) == (what in ("all", kind)) or kind == "robots"
+
+
+def test_every_study_is_found_by_a_question() -> None:
+    """If this failed, `stiction study` would list an experiment that nobody can choose."""
+    assert all(find_study(name).question for name in study_names())

@@ -1,0 +1,85 @@
+"""The one door from the words of a command line to options: help on one screen, one line for what is wrong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import pytest
+import tyro
+
+from stiction.core.options import read_options
+
+
+@dataclass(frozen=True)
+class Walk:
+    """Options of a walk."""
+
+    robot: Annotated[str, tyro.conf.Positional]
+    """Who walks."""
+    gait: Literal["tripod", "ripple"] | None = None
+    """How. More of it in the second sentence."""
+    seconds: float = 2.0
+    """How long [s]."""
+    steps: int = 3
+    """How many; none are counted."""
+    log: bool = True
+    """Write it down."""
+
+
+TEXT = """Walk.
+
+Example:
+  stiction walk hexapod
+
+A third paragraph."""
+GROUPS = {"usually needed": ("--seconds",)}
+
+
+def said(capsys: pytest.CaptureFixture, *words: str, status: int = 2) -> str:
+    """Return what is printed where the words are not options."""
+    with pytest.raises(SystemExit) as stop:
+        read_options(Walk, words, "stiction walk", TEXT, groups=GROUPS)
+    assert stop.value.code == status
+    printed = capsys.readouterr()
+    return printed.err if status else printed.out
+
+
+def test_words_become_options() -> None:
+    """If this failed, no verb would do what it was asked for."""
+    assert read_options(Walk, ["go2", "--steps", "4", "--no-log"], "x", TEXT) == Walk("go2", steps=4, log=False)
+    assert read_options(Walk, ["go2"], "x", TEXT, Walk("", seconds=9.0)).seconds == 9.0
+
+
+@pytest.mark.parametrize(
+    ("words", "parts"),
+    [
+        (("go2", "--secnds", "3"), ("unknown option --secnds", "did you mean --seconds?")),
+        (("go2", "--secnds=3"), ("unknown option --secnds", "did you mean --seconds?")),
+        (("go2", "--gait", "tirpod"), ("--gait 'tirpod'", "expected tripod, ripple", "did you mean tripod?")),
+        (("go2", "--steps", "many"), ("--steps 'many'", "expected a whole number")),
+        (("go2", "--seconds", "long"), ("--seconds 'long'", "expected a number")),
+        (("go2", "--seconds"), ("--seconds", "a value is missing")),
+        (("go2", "go1"), ("go1", "a word that no option takes")),
+        ((), ("ROBOT is missing", "Who walks")),
+        (("go2", "--\x1b[31m"), ("unknown option --\\u001b",)),
+    ],
+)
+def test_wrong_words_are_one_line_with_status_2(
+    capsys: pytest.CaptureFixture, words: tuple[str, ...], parts: tuple[str, ...]
+) -> None:
+    """If this failed, a typing mistake would end in a box of eight lines, or in no hint of what was meant."""
+    text = said(capsys, *words)
+    assert text.startswith("stiction walk: ") and text.count("\n") == 1 and "`stiction walk --help`" in text
+    assert all(part in text for part in parts), text
+
+
+def test_help_shows_what_is_needed_and_the_rest_on_demand(capsys: pytest.CaptureFixture) -> None:
+    """If this failed, the options that people use would be lost among all."""
+    brief, whole = said(capsys, "--help", status=0), said(capsys, "go2", "--help-all", status=0)
+    assert "--seconds FLOAT" in brief and "--gait" not in brief and "3 more options: stiction walk --help-all" in brief
+    assert "  stiction walk hexapod\n" in brief and "third paragraph" not in brief
+    assert "usually needed:" in whole and "third paragraph" in whole and "more options" not in whole
+    for part in ("--gait WORD", "second sentence. One of tripod, ripple.", "--log, --no-log", "ROBOT", "[2.0]"):
+        assert part in " ".join(whole.split()), part
+    assert "None" not in whole

@@ -1,0 +1,73 @@
+"""A folder of results is not written over by a run with other settings."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import ClassVar
+
+import pytest
+
+from stiction.core.errors import ConfigurationError
+from stiction.formats.settings import SETTINGS, check_settings, results_folder
+
+
+@dataclass(frozen=True)
+class Inner:
+    """Settings within settings."""
+
+    gain: float = 2.0
+
+
+@dataclass(frozen=True)
+class Run:
+    """Options of a verb."""
+
+    out: Path
+    log: Path = Path("log.csv")
+    levels: tuple[float, ...] = (0.0, 0.1)
+    inner: Inner = field(default_factory=Inner)
+    jobs: int = 1
+    overwrite: bool = False
+    extra: int = 0
+    free: ClassVar[tuple[str, ...]] = ("extra",)
+
+
+def write(options: Run, verb: str = "evaluate") -> None:
+    """Write results."""
+    with results_folder(options.out, verb, options):
+        (options.out / "results").write_text(str(options), encoding="utf-8")
+
+
+def test_the_same_settings_go_on_and_others_are_refused(tmp_path: Path) -> None:
+    """If this failed, a second run would spoil the first one's results, or nothing could be resumed."""
+    first = Run(tmp_path)
+    write(first)
+    write(replace(first, jobs=2, extra=1))
+    with pytest.raises(ConfigurationError, match=r"levels 0.0 0.1, now 0.3; choose another --out, or add --overwrite"):
+        write(replace(first, levels=(0.3,)))
+    with pytest.raises(ConfigurationError, match=r"inner.gain 2.0, now 3.0"):
+        check_settings(tmp_path, "evaluate", replace(first, inner=Inner(3.0)))
+    with pytest.raises(ConfigurationError, match="has results of `stiction evaluate`;"):
+        write(first, "excite")
+    assert "0.3" not in (tmp_path / "results").read_text(encoding="utf-8")
+    write(replace(first, levels=(0.3,), overwrite=True))
+    assert json.loads((tmp_path / SETTINGS).read_text(encoding="utf-8"))["settings"]["levels"] == [0.3]
+
+
+def test_what_failed_notes_nothing_and_what_was_interrupted_does(tmp_path: Path) -> None:
+    """If this failed, a mistyped file would block its folder, or an interrupted run be written over."""
+    for error, noted in ((ConfigurationError("no such log"), False), (KeyboardInterrupt(), True)):
+        with pytest.raises(type(error)), results_folder(tmp_path, "evaluate", Run(tmp_path)):
+            raise error
+        assert (tmp_path / SETTINGS).exists() is noted
+
+
+def test_a_folder_of_another_version_is_compared_by_what_both_have(tmp_path: Path) -> None:
+    """If this failed, a new option would lock every folder of before."""
+    write(Run(tmp_path))
+    there = json.loads((tmp_path / SETTINGS).read_text(encoding="utf-8"))
+    there["settings"] = {"levels": [0.0, 0.1], "gone": 3}
+    (tmp_path / SETTINGS).write_text(json.dumps(there), encoding="utf-8")
+    write(Run(tmp_path))

@@ -1,0 +1,38 @@
+"""`scripts/faults.py`: what a kill leaves of its table, and what is counted."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+SCRIPTS = Path(__file__).parents[2] / "scripts"
+HEAD = "fault,trial,rule,joint,status,detected_ms,bus_ms,good_ms,fault_ms,probe_ms\n"
+ROWS = (
+    "tilt,0,orientation jump,,1,2.0,0.5,3.0,2.5,0.2\n"
+    "tilt,1,orientation jump,,1,2.0,25.0,70.0,27.0,0.9\n"
+    "tilt,2,before the fault: stale state,,1,,,,,4.0\n"
+    "policy-kill,0,policy gone,,1,2.0,1.0,,3.0,0.2\n"
+    "second-writer,0,none,,0,,,,,0.2\n"
+)
+
+
+def test_a_kill_in_the_middle_of_a_line_costs_that_line_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Hours of trials are lost, or half a line becomes a trial; a run ended by its machine counts as a fault found."""
+    monkeypatch.syspath_prepend(str(SCRIPTS))
+    import faults
+
+    file = tmp_path / "faults.csv"
+    file.write_text(HEAD + ROWS + "tilt,3,orie")
+    rows = faults.whole_rows(file)
+    assert len(rows) == 5 and file.read_text() == HEAD + ROWS
+    lines = faults.table(rows).splitlines()
+    tilt = next(line for line in lines if line.startswith("| `tilt`"))
+    # Two trials, both damped; half of them in time; one quiet; one run that ended before.
+    expected = "| `tilt` | 2 | 2 | orientation jump | 12.8 (25.0), 1 of 2 | 36.5 (70.0), 1 of 2 | 14.8 (27.0) | 1 | 1 |"
+    assert tilt == expected
+    everything, quiet = lines[-2:]
+    assert "damped 3 of 4" in everything and "of detection 2 of 3" in everything and "SIGKILL 1 of 1" in everything
+    assert "damped 2 of 3" in quiet and "state 1 of 1" in quiet
+    sys.modules.pop("faults")
