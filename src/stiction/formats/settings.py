@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from stiction.core.errors import ConfigurationError
 from stiction.core.files import write_text
 from stiction.core.lock import output_folder
-from stiction.core.records import to_plain
 from stiction.formats.plain import read_object
 
 SETTINGS = "settings.json"
@@ -55,7 +55,7 @@ def check_settings(out: Path, verb: str, options: Any) -> None:
 def _plain(verb: str, options: Any) -> dict[str, Any]:
     """Return verb and options as JSON has them."""
     free = (*FREE, *getattr(options, "free", ()))
-    settings = {name: value for name, value in to_plain(options).items() if name not in free}
+    settings = {name: value for name, value in asdict(options).items() if name not in free}
     return json.loads(json.dumps({"verb": verb, "settings": settings}, default=str))
 
 
