@@ -29,6 +29,7 @@ VERBS = {
     "sign": "put the maker's signature into a policy bundle, or make a key",
     "verify": "check a policy bundle: every file, the contract, and the golden vectors",
     "deploy": "run a policy bundle on a robot, real or virtual, under a supervisor that fails safe",
+    "view": "watch policies walk in the browser, and turn their joints' friction up while they do",
     "bench": "measure the throughput ratios on this machine, side by side in one run",
     "doctor": "measure that every randomised parameter really changes the physics",
 }

@@ -10,7 +10,7 @@ from stiction.core.errors import ConfigurationError
 
 EXTRAS = {"mujoco": "sim", "PIL": "sim", "yaml": "sim", "torch": "train", "rsl_rl": "train", "tensordict": "train"}
 EXTRAS |= {"safetensors": "train", "onnx": "train", "onnxscript": "train", "tensorboard": "train"}
-EXTRAS |= {"mujoco_warp": "gpu", "warp": "gpu", "cryptography": "sign"}
+EXTRAS |= {"mujoco_warp": "gpu", "warp": "gpu", "cryptography": "sign", "viser": "view", "mjviser": "view"}
 """Package -> the extra that installs it."""
 
 Arguments = ParamSpec("Arguments")

@@ -1,0 +1,120 @@
+"""The plots of the panel: speed, one joint's torque, friction believed and true."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import viser
+
+from stiction.view.history import FRICTION, SPEED, TORQUE, History
+from stiction.view.scene import colors
+from stiction.view.simulation import Simulation
+
+DASHES = ((), (10, 4), (3, 3), (12, 3, 3, 3), (6, 6), (2, 6))
+"""Of the robots' lines, in turn: told apart without colour too."""
+
+HEIGHT = 190
+"""Of a plot [pixels]."""
+
+INK = {False: ("#222222", "#dddddd"), True: ("#e0e0e0", "#444444")}
+"""Dark or not -> colour of text and of what was asked for, colour of the plot's lattice."""
+
+
+class Plots:
+    """The three plots of one simulation."""
+
+    def __init__(self, server: viser.ViserServer, simulation: Simulation, history: History) -> None:
+        """Make them, empty."""
+        self._gui, self._simulation, self._history = server.gui, simulation, history
+        self._handles: list[viser.GuiUplotHandle] = []
+        self.rebuild(False)
+
+    def rebuild(self, dark: bool) -> None:
+        """Draw them anew in a colour scheme."""
+        names = [short_name(walker.policy.name) for walker in self._simulation.walkers]
+        ink, _ = INK[dark]
+        lines = [
+            line(name, rgb(color), DASHES[number % len(DASHES)])
+            for number, (name, color) in enumerate(zip(names, colors(len(names)), strict=True))
+        ]
+        believed = []
+        for name, color in zip(names, colors(len(names)), strict=True):
+            believed += [
+                line(f"{name} tells", rgb(color)),
+                line("from", rgb(color), (2, 4), 1),
+                line("to", rgb(color), (2, 4), 1),
+            ]
+        old, self._handles = self._handles, []
+        for index, (title, unit, series, columns) in enumerate(
+            (
+                (f"Speed along the command, last {SPEED:.0f} s", "m/s", [line("command", ink), *lines], "speed"),
+                (f"Motor torque of one joint, last {TORQUE:.0f} s", "N m", lines, "torque"),
+                (
+                    f"Joint friction, last {FRICTION:.0f} s",
+                    "% of torque limit",
+                    [line("true", ink), *self._tellers(believed)],
+                    "friction",
+                ),
+            )
+        ):
+            self._handles.append(
+                self._gui.add_uplot(
+                    self._data(columns),
+                    ({"label": "time [s]"}, *series),
+                    title=title,
+                    scales={"x": {"time": False}, "y": {"auto": True}},
+                    axes=axes(unit, dark),
+                    legend={"show": True},
+                    height=HEIGHT,
+                    order=old[index].order if old else None,
+                )
+            )
+        for handle in old:
+            handle.remove()
+
+    def update(self) -> None:
+        """Show what the history has now."""
+        for handle, columns in zip(self._handles, ("speed", "torque", "friction"), strict=True):
+            handle.data = self._data(columns)
+
+    def _tellers(self, per_robot: list[Any]) -> list[Any]:
+        """Return, of what each robot has three of, those of robots whose walk tells their joints' friction."""
+        return [
+            part
+            for number, walker in enumerate(self._simulation.walkers)
+            if walker.believes
+            for part in per_robot[3 * number : 3 * number + 3]
+        ]
+
+    def _data(self, name: str) -> tuple[np.ndarray, ...]:
+        """Return the columns of a plot."""
+        columns = getattr(self._history, name).columns()
+        if name == "friction":
+            time, true, *believed = columns
+            return (time, true, *self._tellers(believed))
+        return tuple(columns)
+
+
+def short_name(name: str) -> str:
+    """Return what stands before the colon of a robot's name."""
+    return name.partition(":")[0]
+
+
+def rgb(color: tuple[int, int, int]) -> str:
+    """Return a colour as a style sheet writes it."""
+    return f"rgb({color[0]}, {color[1]}, {color[2]})"
+
+
+def line(label: str, stroke: str, dash: tuple[int, ...] = (), width: float = 2) -> dict[str, Any]:
+    """Return one line of a plot."""
+    return {"label": label, "stroke": stroke, "width": width, "points": {"show": False}} | (
+        {"dash": list(dash)} if dash else {}
+    )
+
+
+def axes(unit: str, dark: bool) -> tuple[dict[str, Any], ...]:
+    """Return the axes of a plot: time [s], and something in a unit."""
+    ink, lattice = INK[dark]
+    both: dict[str, Any] = {"stroke": ink, "grid": {"stroke": lattice}, "ticks": {"stroke": lattice}}
+    return ({**both, "label": "time [s]", "labelSize": 16, "size": 32}, {**both, "label": unit, "size": 44})
