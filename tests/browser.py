@@ -1,4 +1,4 @@
-"""A real browser for tests: headless Chromium, driven by its DevTools protocol over the websockets that viser brings."""
+"""A real browser for tests: headless Chromium, driven by DevTools over the websockets that viser brings."""
 
 from __future__ import annotations
 

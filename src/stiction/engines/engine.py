@@ -128,7 +128,7 @@ class Pushable(Protocol):
     """An engine whose robot can be pushed; the shipped ones are."""
 
     def push(self, velocity: np.ndarray) -> None:
-        """Add a velocity, x and y in the world [m/s], shape (2,), to the whole robot's; its joints go on as they did."""
+        """Add a velocity, x and y in the world [m/s], shape (2,), to the whole robot's; its joints go on as before."""
 
 
 Make = Callable[[Body, Ground, float], Engine]

@@ -36,7 +36,7 @@ class Standing:
         """contract: of the policy to come."""
         self.contract = contract
 
-    def reset(self, mask: np.ndarray | None = None) -> None:
+    def reset(self) -> None:
         """Do nothing: there is no history."""
 
     def step(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
@@ -52,7 +52,7 @@ class OneTrained:
         """module: observations (1, size) -> actions (1, J)."""
         self.contract, self._driver = contract, TrainedPolicy(module, contract)
 
-    def reset(self, mask: np.ndarray | None = None) -> None:
+    def reset(self) -> None:
         """Forget the history and the last action."""
         self._driver.reset()
 

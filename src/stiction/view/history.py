@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -115,10 +116,17 @@ def believed(walker: Walker) -> tuple[float, float, float]:
     return 100.0 * estimate.level, 100.0 * low, 100.0 * high
 
 
-def belief_text(walker: Walker) -> str:
-    """Return in one sentence what a robot's walk tells of its joints' friction."""
-    if not walker.believes:
-        return "tells nothing of its joints' friction: its bundle has no wear.json"
+def belief_text(walkers: Sequence[Walker]) -> str:
+    """Return in some sentences what the robots' walks tell of their joints' friction, Markdown."""
+    silent = ", ".join(walker.policy.short for walker in walkers if not walker.believes)
+    sentences = [f"**{walker.policy.short}** {told(walker)}." for walker in walkers if walker.believes]
+    if silent:
+        sentences.append(f"{silent}: no wear.json, so the walk tells nothing of the joints' friction.")
+    return "\n\n".join(sentences)
+
+
+def told(walker: Walker) -> str:
+    """Return what the walk of a robot that has a map for it tells of its joints' friction."""
     estimate = walker.belief
     if estimate is None:
         return "has not told its joints' friction yet: that takes a window of walking"

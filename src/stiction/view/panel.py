@@ -27,8 +27,8 @@ COMMAND_STEP, FRICTION_STEP, COEFFICIENT_STEP = 0.1, 5.0, 0.01
 MOST_COEFFICIENT = 0.3
 """End of the friction sliders of laws with a coefficient [1]."""
 
-NOBODY = "nobody"
-"""Word for a camera that stands still."""
+EVERYBODY, NOBODY = "everybody", "nobody"
+"""Words for a camera that follows the middle of all robots, and for one that stands still."""
 
 KEYS = """\
 **I K** faster, slower · **J L** turn left, right · **U O** go left, right · **X** stand\\
@@ -60,8 +60,8 @@ class Session(Protocol):
     def show_joint(self, name: str) -> None:
         """Plot the torque of another joint."""
 
-    def follow(self, robot: int | None) -> None:
-        """Keep a robot in the middle of the picture, or none."""
+    def follow(self, robots: tuple[int, ...]) -> None:
+        """Keep the middle of some robots in the middle of the picture; of none: stand still."""
 
     def set_dark(self, dark: bool) -> None:
         """Draw dark or light."""
@@ -144,8 +144,10 @@ class Panel:
         self._button("Push to the left", self.push, viser.Icon.ARROW_BIG_LEFT)
         self._button("Back to the start", self._session.restart, viser.Icon.REFRESH)
         self._button("Pause", self._session.toggle_pause, viser.Icon.PLAYER_PAUSE)
-        self.camera = gui.add_dropdown("Camera follows", (*self.names, NOBODY), initial_value=self.names[0])
+        self.camera = gui.add_dropdown("Camera follows", (EVERYBODY, *self.names, NOBODY), initial_value=EVERYBODY)
         self.camera.on_update(lambda _: self._follow())
+        self.straight = gui.add_checkbox("Hold straight on", True, hint="Corrects the turn, unless a turn is commanded")
+        self.straight.on_update(lambda _: self.submit(self._set_straight))
         self.dark = gui.add_checkbox("Dark", dark)
         self.dark.on_update(lambda _: self.submit(lambda: self._session.set_dark(bool(self.dark.value))))
 
@@ -168,7 +170,7 @@ class Panel:
             ("space", None, "Pause", self._session.toggle_pause),
             ("C", None, "Record", self.toggle_recording),
         ):
-            command = self._gui.add_command(label, hotkey=key, modifier=modifier)  # type: ignore[arg-type]
+            command = self._gui.add_command(label, hotkey=key, modifier=modifier)
             command.on_trigger(lambda _, action=action: self.submit(action))
 
     def nudge(self, axis: int, direction: int) -> None:
@@ -211,15 +213,12 @@ class Panel:
         simulation = self._simulation
         pace = "paused" if paused else f"{factor:.2f} × real time"
         text = f"**{simulation.time:.1f} s**, {pace}"
-        if falls := [
-            f"{walker.policy.name.partition(':')[0]} {walker.falls}" for walker in simulation.walkers if walker.falls
-        ]:
+        if falls := [f"{walker.policy.short} {walker.falls}" for walker in simulation.walkers if walker.falls]:
             text += f"; falls: {', '.join(falls)}"
         if recording is not None:
             text += f"; recording, {recording:.0f} s"
         self._show(self.status, text)
-        sentences = [f"{walker.policy.name.partition(':')[0]} {belief_text(walker)}." for walker in simulation.walkers]
-        self._show(self.beliefs, "\n\n".join(sentences))
+        self._show(self.beliefs, belief_text(simulation.walkers))
         self.record.label = "Stop and write" if recording is not None else "Record"
 
     def show_world(self) -> None:
@@ -239,6 +238,9 @@ class Panel:
 
     def _set_velocity(self) -> None:
         self._simulation.set_velocity([number_of(slider) for slider in self.command])
+
+    def _set_straight(self) -> None:
+        self._simulation.straight = bool(self.straight.value)
 
     def _set_level(self, kind: str) -> None:
         scale = 0.01 if self._share else 1.0
@@ -267,8 +269,8 @@ class Panel:
 
     def _follow(self) -> None:
         name = self.camera.value
-        number = self.names.index(name) if name in self.names else None
-        self.submit(lambda: self._session.follow(number))
+        chosen = range(len(self.names)) if name == EVERYBODY else [n for n, own in enumerate(self.names) if own == name]
+        self.submit(lambda: self._session.follow(tuple(chosen)))
 
 
 def is_number(value: object) -> bool:

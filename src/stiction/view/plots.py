@@ -24,15 +24,17 @@ INK = {False: ("#222222", "#dddddd"), True: ("#e0e0e0", "#444444")}
 class Plots:
     """The three plots of one simulation."""
 
-    def __init__(self, server: viser.ViserServer, simulation: Simulation, history: History) -> None:
-        """Make them, empty."""
-        self._gui, self._simulation, self._history = server.gui, simulation, history
+    def __init__(
+        self, server: viser.ViserServer, tab: viser.GuiTabHandle, simulation: Simulation, history: History
+    ) -> None:
+        """Make them, empty, in a tab."""
+        self._gui, self._tab, self._simulation, self._history = server.gui, tab, simulation, history
         self._handles: list[viser.GuiUplotHandle] = []
         self.rebuild(False)
 
     def rebuild(self, dark: bool) -> None:
         """Draw them anew in a colour scheme."""
-        names = [short_name(walker.policy.name) for walker in self._simulation.walkers]
+        names = [walker.policy.short for walker in self._simulation.walkers]
         ink, _ = INK[dark]
         lines = [
             line(name, rgb(color), DASHES[number % len(DASHES)])
@@ -45,33 +47,32 @@ class Plots:
                 line("from", rgb(color), (2, 4), 1),
                 line("to", rgb(color), (2, 4), 1),
             ]
-        old, self._handles = self._handles, []
-        for index, (title, unit, series, columns) in enumerate(
+        for old in self._handles:
+            old.remove()
+        plots = (
+            (f"Speed along the command, last {SPEED:.0f} s", "m/s", [line("command", ink), *lines], "speed"),
+            (f"Motor torque of that joint, last {TORQUE:.0f} s", "N m", lines, "torque"),
             (
-                (f"Speed along the command, last {SPEED:.0f} s", "m/s", [line("command", ink), *lines], "speed"),
-                (f"Motor torque of one joint, last {TORQUE:.0f} s", "N m", lines, "torque"),
-                (
-                    f"Joint friction, last {FRICTION:.0f} s",
-                    "% of torque limit",
-                    [line("true", ink), *self._tellers(believed)],
-                    "friction",
-                ),
-            )
-        ):
-            self._handles.append(
-                self._gui.add_uplot(
-                    self._data(columns),
-                    ({"label": "time [s]"}, *series),
-                    title=title,
-                    scales={"x": {"time": False}, "y": {"auto": True}},
-                    axes=axes(unit, dark),
-                    legend={"show": True},
-                    height=HEIGHT,
-                    order=old[index].order if old else None,
-                )
-            )
-        for handle in old:
-            handle.remove()
+                f"Friction of the joints, last {FRICTION:.0f} s",
+                "% of torque limit",
+                [line("true", ink), *self._tellers(believed)],
+                "friction",
+            ),
+        )
+        with self._tab:
+            self._handles = [self._plot(*plot, dark) for plot in plots]
+
+    def _plot(self, title: str, unit: str, lines: list[Any], columns: str, dark: bool) -> viser.GuiUplotHandle:
+        """Add a plot to the tab."""
+        return self._gui.add_uplot(
+            self._data(columns),
+            ({"label": "time [s]"}, *lines),
+            title=title,
+            scales={"x": {"time": False}, "y": {"auto": True}},
+            axes=axes(unit, dark),
+            legend={"show": True},
+            height=HEIGHT,
+        )
 
     def update(self) -> None:
         """Show what the history has now."""
@@ -94,11 +95,6 @@ class Plots:
             time, true, *believed = columns
             return (time, true, *self._tellers(believed))
         return tuple(columns)
-
-
-def short_name(name: str) -> str:
-    """Return what stands before the colon of a robot's name."""
-    return name.partition(":")[0]
 
 
 def rgb(color: tuple[int, int, int]) -> str:

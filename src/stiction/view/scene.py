@@ -21,6 +21,9 @@ GAP = 0.4
 MARKS = 5
 """Metres marked before and behind the robots."""
 
+LANE = range(-12, 60)
+"""Metres over which a robot's lane is drawn."""
+
 ABOVE = 0.35
 """Height of a label above the base [m]."""
 
@@ -69,8 +72,8 @@ class Scene:
         self._server, self._simulation = server, simulation
         self._body = RobotBody(simulation.spec)
         self.dark = False
-        self.followed: int | None = 0
-        """Number of the robot in the middle of the picture; None: the floor stands still."""
+        self.followed = tuple(range(len(simulation.walkers)))
+        """Numbers of the robots whose middle is that of the picture; none: the floor stands still."""
         self._middle = np.zeros(2)
         server.scene.world_axes.visible = False
         self._robots = ViserMujocoScene(server, self._body.model, len(simulation.walkers))
@@ -92,7 +95,7 @@ class Scene:
             self._ground.append(
                 scene.add_line_segments(
                     f"/floor/lane{number}",
-                    np.array([[[-2.0, lane, 0.003], [200.0, lane, 0.003]]]),
+                    np.array([[[metre, lane, 0.003], [metre + 1, lane, 0.003]] for metre in LANE]),
                     color,
                     thickness=0.03,
                 )
@@ -117,8 +120,8 @@ class Scene:
         poses = [self._poses(walker) for walker in self._simulation.walkers]
         positions = np.stack([places for places, _ in poses])
         positions[..., 1] += self._lanes[:, None]
-        if self.followed is not None:
-            self._middle = positions[min(self.followed, len(poses) - 1), 1, :2].copy()
+        if self.followed:
+            self._middle = positions[list(self.followed), 1, :2].mean(axis=0)
         shift = np.array([*-self._middle, 0.0])
         with self._server.atomic():
             self._floor.position = shift
@@ -146,7 +149,7 @@ class Scene:
             label.text = f"{metre} m"
 
     def _grid(self) -> viser.SceneNodeHandle:
-        cell, section, plane = ((70,) * 3, (110,) * 3, (38,) * 3) if self.dark else ((215,) * 3, (150,) * 3, (246,) * 3)
+        cell, section, plane = ((70,) * 3, (110,) * 3, (38,) * 3) if self.dark else ((226,) * 3, (190,) * 3, (247,) * 3)
         return self._server.scene.add_grid(
             "/floor/grid",
             width=80.0,
@@ -187,9 +190,9 @@ class Scene:
 
     def _camera(self) -> None:
         """Look at all robots from ahead and from the right."""
-        away = max(1.8, 0.8 * float(np.ptp(self._lanes)) + 1.5)
-        self._server.initial_camera.position = (1.1 * away, -1.2 * away, 0.8 * away)
-        self._server.initial_camera.look_at = (0.0, -float(self._lanes[0]), 0.2)
+        away = 1.6 + 0.6 * float(np.ptp(self._lanes))
+        self._server.initial_camera.position = (0.9 * away, -0.9 * away, 0.6 * away)
+        self._server.initial_camera.look_at = (0.0, 0.0, 0.2)
 
 
 def label_text(walker: Walker) -> str:

@@ -16,9 +16,9 @@ from stiction.core.errors import ConfigurationError
 from stiction.core.names import kind_of
 from stiction.core.provenance import seed_streams
 from stiction.core.rotation import UPRIGHT, yaw
-from stiction.deploy.pilot import ControlStep, Pilot
+from stiction.deploy.pilot import ControlStep, DrivingPolicy, Pilot
 from stiction.deploy.plausibility import command_range
-from stiction.deploy.policy import Policy, load_policy
+from stiction.deploy.policy import load_policy
 from stiction.deploy.wear import WearEstimate, WearMonitor
 from stiction.engines.catalog import find_engine, make_engine
 from stiction.engines.engine import BlownUp, Body, Engine, Motion, Pushable
@@ -55,10 +55,15 @@ class ViewedPolicy:
     """What the robot is called."""
     contract: Contract
     """What the policy expects."""
-    load: Callable[[], Policy]
+    load: Callable[[], DrivingPolicy]
     """Makes it, for one robot, its history empty."""
     wear: WearModel | None = None
     """Map from its walk to its joints' friction, where it has one."""
+
+    @property
+    def short(self) -> str:
+        """Its name up to the colon."""
+        return self.name.partition(":")[0]
 
     @classmethod
     def of_bundle(cls, bundle: Bundle, name: str | None = None) -> ViewedPolicy:
@@ -266,6 +271,9 @@ class Simulation:
         """Factor on torques of friction [1]; coefficients do not wear."""
         self.velocity = np.zeros(3)
         """Command: forward, sideways [m/s], turn [rad/s]."""
+        self.straight = True
+        """Whether robots that are not told to turn are held straight on, so that they stay side by side; over a course
+        they always are."""
         self.time = 0.0
         """Simulated since the last start [s]."""
         self.set_world(cfg or WorldCfg())
@@ -317,10 +325,11 @@ class Simulation:
                 walker.push(np.array([cosine * forward - sine * left, sine * forward + cosine * left]))
 
     def step(self) -> None:
-        """Advance all robots by one control period. Over a course they are held straight on, unless told to turn."""
+        """Advance all robots by one control period."""
+        held = (self.straight or not self.cfg.course.is_flat) and self.velocity[2] == 0.0 and any(self.velocity)
         for walker in self.walkers:
             velocity = self.velocity.copy()
-            if not self.cfg.course.is_flat and velocity[2] == 0.0 and velocity[0] != 0.0:
+            if held:
                 velocity[2] = straight_on(yaw(walker.seen.motion.base_quaternion))
             walker.step(velocity)
         self.time += self.period

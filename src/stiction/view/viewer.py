@@ -25,6 +25,9 @@ LATE = 0.1
 PLOTS_EVERY, STATUS_EVERY = 0.25, 0.5
 """Time between two updates of the plots and of the status [s]."""
 
+PLOTS_WIDTH = 340
+"""Of the window of the plots [pixels]."""
+
 IDLE = 0.1
 """Time between two looks for a browser while there is none [s]."""
 
@@ -42,11 +45,16 @@ class Viewer:
         self.scene = Scene(server, simulation)
         self.history = History(simulation)
         self.panel = Panel(server, self, dark)
-        with server.gui.add_folder("Plots"):
+        server.gui.main_panel.dock_right()
+        window = server.gui.add_panel()
+        window.dock_left()
+        window.set_width(PLOTS_WIDTH)
+        tab = window.add_tab("Plots")
+        with tab:
             names = simulation.spec.joint_names
             self.joint = server.gui.add_dropdown("Joint", names, initial_value=self.history.joint)
             self.joint.on_update(lambda _: self.submit(lambda: self.show_joint(str(self.joint.value))))
-            self.plots = Plots(server, simulation, self.history)
+        self.plots = Plots(server, tab, simulation, self.history)
         self.paused, self.factor = False, 1.0
         self._recorder: Recorder | None = None
         self._recorded: Walker | None = None
@@ -146,13 +154,13 @@ class Viewer:
         if name in self.simulation.spec.joint_names:
             self.history.show_joint(name)
 
-    def follow(self, robot: int | None) -> None:
-        """Keep a robot in the middle of the picture, or none."""
-        self.scene.followed = robot
+    def follow(self, robots: tuple[int, ...]) -> None:
+        """Keep the middle of some robots in the middle of the picture; of none: stand still."""
+        self.scene.followed = robots
 
     def set_dark(self, dark: bool) -> None:
         """Draw dark or light."""
-        self.server.gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False)
+        self.server.gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False, control_width="large")
         self.scene.dark = dark
         self.scene.rebuild()
         self.plots.rebuild(dark)
