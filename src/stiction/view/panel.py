@@ -113,14 +113,18 @@ class Panel:
         end, step = (100.0 * MAX_LEVEL, 1.0) if self._share else (MOST_COEFFICIENT, 0.002)
         scale = 100.0 if self._share else 1.0
         with self._gui.add_folder(f"Dry friction of the joints ({law})"):
-            unit = "% of limit" if self._share else "coefficient"
-            self.all = self._gui.add_slider(f"All joints, {unit}", 0.0, end, step, 0.0, hint="Sets all kinds at once")
+            unit = ", %" if self._share else ""
+            same = set(simulation.levels.values())
+            value = scale * same.pop() if len(same) == 1 else 0.0
+            self.all = self._gui.add_slider(f"All joints{unit}", 0.0, end, step, value, hint="Moves all kinds at once")
             self.all.on_update(lambda _: self._spread())
             self.levels: dict[str, viser.GuiSliderHandle[float]] = {}
             for kind in simulation.kinds:
                 limit = next(joint.torque_limit for joint in simulation.spec.joints if joint.kind == kind)
-                label = f"{kind}, % of {limit:g} N m" if self._share else f"{kind}, {unit}"
-                slider = self._gui.add_slider(label, 0.0, end, step, scale * simulation.levels[kind])
+                hint = f"Of its torque limit, {limit:g} N m" if self._share else "Coefficient of the law"
+                slider = self._gui.add_slider(
+                    f"{kind}{unit}", 0.0, end, step, scale * simulation.levels[kind], hint=hint
+                )
                 slider.on_update(lambda _, kind=kind: self._set_level(kind))
                 self.levels[kind] = slider
             self.wear = self._gui.add_slider(

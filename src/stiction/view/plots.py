@@ -14,7 +14,7 @@ from stiction.view.simulation import Simulation
 DASHES = ((), (10, 4), (3, 3), (12, 3, 3, 3), (6, 6), (2, 6))
 """Of the robots' lines, in turn: told apart without colour too."""
 
-HEIGHT = 190
+HEIGHT = 140
 """Of a plot [pixels]."""
 
 INK = {False: ("#222222", "#dddddd"), True: ("#e0e0e0", "#444444")}

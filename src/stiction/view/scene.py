@@ -190,7 +190,7 @@ class Scene:
 
     def _camera(self) -> None:
         """Look at all robots from ahead and from the right."""
-        away = 1.6 + 0.6 * float(np.ptp(self._lanes))
+        away = 2.0 + 0.7 * float(np.ptp(self._lanes))
         self._server.initial_camera.position = (0.9 * away, -0.9 * away, 0.6 * away)
         self._server.initial_camera.look_at = (0.0, 0.0, 0.2)
 

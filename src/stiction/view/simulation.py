@@ -172,7 +172,8 @@ class Walker:
 
         self.start = 0.0 if cfg.course.is_flat else -START_DISTANCE
         self._world = World(make, ground, timestep=engine.timestep, noise=NoiseCfg())
-        sheet = DialledSheet(cfg.seed, cfg.law, 0.0)
+        # Not at 0: a robot whose law has no level need not know what its joints transmit, and would never be told.
+        sheet = DialledSheet(cfg.seed, cfg.law, 1.0)
         noise, sensors = seed_streams(cfg.seed, ["view", "view, sensors"]).values()
         robot = self._world.robot(sheet, self.spec, sensors)
         (self._engine,), (self._friction,) = made, sheet.given
