@@ -168,7 +168,7 @@ def test_what_is_no_number_is_refused_and_changes_nothing(value: object) -> None
         lambda: sim.set_velocity((value, 0.0, 0.0)),
         lambda: sim.push((value, 0.0)),
     ):
-        with pytest.raises(StictionError, match="no finite number"):
+        with pytest.raises(StictionError, match=r"no finite number"):
             act()
     assert not bounds(sim).any() and np.isfinite(sim.walkers[0].seen.motion.base_position).all()
 
@@ -187,7 +187,7 @@ def test_policies_of_different_robots_are_refused() -> None:
     """If this failed, one command would drive robots whose joints are not each other's."""
     policy = shown("none")[0]
     other = replace(policy, name="other", contract=replace(policy.contract, control_period=0.01, decimation=2))
-    with pytest.raises(StictionError, match="'other' is for saturn_lite, a command every 0.01 s"):
+    with pytest.raises(StictionError, match=r"'other' is for saturn_lite, a command every 0\.01 s"):
         Simulation([policy, other], robot_of(policy.contract))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from dataclasses import dataclass, replace
 from functools import partial
@@ -37,6 +38,10 @@ time stands still. From another machine: ssh -L 8080:127.0.0.1:8080 THIS-MACHINE
 
 SHIPPED = ("saturn_lite-flat-none-0.2", "saturn_lite-flat-direct-0.2", "saturn_lite-flat-deception-0.2")
 """Policies that are shown where none is named."""
+
+
+POLITE = 10
+"""Nice value beside a training, which comes first."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +98,8 @@ def main(arguments: list[str]) -> int:
     simulation = simulation_of(cfg, [policy for policy, _ in policies], policies[0][1])
     if cfg.static is not None:
         return write_static(cfg, cfg.static, simulation)
+    if cfg.follow:
+        os.nice(POLITE)
     try:
         return show(cfg, simulation, newest)
     except KeyboardInterrupt:

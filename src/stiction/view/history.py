@@ -85,17 +85,17 @@ class History:
             velocities.append(np.zeros(3) if walker.lies else walker.seen.velocity)
         if time >= self._due["speed"]:
             self._due["speed"] = time + SPEED_EVERY - 1e-9
-            self.speed.add(time, *self._speeds())
+            self.speed.add(time, *self.speeds())
         if time >= self._due["friction"]:
             self._due["friction"] = time + FRICTION_EVERY - 1e-9
             self.friction.add(time, self._true(), *(end for walker in walkers for end in believed(walker)))
 
-    def _speeds(self) -> list[float]:
-        """Return the commanded speed and each robot's mean speed along it."""
+    def speeds(self) -> list[float]:
+        """Return the commanded speed and each robot's mean speed along it, over `AVERAGE` [m/s, of a turn rad/s]."""
         velocity = self._simulation.velocity
         command = Command("", (float(velocity[0]), float(velocity[1]), float(velocity[2])))
         direction = np.array([1.0, 0.0, 0.0]) if command.direction is None else command.direction
-        means = [float(np.mean(velocities, axis=0) @ direction) for velocities in self._velocities]
+        means = [float(np.mean(past, axis=0) @ direction) if past else 0.0 for past in self._velocities]
         return [float(velocity @ direction), *means]
 
     def _true(self) -> float:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 import viser
 
-from stiction.core.errors import StictionError
+from stiction.core.errors import ConfigurationError
 from stiction.engines.catalog import ENGINES
 from stiction.evaluate.course import parse_course
 from stiction.joints.friction import MAX_LEVEL, has_coefficient
@@ -209,19 +209,20 @@ class Panel:
         for client in self._server.get_clients().values():
             client.add_notification(title, text, auto_close_seconds=8.0)
 
-    def show_status(self, factor: float, paused: bool, recording: float | None) -> None:
-        """Show time, pace and what robots say of themselves.
+    def show_status(self, pace: str, speeds: Sequence[float], recording: float | None) -> None:
+        """Show time, speeds and what robots say of themselves.
 
-        factor: simulated over real time [1]; recording: how much is recorded [s], None: nothing is.
+        pace: in words; speeds: commanded, then of each robot; recording: how much is recorded [s], None: nothing is.
         """
         simulation = self._simulation
-        pace = "paused" if paused else f"{factor:.2f} × real time"
-        text = f"**{simulation.time:.1f} s**, {pace}"
-        if falls := [f"{walker.policy.short} {walker.falls}" for walker in simulation.walkers if walker.falls]:
-            text += f"; falls: {', '.join(falls)}"
+        unit = "rad/s" if simulation.velocity[2] and not any(simulation.velocity[:2]) else "m/s"
+        rows = [f"**{simulation.time:.1f} s**, {pace}", f"commanded {speeds[0]:.2f} {unit}"]
+        for walker, speed in zip(simulation.walkers, speeds[1:], strict=True):
+            fallen = f", fell {walker.falls} times" if walker.falls > 1 else ", fell once" if walker.falls else ""
+            rows.append(f"{walker.policy.short} {speed:.2f} {unit}{fallen}")
         if recording is not None:
-            text += f"; recording, {recording:.0f} s"
-        self._show(self.status, text)
+            rows.append(f"recording, {recording:.0f} s")
+        self._show(self.status, "\\\n".join(rows))
         self._show(self.beliefs, belief_text(simulation.walkers))
         self.record.label = "Stop and write" if recording is not None else "Record"
 
@@ -285,5 +286,5 @@ def is_number(value: object) -> bool:
 def number_of(slider: viser.GuiSliderHandle[float]) -> float:
     """Return what a slider says, within its ends; raise `StictionError` where that is no number."""
     if not is_number(slider.value):
-        raise StictionError("a browser sent what is no number; move the slider again")
+        raise ConfigurationError("a browser sent what is no number; move the slider again")
     return min(max(float(slider.value), slider.min), slider.max)

@@ -101,7 +101,8 @@ class Viewer:
         if now >= self._due["status"]:
             self._due["status"] = now + STATUS_EVERY
             recorded = None if self._recorder is None else self._recorder.seconds
-            self.panel.show_status(self.factor, self.paused, recorded)
+            pace = "paused" if self.paused else f"{self.factor:.2f} × real time"
+            self.panel.show_status(pace, self.history.speeds(), recorded)
 
     def run(self, ended: Callable[[], bool] = lambda: False, always: bool = False) -> None:
         """Keep time until `ended`. While no browser looks, time stands still unless `always`."""
