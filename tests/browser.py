@@ -18,7 +18,7 @@ import pytest
 FLAGS = (
     *("--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"),
     *("--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update"),
-    *("--disable-sync", "--disable-dev-shm-usage", "--remote-debugging-port=0", "--window-size=1280,800"),
+    *("--disable-sync", "--disable-dev-shm-usage", "--remote-debugging-port=0", "--window-size=900,560"),
     "--no-proxy-server",
 )
 """WebGL on the processor, and nothing that asks the network."""

@@ -37,7 +37,7 @@ def view(*words: object) -> subprocess.Popen:
 
 def speed(tab: Tab) -> float | None:
     """Return the speed of the robot that the panel shows [m/s]."""
-    found = re.search(r"none (-?\d+\.\d+) m/s", tab.run("document.body.innerText") or "")
+    found = re.search(r"none (-?\d+\.\d+) m/s", tab.run("document.body?.innerText") or "")
     return float(found[1]) if found else None
 
 

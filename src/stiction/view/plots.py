@@ -49,7 +49,7 @@ class Plots:
             ]
         for old in self._handles:
             old.remove()
-        plots = (
+        plots: tuple[tuple[str, str, list[Any], str], ...] = (
             (f"Speed along the command, last {SPEED:.0f} s", "m/s", [line("command", ink), *lines], "speed"),
             (f"Motor torque of that joint, last {TORQUE:.0f} s", "N m", lines, "torque"),
             (

@@ -22,6 +22,9 @@ from stiction.view.simulation import Simulation, ViewedPolicy, Walker
 LATE = 0.1
 """A loop that is later than this gives real time up: its robots walk in slow motion [s]."""
 
+SLOWEST = 1.0 / 30.0
+"""Longest time between two frames of a loop that is late [s]."""
+
 PLOTS_EVERY, STATUS_EVERY = 0.25, 0.5
 """Time between two updates of the plots and of the status [s]."""
 
@@ -108,7 +111,7 @@ class Viewer:
         """Keep time until `ended`. While no browser looks, time stands still unless `always`."""
         period = self.simulation.period
         due = began = time.monotonic()
-        simulated = self.simulation.time
+        simulated, drawn = self.simulation.time, 0.0
         while not ended():
             if not always and not self.server.get_clients():
                 self._answer()
@@ -119,7 +122,9 @@ class Viewer:
             self.turn()
             due += period
             now = time.monotonic()
-            self.show(now, draw=now < due or now - due > LATE)
+            draw = now < due or now - drawn >= SLOWEST
+            drawn = now if draw else drawn
+            self.show(now, draw)
             if now - began >= 1.0:
                 self.factor = max(self.simulation.time - simulated, 0.0) / (now - began)
                 began, simulated = now, self.simulation.time
