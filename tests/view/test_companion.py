@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="training needs the extra train")
+pytest.importorskip("torch", reason="training needs the extra train")
 
 from stiction.core.errors import StictionError
 from stiction.deploy.observation import Sensors
