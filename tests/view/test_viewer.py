@@ -17,6 +17,7 @@ from stiction.core.errors import StictionError
 from stiction.deploy.check import robot_of
 from stiction.formats.bundle import read_bundle, shipped_bundles
 from stiction.formats.log import by_joint, read_setup, read_table
+from stiction.view.plots import top_of
 from stiction.view.scene import MARKS, RobotBody, lanes
 from stiction.view.server import LOOPBACK, serve
 from stiction.view.simulation import Simulation, ViewedPolicy, WorldCfg
@@ -132,6 +133,14 @@ def test_garbage_from_a_browser_hurts_nobody(viewer: Viewer, garbage: float) -> 
     for walker in viewer.simulation.walkers:
         assert np.isfinite(walker.seen.motion.base_position).all()
     assert all(0 <= level <= 0.9 for level in viewer.simulation.levels.values())
+
+
+def test_the_axis_of_friction_holds_all_that_is_told() -> None:
+    """If this failed, what is not told yet would leave the plot empty, or a belief would be off its upper end."""
+    nothing = np.full(3, np.nan)
+    assert top_of((np.zeros(3), nothing)) == 10.0
+    assert top_of((np.array([20.0, 20.0, 20.0]), np.array([np.nan, 23.0, 24.0]))) == 50.0
+    assert top_of((np.array([95.0]), np.array([np.nan]))) == 100.0 and top_of((nothing,)) == 10.0
 
 
 def test_a_flood_of_requests_is_dropped_and_not_kept(viewer: Viewer) -> None:

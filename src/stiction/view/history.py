@@ -80,7 +80,7 @@ class History:
         simulation = self._simulation
         time, walkers = simulation.time, simulation.walkers
         number = simulation.spec.joint_names.index(self.joint)
-        self.torque.add(time, *(np.nan if walker.lies else float(walker.seen.torque[number]) for walker in walkers))
+        self.torque.add(time, *(0.0 if walker.lies else float(walker.seen.torque[number]) for walker in walkers))
         for walker, velocities in zip(walkers, self._velocities, strict=True):
             velocities.append(np.zeros(3) if walker.lies else walker.seen.velocity)
         if time >= self._due["speed"]:

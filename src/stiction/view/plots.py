@@ -17,6 +17,9 @@ DASHES = ((), (10, 4), (3, 3), (12, 3, 3, 3), (6, 6), (2, 6))
 HEIGHT = 140
 """Of a plot [pixels]."""
 
+TOPS = (10.0, 25.0, 50.0, 100.0)
+"""Upper ends that the axis of friction may have [%]."""
+
 INK = {False: ("#222222", "#dddddd"), True: ("#e0e0e0", "#444444")}
 """Dark or not -> colour of text and of what was asked for, colour of the plot's lattice."""
 
@@ -30,6 +33,7 @@ class Plots:
         """Make them, empty, in a tab."""
         self._gui, self._tab, self._simulation, self._history = server.gui, tab, simulation, history
         self._handles: list[viser.GuiUplotHandle] = []
+        self._top = TOPS[0]
         self.rebuild(False)
 
     def rebuild(self, dark: bool) -> None:
@@ -54,13 +58,14 @@ class Plots:
             (f"Motor torque of that joint, last {TORQUE:.0f} s", "N m", lines, "torque"),
             (
                 f"Friction of the joints, last {FRICTION:.0f} s",
-                "% of torque limit",
+                "% of limit",
                 [line("true", ink), *self._tellers(believed)],
                 "friction",
             ),
         )
         with self._tab:
             self._handles = [self._plot(*plot, dark) for plot in plots]
+        self._handles[-1].scales = friction_scales(self._top)
 
     def _plot(self, title: str, unit: str, lines: list[Any], columns: str, dark: bool) -> viser.GuiUplotHandle:
         """Add a plot to the tab."""
@@ -76,6 +81,10 @@ class Plots:
 
     def update(self) -> None:
         """Show what the history has now."""
+        top = top_of(self._data("friction")[1:])
+        if top != self._top:
+            self._top = top
+            self._handles[-1].scales = friction_scales(top)
         for handle, columns in zip(self._handles, ("speed", "torque", "friction"), strict=True):
             handle.data = self._data(columns)
 
@@ -95,6 +104,17 @@ class Plots:
             time, true, *believed = columns
             return (time, true, *self._tellers(believed))
         return tuple(columns)
+
+
+def top_of(columns: tuple[np.ndarray, ...]) -> float:
+    """Return the upper end of the axis of friction over all numbers of some columns that are any [%]."""
+    highest = max((float(np.nanmax(column)) for column in columns if not np.isnan(column).all()), default=0.0)
+    return next((top for top in TOPS if 1.1 * highest <= top), TOPS[-1])
+
+
+def friction_scales(top: float) -> dict[str, Any]:
+    """Return the scales of the plot of friction: by itself it finds no range among numbers that are not there yet."""
+    return {"x": {"time": False}, "y": {"auto": False, "range": (0.0, top)}}
 
 
 def rgb(color: tuple[int, int, int]) -> str:

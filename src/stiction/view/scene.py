@@ -73,7 +73,7 @@ class Scene:
         self._body = RobotBody(simulation.spec)
         self.dark = False
         self.followed = tuple(range(len(simulation.walkers)))
-        """Numbers of the robots whose middle is that of the picture; none: the floor stands still."""
+        """Numbers of the robots whose median is the middle of the picture; none: the floor stands still."""
         self._middle = np.zeros(2)
         server.scene.world_axes.visible = False
         self._robots = ViserMujocoScene(server, self._body.model, len(simulation.walkers))
@@ -121,7 +121,8 @@ class Scene:
         positions = np.stack([places for places, _ in poses])
         positions[..., 1] += self._lanes[:, None]
         if self.followed:
-            self._middle = positions[list(self.followed), 1, :2].mean(axis=0)
+            # The median: one robot that is stuck does not hold the picture back.
+            self._middle = np.median(positions[list(self.followed), 1, :2], axis=0)
         shift = np.array([*-self._middle, 0.0])
         with self._server.atomic():
             self._floor.position = shift
