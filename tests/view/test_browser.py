@@ -1,4 +1,4 @@
-"""The viewer in a real browser: the page, two people at once, a key that brings a robot to a stand, a clean end."""
+"""The viewer in a real browser: the page, two people at once, a key that slows a robot, a clean end."""
 
 from __future__ import annotations
 
@@ -51,14 +51,14 @@ def colours(tab: Tab) -> int:
 
 
 @pytest.mark.slow
-def test_a_key_brings_the_robot_to_a_stand_and_two_browsers_see_it(browser: Browser, tmp_path: Path) -> None:
+def test_a_key_slows_the_robot_and_two_browsers_see_it(browser: Browser, tmp_path: Path) -> None:
     """If this failed, the viewer would not work where people look: in a browser."""
     with view(POLICY, "--command", "vx=0.5", "--out", tmp_path) as process:
         try:
             assert process.stdout is not None and process.stderr is not None
             address = process.stdout.readline().split()[1]
             first = browser.tab(address)
-            wait(lambda: (speed(first) or 0.0) > 0.3, "the robot walks")
+            wait(lambda: (speed(first) or 0.0) > 0.4, "the robot walks")
             wait(lambda: colours(first) > 15, "a canvas that is not blank")
             # A stranger who talks nonsense, twice: no protocol at all, and then a wrong one.
             host, port = address.removeprefix("http://").split(":")
@@ -72,7 +72,7 @@ def test_a_key_brings_the_robot_to_a_stand_and_two_browsers_see_it(browser: Brow
                 second.press("g", "KeyG")
             values = "[...document.querySelectorAll('input')].map(one => one.value).join(' ')"
             wait(lambda: "40" in first.run(values).split(), "the first browser sees the slider of the second")
-            wait(lambda: abs(speed(first) or 1.0) < 0.1, "the robot stands for friction")
+            wait(lambda: abs(speed(first) or 1.0) < 0.25, "the robot is slowed by friction")
             assert first.complaints == [] and second.complaints == []
         finally:
             process.send_signal(signal.SIGINT)

@@ -219,7 +219,7 @@ class Panel:
         rows = [f"**{simulation.time:.1f} s**, {pace}", f"commanded {speeds[0]:.2f} {unit}"]
         for walker, speed in zip(simulation.walkers, speeds[1:], strict=True):
             fallen = f", fell {walker.falls} times" if walker.falls > 1 else ", fell once" if walker.falls else ""
-            rows.append(f"{walker.policy.short} {speed:.2f} {unit}{fallen}")
+            rows.append(f"{walker.policy.short} {round(speed, 2) + 0.0:.2f} {unit}{fallen}")
         if recording is not None:
             rows.append(f"recording, {recording:.0f} s")
         self._show(self.status, "\\\n".join(rows))
