@@ -72,9 +72,12 @@ class DemoCfg:
 def main(arguments: list[str]) -> None:
     """Run the demo and print where its page is."""
     cfg = read_options(DemoCfg, arguments, "stiction demo", DESCRIPTION)
+    from stiction.core.extras import require
     from stiction.formats.results import summary_text
     from stiction.formats.settings import results_folder
 
+    if cfg.train:
+        require("train")
     if cfg.loop:
         _loop(cfg)
         return

@@ -30,6 +30,7 @@ VERBS = {
     "sign": "put the maker's signature into a policy bundle, or make a key",
     "verify": "check a policy bundle: every file, the contract, and the golden vectors",
     "deploy": "run a policy bundle on a robot, real or virtual, under a supervisor that fails safe",
+    "view": "watch policies walk in the browser, and turn their joints' friction up while they do",
     "bench": "measure the throughput ratios on this machine, side by side in one run",
     "doctor": "measure that every randomised parameter really changes the physics",
 }
@@ -39,7 +40,7 @@ ELSEWHERE = {"replicate": "stiction.studies.replication.study", "import": "stict
 """Verbs whose module is called otherwise: a study, and a word of Python."""
 
 NEEDS = {"demo": "sim", "evaluate": "sim", "replicate": "sim", "import": "sim", "sign": "sign"}
-NEEDS |= dict.fromkeys(("list", "robot"), "sim")
+NEEDS |= dict.fromkeys(("list", "robot"), "sim") | {"view": "view"}
 NEEDS |= dict.fromkeys(("train", "train-actuator", "bench", "doctor"), "train")
 """Verbs that do nothing without an extra: it is asked for before anything is done, unless they are asked for help."""
 

@@ -6,6 +6,7 @@ import json
 import shlex
 import sys
 import warnings
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,7 +39,11 @@ AGAIN = ("--robot", "--task.robot", "--task.rewards.own")
 def _only_resume(arguments: list[str]) -> None:
     """Refuse other options beside --resume: the run goes on as its config.json says, and they would have no effect."""
     flags = [word.partition("=")[0] for word in arguments if word.startswith("--")]
-    others = [flag.replace("_", "-") for flag in flags if flag.replace("_", "-") not in ("--resume", "--json", *AGAIN)]
+    others = [
+        flag.replace("_", "-")
+        for flag in flags
+        if flag.replace("_", "-") not in ("--resume", "--json", "--view", *AGAIN)
+    ]
     if others:
         raise ConfigurationError(
             f"--resume continues a run as it was started, and {', '.join(others)} would have no effect; "
@@ -49,7 +54,8 @@ def _only_resume(arguments: list[str]) -> None:
 def main(arguments: list[str]) -> int:
     """Run the verb."""
     options = parse(arguments)
-
+    if options.view:
+        import viser  # noqa: F401  (before any work: the extra that is missing)
     if options.resume is not None:
         return _resume(options, arguments)
     return _run(options, *_begin(options, arguments))
@@ -99,6 +105,7 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
     from stiction.rma.phase import Interrupted
     from stiction.rma.run import identified_values
     from stiction.rma.runner import train
+    from stiction.view.companion import watching
 
     if cfg.device != "cpu":
         print("stiction train: in its first run MuJoCo Warp compiles its kernels, for minutes", file=sys.stderr)
@@ -106,6 +113,7 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
         output_folder(run.path),
         training_progress(cfg) as display,
         stop_requests(display.say, "this iteration") as asked,
+        watching(run.path, lambda line: display.say(f"viewer: {line}")) if options.view else nullcontext(),
         warnings.catch_warnings(),
     ):
         # Python's own form is two lines, the second one of our source code.

@@ -13,7 +13,8 @@ import numpy as np
 
 from stiction.core.errors import ConfigurationError, PolicyError, RobotError
 from stiction.deploy.observation import Sensors
-from stiction.deploy.policy import Policy, PolicyStep
+from stiction.deploy.policy import PolicyStep
+from stiction.formats.contract import Contract
 from stiction.joints.compensation import BY_ERROR, Compensation
 
 
@@ -65,6 +66,20 @@ class Port(Protocol):
         """Send a command, wait for one period, and return what has come by then."""
 
 
+class DrivingPolicy(Protocol):
+    """What a pilot drives one robot with: `Policy`, or what computes the same in another way."""
+
+    @property
+    def contract(self) -> Contract:
+        """What it expects."""
+
+    def reset(self) -> None:
+        """Forget the history and the last action."""
+
+    def step(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
+        """Advance by one control period; see `Policy.step`."""
+
+
 @dataclass(frozen=True)
 class ControlStep:
     """What happened in one control period."""
@@ -85,7 +100,7 @@ class Pilot:
     def __init__(
         self,
         port: Port,
-        policy: Policy,
+        policy: DrivingPolicy,
         friction: np.ndarray | None = None,
         compensation: Compensation = BY_ERROR,
         load: np.ndarray | float = 0.0,

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -121,6 +121,14 @@ class Engine(Protocol):
 
     def motion(self, loads: bool = True) -> Motion:
         """Return the present motion; without `loads`, |F| and |T| of its joints are left zero, which is faster."""
+
+
+@runtime_checkable
+class Pushable(Protocol):
+    """An engine whose robot can be pushed; the shipped ones are."""
+
+    def push(self, velocity: np.ndarray) -> None:
+        """Add a velocity, x and y in the world [m/s], shape (2,), to the whole robot's; its joints go on as before."""
 
 
 Make = Callable[[Body, Ground, float], Engine]

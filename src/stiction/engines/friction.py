@@ -12,7 +12,7 @@ paper's seals do, and not coefficients.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -60,6 +60,12 @@ class JointFriction:
     def reset(self) -> None:
         """Forget the bounds of the last step."""
         self._last: list[Values | None] = [None] * len(self._terms)
+
+    def set_levels(self, *levels: Values) -> None:
+        """Give each law another level from the next step on; the filters go on from the last bounds."""
+        self._terms = [
+            replace(term, level=np.array(level, float)) for term, level in zip(self._terms, levels, strict=True)
+        ]
 
     def bound(self, motion: Motion, torque: np.ndarray, wear: Values = 1.0) -> np.ndarray:
         """Return the bounds of the coming step [N m], shape (J,).

@@ -78,6 +78,11 @@ class MujocoEngine:
         mujoco.mj_step(self._model, self._data)
         check_speed(self.name, self._data.qvel)
 
+    def push(self, velocity: np.ndarray) -> None:
+        """Push the robot; see `Pushable.push`."""
+        if not self.body.fixed:
+            self._data.qvel[:2] += velocity
+
     def motion(self, loads: bool = True) -> Motion:
         """Return what the robot does now; see `Motion`."""
         data, feet = self._data, self._legs

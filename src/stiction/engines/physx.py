@@ -195,6 +195,12 @@ class PhysxEngine:
         robot = self._robot
         check_speed(self.name, robot.get_qvel(), robot.get_root_linear_velocity(), robot.get_root_angular_velocity())
 
+    def push(self, velocity: np.ndarray) -> None:
+        """Push the robot; see `Pushable.push`."""
+        if not self.body.fixed:
+            speed = self._robot.get_root_linear_velocity() + np.array([*velocity, 0.0])
+            self._robot.set_root_linear_velocity(speed.astype(np.float32))
+
     def motion(self, loads: bool = True) -> Motion:
         """Return what the robot does now; see `Motion`."""
         robot = self._robot

@@ -26,7 +26,7 @@ line every 30 s). `tensorboard --logdir runs` shows every figure, teacher and st
 terms), walk/* (tracking error, tripod share, falls), latent/explained (two phases; 1: the history tells all that the
 privileged encoder says), estimator/velocity_error [m/s], estimator/friction_error, friction/low, high and mean
 (multipliers of the nominal friction), terrain/*. A short clip of the policy at 0.5 m/s appears in clips/ every 100
-iterations.
+iterations; --view lets the newest checkpoint walk in the browser.
 
 Stop it: Ctrl-C or SIGTERM ends it after the iteration, with a checkpoint and exit status 130 or 143; kill -9 costs the
 iterations since the last checkpoint. `stiction train --resume runs/deception` goes on to the same parameters, bit for
@@ -64,6 +64,9 @@ class Train:
     """A `training.json` of `stiction identify`; its method and level go in place of --method and --friction-level."""
     resume: Path | None = None
     """Continue the run in this folder; all other options come from its config.json."""
+    view: bool = False
+    """Show the newest checkpoint in the browser while it trains (extra view), as `stiction view RUN --follow` does: a
+    process of its own, at a low priority, that computes nothing while no browser looks."""
     json: bool = False
     """Print the summary on standard output, and nothing else there; progress goes to standard error."""
 

@@ -18,6 +18,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from stiction.core.errors import ConfigurationError, RobotError
+from stiction.core.extras import remedy
 from stiction.formats.unitree import Structure
 
 STATE_TOPIC, COMMAND_TOPIC = "rt/lowstate", "rt/lowcmd"
@@ -175,7 +176,7 @@ def _cyclone() -> _Cyclone:
     try:
         from cyclonedds import core, domain, idl, pub, qos, sub, topic
     except ImportError as error:
-        raise RobotError(f'cyclonedds is not installed ({error}): pip install "stiction[unitree]"') from error
+        raise RobotError(f"cyclonedds is not installed ({error}); {remedy('unitree')}") from error
     return _Cyclone(core, domain, idl, pub, qos, sub, topic)
 
 

@@ -170,6 +170,11 @@ class OdeEngine:
         if not done:
             raise EngineError("ODE found no memory for a step; free some")
 
+    def push(self, velocity: np.ndarray) -> None:
+        """Push the robot; see `Pushable.push`."""
+        if not self.body.fixed:
+            self._robot.push(velocity)
+
     def motion(self, loads: bool = True) -> Motion:
         """Return what the robot does now; see `Motion`."""
         position, quaternion, velocity, rate = self._robot.base_motion()

@@ -97,6 +97,11 @@ class OdeRobot:
             library.dBodySetLinearVel(body, *row[7:10])
             library.dBodySetAngularVel(body, *row[10:])
 
+    def push(self, velocity: np.ndarray) -> None:
+        """Add a velocity, x and y in the world [m/s], shape (2,), to that of every body."""
+        for body, row in zip(self._bodies, self.state(), strict=True):
+            self._library.dBodySetLinearVel(body, row[7] + velocity[0], row[8] + velocity[1], row[9])
+
     def base_motion(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return position [m] and quaternion of the base's frame, and its velocities in it [m/s], [rad/s]."""
         # ODE's state is that of the centre of mass.

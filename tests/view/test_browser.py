@@ -1,0 +1,136 @@
+"""The viewer in a real browser: the page, two people at once, a key that slows a robot, a clean end."""
+
+from __future__ import annotations
+
+import io
+import re
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("viser", reason="the viewer needs the extra view")
+pytest.importorskip("mjviser", reason="the viewer needs the extra view")
+
+from browser import Browser, Tab, chromium, wait
+
+POLICY = "saturn_lite-flat-none-0.2"
+
+
+@pytest.fixture
+def browser(tmp_path: Path) -> Iterator[Browser]:
+    """A browser."""
+    with chromium(tmp_path / "profile") as started:
+        yield started
+
+
+def view(*words: object) -> subprocess.Popen:
+    """Start the program."""
+    command = [sys.executable, "-m", "stiction", "view", *map(str, words)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def speed(tab: Tab) -> float | None:
+    """Return the speed of the robot that the panel shows [m/s]."""
+    found = re.search(r"none (-?\d+\.\d+) m/s", tab.run("document.body?.innerText") or "")
+    return float(found[1]) if found else None
+
+
+def colours(tab: Tab) -> int:
+    """Return how many different colours the scene has, from the page as it is painted."""
+    from PIL import Image
+
+    picture = np.asarray(Image.open(io.BytesIO(tab.screenshot())).convert("RGB"))
+    middle = picture[picture.shape[0] // 4 :, picture.shape[1] * 3 // 10 : picture.shape[1] * 2 // 3]
+    return len(np.unique(middle.reshape(-1, 3) // 8, axis=0))
+
+
+@pytest.mark.slow
+def test_a_key_slows_the_robot_and_two_browsers_see_it(browser: Browser, tmp_path: Path) -> None:
+    """If this failed, the viewer would not work where people look: in a browser."""
+    with view(POLICY, "--command", "vx=0.5", "--out", tmp_path) as process:
+        try:
+            assert process.stdout is not None and process.stderr is not None
+            address = process.stdout.readline().split()[1]
+            first = browser.tab(address)
+            wait(lambda: (speed(first) or 0.0) > 0.4, "the robot walks")
+            wait(lambda: colours(first) > 15, "a canvas that is not blank")
+            # A stranger who talks nonsense, twice: no protocol at all, and then a wrong one.
+            host, port = address.removeprefix("http://").split(":")
+            for nonsense in (b"\x00\xff" * 500, b"GET / HTTP/1.1\r\nUpgrade: websocket\r\n\r\n\x81\x7f"):
+                with socket.create_connection((host, int(port)), timeout=10) as stranger:
+                    stranger.sendall(nonsense)
+            second = browser.tab(address)
+            wait(lambda: (speed(second) or 0.0) > 0.3, "the second browser sees the same robot")
+            second.run("document.activeElement.blur()")
+            for _ in range(8):
+                second.press("g", "KeyG")
+            values = "[...document.querySelectorAll('input')].map(one => one.value).join(' ')"
+            wait(lambda: "40" in first.run(values).split(), "the first browser sees the slider of the second")
+            wait(lambda: abs(speed(first) or 1.0) < 0.25, "the robot is slowed by friction")
+            assert first.complaints == [] and second.complaints == []
+        finally:
+            process.send_signal(signal.SIGINT)
+            _, said = process.communicate(timeout=30)
+        assert (process.returncode, said) == (0, "")
+
+
+@pytest.mark.slow
+def test_the_page_without_a_server_plays(browser: Browser, tmp_path: Path) -> None:
+    """If this failed, --static would write a page that shows nothing without the program."""
+    page = tmp_path / "page.html"
+    with view(POLICY, "--command", "vx=0.5", "--static", page, "--seconds", "0.4") as process:
+        said, wrong = process.communicate(timeout=120)
+    assert process.returncode == 0, wrong
+    assert said.startswith(f"page: {page}")
+    tab = browser.tab(page.as_uri())
+    wait(lambda: tab.run("document.querySelectorAll('canvas').length") and colours(tab) > 15, "a robot on the page")
+    assert tab.complaints == []
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "line"),
+    [
+        (("nowhere",), 1, "unknown policy 'nowhere'"),
+        (("--follow",), 1, "--follow is for a training run"),
+        ((POLICY, "--command", "vx=3"), 1, "beyond what 'none: trained without friction' was trained for"),
+        ((POLICY, "--port", "99999"), 1, "port 99999; expected 1 to 65535"),
+        ((POLICY, "--friction-level", "2"), 1, "--friction-level 2; expected 0 to 0.9"),
+        ((POLICY, "--friction-law", "glue"), 2, "glue"),
+        ((POLICY, "--terrain", "sand=1"), 1, "unknown terrain 'sand'"),
+    ],
+)
+def test_what_cannot_be_shown_is_said_in_one_line(
+    words: tuple[str, ...], status: int, line: str, capsys: pytest.CaptureFixture
+) -> None:
+    """If this failed, a mistake would end in a traceback, or in a page that shows something else."""
+    from stiction.cli.main import main
+
+    try:
+        done = main(["view", *words])
+    except SystemExit as stop:
+        done = int(stop.code or 0)
+    said = capsys.readouterr().err
+    assert done == status and line in said and "Traceback" not in said
+    if status == 1:
+        assert said.count("\n") == 1
+
+
+def test_a_taken_port_and_a_signal_end_it_in_order(tmp_path: Path) -> None:
+    """If this failed, a viewer would listen elsewhere without a word, or leave a traceback when it is stopped."""
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        with view(POLICY, "--port", taken.getsockname()[1]) as process:
+            _, said = process.communicate(timeout=120)
+        assert process.returncode == 1 and "cannot be listened on" in said and said.count("\n") == 1
+    with view(POLICY) as process:
+        assert process.stdout is not None and "http://127.0.0.1:" in process.stdout.readline()
+        process.send_signal(signal.SIGTERM)
+        _, said = process.communicate(timeout=30)
+    assert (process.returncode, said) == (0, "")

@@ -1,0 +1,95 @@
+"""A viewer beside a training: the newest checkpoint walks, a newer one takes over, and the viewer ends with it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch", reason="training needs the extra train")
+
+from stiction.core.errors import StictionError
+from stiction.deploy.observation import Sensors
+from stiction.evaluate.export import TrainedPolicy
+from stiction.evaluate.newest import NewestPolicy
+from stiction.locomotion.config import TaskCfg
+from stiction.locomotion.friction import FrictionCfg
+from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
+from stiction.rma.run import RunDirectory
+from stiction.rma.runner import load_student, train
+from stiction.view import companion
+from stiction.view.companion import watching
+from stiction.view.simulation import Simulation, ViewedPolicy
+
+CFG = TrainCfg(
+    task=TaskCfg(robot="go1", friction=FrictionCfg("deception", level=0.1)),
+    network=NetworkCfg(actor=(8,), critic=(8,), privileged=(8,), history_frame=4, history=(8,), latent=3),
+    teacher=TeacherCfg(iterations=1, steps=4, epochs=1, mini_batches=2),
+    student=StudentCfg(iterations=1, steps=4, epochs=1, mini_batches=2),
+    num_envs=2,
+    checkpoint_every=1,
+)
+
+
+def shown(run: NewestPolicy) -> ViewedPolicy:
+    """Return the newest checkpoint as it is looked at."""
+    return ViewedPolicy(run.name, run.contract, run.load)
+
+
+def test_the_robot_stands_until_there_is_a_checkpoint_and_walks_on_with_each(tmp_path: Path) -> None:
+    """If this failed, `train --view` would show nothing, an old policy, or one that training does not have."""
+    directory = RunDirectory.create(tmp_path / "run", CFG, "stiction train", None)
+    with pytest.raises(StictionError, match="has no checkpoint yet; wait for it with --follow"):
+        NewestPolicy(directory.path)
+    run = NewestPolicy(directory.path, wait=True)
+    assert run.name == "run: no checkpoint yet, standing" and not run.refresh()
+    simulation = Simulation([shown(run)], run.robot)
+    walker = simulation.walkers[0]
+    simulation.step()
+    assert walker.seen.step is not None
+    np.testing.assert_array_equal(walker.seen.step.policy.target, run.contract.array("standing"))
+
+    train(CFG, directory)
+    assert run.refresh() and not run.refresh() and run.name == "run: student 000001"
+    walker.teach(shown(run))
+    simulation.step()
+    step = walker.seen.step
+    assert np.abs(step.policy.target - run.contract.array("standing")).max() > 1e-6
+    alone = TrainedPolicy(load_student(directory), run.contract)
+    sensors: Sensors = step.before.sensors.each(lambda value: value[None])
+    np.testing.assert_array_equal(alone.step(sensors, np.zeros((1, 3))).action[0], step.policy.action)
+
+    for file in directory.checkpoints.glob("student_*"):
+        file.unlink()
+    teacher = NewestPolicy(directory.path)
+    assert teacher.name == "run: teacher 000001"
+    simulation = Simulation([shown(teacher)], teacher.robot)
+    simulation.step()
+    assert np.isfinite(simulation.walkers[0].seen.step.policy.action).all()
+
+
+def child(monkeypatch: pytest.MonkeyPatch, program: str) -> None:
+    """Let a program of Python stand for the viewer."""
+    monkeypatch.setattr(companion, "python_module", lambda module, words: [sys.executable, "-c", program])
+
+
+def test_its_words_are_passed_on_and_it_ends_with_the_training(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """If this failed, nobody would know where to look, or the viewer would stay when the training is over."""
+    child(monkeypatch, "import time; print('open http://127.0.0.1:8080; Ctrl-C ends it', flush=True); time.sleep(300)")
+    said: list[str] = []
+    with watching(tmp_path, said.append) as process:
+        while not said:
+            assert process.poll() is None
+    assert said == ["open http://127.0.0.1:8080"] and process.poll() is not None
+
+
+def test_a_viewer_that_fails_costs_one_line_and_no_training(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """If this failed, a training would end because somebody wanted to look at it."""
+    child(monkeypatch, "import sys; print('stiction view: no port is free', file=sys.stderr); sys.exit(1)")
+    said: list[str] = []
+    with watching(tmp_path, said.append) as process:
+        assert process.wait(60) == 1
+        trained = True
+    assert trained and said == ["stiction view: no port is free"]
