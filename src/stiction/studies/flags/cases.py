@@ -315,12 +315,17 @@ class Case:
 
 def cases(folder: Path) -> list[Case]:
     """Return ten mistakes on three records each, and what more was tried. folder: of the measured records."""
+    return [case(*row) for row in (*_torque_cases(folder), *_motion_cases(folder))]
+
+
+def _torque_cases(folder: Path) -> list[tuple[Any, ...]]:
+    """Return the right flags, and mistakes about gravity and the torque: the arguments of `case`."""
     drive, leg_of_go2 = partial(emps, folder), partial(go2, folder)
 
     def no_gains(factor: float) -> Callable[[Given], Given]:
         return lambda given: scale(factor)(unchecked(given))
 
-    table: list[tuple[Any, ...]] = [
+    return [
         *((RIGHT, name, record, all_right) for name, record in (("motor", motor), ("leg", leg), ("arm", arm))),
         (RIGHT, "free", free, all_right),
         (RIGHT, "EMPS", drive, all_right),
@@ -351,6 +356,19 @@ def cases(folder: Path) -> list[Case]:
             "without gains, limit or known load",
             "--torque-scale",
         ),
+        ("torque of another joint", "motor", motor, torque_of(leg)),
+        ("torque of another joint", "arm", arm, torque_of(leg)),
+        ("torque cut off at half", "EMPS", drive, clipped(0.5)),
+        ("torque cut off at half", "leg", leg, clipped(0.5)),
+        ("torque cut off at half", "motor", motor, clipped(0.5)),
+        ("cut off at half, no gains", "motor", motor, lambda given: unchecked(clipped(0.5)(given))),
+    ]
+
+
+def _motion_cases(folder: Path) -> list[tuple[Any, ...]]:
+    """Return mistakes about angles, gains, targets and time, and touch: the arguments of `case`."""
+    drive, leg_of_go2 = partial(emps, folder), partial(go2, folder)
+    return [
         ("degrees", "motor", motor, degrees),
         ("degrees", "leg", leg, degrees),
         ("degrees", "Go2", leg_of_go2, degrees),
@@ -370,13 +388,7 @@ def cases(folder: Path) -> list[Case]:
         ("target 20 ms late", "EMPS", drive, late_target(0.02)),
         ("target 20 ms late", "leg", leg, late_target(0.02)),
         ("target 20 ms late", "Go2", leg_of_go2, late_target(0.02)),
-        ("torque of another joint", "motor", motor, torque_of(leg)),
-        ("torque of another joint", "arm", arm, torque_of(leg)),
         ("target of another joint", "Go2", leg_of_go2, target_of(folder, "FL_hip")),
-        ("torque cut off at half", "EMPS", drive, clipped(0.5)),
-        ("torque cut off at half", "leg", leg, clipped(0.5)),
-        ("torque cut off at half", "motor", motor, clipped(0.5)),
-        ("cut off at half, no gains", "motor", motor, lambda given: unchecked(clipped(0.5)(given))),
         ("half the rate", "EMPS", drive, stamps(2.0)),
         ("half the rate", "leg", leg, stamps(2.0)),
         ("half the rate", "Go2", leg_of_go2, stamps(2.0)),
@@ -386,7 +398,6 @@ def cases(folder: Path) -> list[Case]:
         ("contact", "motor", motor, contact(1.0)),
         ("contact", "Go2", leg_of_go2, contact(1.5)),
     ]
-    return [case(*row) for row in table]
 
 
 def case(

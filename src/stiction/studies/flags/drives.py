@@ -126,11 +126,15 @@ def drive_cases(folder: Path) -> list[Case]:
         "pendulum alone": weighed_alone,
         "EMPS by current": drive,
     }
+    right = [case(RIGHT, name, record, all_right) for name, record in names.items()]
+    return [*right, *_motor_cases(drive), *_angle_cases()]
+
+
+def _motor_cases(drive: Callable[[], Given]) -> list[Case]:
+    """Return mistakes about a motor's constants and its column. drive: the measured record, in amperes."""
     kt, ohm, supply = SERVO.kt, SERVO.resistance, SERVO.supply
     as_torque = {"torque_column": None, "duty_voltage": None, "kt": None, "resistance": None, "torque_limit": None}
-    weight = "the motor's constants are not known, and the weight alone tells the scale"
     return [
-        *(case(RIGHT, name, record, all_right) for name, record in names.items()),
         case("kt twice as large", "servo", servo, flags(kt=2 * kt)),
         case("kt half as large", "servo", servo, flags(kt=kt / 2), ONE_SCALE, "--kt"),
         case("kt of the motor, without its gear", "servo", servo, flags(kt=kt / GEAR), ONE_SCALE, "--kt"),
@@ -164,6 +168,13 @@ def drive_cases(folder: Path) -> list[Case]:
         ),
         case("ke half as large", "servo", servo, flags(ke=kt / 2)),
         case("ke twice as large", "servo", servo, flags(ke=2 * kt)),
+    ]
+
+
+def _angle_cases() -> list[Case]:
+    """Return mistakes about a servo's angles, its weight and its time."""
+    weight = "the motor's constants are not known, and the weight alone tells the scale"
+    return [
         case("degrees", "servo", servo, degrees_alone),
         case("degrees", "pendulum", weighed, degrees_alone),
         case("angle of the motor, not of the joint", "servo", servo, positions(GEAR)),
