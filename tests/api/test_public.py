@@ -86,4 +86,4 @@ def test_a_package_that_is_missing_is_named_in_one_line(tmp_path: Path) -> None:
     said = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True, env=environment
     )
-    assert "stiction[sim]" in said.stdout and said.stdout.count("\n") == 1
+    assert "[sim]" in said.stdout and said.stdout.count("\n") == 1

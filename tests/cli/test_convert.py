@@ -64,7 +64,7 @@ def test_a_model_is_patched_into_another_file(folder: Path, capsys: pytest.Captu
         (["--to", "mujoco", "--assumed-load", "3"], "--assumed-load is for --to isaaclab"),
         (["--to", "isaaclab", "--model", "robot.xml"], "--model is for --to mujoco, urdf, webots"),
         (["--to", "webots", "--model", "robot.xml"], "the model has none with a name"),
-        (["--to", "urdf", "--out", "no/where"], "cannot write no/where"),
+        (["--to", "urdf", "--out", "joints.json/where"], "joints.json/where"),
         (["--to", "urdf", "--out", "./joints.json"], "would be overwritten"),
     ],
 )

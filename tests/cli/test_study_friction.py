@@ -37,11 +37,11 @@ def test_one_command_trains_evaluates_and_judges(
     assert {row.policy for row in rows} == {"coulomb20-deception-s0/teacher", "coulomb20-deception-s0/student"}
     assert {row.method for row in rows} == {"deception"} and {row.episodes for row in rows} == {2}
     assert sorted({row.friction_level for row in rows}) == [0.0, 0.12, 0.2]
-    cached = {file: file.stat().st_mtime_ns for file in tmp_path.glob("runs/*/evaluation/*.csv")}
+    cached = {file: file.stat().st_mtime_ns for file in tmp_path.glob("runs/*/evaluation/*.json")}
     assert len(cached) == 2
     assert main(["study", "friction", "--train", *options, "--ship", "shipped"]) == 1
     assert "coulomb20-none has 0 finished seeds, its median needs at least 3" in capsys.readouterr().err
-    assert cached == {file: file.stat().st_mtime_ns for file in tmp_path.glob("runs/*/evaluation/*.csv")}
+    assert cached == {file: file.stat().st_mtime_ns for file in tmp_path.glob("runs/*/evaluation/*.json")}
     header = json.loads((tmp_path / "runs/coulomb20-deception-s0/config.json").read_text())
     header["config"]["seed"] = 5
     (tmp_path / "runs/coulomb20-deception-s0/config.json").write_text(json.dumps(header))

@@ -203,7 +203,7 @@ def test_help_teaches(capsys: pytest.CaptureFixture) -> None:
     with pytest.raises(SystemExit) as stop:
         main(["train", "--help-all"])
     assert stop.value.code == 0
-    text = capsys.readouterr().out
+    text = " ".join(capsys.readouterr().out.split())
     for word in ("--preset quick", "tensorboard --logdir", "Ctrl-C", "--resume", "clips/", "diverges", "metrics.jsonl"):
         assert word in text, word
     for flag in ("--video-every", "--stop-at-tracking-error"):

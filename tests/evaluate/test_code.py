@@ -18,7 +18,15 @@ READING = {
     *("core/lifeline.py", "core/lock.py", "core/memory.py", "core/scratch.py", "formats/dialect.py", "formats/text.py"),
     *(f"formats/{name}.py" for name in ("actuator", "bundle", "contract_rules", "following", "golden", "joint_map")),
     *(f"formats/{name}.py" for name in ("joints", "log", "plain", "results", "signature", "tables")),
-    *("core/plugins.py", "core/records.py", "locomotion/config.py", "locomotion/rewards.py", "joints/net.py"),
+    *(
+        "core/extras.py",
+        "core/files.py",
+        "core/plugins.py",
+        "core/records.py",
+        "locomotion/config.py",
+        "locomotion/rewards.py",
+        "joints/net.py",
+    ),
 }
 """Code that reads and refuses files, whose content is in every key, or names columns and methods; finds what a user
 named; speed; configuration, whose values are in every key, and rewards, which no walk reads."""
@@ -45,7 +53,8 @@ TRAINING = {
 keys."""
 
 BENCHED = {
-    *("formats/contract.py", "formats/known_friction.py", "formats/observation.py", "formats/walk.py"),
+    *("formats/contract.py", "formats/known_friction.py", "formats/observation.py", "formats/velocity.py"),
+    "formats/walk.py",
     *(
         "locomotion/friction.py",
         "locomotion/terrain.py",

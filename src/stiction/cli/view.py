@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from stiction.core.errors import ConfigurationError
+from stiction.core.options import read_options
 from stiction.locomotion.friction import law_choice, law_help
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ class ViewCfg:
 
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
-    cfg = tyro.cli(ViewCfg, args=arguments, prog="stiction view", description=DESCRIPTION)
+    cfg = read_options(ViewCfg, arguments, "stiction view", DESCRIPTION)
     import viser  # noqa: F401  (before anything is loaded: the extra that is missing)
 
     if not 0 < cfg.seconds <= 120:

@@ -14,7 +14,7 @@ FLEET = (
     ),
     *("robots/*.py", "robots/shipped/*.py"),
     *("locomotion/friction.py", "locomotion/terrain.py", "formats/contract.py", "formats/known_friction.py"),
-    *("formats/observation.py", "formats/walk.py"),
+    *("formats/observation.py", "formats/velocity.py", "formats/walk.py"),
     *(
         f"evaluate/{name}.py"
         for name in ("command", "course", "evaluate", "known_friction", "own_policy", "rollout", "metrics")
