@@ -29,6 +29,7 @@ from stiction.report.page import (
 )
 from stiction.studies import study
 from stiction.studies.claims import JUDGED, said_of
+from stiction.studies.friction.manifest import EVALUATED
 from stiction.studies.friction.records import HIGHEST, STUDENT, ConditionRecord, Experiment, SeedMean, short_name
 
 if TYPE_CHECKING:
@@ -387,7 +388,7 @@ def _run_blocks(experiment: Experiment, runs: Sheet) -> tuple[Markup, ...]:
 
 def lead(experiment: Experiment) -> str:
     """Return how far it has come, and how many sentences came out how."""
-    finished = sum(run.state in ("exported", "finished") for run in experiment.runs)
+    finished = sum(run.state in EVALUATED for run in experiment.runs)
     runs = f"{finished} of {len(experiment.runs)} trainings are finished."
     if not experiment.verdicts:
         return runs
