@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import tyro
 from rich.console import Console
@@ -211,7 +211,7 @@ def _identify_joints(config: IdentifyConfig) -> int:
         found = identify_joints(
             logs[0], setup, config.joint, logs[1:], () if config.join else runs[1:], progress=progress
         )
-    with results_folder(config.out, "identify", config):
+    with results_folder(config.out, _verb(config), config):
         found.write(config.out)
     _print_results(config, found.file, show)
     if len(found.signals) > 1 and setup.test_condition != "bare_motor":
@@ -234,7 +234,7 @@ def _identify_limb(config: IdentifyConfig, robot: str) -> int:
     setup = part_of(LimbSetup, config)
     with Terminal(stderr=True).status("fitting all joints at once"):
         found = identify_limb(log, robot, part_of(IdentifySetup, config), setup)
-    with results_folder(config.out, "identify", config):
+    with results_folder(config.out, _verb(config), config):
         found.write(config.out)
     _print_results(config, found.file, lambda console, joints: _show_limb(console, joints, setup.model_error))
     return 0
@@ -265,6 +265,7 @@ def _identify_walk(arguments: list[str]) -> int:
     options = read_options(WalkOptions, arguments, "stiction identify walk", WALK_DESCRIPTION, groups=WALK_GROUPS)
     from stiction.formats.run_log import read_walk_log
     from stiction.formats.walk import write_walk_fit
+    from stiction.identify.proposal import write_proposal
     from stiction.identify.walking.foreign import foreign_walk
     from stiction.identify.walking.pipeline import identify_walk
     from stiction.report.walking import write_walking_page
@@ -288,7 +289,11 @@ def _identify_walk(arguments: list[str]) -> int:
             spec = find_robot(options.robot)
             foreign = foreign_walk(log, spec, declared, part_of(RobotLogSetup, options))
             found = identify_walk(foreign.log, spec, setup, foreign.notes, True, foreign.unplaced)
-        _write_results(options, found.joints, lambda path: write_walk_fit(path, found.fit), write_walking_page)
+        with results_folder(options.out, _verb(options), options):
+            found.joints.write(options.out / "joints.json")
+            write_proposal(options.out, found.joints)
+            write_walk_fit(options.out / "fit.npz", found.fit)
+            write_walking_page(options.out)
     _print_results(options, found.joints, _show_walk)
     return 0
 
@@ -334,23 +339,6 @@ def _keep_inputs(log: Path, out: Path) -> None:
             raise ConfigurationError(
                 f"--out {out} would put {name} where {log.name} has itself or its sidecar; choose another --out"
             )
-
-
-def _write_results(
-    options: IdentifyConfig | WalkOptions,
-    joints: JointsFile,
-    write_signals: Callable[[Path], None],
-    write_page: Callable[[Path], Any],
-) -> None:
-    """Write the four files, of which `write_signals` writes fit.npz; raise `StictionError` where that cannot be."""
-    from stiction.identify.proposal import write_proposal
-
-    folder = options.out
-    with results_folder(folder, _verb(options), options):
-        joints.write(folder / "joints.json")
-        write_proposal(folder, joints)
-        write_signals(folder / "fit.npz")
-        write_page(folder)
 
 
 def _print_results(
