@@ -112,7 +112,21 @@ class ReadOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class IdentifyConfig(ReadOptions, IdentifySetup, LimbSetup):
+class WriteOptions:
+    """Where results go, and what reading and fitting may take."""
+
+    out: Path = Path("identified")
+    """Folder for joints.json, fit.npz, training.json and report.html."""
+    overwrite: bool = False
+    """Write over results of other settings in --out."""
+    json: bool = False
+    """Print the machine-readable summary, and nothing else, on standard output."""
+    memory_limit: float = DEFAULT_LIMIT / 2**30
+    """Memory that reading and fitting may take beyond the program's own [GiB]; a table may take a quarter of it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentifyConfig(WriteOptions, ReadOptions, IdentifySetup, LimbSetup):
     """Options of the verb; those of `LimbSetup` count with --robot."""
 
     log: Annotated[tuple[Path, ...], tyro.conf.Positional]
@@ -131,18 +145,10 @@ class IdentifyConfig(ReadOptions, IdentifySetup, LimbSetup):
     """Further logs of the same joints: repeats, hot and cold, with and without a payload. Each may have a sidecar."""
     repeat_columns: tuple[str, ...] = ()
     """ROLE=NAME pairs that the repeats have and the log has not: disturbance=pulses, say."""
-    out: Path = Path("identified")
-    """Folder for joints.json, fit.npz, training.json and report.html."""
-    overwrite: bool = False
-    """Write over results of other settings in --out."""
-    json: bool = False
-    """Print the machine-readable summary, and nothing else, on standard output."""
-    memory_limit: float = DEFAULT_LIMIT / 2**30
-    """Memory that reading and fitting may take beyond the program's own [GiB]; a table may take a quarter of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class WalkOptions(ReadOptions, WalkSetup, RobotLogSetup):
+class WalkOptions(WriteOptions, ReadOptions, WalkSetup, RobotLogSetup):
     """Options for the log of a walk; those on columns, time and motors are for logs that are not of evaluate --log."""
 
     log: Annotated[Path, tyro.conf.Positional]
@@ -162,14 +168,6 @@ class WalkOptions(ReadOptions, WalkSetup, RobotLogSetup):
     """N m per unit of the torque column."""
     position_scale: float | None = None
     """rad per unit of position, velocity and target."""
-    out: Path = Path("identified")
-    """Folder for joints.json, fit.npz, training.json and report.html."""
-    overwrite: bool = False
-    """Write over results of other settings in --out."""
-    json: bool = False
-    """Print the machine-readable summary, and nothing else, on standard output."""
-    memory_limit: float = DEFAULT_LIMIT / 2**30
-    """Memory that reading and fitting may take beyond the program's own [GiB]; a table may take a quarter of it."""
 
 
 def main(arguments: list[str]) -> int:
@@ -341,9 +339,7 @@ def _keep_inputs(log: Path, out: Path) -> None:
             )
 
 
-def _print_results(
-    options: IdentifyConfig | WalkOptions, joints: JointsFile, show: Callable[[Console, JointsFile], None]
-) -> None:
+def _print_results(options: WriteOptions, joints: JointsFile, show: Callable[[Console, JointsFile], None]) -> None:
     """Print what was found: as JSON, or as `show` does for a person."""
     if options.json:
         print(object_text(joints.to_dict()), end="")
