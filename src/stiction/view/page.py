@@ -7,7 +7,7 @@ from pathlib import Path
 
 import viser
 
-from stiction.core.cache import publish
+from stiction.core.files import publish
 from stiction.view.scene import Scene
 from stiction.view.simulation import Simulation
 

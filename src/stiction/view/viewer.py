@@ -76,8 +76,7 @@ class Viewer:
         self._answer()
         if self.paused:
             return
-        simulation = self.simulation
-        simulation.step()
+        self.simulation.step()
         self.history.add()
         self._record()
 
@@ -88,11 +87,15 @@ class Viewer:
                 action = self._asked.get_nowait()
             except queue.Empty:
                 return
-            try:
-                action()
-            except StictionError as error:
-                self.panel.say("That cannot be done", " ".join(str(error).split()))
-                self.panel.show_world()
+            self._attempt(action)
+
+    def _attempt(self, action: Callable[[], None]) -> None:
+        """Do something; what cannot be done is said to everybody."""
+        try:
+            action()
+        except StictionError as error:
+            self.panel.say("That cannot be done", " ".join(str(error).split()))
+            self.panel.show_world()
 
     def show(self, now: float, draw: bool = True) -> None:
         """Bring browsers up to date; now: a monotonic clock's time [s]; draw: the robots too."""
@@ -140,13 +143,13 @@ class Viewer:
 
     def restart(self) -> None:
         """Put the robots to the start."""
-        self._write()
+        self._attempt(self._write)
         self.simulation.reset()
         self.history.clear()
 
     def show_world(self, engine: str, terrain: str) -> None:
         """Put the robots into another world."""
-        self._write()
+        self._attempt(self._write)
         self.simulation.set_world(replace(self.simulation.cfg, engine=engine, course=parse_course(terrain)))
         self.history.clear()
         self.scene.rebuild()
@@ -185,7 +188,7 @@ class Viewer:
             return
         step = self._recorded.seen.step
         if step is None or self._recorder.full:
-            self._write()
+            self._attempt(self._write)
         else:
             self._recorder.add(step)
 
