@@ -302,23 +302,23 @@ class Simulation:
 
     def set_velocity(self, velocity: Sequence[float]) -> None:
         """Command all robots: forward, sideways [m/s], turn [rad/s]."""
-        self.velocity = np.clip([_finite(value) for value in velocity], *self.range)
+        self.velocity = np.clip([finite(value) for value in velocity], *self.range)
 
     def set_level(self, kind: str, level: float) -> None:
         """Set the friction of a kind of joint, a fraction of its torque limit or a coefficient [-]."""
         if kind not in self.levels:
             raise ConfigurationError(f"no joint of kind {kind!r}; expected one of {', '.join(self.kinds)}")
-        self.levels = {**self.levels, kind: min(max(_finite(level), 0.0), MAX_LEVEL)}
+        self.levels = {**self.levels, kind: min(max(finite(level), 0.0), MAX_LEVEL)}
         self._set_friction()
 
     def set_wear(self, factor: float) -> None:
         """Set the factor on torques of friction [1]."""
-        self.wear = min(max(_finite(factor), 0.0), MAX_WEAR)
+        self.wear = min(max(finite(factor), 0.0), MAX_WEAR)
         self._set_friction()
 
     def push(self, velocity: Sequence[float]) -> None:
         """Add a velocity, forward and to the left of each robot [m/s], to that of all that stand."""
-        forward, left = np.clip([_finite(value) for value in velocity], -FASTEST_PUSH, FASTEST_PUSH)
+        forward, left = np.clip([finite(value) for value in velocity], -FASTEST_PUSH, FASTEST_PUSH)
         for walker in self.walkers:
             if not walker.lies:
                 heading = yaw(walker.seen.motion.base_quaternion)
@@ -346,7 +346,7 @@ class Simulation:
         return share if has_coefficient(law.name) else self.wear * share * self.spec.joint_values("torque_limit")
 
 
-def _finite(value: float) -> float:
+def finite(value: float) -> float:
     """Return a number; raise `StictionError` for what is none."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not math.isfinite(value):
         raise ConfigurationError(f"{value!r} is no finite number")
