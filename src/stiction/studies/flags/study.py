@@ -134,11 +134,11 @@ def lead(rows: Sequence[Outcome]) -> str:
 
 def all_cases(folder: Path) -> list[Case]:
     """Return the cases of joints, of servos and of limbs. folder: of the measured records."""
-    from stiction.studies.flags.cases import cases
+    from stiction.studies.flags.cases import joint_cases
     from stiction.studies.flags.drives import drive_cases
     from stiction.studies.flags.limbs import limb_cases
 
-    return [*cases(folder), *drive_cases(folder), *limb_cases(folder)]
+    return [*joint_cases(folder), *drive_cases(folder), *limb_cases(folder)]
 
 
 def run(options: FlagsOptions, work: Work) -> Report:
