@@ -182,8 +182,8 @@ def main(arguments: list[str]) -> int:
 
 
 def _identify_joints(config: IdentifyConfig) -> int:
-    """Identify the joints of one log or of several; return the exit status."""
-    from stiction.api.identification import identify_joints
+    """Identify the joints of one log or of several, or of a whole limb; return the exit status."""
+    from stiction.api.identification import identify_joints, identify_limb
     from stiction.identify.logs import join_logs, parse_columns
     from stiction.identify.logs.sidecar import write_sidecar
     from stiction.report.terminal import work_progress
@@ -199,42 +199,26 @@ def _identify_joints(config: IdentifyConfig) -> int:
     for log in (*config.log, *config.repeat):
         _keep_inputs(log, config.out)
     check_settings(config.out, _verb(config), config)
-    if config.robot is not None:
-        return _identify_limb(config, config.robot)
     setup = part_of(IdentifySetup, config)
-    runs = [_open(config, path) for path in config.log]
-    logs = [join_logs(runs)] if config.join else runs[:1]
-    logs += [_open(config, path, repeat=True) for path in config.repeat]
-    with work_progress() as progress:
-        found = identify_joints(
-            logs[0], setup, config.joint, logs[1:], () if config.join else runs[1:], progress=progress
-        )
+    first, *more = [_open(config, path) for path in config.log]
+    if config.join:
+        first, more = join_logs([first, *more]), []
+    repeats = [_open(config, path, repeat=True) for path in config.repeat]
+    if config.robot is None:
+        with work_progress() as progress:
+            found = identify_joints(first, setup, config.joint, repeats, more, progress=progress)
+    else:
+        limb = part_of(LimbSetup, config)
+        with Terminal(stderr=True).status("fitting all joints at once"):
+            found = identify_limb(first, config.robot, setup, limb, config.joint, repeats, more)
     with results_folder(config.out, _verb(config), config):
         found.write(config.out)
+    if config.robot is not None:
+        _print_results(config, found.file, lambda console, joints: _show_limb(console, joints, config.model_error))
+        return 0
     _print_results(config, found.file, show)
     if len(found.signals) > 1 and setup.test_condition != "bare_motor":
         Terminal(stderr=True).print(COUPLED, highlight=False, soft_wrap=True)
-    return 0
-
-
-def _identify_limb(config: IdentifyConfig, robot: str) -> int:
-    """Identify all joints of a leg or an arm at once; return the exit status."""
-    from stiction.api.identification import identify_limb
-    from stiction.identify.logs import join_logs
-
-    several = len(config.log) > 1 and not config.join
-    for given, what in ((config.joint, "--joint"), (config.repeat, "--repeat"), (several, "several runs")):
-        if given:
-            raise ConfigurationError(
-                f"{what} with --robot: expected one log, for all its joints at once; leave that out"
-            )
-    log = join_logs([_open(config, path) for path in config.log]) if config.join else _open(config, config.log[0])
-    setup = part_of(LimbSetup, config)
-    with Terminal(stderr=True).status("fitting all joints at once"):
-        found = identify_limb(log, robot, part_of(IdentifySetup, config), setup)
-    with results_folder(config.out, _verb(config), config):
-        found.write(config.out)
-    _print_results(config, found.file, lambda console, joints: _show_limb(console, joints, setup.model_error))
     return 0
 
 

@@ -29,7 +29,7 @@ from stiction.evaluate.known_friction import nominal_known
 from stiction.formats.bundle import write_bundle
 from stiction.formats.contract import Contract
 from stiction.formats.contract_rules import METHODS
-from stiction.formats.joint_map import mapped
+from stiction.formats.joint_map import mapped, refuse_alone
 from stiction.formats.joints import load_joints
 from stiction.formats.known_friction import TERM, bench_friction, known_friction_text
 from stiction.formats.velocity import COMMANDS
@@ -150,6 +150,7 @@ def export_run(
             robot or for a policy that observes no friction, or `out` exists already.
 
     """
+    refuse_alone(joint_map, joints)
     directory = RunDirectory(run)
     if robot is not None:
         directory.adopt(robot)

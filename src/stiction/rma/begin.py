@@ -10,7 +10,7 @@ from typing import Any
 
 from stiction.core.errors import ConfigurationError
 from stiction.core.records import from_plain
-from stiction.formats.joint_map import mapped
+from stiction.formats.joint_map import mapped, refuse_alone
 from stiction.formats.joints import load_joints
 from stiction.joints.friction import has_coefficient
 from stiction.locomotion.device import find_device
@@ -47,8 +47,7 @@ def begin_run(
     find_device(cfg.device, cfg.contacts)
     if cfg.symmetry != "none":
         robot_mirror(robot)
-    if joint_map and cfg.joints is None:
-        raise ConfigurationError("--joint-map names records of a joints.json; name that too, with --joints")
+    refuse_alone(joint_map, cfg.joints)
     identified = nominal_of(cfg.joints, cfg.task.robot, joint_map, cfg.task.friction, say)
     return RunDirectory.create(out, cfg, command, identified), cfg
 
