@@ -82,7 +82,7 @@ def digests(folder: Path, names: Iterable[str]) -> dict[str, str]:
     found = {}
     for name in names:
         with open_regular(folder / name) as file:
-            found[name] = hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]
+            found[name] = hashlib.file_digest(file, "sha256").hexdigest()
     return found
 
 
