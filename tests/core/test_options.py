@@ -54,9 +54,9 @@ def test_words_become_options() -> None:
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
-        (("go2", "--secnds", "3"), ("unknown option --secnds", "did you mean --seconds?")),
-        (("go2", "--secnds=3"), ("unknown option --secnds", "did you mean --seconds?")),
-        (("go2", "--gait", "tirpod"), ("--gait 'tirpod'", "expected tripod, ripple", "did you mean tripod?")),
+        (("go2", "--secnds", "3"), ("unknown option --secnds", "did you mean '--seconds'?")),
+        (("go2", "--secnds=3"), ("unknown option --secnds", "did you mean '--seconds'?")),
+        (("go2", "--gait", "tirpod"), ("--gait 'tirpod'", "expected tripod, ripple", "did you mean 'tripod'?")),
         (("go2", "--steps", "many"), ("--steps 'many'", "expected a whole number")),
         (("go2", "--seconds", "long"), ("--seconds 'long'", "expected a number")),
         (("go2", "--seconds"), ("--seconds", "a value is missing")),

@@ -91,8 +91,6 @@ class ViewCfg:
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
     cfg = read_options(ViewCfg, arguments, "stiction view", DESCRIPTION)
-    import viser  # noqa: F401  (before anything is loaded: the extra that is missing)
-
     if not 0 < cfg.seconds <= 120:
         raise ConfigurationError(f"--seconds {cfg.seconds:g}; expected more than 0 and at most 120")
     policies, newest = policies_of(cfg)

@@ -15,12 +15,11 @@ import textwrap
 import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr
-from difflib import get_close_matches
 from typing import Any, NoReturn, TypeVar
 
 import tyro
 
-from stiction.core.errors import escaped
+from stiction.core.errors import escaped, nearest
 
 Options = TypeVar("Options")
 
@@ -81,11 +80,6 @@ def refuse(program: str, what: str) -> NoReturn:
     raise SystemExit(2)
 
 
-def nearest(word: str, known: Sequence[str]) -> str:
-    """Return `; did you mean ...?` with the nearest of the known words, nothing where none is near."""
-    return "".join(f"; did you mean {found}?" for found in get_close_matches(word, known, n=1))
-
-
 def _parser(kind: type[Any], program: str, extra: dict[str, Any]) -> argparse.ArgumentParser:
     """Return the options as argparse has them: the one form in which tyro tells others of them."""
     with warnings.catch_warnings():
@@ -101,7 +95,7 @@ def _wrong(parser: argparse.ArgumentParser, arguments: Sequence[str], said: str)
     names = [word.partition("=")[0].replace("_", "-") for word in arguments]
     for name in names:
         if name.startswith("--") and name not in known:
-            return f"unknown option {name}{nearest(name, list(known))}"
+            return f"unknown option {name}{nearest(name, known)}"
     if found := re.match(r"invalid choice '(.*?)' for argument '([\w.-]+)", text):
         value, name = found.groups()
         choices = _choices(known.get(name) or next(one for one in parser._actions if one.dest == name))

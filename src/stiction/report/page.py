@@ -185,11 +185,13 @@ UNNAMED = re.compile(r"(_child\d+|_container\d+|_nolegend_)?")
 
 
 def legend(axis: Axes | Figure, drawn: dict[str, Any] | None = None, **settings: Any) -> None:
-    """Add a legend to an axis of `new_figure` or to the whole figure, in the page's colours.
+    """Add a legend to an axis of `new_figure` or to the whole figure, in the page's colours, where there is anything.
 
     drawn: label -> what was drawn, by default all that is `labelled` on the axis.
     """
     found = labelled(axis) if drawn is None else drawn  # type: ignore[arg-type]
+    if not found:
+        return
     look: dict[str, Any] = {"fontsize": 8, "labelcolor": INK, "frameon": False} | settings
     axis.legend(list(found.values()), list(found), **look)
 

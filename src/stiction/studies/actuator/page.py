@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from stiction.formats.results import COLUMNS, FOLLOWS, ResultRow
-from stiction.report.page import COLORS, Section, figure_uri, legend, new_figure, paragraph, picture, table
+from stiction.formats.results import COLUMNS, ResultRow
+from stiction.report.following import shade_following
+from stiction.report.page import Section, figure_uri, legend, new_figure, paragraph, picture, table
 from stiction.studies.actuator.robots import FACTORS, FRICTION_FACTORS
 from stiction.studies.study import Report
 
@@ -141,7 +142,7 @@ def draw(rows: Sequence[Row]) -> Figure:
     figure, axes = new_figure(1, max(1, len(commands)), size=(4.8 * max(1, len(commands)), 3.4))
     robots = list(dict.fromkeys(map(_robot_label, rows)))
     for axis, command in zip(axes, commands, strict=False):
-        axis.axhspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
+        shade_following(axis)
         for policy in dict.fromkeys(row["policy"] for row in rows):
             points = [row for row in rows if (row["policy"], row["command"]) == (policy, command)]
             at = [robots.index(_robot_label(row)) for row in points]

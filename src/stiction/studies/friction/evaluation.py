@@ -87,11 +87,13 @@ class Task:
     """One policy to evaluate."""
 
     run: PlannedRun
-    """Its run, finished or exported."""
+    """Its run."""
     who: Who
     settings: EvaluationCfg
     cache: Path
     """Folder of its rows."""
+    exported: bool
+    """Whether the run's exported policy walks, for want of its folder."""
 
     @property
     def name(self) -> str:
@@ -113,7 +115,7 @@ class Task:
 
     def _weights(self) -> str:
         """Return the digest of what walks."""
-        if self.run.state() == "exported":
+        if self.exported:
             return self.run.bundle().digest
         checkpoint = latest_checkpoint(self.run.path / "checkpoints", self.who)
         if checkpoint is None:
@@ -123,7 +125,7 @@ class Task:
 
     def walk(self) -> list[ResultRow]:
         """Return its rows, walked on this thread, by the network of its run or by the policy that was exported."""
-        if self.run.state() == "exported":
+        if self.exported:
             rows = evaluate_bundle(self.run.bundle(), self.settings).rows
             return [replace(row, policy=self.name) for row in rows]
         import torch
@@ -140,17 +142,15 @@ def tasks_for(planned: Sequence[PlannedRun], base: EvaluationCfg = BASE, cache: 
 
     cache: a folder for the rows; by default `evaluation` in each run's.
     """
-    return [
-        Task(
-            run,
-            who,
-            replace(settings_for(run.cfg, base), commands=COMMANDS[who]),
-            run.path / "evaluation" if cache is None else cache / run.run.name,
-        )
-        for run in planned
-        for who in get_args(Who)
-        if who == STUDENT or (run.cfg.teacher.latent != "history" and run.state() == "finished")
-    ]
+    tasks = []
+    for run in planned:
+        exported = run.state() == "exported"
+        folder = run.path / "evaluation" if cache is None else cache / run.run.name
+        for who in get_args(Who):
+            if who == STUDENT or not (exported or run.cfg.teacher.latent == "history"):
+                settings = replace(settings_for(run.cfg, base), commands=COMMANDS[who])
+                tasks.append(Task(run, who, settings, folder, exported))
+    return tasks
 
 
 def evaluate_task(task: Task) -> list[ResultRow]:

@@ -197,6 +197,9 @@ def runs_of(parts: Collection[str], preset: str = TWO_PHASE) -> list[Run]:
 State = Literal["missing", "interrupted", "exported", "finished"]
 """`exported`: its folder is elsewhere, its policy is here."""
 
+EVALUATED: tuple[State, ...] = ("exported", "finished")
+"""States of runs that have rows."""
+
 
 @dataclass(frozen=True)
 class PlannedRun:

@@ -11,9 +11,9 @@ import numpy as np
 from markupsafe import Markup
 
 from stiction.formats.following import BAND, SLOW
-from stiction.formats.results import DIRECTIONS, FOLLOWS, ResultRow
+from stiction.formats.results import DIRECTIONS, ResultRow
 from stiction.joints.friction import level_axis, level_number
-from stiction.report.following import changes_sheet, levels_sheet
+from stiction.report.following import changes_sheet, levels_sheet, shade_following
 from stiction.report.page import (
     COLORS,
     INK,
@@ -21,7 +21,6 @@ from stiction.report.page import (
     Sheet,
     figure_uri,
     fold,
-    labelled,
     legend,
     new_figure,
     paragraph,
@@ -29,6 +28,7 @@ from stiction.report.page import (
 )
 from stiction.studies import study
 from stiction.studies.claims import JUDGED, said_of
+from stiction.studies.friction.manifest import EVALUATED, TWO_PHASE
 from stiction.studies.friction.records import HIGHEST, STUDENT, ConditionRecord, Experiment, SeedMean, short_name
 
 if TYPE_CHECKING:
@@ -38,15 +38,9 @@ if TYPE_CHECKING:
 WORDS = dict(zip(DIRECTIONS, ("forward", "backward"), strict=True))
 
 
-def _names(axis: Axes) -> None:
-    """Add a legend where something was drawn."""
-    if labelled(axis):
-        legend(axis)
-
-
 def _band(axis: Axes) -> None:
     """Shade the speeds that count as following, and mark standing still."""
-    axis.axhspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
+    shade_following(axis)
     axis.axhline(0.0, color=INK, linewidth=0.8)
 
 
@@ -89,7 +83,7 @@ def draw_budget(experiment: Experiment, conditions: Sequence[str], law: str = "c
         axis.set(title=f"{who}, {WORDS[command]}, 0.5 m/s", ylabel="speed reached / commanded")
     for axis in axes[-2:]:
         axis.set_xlabel(level_axis(law))
-    _names(axes[0])
+    legend(axes[0])
     return figure
 
 
@@ -120,7 +114,7 @@ def draw_learning(experiment: Experiment, conditions: Sequence[str]) -> Figure:
                 axis.plot(ends, mean, color=color, linewidth=2, label=short_name(condition))
         axis.set(title=f"{title}, while training", xlabel="iteration of the teacher")
     axes[0].set_ylabel("speed reached / commanded")
-    _names(axes[0])
+    legend(axes[0])
     return figure
 
 
@@ -133,7 +127,7 @@ def draw_conditions(experiment: Experiment, conditions: Sequence[str]) -> Figure
     nominal = {condition.name: condition.nominal for condition in experiment.conditions}
     styles = dict(zip(DIRECTIONS, ((">", COLORS[0], -0.12), ("<", COLORS[1], 0.12)), strict=True))
     for axis, title in zip(axes, ("without friction", "at the nominal friction"), strict=True):
-        axis.axvspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
+        shade_following(axis, "x")
         axis.axvline(0.0, color=INK, linewidth=0.8)
         for line, condition in enumerate(conditions):
             level = 0.0 if axis is axes[0] else nominal[condition]
@@ -179,7 +173,7 @@ def draw_collapse(experiment: Experiment) -> Figure:
         axis.set(title=method, xlabel=name)
     axes[0].set_ylabel("speed reached / commanded")
     for axis in axes[:: len(names)]:
-        _names(axis)
+        legend(axis)
     return figure
 
 
@@ -264,7 +258,7 @@ def onset_sheet(experiment: Experiment) -> Sheet:
 def run_sheet(experiment: Experiment) -> Sheet:
     """Return every run with its command, state, revision and time."""
     arguments = {condition.name: condition.arguments for condition in experiment.conditions}
-    preset = experiment.summary.get("preset", "two-phase")
+    preset = experiment.summary.get("preset", TWO_PHASE)
     rows = tuple(
         (
             run.name,
@@ -387,7 +381,7 @@ def _run_blocks(experiment: Experiment, runs: Sheet) -> tuple[Markup, ...]:
 
 def lead(experiment: Experiment) -> str:
     """Return how far it has come, and how many sentences came out how."""
-    finished = sum(run.state in ("exported", "finished") for run in experiment.runs)
+    finished = sum(run.state in EVALUATED for run in experiment.runs)
     runs = f"{finished} of {len(experiment.runs)} trainings are finished."
     if not experiment.verdicts:
         return runs

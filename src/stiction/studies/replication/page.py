@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from stiction.evaluate.methods import FED, FED_BY
 from stiction.evaluate.table import BOTH, Sample
 from stiction.formats.following import BAND, FAST, SLOW, Following
-from stiction.formats.results import FOLLOWS
 from stiction.joints.friction import has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
 from stiction.report.evaluation import sample_text
@@ -20,6 +19,7 @@ from stiction.report.following import (
     places_sheet,
     recommended_sentence,
     recommended_sheet,
+    shade_following,
 )
 from stiction.report.page import (
     COLORS,
@@ -75,7 +75,7 @@ def draw_budget(points: Sequence[BudgetPoint], methods: Sequence[str], band: flo
     rows = -(-len(shown) // columns)
     figure, axes = new_figure(rows, columns, size=(max(6.3, 4.2 * columns), 3.7 * rows))
     for axis, ((engine, law), some) in zip(axes, shown.items(), strict=False):
-        axis.axhspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
+        shade_following(axis)
         axis.axhline(0.0, color=INK, linewidth=0.8)
         for method in methods:
             own = sorted((p for p in some if p.method == method), key=lambda p: p.friction_level)

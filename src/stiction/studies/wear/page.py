@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from stiction.formats.following import BAND, FAST, SLOW
-from stiction.formats.results import FOLLOWS
 from stiction.formats.wear import LEVEL
+from stiction.report.following import shade_following
 from stiction.report.page import (
     COLORS,
     Section,
@@ -40,7 +40,7 @@ def draw_ratios(windows: Sequence[Window], lifetimes: Sequence[Lifetime]) -> Fig
     policies = list(dict.fromkeys(row.policy for row in lifetimes))
     figure, axes = new_figure(len(levels), 1, (8.0, 3.4 * len(levels)))
     for axis, level in zip(axes, levels, strict=True):
-        axis.axhspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
+        shade_following(axis)
         for color, policy in zip(COLORS * len(policies), policies, strict=False):
             rows = [row for row in windows if (row.policy, row.friction_level) == (policy, level)]
             robots = list(dict.fromkeys(row.robot for row in rows))
