@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from stiction.core.errors import LogError, StictionError
-from stiction.core.files import digest_of
-from stiction.formats.run_log import is_walk_log, read_walk_log
+from stiction.formats.run_log import digest_of, is_walk_log, read_walk_log
 from stiction.formats.walk import LARGEST_JITTER
 from stiction.identify.logs.opening import open_log
 
