@@ -1,11 +1,12 @@
 """Attack the program, count what came of it, and write a table.
 
-    python scripts/attacks.py --folders 2000 --kills 100 --writers 50 --bundles 1 --logs 10000 --out results/attacks
+    python scripts/attacks.py --folders 2000 --kills 100 --writers 50 --bundles 1 --logs 10000 --run-logs 2000
 
-Damaged run folders, kills, second writers, bundles that contradict themselves (times all of them) and damaged logs; a
-part whose count is 0 is left out, so that each can run alone. What is done is kept in attacks.jsonl of the folder, a
-few attacks a line: the same command goes on after whatever ended it, and begins anew where code or packages are others.
-Needs the tests beside it. Exit status 1 where something came of it that must not be.
+Damaged run folders, kills, second writers, bundles that contradict themselves (times all of them), damaged logs, and
+logs of `deploy` (those that have a name, and as many by chance as are asked for); a part whose count is 0 is left out,
+so that each can run alone. What is done is kept in attacks.jsonl of the folder, a few attacks a line: the same command
+goes on after whatever ended it, and begins anew where code or packages are others. Needs the tests beside it. Exit
+status 1 where something came of it that must not be.
 """
 
 from __future__ import annotations
@@ -324,6 +325,11 @@ def planned(options: argparse.Namespace) -> Iterator[Unit]:
             each = -(-options.logs // len(damage.KINDS))
             do = lambda n, count, kind=kind: separately("damage.py", kind, str(count), str(n))  # noqa: E731
             yield from units(f"damaged logs: {kind}", each, 200, do)
+    if options.run_logs:
+        do = lambda n, count: separately("run_log_attacks.py", "both")  # noqa: E731
+        yield Unit("logs of deploy: attacks by name, on a walk and a motion", 0, 1, do)
+        do = lambda n, count: separately("run_log_attacks.py", "random", str(count), str(n))  # noqa: E731
+        yield from units("logs of deploy and reports: attacks by chance", options.run_logs, 100, do)
 
 
 def clock(seconds: float) -> str:
@@ -364,6 +370,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     counts = {"folders": "damaged run folders", "kills": "kills, over the verbs", "writers": "second writers"}
     counts |= {"bundles": "times all bundles that contradict themselves", "logs": "damaged logs, over all kinds"}
+    counts |= {"run-logs": "attacked logs of deploy"}
     for name, text in counts.items():
         parser.add_argument(f"--{name}", type=int, default=0, help=f"number of {text}")
     parser.add_argument("--verbs", nargs="+", choices=VERBS, default=list(VERBS), help="verbs that are killed")

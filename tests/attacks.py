@@ -28,7 +28,7 @@ def _places(tree: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     return [path, *(place for key, value in inner for place in _places(value, (*path, key)))]
 
 
-def _change_json(content: bytes, pick: random.Random) -> bytes:
+def change_json(content: bytes, pick: random.Random) -> bytes:
     """Change one place of some JSON; of lines of JSON, of one of them."""
     lines = content.decode().splitlines()
     whole = len(lines) < 2 or lines[0].strip() in ("{", "[")
@@ -60,7 +60,7 @@ def _change_json(content: bytes, pick: random.Random) -> bytes:
     return ("\n".join(lines) + "\n").encode()
 
 
-def _change_bytes(content: bytes, pick: random.Random) -> bytes:
+def change_bytes(content: bytes, pick: random.Random) -> bytes:
     """Damage a file as a disk, a cable or an editor does."""
     if not content:
         return b"\0"
@@ -108,7 +108,7 @@ def attack(run: Path, seed: int) -> str:
         how = "bytes"
     content = file.read_bytes()
     if how in ("json", "bytes"):
-        file.write_bytes((_change_json if how == "json" else _change_bytes)(content, pick))
+        file.write_bytes((change_json if how == "json" else change_bytes)(content, pick))
     else:
         file.unlink()
         if how == "folder":
@@ -119,7 +119,7 @@ def attack(run: Path, seed: int) -> str:
             os.mkfifo(file)
         elif how == "device":
             file.symlink_to("/dev/zero")
-    forged = "checkpoints" in file.parts and pick.random() < 0.5
+    forged = "checkpoints" in file.parts and how in ("json", "bytes") and pick.random() < 0.5
     if forged:
         seal(run)
     return f"{file.relative_to(run)}: {how}{', digest forged' * forged}"

@@ -151,13 +151,20 @@ def test_the_oldest_parts_go(tmp_path: Path) -> None:
 
 
 def test_a_gap_is_said_and_damage_refused(folder: Path) -> None:
-    """A log that lacks half a second is taken for whole; a part of another run, or a cut one, is read."""
-    names = sorted(folder.glob("readings-*.npz"))
+    """A log that lacks half a second is taken for whole; a part that is there twice, or a cut one, is read."""
+    (first,) = sorted(folder.glob("readings-*.npz"))
     log = read_run_log(folder)
+    with np.load(first) as arrays:
+        later = {name: arrays[name] for name in arrays.files}
     extra = folder / "readings-000009-000009.npz"
-    shutil.copy(names[0], extra)
-    assert any("half seconds" in note for note in read_run_log(folder).notes)
-    content = names[0].read_bytes()
+    shutil.copy(first, extra)
+    with pytest.raises(LogError, match="not in the order of their time"):
+        read_run_log(folder)
+    np.savez(extra, **later | {"time": later["time"] + 4.5})
+    longer = read_run_log(folder)
+    assert longer.notes == ("8 half seconds of the log's readings are not there",)
+    assert len(longer.readings["time"]) == 2000
+    content = first.read_bytes()
     extra.write_bytes(content[: len(content) // 2])
     with pytest.raises(LogError):
         read_run_log(folder)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -71,6 +72,30 @@ def test_an_attacked_run_is_refused_in_one_line_or_is_the_same(
         except Exception as error:
             raise AssertionError((seed, done)) from error
     assert refused > ATTACKS
+
+
+@pytest.mark.parametrize("name", ["config.json", "metrics.jsonl", "summary.json", "*.json", "*.safetensors"])
+def test_no_file_of_a_run_may_be_a_pipe(
+    name: str, runs: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """Opening one waits for ever: it is refused, whether the run goes on or its student is exported."""
+    path = copy_run(runs["summary" in name], tmp_path / "run")
+    file = max((path / "checkpoints").glob(f"student_{name}")) if "*" in name else path / name
+    file.unlink()
+    os.mkfifo(file)
+
+    def waited(*_: object) -> None:
+        raise AssertionError(f"{file.name} was opened")
+
+    before = signal.signal(signal.SIGALRM, waited)
+    signal.alarm(60)
+    try:
+        statuses = main(["train", "--resume", str(path)]), main(["export", str(path), "--out", str(tmp_path / "out")])
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+    said = capsys.readouterr().err
+    assert statuses == (1, 1) and file.name in said and "unforeseen" not in said, said
 
 
 def test_every_flipped_bit_of_a_checkpoint_is_found(runs: tuple[Path, Path], tmp_path: Path) -> None:

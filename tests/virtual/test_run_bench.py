@@ -21,6 +21,7 @@ from stiction.deploy.runtime.runtime import row
 from stiction.deploy.runtime.supervisor import Supervisor
 from stiction.deploy.transports.udp import LOOPBACK, UdpLink
 from stiction.formats.bundle import find_bundle, read_bundle
+from stiction.formats.joints import Estimate, JointRecord, JointsFile, Objection
 from stiction.formats.run_log import RunLog, RunLogHeader, joint_log
 from stiction.identify.pipeline import identify_log
 from stiction.robots.catalog import find_robot
@@ -100,17 +101,13 @@ def test_the_runtimes_log_tells_the_robots_own_friction(tmp_path: Path) -> None:
 
 def test_what_agrees_is_counted_by_hand(tmp_path: Path) -> None:
     """An interval that misses counts as one that holds, or one that was not found as one that misses."""
-    (tmp_path / "joints.json").write_text(
-        json.dumps(
-            {
-                "joints": {
-                    "a": {"coulomb_friction": {"value": 1.0, "interval95": [0.8, 1.2]}},
-                    "b": {"coulomb_friction": {"value": 2.0, "interval95": [1.9, 2.1]}, "objections": ["no"]},
-                    "c": {"coulomb_friction": None},
-                }
-            }
-        )
-    )
+    no = Objection("clipped", "seen", "remedy")
+    records = {
+        "a": JointRecord(coulomb_friction=Estimate(1.0, 0.1, (0.8, 1.2))),
+        "b": JointRecord(coulomb_friction=Estimate(2.0, 0.05, (1.9, 2.1)), objections=(no,)),
+        "c": JointRecord(),
+    }
+    JointsFile(records).write(tmp_path / "joints.json")
     bench = friction_in(tmp_path / "joints.json")
     assert bench == {"a": (0.8, 1.2)}
     rows = compared({"a": 1.1, "b": 2.0}, bench, {"a": (1.2, 1.3), "b": (1.0, 3.0)})
@@ -119,7 +116,7 @@ def test_what_agrees_is_counted_by_hand(tmp_path: Path) -> None:
         JointRow("b", 2.0, "", "1 to 3", None, True),
     ]
     assert shares(rows) == {"bench_holds": [1, 1], "walk_holds": [1, 2]}
-    with pytest.raises(FileError, match="expected what identify writes"):
+    with pytest.raises(FileError, match=r"expected the joints\.json of identify"):
         friction_in(tmp_path / "nowhere.json")
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from stiction.core.errors import ConfigurationError
+from stiction.core.errors import ConfigurationError, UnwrittenError
 from stiction.core.files import write_text
 from stiction.core.options import read_options
 from stiction.core.records import part_of
@@ -127,19 +127,32 @@ def main(arguments: list[str]) -> int:
     if address.transport != "virtual" and (cfg.fault or cfg.stand):
         raise ConfigurationError(f"--fault and --stand are for the virtual robot alone; --robot is {cfg.robot}")
     folder = find_bundle(cfg.bundle)
-    with results_folder(cfg.out, "deploy", cfg):
-        bundle = check_bundle(folder, cfg.expect_digest).bundle
-        report = _run(cfg, address, bundle, folder)
-        text = json.dumps(report, indent=2, allow_nan=False) + "\n"
-        write_text(cfg.report or cfg.out / "report.json", text)
+    report: dict[str, Any] = {}
+    said: list[str] = []
+    try:
+        with results_folder(cfg.out, "deploy", cfg):
+            bundle = check_bundle(folder, cfg.expect_digest).bundle
+            report = _run(cfg, address, bundle, folder)
+            write_text(cfg.report or cfg.out / "report.json", _text(report))
+    except UnwrittenError as error:
+        if not report:
+            raise
+        said = [str(error)]  # The run was made: how it ended is said all the same.
     if cfg.json:
-        print(text, end="")
-    if report["stop"] is not None:
-        print(f"stiction deploy: {report['end']}", file=sys.stderr)
+        print(_text(report), end="")
+    if report["log_end"] is not None:
+        said.insert(0, f"its log is not whole: {report['log_end']}")
+    if said or report["stop"] is not None:
+        print(f"stiction deploy: {'; '.join([report['end'], *said])}", file=sys.stderr)
         return 1
     if not cfg.json:
         _show(cfg, report)
     return 0
+
+
+def _text(report: dict[str, Any]) -> str:
+    """Return the report as it is written."""
+    return json.dumps(report, indent=2, allow_nan=False) + "\n"
 
 
 def _run(cfg: DeployCfg, address: Address, bundle: Bundle, folder: Path) -> dict[str, Any]:
@@ -220,4 +233,5 @@ def _show(cfg: DeployCfg, report: dict[str, Any]) -> None:
     print(f"{report['end']}; lateness p50 {late['p50']:g} ms, p99 {late['p99']:g} ms, {report['lateness_judged']}")
     print(f"report: {cfg.report or cfg.out / 'report.json'}")
     if report["log"] is not None:
-        print(f"log: {cfg.out / report['log']}")
+        lost = f" ({report['log_lost']} of its messages were lost: the disk is too slow)" if report["log_lost"] else ""
+        print(f"log: {cfg.out / report['log']}{lost}")

@@ -13,11 +13,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from stiction.core.errors import StictionError
+from stiction.core.errors import FileError, StictionError
 from stiction.core.files import write_text
 from stiction.core.records import column, header, texts
 from stiction.deploy.runtime.ticker import LATE, QUIET
-from stiction.formats.plain import read_object
+from stiction.formats.joints import load_joints
+from stiction.formats.plain import is_number, read_object
 
 
 @dataclass(frozen=True)
@@ -109,13 +110,10 @@ def own_friction(cfg: LoopCfg) -> dict[str, float]:
 
 def friction_in(path: Path) -> dict[str, tuple[float, float]]:
     """Return joint -> 95 % interval of its dry friction [N m], of those that have one, in a joints.json."""
-    joints = read_object(path, "what identify writes").get("joints", {})
     found = {}
-    for name, record in joints.items():
-        friction = record.get("coulomb_friction")
-        if friction and friction.get("interval95") and not record.get("objections"):
-            low, high = friction["interval95"]
-            found[name] = (float(low), float(high))
+    for name, record in load_joints(path).joints.items():
+        if record.coulomb_friction is not None and not record.objections:
+            found[name] = record.coulomb_friction.interval95
     return found
 
 
@@ -160,7 +158,7 @@ def _deploy(cfg: LoopCfg, out: Path, *words: object) -> None:
     said = ("deploy", cfg.policy, *words, *WAITS, "--out", out)
     for number in range(1, cfg.tries + 1):
         status = _status(*said)
-        late = lateness(_report(out))
+        late = lateness(report_of(out))
         if status == 0:
             if late:
                 print(
@@ -180,10 +178,18 @@ def _deploy(cfg: LoopCfg, out: Path, *words: object) -> None:
     )
 
 
-def _report(out: Path) -> dict[str, Any]:
-    """Return the report of a run, empty where there is none."""
+def report_of(out: Path) -> dict[str, Any]:
+    """Return the report of a run, empty where there is none; raise `StictionError` for what deploy does not write."""
     file = out / "report.json"
-    return read_object(file, "what deploy writes") if file.exists() else {}
+    if not file.exists():
+        return {}
+    expected = "what deploy writes"
+    report = read_object(file, expected)
+    times = [report.get(name) for name in ("probe_ms", "lateness_ms")]
+    told = all(isinstance(found, dict) and is_number(found.get("p99")) for found in times)
+    if not told or not isinstance(report.get("stop", ""), dict | None):
+        raise FileError(f"{file}: no lateness or no reason of the end in it; expected {expected}")
+    return report
 
 
 def lateness(report: Mapping[str, Any]) -> str:

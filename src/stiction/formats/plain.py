@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
+import sys
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from types import UnionType
@@ -39,6 +39,8 @@ def parse_object(content: bytes | str, where: str, expected: str, error: type[Fi
     try:
         text = content.decode("utf-8") if isinstance(content, bytes) else content
         data = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_refuse_twice)
+        if "\\u" in text:
+            json.dumps(data, ensure_ascii=False).encode()  # half a character can be said in JSON, and not be written
     except (ValueError, RecursionError) as fault:  # not UTF-8, not JSON, an endless integer, or nested without end
         raise error(f"{where}: not JSON ({str(fault)[:120]}); expected {expected}") from fault
     if not isinstance(data, dict):
@@ -117,8 +119,8 @@ def object_text(data: dict[str, Any]) -> str:
     return json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 
-def is_number(value: object, largest: float = math.inf) -> bool:
-    """Return whether a value is a number between plus and minus `largest`, and not a bool."""
+def is_number(value: object, largest: float = sys.float_info.max) -> bool:
+    """Return whether a value is a number between plus and minus `largest`, and not a bool; JSON's may be endless."""
     return isinstance(value, int | float) and not isinstance(value, bool) and -largest < value < largest
 
 

@@ -6,25 +6,27 @@ each, whole or not there at all, which are merged into one a minute:
     readings-000000-000119.npz   one row a reading of the robot, 500 a second
     steps-000000-000119.npz      one row a step of the policy, 50 a second
 
-The two numbers are the first and the last half second in it. A part that a merged one covers does not count.
+The two numbers are the first and the last half second in it. A part that a merged one covers does not count. Each part
+says of which run it is, so that parts of two runs are not taken for one.
 """
 
 from __future__ import annotations
 
+import hashlib
+import math
 import re
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
-from itertools import pairwise
+from dataclasses import asdict, dataclass, fields
+from itertools import islice, pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from stiction.core.errors import FileError, LogError
-from stiction.core.memory import claim
+from stiction.core.memory import allowance
 from stiction.formats.log import JointSignals, Log, LogSetup
-from stiction.formats.plain import build, read_object, take_version, write_object
-from stiction.formats.tables import Columns, read_npz_arrays
+from stiction.formats.plain import build, is_number, read_object, take_version, write_object
+from stiction.formats.tables import Columns, parse_npz, read_bytes
 from stiction.formats.walk import LARGEST_JITTER, WalkHeader, WalkLog, is_walk, read_walk
 
 LOG = "log"
@@ -39,8 +41,11 @@ READINGS, STEPS = "readings", "steps"
 PART = re.compile(r"(readings|steps)-(\d{6})-(\d{6})\.npz")
 """Name of a part."""
 
-MOST_PARTS = 200_000
-"""More than a day of half seconds, twice."""
+MOST_PARTS = 5000
+"""More than a day of minutes, twice."""
+
+RUN = "run"
+"""Array of a part, a text: of which run it is."""
 
 MOVED = 1e-3
 """Range of a target beyond which its joint was moved [rad]."""
@@ -77,6 +82,21 @@ class RunLogHeader:
     """Whether commands were sent."""
     torque_source: str | None = "motor_side"
     """As in every log: `motor_side` for currents."""
+    run: str = ""
+    """What tells this run from every other, which each part repeats; empty in logs of before there was one."""
+
+    def __post_init__(self) -> None:
+        """Refuse what no run has."""
+        self.of_walk()
+        right = is_number(self.control_period) and self.control_period > 0
+        right = right and isinstance(self.armed, bool) and all(isinstance(t, str) for t in (self.digest, self.run))
+        if not right:
+            raise LogError("control_period, armed, digest, run: expected a number above 0, true or false, and texts")
+
+    def of_walk(self) -> WalkHeader:
+        """Return what the header of a walking log has of it; raise `LogError` where a field is none of a robot's."""
+        shared = {item.name for item in fields(WalkHeader)} & {item.name for item in fields(self)}
+        return WalkHeader(**{name: getattr(self, name) for name in shared})
 
 
 @dataclass(frozen=True)
@@ -142,32 +162,109 @@ def read_run_log(folder: Path) -> RunLog:
     """Read the log of a run; nothing in it is executed.
 
     Raises:
-        LogError: no such log, another version, a field of the wrong kind, no readings, or parts that do not fit.
+        LogError: no such log, another version, a field of the wrong kind, no readings, parts of another run, twice, in
+            another order or of other shapes.
 
     """
     header = read_run_header(folder)
     names = _names_in(folder)
     tables, notes = {}, []
     for table in (READINGS, STEPS):
-        parts = parts_of(names, table)
-        claim(folder.name, 4 * sum((folder / name).stat().st_size for *_, name in parts), "the log has", LogError)
-        arrays, taken = [], 0
-        for *_, name in parts:
-            arrays.append(read_npz_arrays(folder / name))
-            taken += sum(8 * array.size for array in arrays[-1].values())
-            claim(folder.name, 2 * taken, "the log takes", LogError)
-        tables[table] = _joined(folder, table, arrays)
+        parts, covered = _whole_parts(folder, names, table)
+        tables[table] = _joined(folder, table, [name for *_, name in parts], header.run)
+        for name in covered:
+            if not np.isin(read_part(folder / name, header.run)["time"], tables[table]["time"]).all():
+                raise LogError(f"{folder}: {name} is not in the part that covers it; the files have been mixed up")
         missing = sum(first - last - 1 for (_, last, _), (first, _, _) in pairwise(parts))
         if missing:
             notes.append(f"{missing} half seconds of the log's {table} are not there")
     if "time" not in tables[READINGS]:
         raise LogError(f"{folder}: no readings in it; the run ended before the first half second was written")
-    wide = len(header.joint_names)
-    for name in ("position", "velocity", "torque", "target"):
-        shape = tables[READINGS].get(name, np.zeros(0)).shape
-        if shape != (len(tables[READINGS]["time"]), wide):
-            raise LogError(f"{folder}: {name!r} has the shape {shape}; expected a row a reading and {wide} joints")
-    return RunLog(header, tables[READINGS], tables[STEPS], tuple(notes))
+    return RunLog(header, _checked(folder, header, tables[READINGS]), tables[STEPS], tuple(notes))
+
+
+def _whole_parts(folder: Path, names: list[str], table: str) -> tuple[list[tuple[int, int, str]], list[str]]:
+    """Return the parts that count, see `parts_of`, and the names of those that they cover.
+
+    Raises `LogError` for a part that is neither beside nor within the others.
+    """
+    parts = parts_of(names, table)
+    chosen = {name for *_, name in parts}
+    covered = [match for name in names if name not in chosen and (match := PART.fullmatch(name)) and match[1] == table]
+    for match in covered:
+        if not any(begin <= int(match[2]) and int(match[3]) <= end for begin, end, _ in parts):
+            raise LogError(f"{folder}: {match[0]} overlaps another part; the files have been mixed up")
+    if odd := next((name for first, last, name in parts if last < first), None):
+        raise LogError(f"{folder}: {odd} ends before it begins; the files have been mixed up")
+    return parts, [match[0] for match in covered]
+
+
+def read_part(path: Path, run: str, most: int | None = None) -> Columns:
+    """Return the arrays of a part, numbers with one row a sample.
+
+    run: of which the part must be; most: bytes that it may inflate to. Raises `LogError` where it is of another run,
+    or holds anything else.
+    """
+    arrays = parse_npz(path.name, read_bytes(path), most)
+    said = str(arrays.pop(RUN, ""))
+    if said != run:
+        raise LogError(f"{path}: is a part of another run ({said[:40]!r}, the log's {HEADER} says {run[:40]!r})")
+    lengths = {array.shape[:1] for array in arrays.values()}
+    if (
+        "time" not in arrays
+        or len(lengths) != 1
+        or any(array.dtype.kind not in "fiu" or array.ndim not in (1, 2) for array in arrays.values())
+    ):
+        raise LogError(f"{path}: not a part of a run's log: expected arrays of numbers, a row a sample, and their time")
+    return arrays
+
+
+def _joined(folder: Path, table: str, names: list[str], run: str) -> Columns:
+    """Return the arrays of all parts behind each other; raise `LogError` where they are not parts of one table."""
+    parts: list[Columns] = []
+    left = most = allowance() // 2
+    for name in names:
+        parts.append(read_part(folder / name, run, left))
+        left -= sum(8 * array.size for array in parts[-1].values())
+        if left < 0:
+            raise LogError(
+                f"{folder.name}: the log takes more than the {most} bytes that are read: cut it into parts, or allow "
+                "more (--memory-limit)"
+            )
+        shapes = [{key: array.shape[1:] for key, array in part.items()} for part in (parts[0], parts[-1])]
+        if shapes[0] != shapes[1]:
+            raise LogError(f"{folder}: the {table} differ from part to part ({name}); they are of different runs")
+    if not parts:
+        return {}
+    joined = {name: np.concatenate([arrays[name] for arrays in parts]).astype(np.float64) for name in parts[0]}
+    time = joined["time"]
+    if time.ndim != 1 or not np.isfinite(time).all() or not (np.diff(time) > 0).all():
+        raise LogError(
+            f"{folder}: the {table} are not in the order of their time; a part is there twice, or under another's name"
+        )
+    return joined
+
+
+def _checked(folder: Path, header: RunLogHeader, readings: Columns) -> Columns:
+    """Return the readings, what joints and feet have as matrices, shape (T, width).
+
+    Raises `LogError` where a column is missing, or of another width than the header says.
+    """
+    rows, joints, feet = len(readings["time"]), len(header.joint_names), len(header.foot_names)
+    widths = dict.fromkeys(("position", "velocity", "torque", "target"), joints) | {"foot_contact": feet}
+    widths |= dict.fromkeys(("angular_velocity", "acceleration", "velocity_command"), 3) | {"quaternion": 4}
+    shapes: dict[str, tuple[int, ...]] = {name: (rows, width) for name, width in widths.items()}
+    shapes |= dict.fromkeys(("stage", "robot_time"), (rows,))
+    found = dict(readings)
+    for name, shape in shapes.items():
+        if name not in found or found[name].size != math.prod(shape) or len(found[name]) != rows:
+            came = found[name].shape if name in found else "not there"
+            raise LogError(
+                f"{folder}: the column {name!r} is {came}; expected {shape}: {rows} readings of the {joints} joints "
+                f"and {feet} feet that {HEADER} names"
+            )
+        found[name] = found[name].reshape(shape)
+    return found
 
 
 def read_run_header(folder: Path) -> RunLogHeader:
@@ -175,30 +272,21 @@ def read_run_header(folder: Path) -> RunLogHeader:
     data = read_object(folder / HEADER, "the header of a run's log", LogError, 2**20)
     if data.pop("schema", None) != SCHEMA:
         raise LogError(f"{folder / HEADER}: does not say {SCHEMA!r}; expected the log of `stiction deploy`")
-    return build(RunLogHeader, take_version(data, SCHEMA_VERSION, HEADER, LogError), HEADER, LogError)
+    try:
+        return build(RunLogHeader, take_version(data, SCHEMA_VERSION, HEADER, LogError), HEADER, LogError)
+    except LogError as error:
+        raise LogError(f"{folder}: {error}") from error
 
 
 def _names_in(folder: Path) -> list[str]:
     """Return the names of a folder's files; raise `LogError` where there are too many."""
-    names = []
-    for path in folder.iterdir():
-        names.append(path.name)
-        if len(names) > MOST_PARTS:
-            raise LogError(f"{folder}: more than {MOST_PARTS} files; expected the log of one run")
+    try:
+        names = [path.name for path in islice(folder.iterdir(), MOST_PARTS + 1)]
+    except OSError as error:
+        raise LogError(f"cannot read {folder}: {error.strerror or error}") from error
+    if len(names) > MOST_PARTS:
+        raise LogError(f"{folder}: more than {MOST_PARTS} files; expected the log of one run")
     return names
-
-
-def _joined(folder: Path, table: str, parts: list[Columns]) -> Columns:
-    """Return the arrays of all parts behind each other; raise `LogError` where they are of different kinds."""
-    if not parts:
-        return {}
-    for arrays in parts:
-        if arrays.keys() != parts[0].keys() or any(
-            array.dtype.kind not in "fiub" or array.ndim not in (1, 2) or array.shape[1:] != parts[0][name].shape[1:]
-            for name, array in arrays.items()
-        ):
-            raise LogError(f"{folder}: the {table} differ from part to part; they are of different runs")
-    return {name: np.concatenate([arrays[name] for arrays in parts]).astype(np.float64) for name in parts[0]}
 
 
 def _of_run(log: RunLog) -> np.ndarray:
@@ -207,6 +295,8 @@ def _of_run(log: RunLog) -> np.ndarray:
     used = (rows["stage"] == RUN_STAGE) & np.isfinite(rows["position"]).all(1) & np.isfinite(rows["target"]).all(1)
     if used.sum() < 2:
         raise LogError(f"the run's log has {len(used)} readings, and none of the run itself: it ended before it began")
+    if not (np.diff(rows["robot_time"][used]) > 0).all():
+        raise LogError("the run's log: the robot's own clock (robot_time) stands still, goes back, or says no number")
     return used
 
 
@@ -240,8 +330,6 @@ def walk_log(log: RunLog) -> WalkLog:
     """
     rows, header = log.readings, log.header
     used = _longest(np.flatnonzero(_of_run(log)), rows["robot_time"], header.period)
-    own: dict[str, Any] = {name: getattr(header, name) for name in ("robot", "joint_names", "foot_names", "period")}
-    own |= {name: getattr(header, name) for name in ("kp", "kd", "torque_limit", "torque_source", "policy")}
     optional = {}
     for name, column in (("specific_force", "acceleration"), ("joint_torque", "torque")):
         if np.isfinite(rows[column][used]).all():
@@ -251,7 +339,7 @@ def walk_log(log: RunLog) -> WalkLog:
         optional["foot_contact"] = contact > 0.5
     time = rows["robot_time"][used]
     return WalkLog(
-        WalkHeader(**own),
+        header.of_walk(),
         time=time - time[0],
         joint_position=rows["position"][used],
         joint_velocity=rows["velocity"][used],
@@ -268,6 +356,16 @@ def _longest(used: np.ndarray, time: np.ndarray, period: float) -> np.ndarray:
     away = np.abs(np.diff(time[used]) / period - 1.0)
     ends = np.flatnonzero((np.diff(used) != 1) | (away > LARGEST_JITTER)) + 1
     return max(np.split(used, ends), key=len)
+
+
+def log_digest(path: Path) -> str:
+    """Return the SHA-256 of a log: of its file, or of the files of a run's log by their names."""
+    folder = find_run_log(path)
+    if folder is None:
+        return hashlib.sha256(read_bytes(path)).hexdigest()
+    parts = [name for table in (READINGS, STEPS) for *_, name in parts_of(_names_in(folder), table)]
+    each = [f"{name} {hashlib.sha256(read_bytes(folder / name)).hexdigest()}" for name in (HEADER, *parts)]
+    return hashlib.sha256("\n".join(each).encode()).hexdigest()
 
 
 def check_empty(folder: Path) -> None:

@@ -34,6 +34,9 @@ Columns = dict[str, np.ndarray]
 WIDEST_MATRIX = 256
 """More columns than this are no joints."""
 
+MOST_MEMBERS = 10_000
+"""More arrays than this are no log: each takes time, though it be empty."""
+
 
 @dataclass(frozen=True)
 class Table:
@@ -148,6 +151,8 @@ def read_archive(source: str, content: bytes, most: int | None = None) -> dict[s
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             entries = archive.infolist()
+            if len(entries) > MOST_MEMBERS:
+                raise LogError(f"{source}: an archive of {len(entries)} members; at most {MOST_MEMBERS} are read")
             total, most = sum(entry.file_size for entry in entries), allowance() if most is None else most
             if total > most:
                 raise LogError(f"{source}: would inflate to {total} bytes; at most {most} are read")

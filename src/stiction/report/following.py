@@ -124,7 +124,7 @@ def levels_sheet(cells: Sequence[Following], title: str, most_friction: float = 
         (method, *(at.get((method, level), "–") for level in levels))
         for method in dict.fromkeys(cell.method for cell in cells)
     ]
-    header = ("friction in % of the torque limit", *(f"{100 * level:g}" for level in levels))
+    header = ("seeds that follow at friction [of τ_max]", *(f"{100 * level:g} %" for level in levels))
     return Sheet(title, header, tuple(rows), DEFINITION)
 
 

@@ -192,7 +192,8 @@ def legend(axis: Axes | Figure, drawn: dict[str, Any] | None = None, **settings:
     found = labelled(axis) if drawn is None else drawn  # type: ignore[arg-type]
     if not found:
         return
-    look: dict[str, Any] = {"fontsize": 8, "labelcolor": INK, "frameon": False} | settings
+    # As long as two periods of the longest of `STYLES` in a thick line: shorter samples look alike.
+    look: dict[str, Any] = {"fontsize": 8, "labelcolor": INK, "frameon": False, "handlelength": 4.0} | settings
     axis.legend(list(found.values()), list(found), **look)
 
 

@@ -124,9 +124,8 @@ def train(
     with run.writing():
         teacher = phase("teacher", ppo_cfg(cfg), cfg.teacher.iterations)
         student = _train_phases(run, teacher, lambda: phase("student", student_cfg(cfg), cfg.student.iterations))
-        figures = _summary(cfg, run, teacher, student) | {"threads": threads}
-        run.finish(figures)
-    return figures
+        run.finish(_summary(cfg, run, teacher, student) | {"threads": threads})
+    return run.summary()
 
 
 def _train_phases(run: RunDirectory, teacher: PhaseRunner, build_student: Callable[[], PhaseRunner]) -> PhaseRunner:

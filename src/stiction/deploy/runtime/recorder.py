@@ -21,8 +21,8 @@ from stiction.core.lifeline import follow_parent
 from stiction.deploy.runtime.channel import Channel, row_layout, targets_layout
 from stiction.deploy.transports.messages import HEAD, Layout
 from stiction.formats.bundle import read_bundle
-from stiction.formats.run_log import READINGS, STEPS, part_name, parts_of
-from stiction.formats.tables import publish_npz, read_npz_arrays
+from stiction.formats.run_log import READINGS, RUN, STEPS, part_name, parts_of, read_part, read_run_header
+from stiction.formats.tables import Columns, publish_npz
 
 PART_SECONDS = 0.5
 """Length of a part [s]."""
@@ -40,9 +40,9 @@ END = b"end"
 class Parts:
     """One table of a log, being written: rows come in, parts go out."""
 
-    def __init__(self, folder: Path, table: str, layout: Layout, keep: int) -> None:
-        """`keep`: parts to keep at most, the newest."""
-        self._folder, self._table, self._layout, self._keep = folder, table, layout, keep
+    def __init__(self, folder: Path, table: str, layout: Layout, keep: int, run: str = "") -> None:
+        """`keep`: parts to keep at most, the newest; run: as its header names it."""
+        self._folder, self._table, self._layout, self._keep, self._run = folder, table, layout, keep, run
         self._rows: list[tuple[float, np.ndarray]] = []
         self._number = 0
 
@@ -58,7 +58,7 @@ class Parts:
             arrays = {name: _plain(name, values[:, place]) for name, place in self._layout.places.items()}
             arrays["time"] = np.array([time for time, _ in self._rows])
             self._rows = []
-            publish_npz(self._folder / part_name(self._table, number, number), arrays, compressed=True)
+            self._publish(number, number, arrays)
         if self._number % MERGED == 0:
             self._merge(self._number - MERGED, number)
         if self._number % MERGED == 0 or self._number > self._keep:
@@ -69,11 +69,15 @@ class Parts:
         names = [n for a, b, n in self._parts() if first <= a and b <= last]
         if len(names) < 2:
             return
-        arrays = [read_npz_arrays(self._folder / name) for name in names]
-        merged = {name: np.concatenate([one[name] for one in arrays]) for name in arrays[0]}
-        publish_npz(self._folder / part_name(self._table, first, last), merged, compressed=True)
+        arrays = [read_part(self._folder / name, self._run) for name in names]
+        self._publish(first, last, {name: np.concatenate([one[name] for one in arrays]) for name in arrays[0]})
         for name in names:
             (self._folder / name).unlink(missing_ok=True)
+
+    def _publish(self, first: int, last: int, arrays: Columns) -> None:
+        """Write a part, and of which run it is."""
+        own = {RUN: np.array(self._run)} if self._run else {}
+        publish_npz(self._folder / part_name(self._table, first, last), arrays | own, compressed=True)
 
     def _drop(self, before: int) -> None:
         """Remove what is older than a part."""
@@ -136,8 +140,12 @@ class Rows:
 
 
 def record(folder: Path, end: socket.socket, readings: Layout, steps: Layout, keep: int) -> None:
-    """Write what comes until the end is said or nobody can say it; raise `StictionError` where that is impossible."""
-    parts = {READINGS: Parts(folder, READINGS, readings, keep), STEPS: Parts(folder, STEPS, steps, keep)}
+    """Write what comes until the end is said or nobody can say it.
+
+    Raises `StictionError` or `OSError` where it cannot be written: the log then ends with what was written before.
+    """
+    run = read_run_header(folder).run
+    parts = {name: Parts(folder, name, layout, keep, run) for name, layout in ((READINGS, readings), (STEPS, steps))}
     end.settimeout(PART_SECONDS / 5)
     due = time.monotonic() + PART_SECONDS
     going = True
@@ -169,8 +177,8 @@ def main(folder: str, number: str, keep: str, feet: str, bundle: str) -> int:
     readings, steps = row_layout(contract.num_joints, int(feet)), targets_layout(contract)
     try:
         record(Path(folder), socket.socket(fileno=int(number)), readings, steps, int(keep))
-    except StictionError as error:
-        print(f"the log cannot be written: {error}", file=sys.stderr)
+    except (StictionError, OSError) as error:
+        print(error, file=sys.stderr)
         return 1
     return 0
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import gc
 import os
+import secrets
 import select
 import socket
 import subprocess
@@ -27,6 +28,7 @@ from stiction.core.isolation import isolated_environment, python_module
 from stiction.core.lifeline import tied
 from stiction.core.lock import one_writer
 from stiction.core.provenance import limit_library_threads
+from stiction.core.records import make_folder
 from stiction.deploy.runtime.channel import (
     IDLE,
     RUNNING,
@@ -57,6 +59,9 @@ PROBE_SECONDS = 1.0
 
 DRAIN_SECONDS = 0.1
 """Longest time for old states [s]."""
+
+WRITING_SECONDS = 10.0
+"""Longest time in which the rest of the log is written, after the robot was damped [s]."""
 
 LAST_WORDS = 2000
 """Characters of a process's errors that are kept."""
@@ -115,20 +120,20 @@ def run(
             words = [folder, bundle.digest, int(injected.obeyed)]
             end, policy = stack.enter_context(_beside("policy_process", words, 1))
             channel = Channel(end, *layouts)
-        rows = stack.enter_context(_logger(bundle, folder, link, cfg, source))
+        logger = stack.enter_context(_logger(bundle, folder, link, cfg, source))
         _probe(timing)
         if cfg.realtime is not None:
             effect = _realtime(cfg.realtime, policy, timing)
             say(effect)
         supervisor = Supervisor(contract, cfg.supervisor, link.period, time.monotonic(), source)
-        loop = _Loop(supervisor, link, channel, policy, rows, operator, timing, injected, say)
+        loop = _Loop(supervisor, link, channel, policy, logger, operator, timing, injected, say)
         loop.run(velocity)
         if operator.complaint:
             say(f"the last velocity command was none: {operator.complaint}")
         if link.complaint:
             say(f"{link.malformed} messages of the robot were no state; the last one: {link.complaint}")
     of_bundle = {"bundle": bundle.name, "digest": bundle.digest, "robot": contract.robot}
-    log = {"log": None if rows is None else LOG, "log_lost": 0 if rows is None else rows.lost + (not rows.alive)}
+    log = {"log": None, "log_lost": 0, "log_end": None} if logger is None else logger.summary()
     of_run = {"armed": cfg.supervisor.armed, "stage": supervisor.stage.name.lower(), "sent": loop.sent_at}
     of_link = {"states": loop.states, "malformed": link.malformed, "realtime": effect or None}
     return summary(supervisor, timing, of_run | of_link | log | of_bundle)
@@ -143,7 +148,7 @@ class _Loop:
         link: Link,
         channel: Channel | None,
         policy: subprocess.Popen[bytes] | None,
-        rows: Rows | None,
+        logger: Logger | None,
         operator: Operator,
         timing: Timing,
         injected: Injected,
@@ -151,7 +156,8 @@ class _Loop:
     ) -> None:
         """Begin; see `run`."""
         self._supervisor, self._link, self._channel, self._policy = supervisor, link, channel, policy
-        self._rows, self._operator, self._timing, self._injected, self._say = rows, operator, timing, injected, say
+        self._logger, self._rows = logger, None if logger is None else logger.rows
+        self._operator, self._timing, self._injected, self._say = operator, timing, injected, say
         self._answers = targets_layout(supervisor.contract)
         self._files = [link.fileno(), *operator.files()] + ([channel.end.fileno()] if channel else [])
         self._stage, self._ran_since = Stage.PASSIVE, 0.0
@@ -202,6 +208,8 @@ class _Loop:
             self._show(state, now)
         self._answered()
         self._emit(self._supervisor.tick(time.monotonic()), None)
+        if self._logger is not None and self._logger.ended_now():
+            self._say(f"no log from now on, the run goes on: {self._logger.end}")
         self._announce()
 
     def _fail(self, error: BaseException) -> None:
@@ -256,14 +264,11 @@ class _Loop:
 
     def _last_words(self) -> str:
         """Return what the policy's process said last."""
-        if self._policy is None or self._policy.stderr is None:
+        if self._policy is None:
             return ""
-        os.set_blocking(self._policy.stderr.fileno(), False)
-        said = (self._policy.stderr.read() or b"").decode(errors="replace")
-        status = self._policy.poll()
+        said, status = _last_line(self._policy), self._policy.poll()
         ended = "its channel is closed" if status is None else f"its process ended with status {status}"
-        lines = said.strip().splitlines()
-        return "; ".join(text for text in (lines[-1][:LAST_WORDS] if lines else "", ended) if text)
+        return "; ".join(text for text in (said, ended) if text)
 
     def _emit(self, out: Out | None, state: RobotState | None) -> None:
         """Send what was decided, and log it with the reading that it answers."""
@@ -370,15 +375,53 @@ def _end(process: subprocess.Popen[bytes]) -> None:
         process.stderr.close()
 
 
+class Logger:
+    """The logger's process, as the supervisor sees it: takes rows, and may end before the run does."""
+
+    def __init__(self, rows: Rows, process: subprocess.Popen[bytes]) -> None:
+        """`rows`: to the process."""
+        self.rows, self._process = rows, process
+        self.end: str | None = None
+        """Why the log ended before the run did, in words; None where it did not."""
+
+    def ended_now(self) -> bool:
+        """Return whether it was found only now that nobody takes rows any more. Never waits."""
+        if self.rows.alive or self.end is not None:
+            return False
+        self.end = _last_line(self._process) or "the logger has ended"
+        return True
+
+    def finish(self) -> None:
+        """Wait until all is written, at most `WRITING_SECONDS`; note where it was not."""
+        try:
+            if self._process.wait(timeout=WRITING_SECONDS) != 0 and self.end is None:
+                self.end = _last_line(self._process) or f"the logger ended with status {self._process.returncode}"
+        except subprocess.TimeoutExpired:
+            self.end = f"the disk did not take the rest within {WRITING_SECONDS:g} s"
+
+    def summary(self) -> dict[str, Any]:
+        """Return what the report has of the log."""
+        return {"log": LOG, "log_lost": self.rows.lost + (self.end is not None), "log_end": self.end}
+
+
+def _last_line(process: subprocess.Popen[bytes]) -> str:
+    """Return what a process said last on its standard error; empty: nothing. Never waits."""
+    if process.stderr is None:
+        return ""
+    os.set_blocking(process.stderr.fileno(), False)
+    lines = (process.stderr.read() or b"").decode(errors="replace").strip().splitlines()
+    return lines[-1][:LAST_WORDS] if lines else ""
+
+
 @contextmanager
-def _logger(bundle: Bundle, folder: Path, link: Link, cfg: RunCfg, source: Source | None) -> Iterator[Rows | None]:
+def _logger(bundle: Bundle, folder: Path, link: Link, cfg: RunCfg, source: Source | None) -> Iterator[Logger | None]:
     """Start the logger, if a log is wanted; at the end wait until all of it is written."""
     if cfg.keep_minutes == 0:
         yield None
         return
     contract, log = bundle.contract, cfg.out / LOG
     check_empty(log)
-    log.mkdir(parents=True, exist_ok=True)
+    make_folder(log, "--out")
     kp, kd = (contract.kp, contract.kd) if source is None else (tuple(source.kp), tuple(source.kd))
     header = RunLogHeader(
         robot=contract.robot,
@@ -392,6 +435,7 @@ def _logger(bundle: Bundle, folder: Path, link: Link, cfg: RunCfg, source: Sourc
         policy=bundle.name if source is None else "",
         digest=bundle.digest if source is None else "",
         armed=cfg.supervisor.armed,
+        run=secrets.token_hex(8),
     )
     write_run_header(log, header)
     keep = round(60 * cfg.keep_minutes / PART_SECONDS)
@@ -399,12 +443,9 @@ def _logger(bundle: Bundle, folder: Path, link: Link, cfg: RunCfg, source: Sourc
     with _beside("recorder", words, 1) as (end, process):
         feet, steps = len(link.foot_names), targets_layout(contract)
         readings = row_layout(contract.num_joints, feet)
-        rows = Rows(Channel(end, readings), readings, steps)
-        yield rows
-        try:
-            process.wait(timeout=10.0)
-        except subprocess.TimeoutExpired:
-            rows.alive = False
+        logger = Logger(Rows(Channel(end, readings), readings, steps), process)
+        yield logger
+        logger.finish()
 
 
 def _probe(timing: Timing) -> None:

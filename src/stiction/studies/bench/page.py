@@ -136,7 +136,7 @@ def joints_table(rows: Sequence[IdentifiedFriction]) -> Markup:
         [*records.texts(row), f"{row.shown:.4g}", "yes" if row.holds(row.shown) else "no", error_text(row)]
         for row in rows
     ]
-    return table((*records.header(IdentifiedFriction), "(f + load)/k [N m]", "holds", "error"), lines)
+    return table((*records.header(IdentifiedFriction), "(f + load)/k [N m]", "holds", "error [%]"), lines)
 
 
 def error_text(row: IdentifiedFriction) -> str:

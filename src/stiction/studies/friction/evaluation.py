@@ -6,7 +6,6 @@ what the first actions ask for, f/(kp · action scale · σ).
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -16,6 +15,7 @@ import numpy as np
 
 from stiction.core.cache import cached, entry_file, key_of
 from stiction.core.errors import ConfigurationError, StictionError, TrainingError
+from stiction.core.files import digest_of
 from stiction.core.parallel import spread
 from stiction.evaluate.code import RUN_WALK_CODE
 from stiction.evaluate.evaluate import EvaluationCfg, evaluate_bundle
@@ -121,7 +121,7 @@ class Task:
         if checkpoint is None:
             path = self.run.path
             raise TrainingError(f"{path} has no {self.who}; finish it with `stiction train --resume {path}`")
-        return hashlib.sha256(checkpoint.read_bytes()).hexdigest()
+        return digest_of(checkpoint)
 
     def walk(self) -> list[ResultRow]:
         """Return its rows, walked on this thread, by the network of its run or by the policy that was exported."""
