@@ -9,7 +9,11 @@ from pathlib import Path
 import pytest
 
 from bundles import make_bundle, make_contract
+from stiction.core.gemm import open_fast_gemm
 from stiction.formats.contract import Contract
+
+# Before a test loads torch, as the program does: what is trained here has the bits of what it trains.
+open_fast_gemm()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -243,7 +243,7 @@ def write_evaluation(
     if samples:
         write_rows(out / "methods.csv", samples)
     for kind in ("svg", "png"):
-        save_figure(figure, out / f"friction_budget.{kind}", dpi=150)
+        save_figure(figure, out / f"friction_budget.{kind}")
     page, shown = out / "report.html", sections(figure, rows, summary, samples)
     write_text(page, render_page(TITLE, shown, lead(rows).split("\n"), summary["warnings"], summary["command"]))
     return page
