@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import viser
 
 from stiction.engines.catalog import ENGINES
 from stiction.joints.friction import MAX_LEVEL, has_coefficient
 from stiction.view.history import belief_text
-from stiction.view.simulation import MAX_WEAR, finite
-
-if TYPE_CHECKING:
-    from stiction.view.viewer import Viewer
+from stiction.view.simulation import MAX_WEAR, Simulation, finite
 
 TERRAINS = ("flat", "stairs=0.05", "stairs=0.1", "slope=0.2", "rough=0.05")
 """Grounds to choose from, beside the one that was asked for."""
@@ -37,10 +34,37 @@ KEYS = """\
 Mouse: turn, move, zoom. Keys act while the pointer is over the scene and not in a field."""
 
 
+class Session(Protocol):
+    """What the panel needs of the viewer, which imports it; all runs before the next control step, in its thread."""
+
+    simulation: Simulation
+
+    def submit(self, action: Callable[[], None]) -> None:
+        """Do something before the next control step; a `StictionError` of it is shown to everybody."""
+
+    def toggle_pause(self) -> None:
+        """Stop the time, or let it go on."""
+
+    def toggle_recording(self, robot: int) -> None:
+        """Begin to record a robot, or write what was recorded."""
+
+    def show_world(self, engine: str, terrain: str) -> None:
+        """Put the robots into another world."""
+
+    def restart(self) -> None:
+        """Put the robots to the start."""
+
+    def follow(self, robots: tuple[int, ...]) -> None:
+        """Keep the middle of some robots in the middle of the picture; of none: stand still."""
+
+    def set_dark(self, dark: bool) -> None:
+        """Draw dark or light."""
+
+
 class Panel:
     """The controls of one viewer; values of browsers are taken for what they are: words of strangers."""
 
-    def __init__(self, server: viser.ViserServer, viewer: Viewer, dark: bool = False) -> None:
+    def __init__(self, server: viser.ViserServer, viewer: Session, dark: bool = False) -> None:
         """Make the controls, showing what the simulation has; what they do is done by `viewer.submit`."""
         self._server, self._viewer, self._simulation = server, viewer, viewer.simulation
         self._gui = gui = server.gui
