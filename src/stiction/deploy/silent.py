@@ -1,7 +1,7 @@
 """onnxruntime, told before it is loaded to report nothing.
 
-From release 1.29 on its wheels keep an identifier of the machine, and send their maker an account of every session, unless
-this variable says otherwise when they are loaded. A robot does not do that unasked.
+From release 1.29 on its wheels keep an identifier of the machine, and send their maker an account of every session,
+unless this variable says otherwise when they are loaded. A robot does not do that unasked.
 """
 
 import os
