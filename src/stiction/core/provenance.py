@@ -172,7 +172,7 @@ def _cpu_model(cpuinfo: Path) -> str:
 
 @cache
 def _package_versions() -> dict[str, str]:
-    """Return the versions of `stiction` and of its installed run-time dependencies: looked up once, to be read alone."""
+    """Return the versions of `stiction` and of its installed run-time dependencies, looked up once."""
     wanted = {"stiction"}
     for requirement in metadata.requires("stiction") or []:
         if "extra == 'dev'" not in requirement.replace('"', "'"):
