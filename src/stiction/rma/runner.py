@@ -20,7 +20,7 @@ from stiction.rma.equivariant import make_dense, make_equivariant
 from stiction.rma.figures import Board
 from stiction.rma.models import ELEVATION, GROUPS, RMAActor, StudentPolicy
 from stiction.rma.phase import Film, PhaseRunner, Progress
-from stiction.rma.run import RunDirectory, latest_checkpoint, load_checkpoint
+from stiction.rma.run import BROKEN, RunDirectory, latest_checkpoint, load_checkpoint
 from stiction.robots.catalog import find_robot
 
 QUIET_FROM = 0.75
@@ -206,7 +206,11 @@ def load_actor(run: RunDirectory, phase: str, checkpoint: Path | None = None) ->
     actor = RMAActor(observations, seen, phase, env.num_actions, cfg.network, _distribution(cfg))
     if cfg.symmetry == "network":
         make_equivariant(actor, task_mirror(env))
-    actor.load_state_dict(state)
+    try:
+        actor.load_state_dict(state)
+    except (*BROKEN, RuntimeError) as error:
+        cause = str(error).strip().splitlines()[-1].strip()
+        raise TrainingError(f"{path}: its networks are not those of the run ({cause}); train again") from error
     make_dense(actor)
     actor.blind = phase == "student" or cfg.teacher.latent == "history"
     actor.latent_source = "history" if actor.blind else "privileged"
