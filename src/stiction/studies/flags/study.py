@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from stiction.studies.flags.cases import Case
 
 DESCRIPTION = (
-    "Make mistakes that people make, on measured records (STICTION_DATA) and on simulated joints, servos and limbs of "
-    "known friction, and count which of them end with a friction that is stated, wrong, and not objected to."
+    "Make mistakes that people make, on measured records (STICTION_DATA) and on simulated joints, servos, limbs and "
+    "walks of known friction, and count which of them end with a friction that is stated, wrong, and not objected to."
 )
 
 TOLERANCE = 0.1
@@ -137,8 +137,9 @@ def all_cases(folder: Path) -> list[Case]:
     from stiction.studies.flags.cases import cases
     from stiction.studies.flags.drives import drive_cases
     from stiction.studies.flags.limbs import limb_cases
+    from stiction.studies.flags.walks import walk_cases
 
-    return [*cases(folder), *drive_cases(folder), *limb_cases(folder)]
+    return [*cases(folder), *drive_cases(folder), *limb_cases(folder), *walk_cases()]
 
 
 def run(options: FlagsOptions, work: Work) -> Report:
