@@ -85,7 +85,7 @@ def walks(name: str, seeds: range, folder: Path) -> dict[int, trots.Walked]:
                 else:
                     friction = draw(trots.HEXAPOD, seed)[None]
                     walked = trots.hexapods(friction, COMMANDS[seed % len(COMMANDS)], SECONDS, seed)
-            except AssertionError:
+            except StictionError:
                 walked = []
             np.savez_compressed(path, **(vars(walked[0]) if walked else {}))
         with np.load(path) as kept:

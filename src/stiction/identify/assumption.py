@@ -57,6 +57,8 @@ def assumption(record: JointRecord) -> tuple[tuple[str, ...], str]:
         return ("--motor-strength", "--kp", "--kd"), "all of it if the motor strength and the gains are as declared"
     if record.torque_source is None:
         return _of_gains(record)
+    if "torque_by_weight" in data and record.coulomb_friction is not None:
+        return _of_weight(data["torque_by_weight"])
     if given is None or record.coulomb_friction is None or data.get("controller_mismatch") is not None:
         return (), ""
     if source == "known_load":
@@ -65,6 +67,15 @@ def assumption(record: JointRecord) -> tuple[tuple[str, ...], str]:
         said = "all of it if the known weight is as declared, which tells the scale of the torque"
         return ((), "") if held else (tuple(given["weight"]), said if given["weight"] else "")
     return _of_unit(record, given, data.get("torque_by_links"))
+
+
+def _of_weight(ratio: dict[str, Any] | None) -> tuple[tuple[str, ...], str]:
+    """Return what the torque of a walk rests on; ratio: what it holds over the robot's weight, None where not known."""
+    shows = "nothing in so short a walk shows it"
+    if ratio is not None:
+        low, high = ratio["interval95"]
+        shows = f"the robot's weight says so to {low:.2g} to {high:.2g} times"
+    return ("--torque-scale",), f"all of it if the torque is in N m, as declared: {shows}"
 
 
 def _of_gains(record: JointRecord) -> tuple[tuple[str, ...], str]:

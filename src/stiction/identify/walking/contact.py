@@ -45,15 +45,22 @@ def feet_down(log: WalkLog, motion: WalkMotion, spec: Robot, setup: WalkSetup) -
 
 
 def ground_force(motion: WalkMotion, spec: Robot, setup: WalkSetup) -> np.ndarray:
-    """Return the ground's upward force on each foot by the motors' torque [N], shape (T, L).
+    """Return the ground's upward force on each foot by the motors' torque, smoothed [N], shape (T, L).
 
-    Jᵀ F = τ_links - τ, smoothed; rotors and joint friction are left out, which is what limits it.
+    Jᵀ F = τ_links - τ; rotors and joint friction are left out, which is what limits it.
     """
     left = link_effort(spec, motion.joints, motion.base).torque - motion.torque
-    upward = np.empty((len(motion), len(spec.feet)))
+    upward = np.einsum("tlj,tj->tl", upward_map(motion, spec), left)
+    return smooth(upward, hann_weights(setup.smoothing, motion.period))
+
+
+def upward_map(motion: WalkMotion, spec: Robot) -> np.ndarray:
+    """Return what a torque about each joint makes of the ground's upward force on each foot [1/m], shape (T, L, J)."""
+    found = np.zeros((len(motion), len(spec.feet), spec.num_joints))
     for leg, jacobians in zip(legs(spec), foot_jacobians(spec, motion.joints.position), strict=True):
         count = len(leg.feet)
         stacked = jacobians[:, :, :3].reshape(len(motion), 3 * count, len(leg.joints))
-        force = np.linalg.pinv(np.swapaxes(stacked, 1, 2), rcond=1e-3) @ left[:, leg.joints, None]
-        upward[:, leg.feet] = np.einsum("tli,ti->tl", force.reshape(-1, count, 3), motion.upward)
-    return smooth(upward, hann_weights(setup.smoothing, motion.period))
+        inverse = np.linalg.pinv(np.swapaxes(stacked, 1, 2), rcond=1e-3).reshape(len(motion), count, 3, -1)
+        up = np.einsum("tlij,ti->tlj", inverse, motion.upward)
+        found[np.ix_(range(len(motion)), leg.feet, leg.joints)] = up
+    return found

@@ -11,13 +11,13 @@ from stiction.core.errors import LogError
 from stiction.formats.joints import LOAD_REGRESSORS, JointRecord, JointsFile
 from stiction.formats.walk import WalkFit, WalkHeader, WalkLog
 from stiction.identify.combinations import shifted
-from stiction.identify.objections import no_friction_shown
 from stiction.identify.record import plain
 from stiction.identify.verdict import judge
 from stiction.identify.walking.body import BaseMotion, JointMotion, link_effort
 from stiction.identify.walking.contact import SOURCES, contact_source, feet_down
 from stiction.identify.walking.load import LoadFit, fit_load
 from stiction.identify.walking.motion import WalkMotion, walk_motion
+from stiction.identify.walking.objections import WalkChecks, check_walk, joint_objections
 from stiction.identify.walking.setup import WalkSetup
 from stiction.identify.walking.swing import PARAMETERS, SwingFit, SwingRows, fit_swing, swing_rows
 from stiction.joints.friction import dead_band, friction_ratio
@@ -76,9 +76,11 @@ def identify_walk(
     if all(fit.fit is None for fit in chosen.values()):
         name = max(chosen, key=lambda name: chosen[name].rows)
         raise LogError(f"this walk tells nothing about any joint: {name}: {chosen[name].refusal}")
+    fits = [chosen.get(joint.name) or chosen.get(joint.kind) for joint in spec.joints]
+    checks = check_walk(log, motion, spec, setup, fits)
     for name, fit in chosen.items():
         number = _number(name, spec)
-        record = _record(fit, log.header, spec, number, float(links[number]), load, motion, fine)
+        record = _record(fit, log.header, spec, number, float(links[number]), load, motion, fine, checks)
         record.diagnostics["contact"] = SOURCES[contact]
         warnings = _warnings(name, fit, record, own, spec, log, motion, load, contact, fine)
         records[name] = replace(record, warnings=(*warnings, *notes))
@@ -117,6 +119,7 @@ def _record(
     load: LoadFit,
     motion: WalkMotion,
     fine: bool,
+    checks: WalkChecks,
 ) -> JointRecord:
     """Return a joint's record, warnings apart. fine: inertia and viscous friction are told too.
 
@@ -172,9 +175,10 @@ def _record(
             settings["offset"] = swing.fit.estimate(len(PARAMETERS)) if len(swing.joints) == 1 else None
         else:
             settings["combinations"] = {"f/k": coulomb, "B/k": viscous}
-    friction = None if swing.fit is None else swing.fit.estimate(2)
-    record = JointRecord(**settings, objections=() if friction is None else no_friction_shown(friction, "N m"))
-    return replace(record, diagnostics=plain(diagnostics | {"verdict": judge(record).to_dict()}))
+    diagnostics["torque_by_weight"] = checks.weight
+    own = () if swing.fit is None else joint_objections(swing.fit, motion.measured_acceleration)
+    record = JointRecord(**settings, objections=(*checks.objections, *own), diagnostics=plain(diagnostics))
+    return replace(record, diagnostics=record.diagnostics | {"verdict": judge(record).to_dict()})
 
 
 def _warnings(
@@ -190,7 +194,7 @@ def _warnings(
     fine: bool,
 ) -> tuple[str, ...]:
     """Return what a reader should know before trusting a record."""
-    found: list[str] = []
+    found = [one.seen for one in record.objections]
     kind = spec.joints[_number(name, spec)].kind
     if swing.fit is None:
         found.append(f"nothing is known: {swing.refusal}")
@@ -198,7 +202,6 @@ def _warnings(
         silent = [spec.joint_names[number] for number in spec.joints_of(kind) if own[number].fit is None]
         alike = ", ".join(silent)
         found.append(f"swings of all {name} joints together, as if alike, for those whose own do not tell: {alike}")
-    found += [one.seen for one in record.objections]
     if not motion.measured_torque:
         found.append(
             "torque was not logged: what the controller asked for stands in, so newton metres are null; friction is "

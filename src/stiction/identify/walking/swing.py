@@ -20,7 +20,7 @@ import numpy as np
 from stiction.formats.walk import WalkLog
 from stiction.identify.walking.blocks import BlockFit, fit_blocks
 from stiction.identify.walking.body import BaseMotion, JointMotion, link_effort
-from stiction.identify.walking.contact import feet_down
+from stiction.identify.walking.contact import contact_source, feet_down
 from stiction.identify.walking.imu import at_place
 from stiction.identify.walking.motion import (
     WalkMotion,
@@ -85,7 +85,9 @@ def swing_rows(log: WalkLog, motion: WalkMotion, spec: Robot, setup: WalkSetup) 
     """
     carries = carriers(spec)
     bearing = feet_down(log, motion, spec, setup) @ carries
-    margin, time = round(setup.swing_margin / motion.period), np.arange(len(motion))
+    # The force by which the torque tells contact is smoothed, so that its edges are as vague as half the window.
+    vague = setup.smoothing / 2 if contact_source(log, setup) == "torque" else 0.0
+    margin, time = round((setup.swing_margin + vague) / motion.period), np.arange(len(motion))
     links = link_effort(spec, motion.joints, motion.base).torque
     systematic = _systematic(spec, motion, links, setup)
     rows: list[SwingRows] = []

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from stiction.studies.flags.cases import Case
 
 DESCRIPTION = (
-    "Make mistakes that people make, on measured records (STICTION_DATA) and on simulated joints, servos and limbs of "
-    "known friction, and count which of them end with a friction that is stated, wrong, and not objected to."
+    "Make mistakes that people make, on measured records (STICTION_DATA) and on simulated joints, servos, limbs and "
+    "walks of known friction, and count which of them end with a friction that is stated, wrong, and not objected to."
 )
 
 TOLERANCE = 0.1
@@ -133,12 +133,13 @@ def lead(rows: Sequence[Outcome]) -> str:
 
 
 def all_cases(folder: Path) -> list[Case]:
-    """Return the cases of joints, of servos and of limbs. folder: of the measured records."""
+    """Return the cases of joints, of servos, of limbs and of walks. folder: of the measured records."""
     from stiction.studies.flags.cases import joint_cases
     from stiction.studies.flags.drives import drive_cases
     from stiction.studies.flags.limbs import limb_cases
+    from stiction.studies.flags.walks import walk_cases
 
-    return [*joint_cases(folder), *drive_cases(folder), *limb_cases(folder)]
+    return [*joint_cases(folder), *drive_cases(folder), *limb_cases(folder), *walk_cases()]
 
 
 def run(options: FlagsOptions, work: Work) -> Report:
