@@ -12,6 +12,7 @@ status 1 where something came of it that must not be.
 from __future__ import annotations
 
 import argparse
+import getpass
 import hashlib
 import json
 import os
@@ -36,6 +37,9 @@ POLICY = "saturn_lite-flat-deception-0.2"
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGHUP)
 THREADS = ("STICTION_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 LIMIT_SECONDS, LIMIT_BYTES, ORPHAN_SECONDS = 5.0, 2**30, 5.0
+
+SHARED = {f"stiction-{os.getuid()}", f"torchinductor_{getpass.getuser()}"}
+"""Folders of the temporary folder that are one a user: ours, and torch's, which is empty."""
 
 SMALL = "--num-envs 4 --preset two-phase --friction-level 0.1 --video-every 0 --checkpoint-every 2 "
 SMALL += "--teacher.iterations 20 --teacher.steps 4 --teacher.mini-batches 2 "
@@ -250,8 +254,8 @@ def kills(verb: str, first: int, count: int) -> dict[str, Any]:
             what = f"{verb}, kill {first + killed}"
             wrong += [f"{what}: a process stays"] * stays
             time.sleep(0.2)
-            if left := [path.name for path in temporary.iterdir() if path.name != f"stiction-{os.getuid()}"]:
-                wrong.append(f"{what}: {left[0]} stays in the temporary folder")
+            if left := {path.name for path in temporary.iterdir()} - SHARED:
+                wrong.append(f"{what}: {min(left)} stays in the temporary folder")
             if process.returncode == 0 or killed == count:
                 if process.returncode != 0 and start(verb, out, temporary).wait() != 0:
                     wrong.append(f"{what}: it does not go on")

@@ -119,7 +119,7 @@ def attack(run: Path, seed: int) -> str:
             os.mkfifo(file)
         elif how == "device":
             file.symlink_to("/dev/zero")
-    forged = "checkpoints" in file.parts and pick.random() < 0.5
+    forged = "checkpoints" in file.parts and how in ("json", "bytes") and pick.random() < 0.5
     if forged:
         seal(run)
     return f"{file.relative_to(run)}: {how}{', digest forged' * forged}"

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from bundles import make_bundle, make_contract
+from stiction.core.gemm import open_fast_gemm
 from stiction.formats.contract import Contract
+
+# Where the environment forbids bytecode, each of the hundreds of processes would compile the package again.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+# Before a test loads torch, as the program does: what is trained here has the bits of what it trains.
+open_fast_gemm()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

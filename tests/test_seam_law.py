@@ -105,7 +105,7 @@ def test_it_is_evaluated_by_name(bundle: Path, tmp_path: Path, capsys: pytest.Ca
     capsys.readouterr()
     with pytest.raises(SystemExit):
         main(["evaluate", str(bundle), "--friction-law", "seals"])
-    assert "did you mean seal?" in capsys.readouterr().err
+    assert "did you mean 'seal'?" in capsys.readouterr().err
 
 
 def test_it_trains(tmp_path: Path) -> None:

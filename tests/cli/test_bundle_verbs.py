@@ -11,6 +11,7 @@ import pytest
 from stiction.cli.main import main
 from stiction.formats.results import ResultRow, read_results
 from stiction.report.terminal import print_rows
+from words import but
 
 WITHOUT = """
 import sys
@@ -191,7 +192,7 @@ def test_evaluate_refuses_bad_input_in_one_line(
 ) -> None:
     """Status 1 and one line that says what to do."""
     arguments = [argument.replace("{bundle}", str(bundle)) for argument in arguments]
-    assert main(["evaluate", "--out", str(tmp_path / "out"), *arguments]) == 1
+    assert main(["evaluate", *but(("--out", str(tmp_path / "out")), *arguments)]) == 1
     captured = capsys.readouterr()
     assert message in captured.err
     assert captured.err.count("\n") == 1

@@ -2,19 +2,41 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from stiction.cli.main import main
 from stiction.formats.results import read_results
-from stiction.studies.friction import evaluation, manifest
+from stiction.studies.friction import evaluation, manifest, training
 
 SMALL = (
     *("--robot", "go1", "--num-envs", "4", "--method", "deception", "--friction-level", "0.2"),
     *("--teacher.iterations", "1", "--teacher.steps", "4", "--teacher.mini-batches", "2"),
     *("--student.iterations", "1", "--student.steps", "4", "--student.mini-batches", "2"),
 )
+
+
+class Ended:
+    """A process that has ended."""
+
+    def poll(self) -> int:
+        """Say so."""
+        return 0
+
+
+@pytest.fixture
+def trained_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Train in this process: that runs have one of their own is tested by the others, and takes seconds to start."""
+
+    def start(run: manifest.PlannedRun, command: object) -> training.Job:
+        assert main(["train", *run.run.arguments, "--out", str(run.path)]) == 0
+        return training.Job(run, Ended())  # type: ignore[arg-type]
+
+    monkeypatch.setenv("STICTION_THREADS", "1")
+    monkeypatch.setattr(training, "start", start)
+    monkeypatch.setattr(training, "train_missing", partial(training.train_missing, poll=0.0))
 
 
 @pytest.fixture
@@ -51,7 +73,7 @@ def test_one_command_trains_evaluates_and_judges(
 
 
 def test_runs_of_several_machines_make_one_experiment(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture
+    trained_here: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
     """If this failed, trainings of yesterday's machine would be lost, or those of two presets mixed."""
     words = (*SMALL[: SMALL.index("--student.iterations")],)

@@ -15,6 +15,7 @@ from stiction.core.errors import StictionError
 from stiction.formats.actuator import FILE, write_actuator
 from stiction.rma.run import RunDirectory, latest_checkpoint, load_checkpoint
 from stiction.rma.runner import PhaseRunner
+from words import but
 
 SMALL = [
     *("--robot", "go1", "--num-envs", "4", "--json", "--checkpoint-every", "1", "--method", "none"),
@@ -89,6 +90,6 @@ def test_a_net_that_does_not_fit_is_refused_before_anything_is_made(
 ) -> None:
     """One line, and no folder of a run that never was."""
     write_actuator(tmp_path / "net" / FILE, pd_net("go1", torque_source=side))
-    arguments = [*SMALL, *options, "--actuator", str(tmp_path / "net"), "--out", str(tmp_path / "run")]
+    arguments = [*but(SMALL, *options), "--actuator", str(tmp_path / "net"), "--out", str(tmp_path / "run")]
     assert main(["train", *arguments]) == 1
     assert message in capsys.readouterr().err and not (tmp_path / "run").exists()

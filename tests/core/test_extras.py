@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from stiction.cli.list import engines
 from stiction.cli.main import NEEDS, main
 from stiction.core import extras
 from stiction.core.errors import ConfigurationError
@@ -37,6 +38,12 @@ SHA = "0" * 40
 def test_an_extra_comes_from_where_the_package_came(origin: dict | None, command: str) -> None:
     """A package that is on no index must not be looked for there: somebody else's may be."""
     assert extras.install_command("sim", origin) == command
+
+
+def test_engines_are_listed_with_the_same_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`stiction list engines` would send people to an index where the package is not."""
+    monkeypatch.setattr("stiction.cli.list.installed_from", lambda: {})
+    assert {row.install for row in engines()} == {extras.install_command(name, {}) for name in ("sim", "engines")}
 
 
 def test_the_extras_are_those_of_the_project() -> None:

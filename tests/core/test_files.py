@@ -57,23 +57,41 @@ def test_what_has_no_end_is_not_opened(what: str, tmp_path: Path) -> None:
         read_bounded(Path("/dev/zero") if what == "device" else file, "a configuration", FileError, 10)
 
 
+def test_a_pipe_that_nobody_reads_is_not_waited_for(tmp_path: Path) -> None:
+    """It lies where a result is to be written; one that is read, as `>(less)` is, gets it."""
+    pipe = tmp_path / "summary.json"
+    os.mkfifo(pipe)
+    with pytest.raises(UnwrittenError, match="cannot be written"):
+        write_text(pipe, "x")
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    write_text(pipe, "read")
+    assert os.read(reader, 9) == b"read"
+    os.close(reader)
+
+
 LOGS = ("csv", "csv.gz", "npz", "mcap", "jsonl", "db3", "parquet", "pt", "mat", "json")
 
 
 @pytest.mark.parametrize(
-    "name", ["config.json", "metrics.jsonl", "walks.jsonl", "walk.npz", *(f"log.{kind}" for kind in LOGS)]
+    "name",
+    [
+        *("config.json", "metrics.jsonl", "walks.jsonl", "walk.npz", "results.csv", "rows.csv"),
+        *(f"log.{kind}" for kind in LOGS),
+    ],
 )
 def test_no_reader_waits_for_a_pipe(name: str, tmp_path: Path) -> None:
     """Each reader of files from others, by the name that leads to it; the test would never end."""
     from stiction.core.cache import Ledger
+    from stiction.core.records import read_rows
     from stiction.formats.plain import read_object
-    from stiction.formats.results import read_metrics
+    from stiction.formats.results import ResultRow, read_metrics, read_results
     from stiction.formats.walk import read_walk
     from stiction.identify.logs import open_log
 
     file = tmp_path / name
     os.mkfifo(file)
     readers = {"config": lambda path: read_object(path, "it"), "metrics": read_metrics, "walks": Ledger}
+    readers |= {"results": read_results, "rows": lambda path: read_rows(path, ResultRow)}
     read = (readers | {"walk": read_walk}).get(name.partition(".")[0], open_log)
     with pytest.raises(FileError):
         read(file)

@@ -25,6 +25,8 @@ class Walk:
     """How many; none are counted."""
     log: bool = True
     """Write it down."""
+    load: Annotated[float | None, tyro.conf.arg(aliases=("--on.back",))] = None
+    """On its back [kg]."""
 
 
 TEXT = """Walk.
@@ -54,11 +56,15 @@ def test_words_become_options() -> None:
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
-        (("go2", "--secnds", "3"), ("unknown option --secnds", "did you mean --seconds?")),
-        (("go2", "--secnds=3"), ("unknown option --secnds", "did you mean --seconds?")),
-        (("go2", "--gait", "tirpod"), ("--gait 'tirpod'", "expected tripod, ripple", "did you mean tripod?")),
+        (("go2", "--secnds", "3"), ("unknown option --secnds", "did you mean '--seconds'?")),
+        (("go2", "--secnds=3"), ("unknown option --secnds", "did you mean '--seconds'?")),
+        (("go2", "--gait", "tirpod"), ("--gait 'tirpod'", "expected tripod, ripple", "did you mean 'tripod'?")),
         (("go2", "--steps", "many"), ("--steps 'many'", "expected a whole number")),
         (("go2", "--seconds", "long"), ("--seconds 'long'", "expected a number")),
+        (("go2", "--load", "much"), ("--load", "'much'", "expected a number")),
+        (("go2", "--steps", "3", "--steps", "4"), ("--steps is given twice; say it once",)),
+        (("go2", "--steps=3", "--steps", "3"), ("--steps is given twice; say it once",)),
+        (("go2", "--load", "3", "--on.back", "4"), ("--load and --on.back are one option, given twice",)),
         (("go2", "--seconds"), ("--seconds", "a value is missing")),
         (("go2", "go1"), ("go1", "a word that no option takes")),
         ((), ("ROBOT is missing", "Who walks")),
@@ -77,7 +83,7 @@ def test_wrong_words_are_one_line_with_status_2(
 def test_help_shows_what_is_needed_and_the_rest_on_demand(capsys: pytest.CaptureFixture) -> None:
     """If this failed, the options that people use would be lost among all."""
     brief, whole = said(capsys, "--help", status=0), said(capsys, "go2", "--help-all", status=0)
-    assert "--seconds FLOAT" in brief and "--gait" not in brief and "3 more options: stiction walk --help-all" in brief
+    assert "--seconds FLOAT" in brief and "--gait" not in brief and "4 more options: stiction walk --help-all" in brief
     assert "  stiction walk hexapod\n" in brief and "third paragraph" not in brief
     assert "usually needed:" in whole and "third paragraph" in whole and "more options" not in whole
     for part in ("--gait WORD", "second sentence. One of tripod, ripple.", "--log, --no-log", "ROBOT", "[2.0]"):

@@ -17,11 +17,7 @@ from bundles import make_contract
 from stiction.core.errors import ConfigurationError, RobotError
 from stiction.deploy.pilot import JointCommand
 from stiction.deploy.transports.ros2 import IMU_TOPIC, STATE_TOPIC, Ros2Link, ros2_link
-from stiction.deploy.transports.ros_messages import (
-    JOINT_STATE,
-    joint_vectors,
-    read_command,
-)
+from stiction.deploy.transports.ros_messages import joint_vectors, read_command
 from stiction.identify.logs.opening import open_log
 
 CONTRACT = make_contract()
@@ -126,7 +122,8 @@ def test_a_command_comes_back_as_it_went_whatever_the_order() -> None:
 def test_a_bag_of_these_messages_is_a_log(tmp_path: Path) -> None:
     """What a driver says and is told cannot be recorded and read by `identify`."""
     pytest.importorskip("mcap_ros2", reason="the package mcap-ros2-support, of the extra 'logs', is not installed")
-    rows = [(f"/{STATE_TOPIC}", JOINT_STATE, 10**9 + n * 10**7, joints(1.0 + n / 100)) for n in range(5)]
+    kind = "sensor_msgs/msg/JointState"
+    rows = [(f"/{STATE_TOPIC}", kind, 10**9 + n * 10**7, joints(1.0 + n / 100)) for n in range(5)]
     log = open_log(logfiles.bag(tmp_path / "run.db3", rows))
     for name, signals in log.joints.items():
         np.testing.assert_allclose(signals.position, joint_vectors(joints(1.0), [name])["position"][0])

@@ -12,7 +12,7 @@ from bundles import make_contract
 from stiction.core.errors import ConfigurationError, RobotError
 from stiction.deploy.pilot import JointCommand
 from stiction.deploy.transports.config import HeldCfg
-from stiction.deploy.transports.unitree import HELD_SPEED, Protocol, UnitreeLink
+from stiction.deploy.transports.unitree import HELD_SPEED, Translation, UnitreeLink
 from stiction.formats.unitree import GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE, Structure
 from stiction.robots.catalog import find_robot
 from stiction.robots.model import Vendor
@@ -77,7 +77,7 @@ def test_a_state_comes_in_our_order_and_sense() -> None:
         message["imu_state"]["gyroscope"] = (0.1, 0.2, 0.3)
 
     bus = Wires()
-    link = UnitreeLink(Protocol("unitree-go", GO, HeldCfg()), bus)
+    link = UnitreeLink(Translation("unitree-go", GO, HeldCfg()), bus)
     bus.waiting = [(7_000_000_000, said(GO_STATE, change)), (7_002_000_000, said(GO_STATE, change))]
     first, state = link.receive()
     assert (first.time, state.time, state.number) == (0.0, pytest.approx(0.002), 2)
@@ -98,7 +98,7 @@ def test_a_state_comes_in_our_order_and_sense() -> None:
 def test_a_command_goes_in_the_maker_s_order_and_sense() -> None:
     """A joint is driven the wrong way, or another one is driven."""
     bus = Wires()
-    link = UnitreeLink(Protocol("unitree-go", GO, HeldCfg()), bus)
+    link = UnitreeLink(Translation("unitree-go", GO, HeldCfg()), bus)
     bus.waiting = [(0, said(GO_STATE))]
     link.receive()
     angles = np.arange(12) / 10 + 0.2
@@ -118,8 +118,8 @@ def test_a_command_goes_in_the_maker_s_order_and_sense() -> None:
 def test_held_joints_go_slowly_and_are_damped_with_the_others() -> None:
     """An arm strikes out when the policy begins, or stays stiff when the legs are damped."""
     bus = Wires()
-    protocol = Protocol("unitree-hg", HG, HELD)
-    link = UnitreeLink(protocol, bus)
+    translation = Translation("unitree-hg", HG, HELD)
+    link = UnitreeLink(translation, bus)
     names = G1.vendor.order if G1.vendor else ()
     elbow, still = names.index("left_elbow_joint"), names.index("left_knee_joint")
 
@@ -160,7 +160,7 @@ def test_held_joints_go_slowly_and_are_damped_with_the_others() -> None:
 def test_a_state_that_is_not_whole_is_none(damaged: bytes, why: str) -> None:
     """Noise on the wire is acted upon."""
     bus = Wires()
-    link = UnitreeLink(Protocol("unitree-go", GO, HeldCfg()), bus)
+    link = UnitreeLink(Translation("unitree-go", GO, HeldCfg()), bus)
     bus.waiting = [(0, damaged)]
     assert link.receive() == [] and link.malformed == 1 and why in link.complaint
 
@@ -168,7 +168,7 @@ def test_a_state_that_is_not_whole_is_none(damaged: bytes, why: str) -> None:
 def test_ankles_in_numbers_of_motors_are_refused() -> None:
     """In mode AB the numbers of ankle and waist are of two motors beside each other, and look like angles."""
     bus = Wires()
-    link = UnitreeLink(Protocol("unitree-hg", HG, HELD), bus)
+    link = UnitreeLink(Translation("unitree-hg", HG, HELD), bus)
     bus.waiting = [(0, said(HG_STATE, lambda message: message.__setitem__("mode_pr", 1)))]
     assert link.receive() == [] and "mode_pr is 1" in link.complaint
 
@@ -176,7 +176,7 @@ def test_ankles_in_numbers_of_motors_are_refused() -> None:
 def test_a_command_of_somebody_else_is_not_ours() -> None:
     """The maker's gait controller is still running, and two programs pull at the motors."""
     bus = Wires()
-    link = UnitreeLink(Protocol("unitree-go", GO, HeldCfg()), bus)
+    link = UnitreeLink(Translation("unitree-go", GO, HeldCfg()), bus)
     bus.others, bus.waiting = True, [(0, said(GO_STATE))]
     assert link.receive()[0].command == 0.0
     assert link.send(JointCommand(*np.zeros((4, 12)))) == 1
@@ -185,17 +185,17 @@ def test_a_command_of_somebody_else_is_not_ours() -> None:
 def test_nothing_is_sent_to_a_robot_that_has_said_nothing() -> None:
     """A command without the robot's own mode_machine, held joints asked to be at zero."""
     bus = Wires()
-    UnitreeLink(Protocol("unitree-hg", HG, HELD), bus).send(JointCommand(*np.zeros((4, 12))))
+    UnitreeLink(Translation("unitree-hg", HG, HELD), bus).send(JointCommand(*np.zeros((4, 12))))
     assert bus.sent == []
 
 
 def test_what_cannot_be_driven_is_refused() -> None:
     """Arms without gains hang; joints in an order that nobody said are other joints."""
     with pytest.raises(ConfigurationError, match=r"left_elbow_joint.*--held\.kp"):
-        Protocol("unitree-hg", HG, HeldCfg(kp=40.0))
+        Translation("unitree-hg", HG, HeldCfg(kp=40.0))
     with pytest.raises(RobotError, match="29 joints"):
-        Protocol("unitree-go", HG, HELD)
+        Translation("unitree-go", HG, HELD)
     with pytest.raises(RobotError, match="maker's order"):
-        Protocol("unitree-go", make_contract(), HeldCfg())
+        Translation("unitree-go", make_contract(), HeldCfg())
     with pytest.raises(ConfigurationError, match="gain"):
         HeldCfg(kp=-1.0)

@@ -19,6 +19,7 @@ READING = {
     *(f"formats/{name}.py" for name in ("actuator", "bundle", "contract_rules", "following", "golden", "joint_map")),
     *(f"formats/{name}.py" for name in ("joints", "log", "plain", "results", "signature", "tables")),
     *(
+        "deploy/silent.py",
         "core/extras.py",
         "core/files.py",
         "core/plugins.py",

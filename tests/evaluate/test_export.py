@@ -247,3 +247,9 @@ def test_the_card_says_that_it_never_ran_on_a_robot() -> None:
     assert "It has not run on a robot." in card
     assert "20 % of each joint's torque limit" in card
     assert "0.16 to 0.24" in card
+
+
+def test_a_joint_map_without_a_file_is_refused(tmp_path: Path) -> None:
+    """Names of records that are nowhere would be ignored, from Python without a word."""
+    with pytest.raises(StictionError, match="name that too, with --joints"):
+        export_run(tmp_path, tmp_path / "bundle", joint_map=("shank=FL_shank",))

@@ -33,6 +33,7 @@ from stiction.locomotion.env import LocomotionEnv  # noqa: E402  (needs torch)
 from stiction.locomotion.randomization import nominal_privileged, privileged_observation  # noqa: E402
 from stiction.rma.run import RunDirectory  # noqa: E402
 from stiction.rma.runner import load_actor, train  # noqa: E402
+from stiction.studies.adaptation import probes  # noqa: E402
 
 NOMINAL = RandomizationCfg(
     armature=(1.0, 1.0),
@@ -211,8 +212,9 @@ def test_a_history_of_another_length_reaches_networks_contract_and_driver(tmp_pa
         TaskCfg(history=0)
 
 
-def test_one_command_studies_what_adaptation_does(run: RunDirectory, tmp_path: Path, capsys) -> None:
+def test_one_command_studies_what_adaptation_does(run: RunDirectory, tmp_path: Path, monkeypatch, capsys) -> None:
     """A user's whole way: walks on lent latents, probes, page. Two runs of one name are refused."""
+    monkeypatch.setattr(probes, "HISTORIES", (11,))  # A probe of two thousand features takes seconds.
     out = tmp_path / "study"
     walks = ["--friction-levels", "0", "0.2", "--commands", "vx=0.5", "--episodes", "4", "--seconds", "4"]
     arguments = ["study", "adaptation", str(run.path), "--out", str(out)]

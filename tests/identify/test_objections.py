@@ -200,11 +200,11 @@ def outcome_lines(given: wrong.Given) -> list[str]:
 @pytest.mark.parametrize(
     ("right", "change", "reason"),
     [
-        (drives.servo, drives.flags(kt=3.0), "negative_friction"),
-        (drives.weighed, drives.flags(resistance=2.0), "pendulum_weight"),
-        (drives.weighed_alone, drives.flags(pendulum_angle=0.8), "pendulum_angle"),
+        (drives.servo, wrong.flags(kt=3.0), "negative_friction"),
+        (drives.weighed, wrong.flags(resistance=2.0), "pendulum_weight"),
+        (drives.weighed_alone, wrong.flags(pendulum_angle=0.8), "pendulum_angle"),
         (limbs.leg, limbs.torques(2.0), "torque_scale"),
-        (limbs.voltage_leg, limbs.flags(kt=0.5), "torque_scale"),
+        (limbs.voltage_leg, wrong.flags(kt=0.5), "torque_scale"),
     ],
     ids=["kt", "R", "hangs", "limb", "limb by voltage"],
 )

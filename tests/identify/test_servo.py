@@ -11,7 +11,7 @@ from stiction.formats.joints import Estimate, JointRecord
 from stiction.identify.drive import BRAKE
 from stiction.identify.pipeline import identify_joint
 from stiction.identify.setup import IdentifySetup
-from stiction.studies.flags.servo import HANGS, SERVO, known
+from stiction.studies.flags.servo import HANGS, SERVO
 
 WHOLE = SERVO.viscous + SERVO.brake
 """B + kt ke/R = 0.12 + 0.5625 N m s/rad."""
@@ -141,6 +141,6 @@ def test_unknown_units_are_not_mixed() -> None:
 
 def test_a_swing_too_small_does_not_show_where_the_pendulum_hangs() -> None:
     """A torque column of noise has no phase of a weight: the angle is asked for."""
-    log = SERVO.log(mass=0.001)
+    log = SERVO.log(mass=0.001, pendulum_mass=0.001, pendulum_length=0.2)
     with pytest.raises(LogError, match="give --pendulum-angle"):
-        identify_joint(known(log, pendulum_mass=0.001, pendulum_length=0.2), setup=IdentifySetup(**MOTOR))
+        identify_joint(log, setup=IdentifySetup(**MOTOR))

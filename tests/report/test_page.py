@@ -73,7 +73,7 @@ def test_a_name_in_a_figure_is_no_formula(name: str, tmp_path: Path) -> None:
     figure.suptitle(name)
     assert figure_uri(figure).startswith("data:image/png")
     for kind in ("svg", "png"):
-        save_figure(figure, tmp_path / f"it.{kind}", dpi=50)
+        save_figure(figure, tmp_path / f"it.{kind}")
         assert (tmp_path / f"it.{kind}").stat().st_size > 1000
     ticks = [text.get_text() for text in axis.get_xticklabels()]
     assert any("mathdefault" in text for text in ticks)

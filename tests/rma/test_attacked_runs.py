@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.rma.phase import Interrupted
-from stiction.rma.run import RunDirectory, load_checkpoint
+from stiction.rma.run import RunDirectory, load_checkpoint, save_checkpoint
 from stiction.rma.runner import load_student, train
 
 CFG = TrainCfg(
@@ -71,6 +72,50 @@ def test_an_attacked_run_is_refused_in_one_line_or_is_the_same(
         except Exception as error:
             raise AssertionError((seed, done)) from error
     assert refused > ATTACKS
+
+
+@pytest.mark.parametrize("name", ["config.json", "metrics.jsonl", "summary.json", "*.json", "*.safetensors"])
+def test_no_file_of_a_run_may_be_a_pipe(
+    name: str, runs: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """Opening one waits for ever: it is refused, whether the run goes on or its student is exported."""
+    path = copy_run(runs["summary" in name], tmp_path / "run")
+    file = max((path / "checkpoints").glob(f"student_{name}")) if "*" in name else path / name
+    file.unlink()
+    os.mkfifo(file)
+
+    def waited(*_: object) -> None:
+        raise AssertionError(f"{file.name} was opened")
+
+    before = signal.signal(signal.SIGALRM, waited)
+    signal.alarm(60)
+    try:
+        statuses = main(["train", "--resume", str(path)]), main(["export", str(path), "--out", str(tmp_path / "out")])
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+    said = capsys.readouterr().err
+    assert statuses == (1, 1) and file.name in said and "unforeseen" not in said, said
+
+
+@pytest.mark.parametrize("part", ["exp_avg", "embed"])
+def test_a_forged_checkpoint_with_a_number_for_a_tensor_is_refused(
+    part: str, runs: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """Torch takes an optimizer's state as it is, and failed in the first step; a network's, in words of its own."""
+    path = copy_run(runs[part == "embed"], tmp_path / "run")
+    newest = max((path / "checkpoints").glob("student_*.safetensors"))
+    tree = load_checkpoint(newest)
+    verb = ["train", "--resume", str(path)]
+    if part == "embed":
+        tree["algorithm"]["student_state_dict"]["adaptation.embed.0.weight"] = 1.0
+        verb = ["export", str(path), "--out", str(tmp_path / "out")]
+    else:
+        next(iter(tree["algorithm"]["optimizer_state_dict"]["state"].values()))["exp_avg"] = 1.0
+    save_checkpoint(newest, tree)
+    assert main(verb) == 1
+    said = capsys.readouterr().err.strip().splitlines()[-1]
+    assert "unforeseen" not in said and newest.name in said, said
 
 
 def test_every_flipped_bit_of_a_checkpoint_is_found(runs: tuple[Path, Path], tmp_path: Path) -> None:

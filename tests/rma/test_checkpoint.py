@@ -1,16 +1,16 @@
 """Checkpoints: whole or absent, nothing unpickled, and a killed run resumes to the same bits."""
 
 import json
-import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
 import torch
 
+from processes import stiction
+from stiction.cli.main import main
 from stiction.core.errors import StictionError
 from stiction.rma.run import keep_newest, latest_checkpoint, load_checkpoint, save_checkpoint
 
@@ -71,11 +71,6 @@ SMALL = [
 ]
 
 
-def program(*arguments: str) -> list[str]:
-    """The command line of `stiction train`."""
-    return [sys.executable, "-m", "stiction", "train", *arguments]
-
-
 def final_parameters(run: Path) -> dict[str, torch.Tensor]:
     """Networks of the last student checkpoint."""
     path = latest_checkpoint(run / "checkpoints", "student")
@@ -84,15 +79,15 @@ def final_parameters(run: Path) -> dict[str, torch.Tensor]:
 
 
 @pytest.mark.slow
-def test_a_killed_run_resumes_to_the_same_bits(tmp_path: Path) -> None:
+def test_a_killed_run_resumes_to_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Kill -9 in the teacher and in the student: the result is an undisturbed run's (other moments: `test_resume`)."""
-    environment = os.environ | {"STICTION_THREADS": "1"}
-    subprocess.run(program(*SMALL, "--out", str(tmp_path / "whole")), check=True, env=environment, capture_output=True)
+    monkeypatch.setenv("STICTION_THREADS", "1")
+    assert main(["train", *SMALL, "--out", str(tmp_path / "whole")]) == 0
 
     killed = tmp_path / "killed"
-    command = program(*SMALL, "--out", str(killed))
+    words = [*SMALL, "--out", str(killed)]
     for phase, least in (("teacher", 2), ("student", 1)):
-        process = subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL)
+        process = subprocess.Popen(stiction("train", *words), stderr=subprocess.DEVNULL)
         deadline = time.monotonic() + 120
         while time.monotonic() < deadline and process.poll() is None:
             newest = latest_checkpoint(killed / "checkpoints", phase)
@@ -101,8 +96,8 @@ def test_a_killed_run_resumes_to_the_same_bits(tmp_path: Path) -> None:
             time.sleep(0.002)
         process.send_signal(signal.SIGKILL)
         assert process.wait() == -signal.SIGKILL, "the run ended before it could be killed"
-        command = program("--resume", str(killed))
-    subprocess.run(command, check=True, env=environment, capture_output=True)
+        words = ["--resume", str(killed)]
+    assert main(["train", *words]) == 0
 
     whole, resumed = final_parameters(tmp_path / "whole"), final_parameters(killed)
     assert whole.keys() == resumed.keys()

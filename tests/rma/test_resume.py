@@ -271,6 +271,7 @@ def test_other_matrix_products_are_named_where_a_run_goes_on(
 ) -> None:
     """They round otherwise, and so they do behind a checkpoint from before there were fast ones, which names none."""
     run = start(tmp_path / "run")
+    monkeypatch.setattr(phase, "gemm_path", lambda: "default")
     monkeypatch.setattr(PhaseRunner, "iterate", dies(PhaseRunner.iterate, 4))
     with pytest.raises(Killed):
         train(CFG, run)

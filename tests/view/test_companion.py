@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip("torch", reason="training needs the extra train")
 
+from stiction.cli.view import viewed
 from stiction.core.errors import StictionError
 from stiction.deploy.observation import Sensors
 from stiction.evaluate.export import TrainedPolicy
@@ -21,7 +22,7 @@ from stiction.rma.run import RunDirectory
 from stiction.rma.runner import load_student, train
 from stiction.view import companion
 from stiction.view.companion import watching
-from stiction.view.simulation import Simulation, ViewedPolicy
+from stiction.view.simulation import Simulation
 
 CFG = TrainCfg(
     task=TaskCfg(robot="go1", friction=FrictionCfg("deception", level=0.1)),
@@ -33,11 +34,6 @@ CFG = TrainCfg(
 )
 
 
-def shown(run: NewestPolicy) -> ViewedPolicy:
-    """Return the newest checkpoint as it is looked at."""
-    return ViewedPolicy(run.name, run.contract, run.load)
-
-
 def test_the_robot_stands_until_there_is_a_checkpoint_and_walks_on_with_each(tmp_path: Path) -> None:
     """If this failed, `train --view` would show nothing, an old policy, or one that training does not have."""
     directory = RunDirectory.create(tmp_path / "run", CFG, "stiction train", None)
@@ -45,7 +41,7 @@ def test_the_robot_stands_until_there_is_a_checkpoint_and_walks_on_with_each(tmp
         NewestPolicy(directory.path)
     run = NewestPolicy(directory.path, wait=True)
     assert run.name == "run: no checkpoint yet, standing" and not run.refresh()
-    simulation = Simulation([shown(run)], run.robot)
+    simulation = Simulation([viewed(run)], run.robot)
     walker = simulation.walkers[0]
     simulation.step()
     assert walker.seen.step is not None
@@ -53,7 +49,7 @@ def test_the_robot_stands_until_there_is_a_checkpoint_and_walks_on_with_each(tmp
 
     train(CFG, directory)
     assert run.refresh() and not run.refresh() and run.name == "run: student 000001"
-    walker.teach(shown(run))
+    walker.teach(viewed(run))
     simulation.step()
     step = walker.seen.step
     assert np.abs(step.policy.target - run.contract.array("standing")).max() > 1e-6
@@ -65,7 +61,7 @@ def test_the_robot_stands_until_there_is_a_checkpoint_and_walks_on_with_each(tmp
         file.unlink()
     teacher = NewestPolicy(directory.path)
     assert teacher.name == "run: teacher 000001"
-    simulation = Simulation([shown(teacher)], teacher.robot)
+    simulation = Simulation([viewed(teacher)], teacher.robot)
     simulation.step()
     assert np.isfinite(simulation.walkers[0].seen.step.policy.action).all()
 

@@ -185,6 +185,25 @@ def test_a_fall_ends_the_recording_with_what_there_is(viewer: Viewer, tmp_path: 
     assert (tmp_path / "logs/walk-1.npz").is_file() and viewer._recorder is None
 
 
+def test_a_recording_that_cannot_be_had_ends_nothing(viewer: Viewer, tmp_path: Path) -> None:
+    """If this failed, a robot that lies, or a folder that cannot be written, would take the viewer from everybody."""
+    viewer.simulation.walkers[0]._fall()
+    trigger(viewer, "Record")
+    assert viewer._recorder is None
+    (tmp_path / "logs").write_text("in the folder's place")
+    viewer.panel.recorded.value = viewer.panel.names[1]
+    for _ in range(2):
+        trigger(viewer, "Record")
+    assert viewer._recorder is None
+    trigger(viewer, "Record")
+    viewer.simulation.walkers[1]._fall()
+    viewer.turn()
+    assert viewer._recorder is None
+    time = viewer.simulation.time
+    viewer.turn()
+    assert viewer.simulation.time > time
+
+
 def test_it_listens_on_loopback_and_nowhere_else() -> None:
     """If this failed, whoever is in the same network could look and steer without being let in."""
     with serve() as server:

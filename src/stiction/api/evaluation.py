@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from stiction.api.options import options_of
-from stiction.api.policy import Verified, verify
+from stiction.api.policy import Verified
 from stiction.api.result import Progress, Result, html_table, silent
 from stiction.core.errors import ConfigurationError
 from stiction.core.extras import says_what_is_missing
@@ -19,7 +19,6 @@ from stiction.core.lock import output_folder
 from stiction.core.provenance import num_threads
 from stiction.core.records import header, texts
 from stiction.core.scratch import scratch
-from stiction.formats.bundle import Bundle
 from stiction.formats.results import SCHEMA_VERSION, ResultRow
 
 if TYPE_CHECKING:
@@ -168,9 +167,10 @@ def _walk(
     out: Path | None,
 ) -> Evaluated:
     """Walk the grid, in a folder of which nothing is left where none is asked for; see `evaluate`."""
-    from stiction.evaluate.summary import evaluate_all
+    from stiction.evaluate.summary import bundle_of, evaluate_all
 
-    bundles = [_bundle(policy, robot, period, cfg) for policy in policies]
+    given = [one.bundle if isinstance(one, Verified) else one if callable(one) else Path(one) for one in policies]
+    bundles = [bundle_of(policy, cfg, robot, period) for policy in given]
     if any(callable(policy) for policy in policies):
         jobs = 1  # the function is in this process
     with scratch() if out is None else nullcontext(out) as work, output_folder(work):
@@ -179,21 +179,6 @@ def _walk(
         if out is not None:
             result.write(out)
     return result
-
-
-def _bundle(policy: Any, robot: str | None, period: float, cfg: GridCfg) -> Bundle:
-    """Return what an evaluation takes of one of the policies that were given."""
-    if isinstance(policy, Verified):
-        return policy.bundle
-    if not callable(policy):
-        return verify(policy).bundle
-    if robot is None:
-        raise ConfigurationError("evaluate: a function needs robot, the robot whose joints it moves")
-    from stiction.evaluate.own_policy import own_policy
-
-    if not all(simulator.is_batch for simulator in cfg.simulators):
-        raise ConfigurationError("evaluate: a function walks in the engine mujoco alone; leave engines out")
-    return own_policy(policy, robot, period)
 
 
 __all__ = ["Evaluated", "evaluate"]

@@ -162,16 +162,14 @@ def identify(
     setup = options_of(IdentifySetup, named | options, "identify")
     first, *others = [as_log(one) for one in (log, *more_logs)]
     wanted = (joint,) if isinstance(joint, str) else tuple(joint)
+    repeats = [as_log(one) for one in repeat]
     if robot is not None:
-        if others or wanted or repeat:
-            raise ConfigurationError(
-                "robot with several runs, joint or repeat: expected one log, for all its joints at once"
-            )
-        found = identify_limb(first, str(robot), setup, options_of(LimbSetup, limb, "identify"))
+        of_limb = options_of(LimbSetup, limb, "identify")
+        found = identify_limb(first, str(robot), setup, of_limb, wanted, repeats, others)
     elif limb:
         raise ConfigurationError(f"{next(iter(limb))} is for the log of a whole limb; name its robot too")
     else:
-        found = identify_joints(first, setup, wanted, [as_log(one) for one in repeat], others, jobs, progress)
+        found = identify_joints(first, setup, wanted, repeats, others, jobs, progress)
     if out is not None:
         found.save(out)
     return found
@@ -201,11 +199,24 @@ def identify_joints(
     return Identified(JointsFile(records), {name: result.fit for name, result in found.items()})
 
 
-def identify_limb(log: Log, robot: str, declared: IdentifySetup, setup: LimbSetup) -> Identified:
-    """Identify all joints of a leg or an arm at once; see `identify`."""
+def identify_limb(
+    log: Log,
+    robot: str,
+    declared: IdentifySetup,
+    setup: LimbSetup,
+    joints: Sequence[str] = (),
+    repeats: Sequence[Log] = (),
+    more: Sequence[Log] = (),
+) -> Identified:
+    """Identify all joints of a leg or an arm at once; see `identify`. Refuses what is for single joints."""
     from stiction.identify.limb import pipeline
     from stiction.robots.catalog import find_mechanism
 
+    for given, what in ((joints, "--joint"), (repeats, "--repeat"), (more, "several runs")):
+        if given:
+            raise ConfigurationError(
+                f"{what} with --robot: expected one log, for all its joints at once; leave that out"
+            )
     found = pipeline.identify_limb(log, find_mechanism(robot), declared, setup)
     return Identified(found.joints, found.signals)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from stiction.core.errors import LogError
+from stiction.core.errors import LogError, unknown_name
 from stiction.core.extras import says_what_is_missing
 from stiction.formats.log import SIGNALS, UNNAMED, Log, LogSetup, by_joint, setup_from_dict
 from stiction.identify.logs import open_log, parse_columns
@@ -89,12 +89,10 @@ def from_arrays(frame: Any = None, **given: Any) -> Log:
 
     """
     table = {} if frame is None else _columns_of(frame)
-    known = {*OF_FRAME, *(item.name for item in fields(LogSetup))}
+    known = ("time", *SIGNALS, *(item.name for item in fields(LogSetup)))
     for name in given:
         if name not in known:
-            raise LogError(
-                f"{SOURCE}: unknown name {name!r}; expected time, {', '.join(SIGNALS)}, kp, kd, torque_limit"
-            )
+            raise LogError(f"{SOURCE}: {unknown_name('name', name, known)}")
     for name in OF_FRAME:
         value = given.pop(name, None)
         if value is None:

@@ -13,7 +13,7 @@ from markupsafe import Markup
 from stiction.api.result import Result, html_table
 from stiction.core.extras import says_what_is_missing
 from stiction.deploy.check import BundleCheck, check_bundle, read_allowed, robot_of
-from stiction.deploy.policy import Policy
+from stiction.deploy.policy import Network, Policy
 from stiction.deploy.policy import load_policy as open_policy
 from stiction.deploy.robot_policy import RobotPolicy
 from stiction.formats.bundle import Bundle, find_bundle, shipped_bundles
@@ -93,8 +93,6 @@ class LoadedPolicy(Verified):
 
     def network(self, observation: np.ndarray) -> np.ndarray:
         """Return the network's actions, float32, shape (N, J), for observations of shape (N, size)."""
-        from stiction.deploy.policy import Network
-
         network = Network(self.bundle.policy, self.contract.observation.size, self.contract.num_joints)
         return network(np.ascontiguousarray(observation, dtype=np.float32))
 

@@ -34,10 +34,15 @@ class Trained(Result):
     summary: dict[str, Any]
     """What summary.json holds."""
 
+    @property
+    def last(self) -> dict[str, Any]:
+        """Figures of the student's last iteration; of a run of one phase, of its only one."""
+        found = self.summary["last"]
+        return found.get("student", found["teacher"])
+
     def lines(self) -> Sequence[str]:
         """Return where it is, and how the student walks."""
-        last = self.summary["last"].get("student", self.summary["last"]["teacher"])
-        walks = f"tracking error {last['walk/tracking_error']:.3f} m/s, falls and gait in metrics.jsonl"
+        walks = f"tracking error {self.last['walk/tracking_error']:.3f} m/s, falls and gait in metrics.jsonl"
         return f"run in {self.path}", walks, f"{self.summary['seconds'] / 60:.1f} min"
 
     def metrics(self) -> list[dict[str, Any]]:
@@ -52,8 +57,7 @@ class Trained(Result):
 
     def table(self) -> Markup:
         """Return the last iteration's figures."""
-        last = self.summary["last"].get("student", self.summary["last"]["teacher"])
-        rows = [(name, f"{value:.4g}") for name, value in last.items() if isinstance(value, float)]
+        rows = [(name, f"{value:.4g}") for name, value in self.last.items() if isinstance(value, float)]
         return html_table(("figure", "last iteration"), rows)
 
     def write(self, folder: Path) -> None:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from stiction.core.errors import ConfigurationError
 from stiction.core.lock import output_folder
 from stiction.core.options import read_options
 from stiction.formats.settings import results_folder
@@ -19,7 +18,6 @@ from stiction.locomotion.friction import law_choice, law_help
 from stiction.report.terminal import RobotSeeds, jobs_of
 
 if TYPE_CHECKING:
-    from stiction.formats.bundle import Bundle
     from stiction.formats.results import ResultRow
 
 
@@ -119,12 +117,10 @@ def main(arguments: list[str]) -> int:
     jobs = jobs_of(cfg.jobs)
     from stiction.core.provenance import num_threads
     from stiction.core.records import part_of
-    from stiction.deploy.check import check_bundle
     from stiction.evaluate.evaluate import EvaluationCfg
     from stiction.evaluate.grid import GridCfg
-    from stiction.evaluate.summary import evaluate_all
+    from stiction.evaluate.summary import bundle_of, evaluate_all
     from stiction.evaluate.walk_logs import RecordCfg, log_all
-    from stiction.formats.bundle import find_bundle
     from stiction.report.terminal import print_warnings, work_progress
 
     base = part_of(EvaluationCfg, cfg)
@@ -134,8 +130,10 @@ def main(arguments: list[str]) -> int:
         results_folder(cfg.out, "evaluate", cfg),
         nullcontext() if cfg.log is None else output_folder(cfg.log, "--log"),
     ):
-        bundles = [check_bundle(find_bundle(path)).bundle for path in cfg.bundles]
-        bundles += [] if cfg.policy_callable is None else [own(cfg, all(one.is_batch for one in settings.simulators))]
+        policies: list[Path | str] = [*cfg.bundles]
+        if cfg.policy_callable is not None:
+            policies.append(cfg.policy_callable)
+        bundles = [bundle_of(policy, settings, cfg.robot, cfg.callable_period) for policy in policies]
         with work_progress() as progress:
             rows, summary = evaluate_all(bundles, settings, cfg.out, cfg.robot, jobs, progress)
             if record is not None and cfg.log is not None:
@@ -143,17 +141,6 @@ def main(arguments: list[str]) -> int:
         print_warnings("evaluate", summary["warnings"])
         write_and_print(cfg, rows, {"command": command} | summary)
     return 0
-
-
-def own(cfg: EvaluateCfg, batch: bool) -> Bundle:
-    """Return the function that --policy-callable names; batch: whether the engine mujoco alone is asked for."""
-    from stiction.evaluate.own_policy import own_policy
-
-    if cfg.policy_callable is None or cfg.robot is None:
-        raise ConfigurationError("--policy-callable needs --robot, the robot whose joints it moves")
-    if not batch:
-        raise ConfigurationError("--policy-callable walks in the engine mujoco alone; leave --engines out")
-    return own_policy(cfg.policy_callable, cfg.robot, cfg.callable_period)
 
 
 def judge_again(cfg: EvaluateCfg, command: str) -> None:

@@ -100,8 +100,6 @@ def _to_bundle(cfg: ExportCfg) -> None:
     def say(note: str) -> None:
         print(f"stiction export: {note}", file=sys.stderr)
 
-    if cfg.joint_map and cfg.joints is None:
-        raise ConfigurationError("--joint-map names records of a joints.json; name that too, with --joints")
     with replaced_folder(out):
         check = export_run(cfg.source, out, cfg.wear, cfg.joints, cfg.joint_map, say, cfg.robot)
     if cfg.maker_targets is not None:

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import tyro
 from rich.console import Console
@@ -112,7 +112,21 @@ class ReadOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class IdentifyConfig(ReadOptions, IdentifySetup, LimbSetup):
+class WriteOptions:
+    """Where results go, and what reading and fitting may take."""
+
+    out: Path = Path("identified")
+    """Folder for joints.json, fit.npz, training.json and report.html."""
+    overwrite: bool = False
+    """Write over results of other settings in --out."""
+    json: bool = False
+    """Print the machine-readable summary, and nothing else, on standard output."""
+    memory_limit: float = DEFAULT_LIMIT / 2**30
+    """Memory that reading and fitting may take beyond the program's own [GiB]; a table may take a quarter of it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentifyConfig(WriteOptions, ReadOptions, IdentifySetup, LimbSetup):
     """Options of the verb; those of `LimbSetup` count with --robot."""
 
     log: Annotated[tuple[Path, ...], tyro.conf.Positional]
@@ -131,18 +145,10 @@ class IdentifyConfig(ReadOptions, IdentifySetup, LimbSetup):
     """Further logs of the same joints: repeats, hot and cold, with and without a payload. Each may have a sidecar."""
     repeat_columns: tuple[str, ...] = ()
     """ROLE=NAME pairs that the repeats have and the log has not: disturbance=pulses, say."""
-    out: Path = Path("identified")
-    """Folder for joints.json, fit.npz, training.json and report.html."""
-    overwrite: bool = False
-    """Write over results of other settings in --out."""
-    json: bool = False
-    """Print the machine-readable summary, and nothing else, on standard output."""
-    memory_limit: float = DEFAULT_LIMIT / 2**30
-    """Memory that reading and fitting may take beyond the program's own [GiB]; a table may take a quarter of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class WalkOptions(ReadOptions, WalkSetup, RobotLogSetup):
+class WalkOptions(WriteOptions, ReadOptions, WalkSetup, RobotLogSetup):
     """Options for the log of a walk; those on columns, time and motors are for logs that are not of evaluate --log."""
 
     log: Annotated[Path, tyro.conf.Positional]
@@ -162,14 +168,6 @@ class WalkOptions(ReadOptions, WalkSetup, RobotLogSetup):
     """N m per unit of the torque column."""
     position_scale: float | None = None
     """rad per unit of position, velocity and target."""
-    out: Path = Path("identified")
-    """Folder for joints.json, fit.npz, training.json and report.html."""
-    overwrite: bool = False
-    """Write over results of other settings in --out."""
-    json: bool = False
-    """Print the machine-readable summary, and nothing else, on standard output."""
-    memory_limit: float = DEFAULT_LIMIT / 2**30
-    """Memory that reading and fitting may take beyond the program's own [GiB]; a table may take a quarter of it."""
 
 
 def main(arguments: list[str]) -> int:
@@ -184,8 +182,8 @@ def main(arguments: list[str]) -> int:
 
 
 def _identify_joints(config: IdentifyConfig) -> int:
-    """Identify the joints of one log or of several; return the exit status."""
-    from stiction.api.identification import identify_joints
+    """Identify the joints of one log or of several, or of a whole limb; return the exit status."""
+    from stiction.api.identification import identify_joints, identify_limb
     from stiction.identify.logs import join_logs, parse_columns
     from stiction.identify.logs.sidecar import write_sidecar
     from stiction.report.terminal import work_progress
@@ -201,42 +199,26 @@ def _identify_joints(config: IdentifyConfig) -> int:
     for log in (*config.log, *config.repeat):
         _keep_inputs(log, config.out)
     check_settings(config.out, _verb(config), config)
-    if config.robot is not None:
-        return _identify_limb(config, config.robot)
     setup = part_of(IdentifySetup, config)
-    runs = [_open(config, path) for path in config.log]
-    logs = [join_logs(runs)] if config.join else runs[:1]
-    logs += [_open(config, path, repeat=True) for path in config.repeat]
-    with work_progress() as progress:
-        found = identify_joints(
-            logs[0], setup, config.joint, logs[1:], () if config.join else runs[1:], progress=progress
-        )
-    with results_folder(config.out, "identify", config):
+    first, *more = [_open(config, path) for path in config.log]
+    if config.join:
+        first, more = join_logs([first, *more]), []
+    repeats = [_open(config, path, repeat=True) for path in config.repeat]
+    if config.robot is None:
+        with work_progress() as progress:
+            found = identify_joints(first, setup, config.joint, repeats, more, progress=progress)
+    else:
+        limb = part_of(LimbSetup, config)
+        with Terminal(stderr=True).status("fitting all joints at once"):
+            found = identify_limb(first, config.robot, setup, limb, config.joint, repeats, more)
+    with results_folder(config.out, _verb(config), config):
         found.write(config.out)
+    if config.robot is not None:
+        _print_results(config, found.file, lambda console, joints: _show_limb(console, joints, config.model_error))
+        return 0
     _print_results(config, found.file, show)
     if len(found.signals) > 1 and setup.test_condition != "bare_motor":
         Terminal(stderr=True).print(COUPLED, highlight=False, soft_wrap=True)
-    return 0
-
-
-def _identify_limb(config: IdentifyConfig, robot: str) -> int:
-    """Identify all joints of a leg or an arm at once; return the exit status."""
-    from stiction.api.identification import identify_limb
-    from stiction.identify.logs import join_logs
-
-    several = len(config.log) > 1 and not config.join
-    for given, what in ((config.joint, "--joint"), (config.repeat, "--repeat"), (several, "several runs")):
-        if given:
-            raise ConfigurationError(
-                f"{what} with --robot: expected one log, for all its joints at once; leave that out"
-            )
-    log = join_logs([_open(config, path) for path in config.log]) if config.join else _open(config, config.log[0])
-    setup = part_of(LimbSetup, config)
-    with Terminal(stderr=True).status("fitting all joints at once"):
-        found = identify_limb(log, robot, part_of(IdentifySetup, config), setup)
-    with results_folder(config.out, "identify", config):
-        found.write(config.out)
-    _print_results(config, found.file, lambda console, joints: _show_limb(console, joints, setup.model_error))
     return 0
 
 
@@ -265,6 +247,7 @@ def _identify_walk(arguments: list[str]) -> int:
     options = read_options(WalkOptions, arguments, "stiction identify walk", WALK_DESCRIPTION, groups=WALK_GROUPS)
     from stiction.formats.run_log import read_walk_log
     from stiction.formats.walk import write_walk_fit
+    from stiction.identify.proposal import write_proposal
     from stiction.identify.walking.foreign import foreign_walk
     from stiction.identify.walking.pipeline import identify_walk
     from stiction.report.walking import write_walking_page
@@ -288,7 +271,11 @@ def _identify_walk(arguments: list[str]) -> int:
             spec = find_robot(options.robot)
             foreign = foreign_walk(log, spec, declared, part_of(RobotLogSetup, options))
             found = identify_walk(foreign.log, spec, setup, foreign.notes, True, foreign.unplaced)
-        _write_results(options, found.joints, lambda path: write_walk_fit(path, found.fit), write_walking_page)
+        with results_folder(options.out, _verb(options), options):
+            found.joints.write(options.out / "joints.json")
+            write_proposal(options.out, found.joints)
+            write_walk_fit(options.out / "fit.npz", found.fit)
+            write_walking_page(options.out)
     _print_results(options, found.joints, _show_walk)
     return 0
 
@@ -336,26 +323,7 @@ def _keep_inputs(log: Path, out: Path) -> None:
             )
 
 
-def _write_results(
-    options: IdentifyConfig | WalkOptions,
-    joints: JointsFile,
-    write_signals: Callable[[Path], None],
-    write_page: Callable[[Path], Any],
-) -> None:
-    """Write the four files, of which `write_signals` writes fit.npz; raise `StictionError` where that cannot be."""
-    from stiction.identify.proposal import write_proposal
-
-    folder = options.out
-    with results_folder(folder, _verb(options), options):
-        joints.write(folder / "joints.json")
-        write_proposal(folder, joints)
-        write_signals(folder / "fit.npz")
-        write_page(folder)
-
-
-def _print_results(
-    options: IdentifyConfig | WalkOptions, joints: JointsFile, show: Callable[[Console, JointsFile], None]
-) -> None:
+def _print_results(options: WriteOptions, joints: JointsFile, show: Callable[[Console, JointsFile], None]) -> None:
     """Print what was found: as JSON, or as `show` does for a person."""
     if options.json:
         print(object_text(joints.to_dict()), end="")

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from stiction.core.extras import install_command, installed_from
 from stiction.core.options import read_options
 from stiction.core.records import column, header, texts
 
@@ -67,7 +68,7 @@ class EngineRow:
     here: bool = field(metadata=column("installed"))
     """Whether it can be used now."""
     install: str = field(metadata=column("where not, install"))
-    """The extra that brings it."""
+    """The command that installs its extra."""
 
 
 def main(arguments: list[str]) -> int:
@@ -124,11 +125,11 @@ def engines() -> list[EngineRow]:
 
     from stiction.engines.catalog import ENGINES
 
-    rows = []
+    rows, source = [], installed_from()
     for spec in ENGINES.values():
         here = all(found is not None for found in spec.binaries().values())
         here = here and find_spec(PACKAGES.get(spec.name, "stiction")) is not None
-        rows.append(EngineRow(spec.name, here, f'pip install "stiction[{spec.extra}]"' if spec.extra else "–"))
+        rows.append(EngineRow(spec.name, here, install_command(spec.extra, source) if spec.extra else "–"))
     return rows
 
 

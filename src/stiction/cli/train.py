@@ -6,11 +6,13 @@ import json
 import shlex
 import sys
 import warnings
-from contextlib import nullcontext
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stiction.core.errors import ConfigurationError
+from stiction.core.extras import require
 from stiction.rma.arguments import Train, parse
 from stiction.rma.config import TrainCfg
 
@@ -55,7 +57,7 @@ def main(arguments: list[str]) -> int:
     """Run the verb."""
     options = parse(arguments)
     if options.view:
-        import viser  # noqa: F401  (before any work: the extra that is missing)
+        require("view")
     if options.resume is not None:
         return _resume(options, arguments)
     return _run(options, *_begin(options, arguments))
@@ -105,7 +107,6 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
     from stiction.rma.phase import Interrupted
     from stiction.rma.run import identified_values
     from stiction.rma.runner import train
-    from stiction.view.companion import watching
 
     if cfg.device != "cpu":
         print("stiction train: in its first run MuJoCo Warp compiles its kernels, for minutes", file=sys.stderr)
@@ -113,7 +114,7 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
         output_folder(run.path),
         training_progress(cfg) as display,
         stop_requests(display.say, "this iteration") as asked,
-        watching(run.path, lambda line: display.say(f"viewer: {line}")) if options.view else nullcontext(),
+        _viewer(run.path, display.say) if options.view else nullcontext(),
         warnings.catch_warnings(),
     ):
         # Python's own form is two lines, the second one of our source code.
@@ -129,6 +130,13 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
             crew.abandon()
     _report(run, summary, options.json)
     return 0
+
+
+def _viewer(run: Path, say: Callable[[str], None]) -> AbstractContextManager[Any]:
+    """Show the run in the browser, in a process beside its training."""
+    from stiction.view.companion import watching
+
+    return watching(run, lambda line: say(f"viewer: {line}"))
 
 
 def _report(run: RunDirectory, summary: dict[str, Any], as_json: bool) -> None:

@@ -7,7 +7,7 @@ import sys
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -39,7 +39,6 @@ time stands still. From another machine: ssh -L 8080:127.0.0.1:8080 THIS-MACHINE
 
 SHIPPED = ("saturn_lite-flat-none-0.2", "saturn_lite-flat-direct-0.2", "saturn_lite-flat-deception-0.2")
 """Policies that are shown where none is named."""
-
 
 POLITE = 10
 """Nice value beside a training, which comes first."""
@@ -91,12 +90,10 @@ class ViewCfg:
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
     cfg = read_options(ViewCfg, arguments, "stiction view", DESCRIPTION)
-    import viser  # noqa: F401  (before anything is loaded: the extra that is missing)
-
     if not 0 < cfg.seconds <= 120:
         raise ConfigurationError(f"--seconds {cfg.seconds:g}; expected more than 0 and at most 120")
-    policies, newest = policies_of(cfg)
-    simulation = simulation_of(cfg, [policy for policy, _ in policies], policies[0][1])
+    policies, robot, newest = policies_of(cfg)
+    simulation = simulation_of(cfg, policies, robot)
     if cfg.static is not None:
         return write_static(cfg, cfg.static, simulation)
     if cfg.follow:
@@ -108,34 +105,36 @@ def main(arguments: list[str]) -> int:
         return 0
 
 
-def policies_of(cfg: ViewCfg) -> tuple[list[tuple[ViewedPolicy, Robot]], dict[int, NewestPolicy]]:
-    """Return what is looked at with its robot, and by its number what may be replaced by a newer checkpoint."""
+def policies_of(cfg: ViewCfg) -> tuple[list[ViewedPolicy], Robot, dict[int, NewestPolicy]]:
+    """Return what is looked at, its robot, and by its number what may be replaced by a newer checkpoint."""
     from stiction.deploy.check import check_bundle, robot_of
     from stiction.formats.bundle import find_bundle
     from stiction.view.simulation import ViewedPolicy
 
-    found: list[Any] = []
+    policies: list[ViewedPolicy] = []
+    folders: list[str] = []
+    robots: list[Robot] = []
     newest: dict[int, NewestPolicy] = {}
-    names: list[str] = []
-    for number, path in enumerate(cfg.policies or tuple(map(Path, SHIPPED))):
+    for number, path in enumerate(cfg.policies or map(Path, SHIPPED)):
         if (path / "config.json").is_file():
             from stiction.evaluate.newest import NewestPolicy
 
             run = newest[number] = NewestPolicy(path, wait=cfg.follow, robot=cfg.robot)
-            found.append((ViewedPolicy(run.name, run.contract, run.load), run.robot))
-            names.append(path.resolve().name)
+            policies.append(viewed(run))
+            robots.append(run.robot)
+            folders.append(path.resolve().name)
         else:
             bundle = check_bundle(find_bundle(path)).bundle
-            found.append((ViewedPolicy.of_bundle(bundle), robot_of(bundle.contract, cfg.robot)))
-            names.append(bundle.name)
+            policies.append(ViewedPolicy.of_bundle(bundle))
+            robots.append(robot_of(bundle.contract, cfg.robot))
+            folders.append(bundle.name)
     if cfg.follow and not newest:
         raise ConfigurationError("--follow is for a training run, which grows; a bundle stays what it is")
-    same = {policy.name for policy, _ in found if [one.name for one, _ in found].count(policy.name) > 1}
-    found = [
-        (replace(policy, name=f"{name}: {policy.name}") if policy.name in same else policy, robot)
-        for (policy, robot), name in zip(found, names, strict=True)
-    ]
-    return found, newest
+    names = [policy.name for policy in policies]
+    for number, name in enumerate(names):
+        if names.count(name) > 1:
+            policies[number] = replace(policies[number], name=f"{folders[number]}: {name}")
+    return policies, robots[0], newest
 
 
 def simulation_of(cfg: ViewCfg, policies: list[ViewedPolicy], robot: Robot) -> Simulation:
@@ -177,11 +176,16 @@ def write_static(cfg: ViewCfg, path: Path, simulation: Simulation) -> int:
     return 0
 
 
-def _teach(viewer: Viewer, number: int, run: NewestPolicy) -> None:
-    """Give a robot the newest checkpoint of its run."""
+def viewed(run: NewestPolicy) -> ViewedPolicy:
+    """Return the newest checkpoint of a run as what is looked at."""
     from stiction.view.simulation import ViewedPolicy
 
-    viewer.submit(lambda: viewer.teach(number, ViewedPolicy(run.name, run.contract, run.load)))
+    return ViewedPolicy(run.name, run.contract, run.load)
+
+
+def _teach(viewer: Viewer, number: int, run: NewestPolicy) -> None:
+    """Give a robot the newest checkpoint of its run."""
+    viewer.submit(lambda: viewer.teach(number, viewed(run)))
 
 
 def show(cfg: ViewCfg, simulation: Simulation, newest: dict[int, NewestPolicy]) -> int:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from stiction.core.errors import FileError
-from stiction.core.files import open_regular, publish, read_bounded, unwritten, write_text
+from stiction.core.files import digest_of, open_regular, publish, read_bounded, unwritten, write_text
 from stiction.core.provenance import made_by
 
 ENTRY = "entry.json"
@@ -79,11 +79,7 @@ def has_entry(folder: Path, key: str) -> bool:
 
 def digests(folder: Path, names: Iterable[str]) -> dict[str, str]:
     """Return the SHA-256 of files of a folder. Raises `OSError` where one cannot be read."""
-    found = {}
-    for name in names:
-        with open_regular(folder / name) as file:
-            found[name] = hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]
-    return found
+    return {name: digest_of(folder / name) for name in names}
 
 
 @contextmanager

@@ -68,9 +68,14 @@ MOST_NAMES = 24
 """Names that a message lists: the joints of a legged robot, and kinds of them."""
 
 
+def nearest(word: str, known: Iterable[str]) -> str:
+    """Return `; did you mean 'hip'?` with the nearest of the known words, nothing where none is near."""
+    return "".join(f"; did you mean {found!r}?" for found in get_close_matches(word, known, n=1))
+
+
 def unknown_name(what: str, name: str, known: Iterable[str]) -> str:
     """Return the message for an unknown name of a kind of thing (`what`: such as `robot`), with the nearest."""
     names = list(known)
     more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    near = "".join(f"did you mean {found!r}? " for found in get_close_matches(name, names, n=1))
-    return f"unknown {what} {name!r}; {near}known: {', '.join(names[:MOST_NAMES]) or 'none'}{more}"
+    listed = ", ".join(names[:MOST_NAMES]) or "none"
+    return f"unknown {what} {name!r}{nearest(name, names) or ';'} known: {listed}{more}"

@@ -65,10 +65,10 @@ def require(extra: str) -> None:
 
 def remedy(extra: str) -> str:
     """Return what to do to have an extra: the command that installs it from where this installation came."""
-    return f"install it with: {install_command(extra, _origin())}"
+    return f"install it with: {install_command(extra, installed_from())}"
 
 
-def _origin() -> dict[str, Any] | None:
+def installed_from() -> dict[str, Any] | None:
     """Return what the installer noted of where the package came from (PEP 610).
 
     None where it came by name, from an index; empty where no installer put it there.

@@ -6,13 +6,15 @@ What is written goes under another name, is synced, and renamed.
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import shutil
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from io import BufferedReader, TextIOWrapper
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TextIO
 
 from stiction.core.errors import StictionError, UnwrittenError
 
@@ -69,14 +71,17 @@ def write_text(path: Path, text: str) -> None:
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file, whole or not at all. Raises `UnwrittenError` as `publish`."""
     if path.exists() and not path.is_file() and not path.is_dir():
-        # A device, such as /dev/stdout, is nothing to rename over.
+        # A device, such as /dev/stdout, is nothing to rename over; a pipe that nobody reads must not be waited for.
         try:
-            path.write_bytes(content)
+            number = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+            os.set_blocking(number, True)
+            with os.fdopen(number, "wb") as file:
+                file.write(content)
         except OSError as error:
             raise unwritten(path, error) from error
         return
-    with published(path) as file:
-        file.write(content)
+    with published(path) as whole:
+        whole.write(content)
 
 
 @contextmanager
@@ -86,7 +91,7 @@ def published(path: Path) -> Iterator[BinaryIO]:
         yield file
 
 
-def open_regular(path: Path) -> BinaryIO:
+def open_regular(path: Path) -> BufferedReader:
     """Open a file to read bytes. Raises `OSError`, also for a pipe or device, which may have no end, or never begin."""
     number = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     mode = os.fstat(number).st_mode
@@ -95,6 +100,17 @@ def open_regular(path: Path) -> BinaryIO:
     os.close(number)
     code = errno.EISDIR if stat.S_ISDIR(mode) else errno.EINVAL
     raise OSError(code, os.strerror(code) if stat.S_ISDIR(mode) else "it is a pipe or a device, no file", str(path))
+
+
+def open_text(path: Path) -> TextIO:
+    """Open a file of UTF-8 to read lines as they are, for `csv`. Raises `OSError` as `open_regular`."""
+    return TextIOWrapper(open_regular(path), encoding="utf-8", newline="")
+
+
+def digest_of(path: Path) -> str:
+    """Return the SHA-256 of a file. Raises `OSError` as `open_regular`."""
+    with open_regular(path) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def read_bounded(path: Path, expected: str, error: type[StictionError], most: int) -> bytes:

@@ -15,12 +15,11 @@ import textwrap
 import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr
-from difflib import get_close_matches
 from typing import Any, NoReturn, TypeVar
 
 import tyro
 
-from stiction.core.errors import escaped
+from stiction.core.errors import escaped, nearest
 
 Options = TypeVar("Options")
 
@@ -64,6 +63,8 @@ def read_options(
         width = min(WIDEST, shutil.get_terminal_size().columns)
         print(help_text(parser, program, description, groups or {}, brief is not None, width))
         raise SystemExit(0)
+    if twice := _repeated(kind, arguments, program, extra):
+        refuse(program, f"{twice}; say it once")
     said = io.StringIO()
     try:
         with redirect_stderr(said):
@@ -81,17 +82,30 @@ def refuse(program: str, what: str) -> NoReturn:
     raise SystemExit(2)
 
 
-def nearest(word: str, known: Sequence[str]) -> str:
-    """Return `; did you mean ...?` with the nearest of the known words, nothing where none is near."""
-    return "".join(f"; did you mean {found}?" for found in get_close_matches(word, known, n=1))
-
-
 def _parser(kind: type[Any], program: str, extra: dict[str, Any]) -> argparse.ArgumentParser:
     """Return the options as argparse has them: the one form in which tyro tells others of them."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
         parser: Any = tyro.extras.get_parser(kind, prog=program, **extra)
         return parser
+
+
+def _repeated(kind: type[Any], arguments: Sequence[str], program: str, extra: dict[str, Any]) -> str | None:
+    """Return which option is given twice: one of the two would be ignored, and nobody would say which."""
+    names = [word.partition("=")[0].replace("_", "-") for word in arguments if word.startswith("--")]
+    own: Mapping[str, str] = {}
+    if any("." in name for name in names):
+        # Only options of nested settings have a second, shorter name.
+        parser = _parser(kind, program, extra)
+        own = {name: action.dest for action in parser._actions for name in action.option_strings}
+    seen: dict[str, str] = {}
+    for name in names:
+        option = own.get(name, name)
+        if option in seen:
+            before = seen[option]
+            return f"{name} is given twice" if before == name else f"{before} and {name} are one option, given twice"
+        seen[option] = name
+    return None
 
 
 def _wrong(parser: argparse.ArgumentParser, arguments: Sequence[str], said: str) -> str:
@@ -101,7 +115,7 @@ def _wrong(parser: argparse.ArgumentParser, arguments: Sequence[str], said: str)
     names = [word.partition("=")[0].replace("_", "-") for word in arguments]
     for name in names:
         if name.startswith("--") and name not in known:
-            return f"unknown option {name}{nearest(name, list(known))}"
+            return f"unknown option {name}{nearest(name, known)}"
     if found := re.match(r"invalid choice '(.*?)' for argument '([\w.-]+)", text):
         value, name = found.groups()
         choices = _choices(known.get(name) or next(one for one in parser._actions if one.dest == name))
@@ -109,6 +123,9 @@ def _wrong(parser: argparse.ArgumentParser, arguments: Sequence[str], said: str)
     if found := re.match(r"Error parsing (\S+?):? (?:invalid literal for|could not convert).*?('.*')", text):
         name, value = found.groups()
         return f"{name} {value}: expected {_wanted(known.get(name.split('/')[0]))}"
+    if found := re.match(r"Error parsing (\S+?):? no type matching .*? could be instantiated from \['(.*?)'\]", text):
+        name, value = found.groups()
+        return f"{name} {value!r}: expected {_wanted(known.get(name.split('/')[0]))}"
     if found := re.match(r"Missing value for argument '([\w./-]+)'", text):
         name = found[1].split("/")[0]
         return f"{name}: a value is missing; expected {_wanted(known.get(name))}"
@@ -146,7 +163,9 @@ def _choices(action: argparse.Action) -> list[str]:
 def _wanted(action: argparse.Action | None) -> str:
     """Return what an option expects, in words."""
     words = {"INT": "a whole number", "FLOAT": "a number"}
-    metavar = str(getattr(action, "metavar", None) or "a value").replace("{None}|", "")
+    if action is None:
+        return "a value"
+    metavar = str(action.metavar).replace("{None}|", "")
     return ", ".join(words.get(part, part) for part in metavar.split())
 
 

@@ -170,8 +170,9 @@ def _cpu_model(cpuinfo: Path) -> str:
     return match.group(1).strip() if match else platform.processor() or platform.machine()
 
 
+@cache
 def _package_versions() -> dict[str, str]:
-    """Return the versions of `stiction` and of its installed run-time dependencies."""
+    """Return the versions of `stiction` and of its installed run-time dependencies, looked up once."""
     wanted = {"stiction"}
     for requirement in metadata.requires("stiction") or []:
         if "extra == 'dev'" not in requirement.replace('"', "'"):
@@ -185,8 +186,8 @@ def _package_versions() -> dict[str, str]:
     return found
 
 
-SOURCE = ("*.py", "*.c", "*.html")
-"""The files that are code."""
+SOURCE = (".py", ".c", ".html")
+"""How the names of files end that are code."""
 
 
 @dataclass(frozen=True)
@@ -217,6 +218,9 @@ class Origin:
 def code_digest(package: Path) -> str:
     """Return the SHA-256 of the code in a folder, names of files included."""
     found = hashlib.sha256()
-    for file in sorted(file for pattern in SOURCE for file in package.rglob(pattern)):
-        found.update(f"{file.relative_to(package)}\0".encode() + hashlib.sha256(file.read_bytes()).digest())
+    for folder, folders, names in os.walk(package):
+        folders.sort()
+        for name in sorted(name for name in names if name.endswith(SOURCE)):
+            file = Path(folder, name)
+            found.update(f"{os.path.relpath(file, package)}\0".encode() + hashlib.sha256(file.read_bytes()).digest())
     return found.hexdigest()

@@ -15,7 +15,7 @@ from types import UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from stiction.core.errors import ConfigurationError, FileError, StictionError
-from stiction.core.files import publish
+from stiction.core.files import open_text, publish
 
 Row = TypeVar("Row")
 
@@ -92,7 +92,7 @@ def read_rows(path: Path, kind: type[Row]) -> list[Row]:
     types = get_type_hints(kind)
     names = list(types)
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with open_text(path) as file:
             lines = list(csv.reader(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise FileError(f"{path} cannot be read: {error}") from error

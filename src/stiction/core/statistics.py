@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import sqrt
 
 import numpy as np
-from scipy.stats import t as student_t
+from scipy.special import stdtrit
 
 Interval = tuple[float, float]
 
@@ -73,8 +73,8 @@ def _welch(estimate: float, *samples: tuple[Sequence[float], float]) -> Interval
 
 
 def _interval(estimate: float, error: float, freedom: float) -> Interval:
-    """Return the 95 % t-interval; `student_t.interval` is not a number where the standard error is zero."""
-    if error == 0.0:
-        return estimate, estimate
-    low, high = student_t.interval(CONFIDENCE, freedom, estimate, error)
-    return float(low), float(high)
+    """Return the 95 % t-interval. `scipy.stats`, which has it, takes half a second to import."""
+    low, high = (
+        estimate + error * float(stdtrit(freedom, share)) for share in (0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2)
+    )
+    return low, high

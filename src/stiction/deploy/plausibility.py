@@ -440,6 +440,8 @@ def compare_drive(
         if values.shape != right.shape:
             raise PolicyError(f"{name} of {values.shape} drives; expected {right.shape}, one for each joint")
         rule = f"drive {name.replace('_', ' ')}"
-        for joint in np.flatnonzero(~(np.abs(values - right) <= allowed[rule] * np.abs(right))):
+        with np.errstate(invalid="ignore"):
+            near = np.abs(values - right) <= allowed[rule] * np.abs(right)
+        for joint in np.flatnonzero(~near):
             found.append(Violation(rule, contract.joint_names[joint], float(values[joint]), float(right[joint]), unit))
     return found

@@ -6,12 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import onnxruntime
 
 from stiction.core.errors import BundleError, PolicyError
 from stiction.deploy.network_file import FLOAT, Port, read_network
 from stiction.deploy.observation import ObservationBuilder, Sensors
 from stiction.deploy.operators import check_network
+from stiction.deploy.silent import onnxruntime
 from stiction.formats.contract import Contract
 from stiction.joints.pd import compensated
 

@@ -6,9 +6,11 @@ Rendering happens in a process of its own, see `core.opengl`.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +23,7 @@ from stiction.deploy.policy import load_policy
 from stiction.engines.catalog import make_engine
 from stiction.engines.engine import Motion
 from stiction.evaluate.command import Command, parse_command
-from stiction.evaluate.rollout import Rollout, friction_at
+from stiction.evaluate.rollout import COULOMB, Rollout, friction_at
 from stiction.formats.bundle import Bundle
 from stiction.joints.friction import Law
 from stiction.sim.fleet import Fleet
@@ -80,6 +82,26 @@ def record_clip(
     return render("stiction.evaluate.clip", words, out, TIMEOUT, ClipError, "clip")
 
 
+@contextmanager
+def plain_renderer(model: Any, width: int, height: int) -> Iterator[Any]:
+    """Make a renderer without shadows and reflections: where the processor draws, they take most of the time.
+
+    model: compiled by MuJoCo; width, height: of a frame [pixels].
+    """
+    import mujoco
+
+    with mujoco.Renderer(model, height, width) as renderer:
+        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+            renderer.scene.flags[flag] = 0
+        yield renderer
+
+
+def save_clip(frames: Sequence[Any], period: float, out: Path) -> None:
+    """Write images, a frame every `period` [s], as an endless WebP, whatever the suffix of `out`."""
+    settings = {"append_images": frames[1:], "duration": round(1000 * period), "loop": 0, "quality": 60, "method": 2}
+    frames[0].save(out, format="WEBP", save_all=True, **settings)
+
+
 def film(fleet: Fleet, advance: Callable[[], object], out: Path, seconds: float) -> None:
     """Write a clip of the first robot of a fleet on its ground to `out`, as WebP whatever its suffix.
 
@@ -96,17 +118,13 @@ def film(fleet: Fleet, advance: Callable[[], object], out: Path, seconds: float)
         setattr(camera, name, value)
     frames = []
     period = fleet.control_period
-    with mujoco.Renderer(model, HEIGHT, WIDTH) as renderer:
-        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
-            renderer.scene.flags[flag] = 0
+    with plain_renderer(model, WIDTH, HEIGHT) as renderer:
         for step in range(round((SETTLE + seconds) / period)):
             advance()
             if step * period >= SETTLE and step % FRAME_EVERY == 0:
                 renderer.update_scene(fleet.data(0)[1], camera)
                 frames.append(Image.fromarray(renderer.render()))
-    duration = round(1000 * FRAME_EVERY * period)
-    settings = {"append_images": frames[1:], "duration": duration, "loop": 0, "quality": 60, "method": 2}
-    frames[0].save(out, format="WEBP", save_all=True, **settings)
+    save_clip(frames, FRAME_EVERY * period, out)
 
 
 def walked(bundle: Bundle, robot: int, level: float, command: Command, steps: int) -> list[Motion]:
@@ -140,21 +158,31 @@ def replay(fleet: Fleet, motions: Sequence[Motion]) -> Callable[[], None]:
     return advance
 
 
+def in_training_simulator(
+    bundle: Bundle, level: float, command: Command, law: Law = COULOMB
+) -> tuple[Fleet, Callable[[], object]]:
+    """Return one robot of a bundle in the simulator of its training, and what takes it a control period further.
+
+    level: dry friction as a fraction of the torque limit, or the law's coefficient [-].
+    """
+    contract = bundle.contract
+    policy, noise = load_policy(contract, bundle.policy, (1,)), seed_streams(0, ["clip"])["clip"]
+    friction = friction_at(contract, np.array([level]), law)
+    rollout = Rollout(contract, policy, robot_of(contract), friction, [noise], law=law)
+    return rollout.fleet, partial(rollout.step, np.array([command.velocity]))
+
+
 def _render(path: str, level: str, command: str, out: str, seconds: str, law: str, robot: str = "") -> None:
     """Render in this process; arguments as of `record_clip`."""
     bundle, commanded = check_bundle(path).bundle, parse_command(command)
-    contract, spec = bundle.contract, robot_of(bundle.contract)
     advance: Callable[[], object]
     if robot:
-        fleet = Fleet(spec, 1, contract.physics_timestep, contract.decimation)
+        contract = bundle.contract
+        fleet = Fleet(robot_of(contract), 1, contract.physics_timestep, contract.decimation)
         steps = round((SETTLE + float(seconds)) / fleet.control_period)
         advance = replay(fleet, walked(bundle, int(robot), float(level), commanded, steps))
     else:
-        noise, joint_law = seed_streams(0, ["clip"])["clip"], Law(law)
-        policy = load_policy(contract, bundle.policy, (1,))
-        friction = friction_at(contract, np.array([float(level)]), joint_law)
-        rollout = Rollout(contract, policy, spec, friction, [noise], law=joint_law)
-        fleet, advance = rollout.fleet, partial(rollout.step, np.array([commanded.velocity]))
+        fleet, advance = in_training_simulator(bundle, float(level), commanded, Law(law))
     film(fleet, advance, Path(out), float(seconds))
 
 

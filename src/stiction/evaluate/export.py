@@ -6,7 +6,6 @@ onnxruntime), so that a drift between the two shows in every bundle.
 
 from __future__ import annotations
 
-import hashlib
 import io
 import logging
 import shlex
@@ -21,6 +20,7 @@ import numpy as np
 import torch
 
 from stiction.core.errors import BundleError, ConfigurationError, FileError, StictionError, TrainingError
+from stiction.core.files import digest_of
 from stiction.deploy.check import BundleCheck, check_bundle, robot_of
 from stiction.deploy.observation import Sensors, friction_of_robots
 from stiction.deploy.policy import INPUT, OUTPUT, PolicyStep
@@ -29,7 +29,7 @@ from stiction.evaluate.known_friction import nominal_known
 from stiction.formats.bundle import write_bundle
 from stiction.formats.contract import Contract
 from stiction.formats.contract_rules import METHODS
-from stiction.formats.joint_map import mapped
+from stiction.formats.joint_map import mapped, refuse_alone
 from stiction.formats.joints import load_joints
 from stiction.formats.known_friction import TERM, bench_friction, known_friction_text
 from stiction.formats.velocity import COMMANDS
@@ -150,6 +150,7 @@ def export_run(
             robot or for a policy that observes no friction, or `out` exists already.
 
     """
+    refuse_alone(joint_map, joints)
     directory = RunDirectory(run)
     if robot is not None:
         directory.adopt(robot)
@@ -185,7 +186,7 @@ def with_bench(
         )
     for note in found.notes:
         say(note)
-    source = {"name": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
+    source = {"name": path.name, "sha256": digest_of(path)}
     return replace(contract, known_friction=found.share, known_friction_file=source)
 
 

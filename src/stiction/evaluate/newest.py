@@ -18,10 +18,8 @@ from stiction.deploy.check import robot_of
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import PolicyStep
 from stiction.evaluate.export import TrainedPolicy, contract_of
-from stiction.evaluate.trained import LatentPolicy, observed_friction
+from stiction.evaluate.trained import LatentPolicy, privileged_of
 from stiction.formats.contract import Contract
-from stiction.locomotion.friction import friction_share
-from stiction.locomotion.randomization import nominal_privileged
 from stiction.rma.run import RunDirectory, latest_checkpoint
 from stiction.rma.runner import load_actor
 
@@ -78,8 +76,7 @@ class NewestPolicy:
         self._directory = RunDirectory(run)
         if robot is not None:
             self._directory.adopt(robot)
-        self._cfg = self._directory.config()
-        self.contract = contract_of(self._cfg, self._directory.header())
+        self.contract = contract_of(self._directory.config(), self._directory.header())
         self.robot = robot_of(self.contract)
         self._file: Path | None = None
         self._module: torch.nn.Module | None = None
@@ -136,12 +133,6 @@ class NewestPolicy:
     def _read(self, phase: str, file: Path) -> torch.nn.Module:
         """Return the network of a checkpoint, observations (1, size) -> actions (1, J)."""
         actor = load_actor(self._directory, phase, file)
-        privileged = None
-        if not actor.blind:
-            if actor.sees_terrain:
-                raise TrainingError(f"{self._directory.path}: its teacher sees the ground; its student can be shown")
-            contract = self.contract
-            nominal = friction_share(contract.friction_law, contract.array("friction"), self.robot)
-            present = observed_friction(self._cfg.task.friction, nominal, nominal[None])
-            privileged = nominal_privileged(present)
-        return LatentPolicy(actor, privileged)
+        if actor.blind:
+            return LatentPolicy(actor)
+        return LatentPolicy(actor, privileged_of(self._directory, actor, self.contract, self.robot))

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -17,12 +16,9 @@ import numpy as np
 from stiction.core.errors import ConfigurationError
 from stiction.core.lifeline import follow_parent
 from stiction.core.opengl import render
-from stiction.core.provenance import seed_streams
 from stiction.deploy.check import check_bundle, robot_of
-from stiction.deploy.policy import load_policy
-from stiction.evaluate.clip import ClipError
-from stiction.evaluate.command import parse_command
-from stiction.evaluate.rollout import Rollout, friction_at
+from stiction.evaluate.clip import ClipError, in_training_simulator, plain_renderer, save_clip
+from stiction.evaluate.command import Command, parse_command
 from stiction.formats.bundle import Bundle
 
 WIDTH, HEIGHT, CAPTION = 960, 400, 22
@@ -66,19 +62,15 @@ SECONDS = 7.0
 """Length of the clip [s], from the start."""
 
 
-def walk(bundle: Bundle, level: float, velocity: tuple[float, float, float], seconds: float) -> np.ndarray:
+def walk(bundle: Bundle, level: float, command: Command, seconds: float) -> np.ndarray:
     """Return what one policy's robot does, at every frame: free joint and joints, shape (frames, 7 + joints)."""
-    contract, spec = bundle.contract, robot_of(bundle.contract)
-    policy = load_policy(contract, bundle.policy, (1,))
-    noise = seed_streams(0, ["clip"])["clip"]
-    rollout = Rollout(contract, policy, spec, friction_at(contract, np.array([level])), [noise])
-    advance = partial(rollout.step, np.array([velocity]))
-    period = rollout.fleet.control_period
-    start = rollout.fleet.qpos[0].copy()
+    fleet, advance = in_training_simulator(bundle, level, command)
+    period = fleet.control_period
+    start = fleet.qpos[0].copy()
     frames = []
     for step in range(round(seconds / period)):
         if step % max(1, round(1 / (FRAMES * period))) == 0:
-            frames.append(rollout.fleet.qpos[0].copy())
+            frames.append(fleet.qpos[0].copy())
         advance()
     walked = np.array(frames)
     walked[:, :2] -= start[:2]
@@ -103,7 +95,7 @@ def _render(words: Sequence[str]) -> None:
     checked, names, colors = [check_bundle(path).bundle for path in words[3::3]], words[4::3], words[5::3]
     if len({robot_of(bundle.contract) for bundle in checked}) > 1:
         raise ConfigurationError("policies of different robots are not shown in one scene")
-    walks = [walk(bundle, level, command.velocity, SECONDS) for bundle in checked]
+    walks = [walk(bundle, level, command, SECONDS) for bundle in checked]
     spec = build(robot_of(checked[0].contract))
     spec.visual.global_.offwidth, spec.visual.global_.offheight = WIDTH, HEIGHT
     model = spec.compile()
@@ -113,9 +105,7 @@ def _render(words: Sequence[str]) -> None:
     camera.lookat, camera.azimuth, camera.elevation = [(low + high) / 2, 0.0, 0.1], 90.0, -28.0
     camera.distance = max(0.62 * (high - low), 1.9 * LANE * len(walks) * 0.62) + 0.8
     shown, datas = [], [mujoco.MjData(model) for _ in walks]
-    with mujoco.Renderer(model, HEIGHT, WIDTH) as renderer:
-        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
-            renderer.scene.flags[flag] = 0
+    with plain_renderer(model, WIDTH, HEIGHT) as renderer:
         for moment in zip(*walks, strict=True):
             for data, lane, state in zip(datas, lanes, moment, strict=True):
                 data.qpos[: len(state)] = state
@@ -124,8 +114,7 @@ def _render(words: Sequence[str]) -> None:
             _fill(renderer, model, datas, camera, colors)
             _mark(renderer.scene, low, high, lanes)
             shown.append(_captioned(Image.fromarray(renderer.render()), names, colors))
-    settings: dict[str, Any] = {"append_images": shown[1:], "duration": round(1000 / FRAMES), "loop": 0, "quality": 60}
-    shown[0].save(out, format="WEBP", save_all=True, method=2, **settings)
+    save_clip(shown, 1 / FRAMES, out)
 
 
 def _fill(renderer: Any, model: Any, datas: Sequence[Any], camera: Any, colors: Sequence[str]) -> None:

@@ -3,20 +3,44 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from stiction.core.errors import UNSAFE, ConfigurationError
 from stiction.core.provenance import Origin
+from stiction.deploy.check import check_bundle
 from stiction.evaluate.benches import forward_notes, unidentified_notes
 from stiction.evaluate.grid import GridCfg
+from stiction.evaluate.own_policy import own_policy
 from stiction.evaluate.run import BENCHES, Progress, walk_grid
 from stiction.evaluate.table import methods_of, rows_of
-from stiction.formats.bundle import Bundle
+from stiction.formats.bundle import Bundle, find_bundle
 from stiction.formats.results import ResultRow
 from stiction.virtual.cases import warnings_on
+
+
+def bundle_of(
+    policy: Bundle | Path | str | Callable[..., Any], cfg: GridCfg, robot: str | None, callable_period: float
+) -> Bundle:
+    """Return a policy as `evaluate_all` takes it.
+
+    policy: a bundle; a path, or the name of a shipped bundle as one, which is checked first; or a function, or its name
+    as text, see `own_policy`, which needs a robot and has a period [s].
+
+    Raises `StictionError`: the bundle is damaged, or there is no such function or robot, or it walks elsewhere than in
+    the engine mujoco.
+    """
+    if isinstance(policy, Bundle):
+        return policy
+    if isinstance(policy, Path):
+        return check_bundle(find_bundle(policy)).bundle
+    if robot is None:
+        raise ConfigurationError("a function in a policy's place needs the robot whose joints it moves: --robot")
+    if not all(simulator.is_batch for simulator in cfg.simulators):
+        raise ConfigurationError("a function in a policy's place walks in the engine mujoco alone; leave --engines out")
+    return own_policy(policy, robot, callable_period)
 
 
 def evaluate_all(

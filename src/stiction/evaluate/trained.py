@@ -21,11 +21,13 @@ from stiction.evaluate.evaluate import Evaluation, EvaluationCfg, drive, judge
 from stiction.evaluate.export import TrainedPolicy, contract_of
 from stiction.evaluate.known_friction import known_to, parse_source
 from stiction.evaluate.rollout import friction_at
+from stiction.formats.contract import Contract
 from stiction.locomotion.friction import FrictionCfg, friction_share
 from stiction.locomotion.randomization import nominal_privileged
 from stiction.rma.models import RMAActor, StudentPolicy
 from stiction.rma.run import RunDirectory
 from stiction.rma.runner import load_actor
+from stiction.robots.model import Robot
 
 Latent = Literal["own", "mean", "swapped", "peer"]
 """Where the latent comes from: the robot's own; frozen at its mean over robots and time; that of a robot with another
@@ -162,12 +164,8 @@ def walk_run(
     spec, actor = robot_of(contract), load_actor(directory, who)
     privileged, friction = None, friction_at(contract, cfg.robot_levels, cfg.law)
     known = known_to(contract, spec, parse_source(cfg.known_friction), cfg.law, friction)
-    if who == "teacher" and actor.sees_terrain:
-        raise ConfigurationError(f"{run}: its teacher sees the ground, which is flat here; evaluate its student")
     if who == "teacher":
-        nominal = friction_share(contract.friction_law, contract.array("friction"), spec)
-        present = friction_share(cfg.law.name, friction, spec)
-        privileged = nominal_privileged(observed_friction(train.task.friction, nominal, present))
+        privileged = privileged_of(directory, actor, contract, spec, friction_share(cfg.law.name, friction, spec))
 
     def walk(module: LatentPolicy, name: str, cfg: EvaluationCfg, progress: Progress) -> Evaluation:
         driver = TrainedPolicy(module, contract, cfg.num_robots, known)
@@ -182,6 +180,23 @@ def walk_run(
         return walk(frozen, name, cfg, lambda share: progress((1 + share) / 2))
     sources = latent_sources(latent, len(cfg.friction_levels), len(cfg.commands), cfg.episodes)
     return walk(LatentPolicy(actor, privileged, torch.from_numpy(sources)), name, cfg, progress)
+
+
+def privileged_of(
+    run: RunDirectory, teacher: RMAActor, contract: Contract, robot: Robot, present: np.ndarray | None = None
+) -> torch.Tensor:
+    """Return o_priv of the robots that a teacher drives, (N, size): nominal, but for the friction of their joints.
+
+    present: that friction as fractions of the torque limit, shape (N, joints); None: one robot, its friction nominal.
+    Raises `ConfigurationError` for a teacher that sees the ground, which no evaluation tells it.
+    """
+    if teacher.sees_terrain:
+        raise ConfigurationError(
+            f"{run.path}: its teacher sees the ground, which is not told to it here; take its student"
+        )
+    nominal = friction_share(contract.friction_law, contract.array("friction"), robot)
+    present = nominal[None] if present is None else present
+    return nominal_privileged(observed_friction(run.config().task.friction, nominal, present))
 
 
 def observed_friction(friction: FrictionCfg, nominal: np.ndarray, present: np.ndarray) -> np.ndarray:

@@ -24,6 +24,12 @@ def parse_joint_map(pairs: Iterable[str]) -> tuple[tuple[str, str], ...]:
     return tuple(found)
 
 
+def refuse_alone(pairs: Sequence[str], file: object) -> None:
+    """Raise `ConfigurationError` for pairs where there is no `joints.json` whose records they name; None: none."""
+    if pairs and file is None:
+        raise ConfigurationError("--joint-map names records of a joints.json; name that too, with --joints")
+
+
 def map_joints(
     file: JointsFile, pairs: Sequence[tuple[str, str]], model: Sequence[str] | None = None
 ) -> dict[str, str]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 from stiction.core.errors import FileError
-from stiction.core.files import open_regular, publish, write_text
+from stiction.core.files import open_regular, open_text, publish, write_text
 from stiction.core.records import column
 from stiction.formats.plain import is_integer, is_number, read_object, take_version
 
@@ -96,7 +96,7 @@ def read_results(path: Path) -> list[ResultRow]:
 
     """
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with open_text(path) as file:
             lines = list(csv.reader(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise FileError(f"{path} cannot be read as results: {error}") from error

@@ -358,7 +358,7 @@ def _longest(used: np.ndarray, time: np.ndarray, period: float) -> np.ndarray:
     return max(np.split(used, ends), key=len)
 
 
-def digest_of(path: Path) -> str:
+def log_digest(path: Path) -> str:
     """Return the SHA-256 of a log: of its file, or of the files of a run's log by their names."""
     folder = find_run_log(path)
     if folder is None:

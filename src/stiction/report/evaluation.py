@@ -16,12 +16,11 @@ from stiction.engines.catalog import TIMESTEP
 from stiction.evaluate.metrics import WINDOW
 from stiction.evaluate.table import BOTH, Sample
 from stiction.formats.following import BAND, DEFINITION, FAST, SLOW, following, pace, row_pace
-from stiction.formats.results import FOLLOWS, ResultRow, write_results, write_summary
+from stiction.formats.results import ResultRow, write_results, write_summary
 from stiction.joints.friction import LAWS, has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
-from stiction.report.following import counts_sheet, judged_text, paces_text
+from stiction.report.following import counts_sheet, judged_text, paces_text, shade_following
 from stiction.report.page import (
-    COLORS,
     INK,
     Section,
     Spread,
@@ -100,7 +99,7 @@ def draw_budget(rows: Sequence[ResultRow], samples: Sequence[Sample] = (), metho
         shown = [row for row in moving if (_scene(row), row.friction_law, row.command) == panel]
         own = [one for one in speeds if (_scene(one), one.friction_law, one.command) == panel]
         axis.set_visible(bool(shown))
-        axis.axhspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
+        shade_following(axis)
         axis.axhline(0.0, color=INK, linewidth=0.8)
         for name in names:
             if name in several:
@@ -244,7 +243,7 @@ def write_evaluation(
     if samples:
         write_rows(out / "methods.csv", samples)
     for kind in ("svg", "png"):
-        save_figure(figure, out / f"friction_budget.{kind}", dpi=150)
+        save_figure(figure, out / f"friction_budget.{kind}")
     page, shown = out / "report.html", sections(figure, rows, summary, samples)
     write_text(page, render_page(TITLE, shown, lead(rows).split("\n"), summary["warnings"], summary["command"]))
     return page

@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from stiction.formats.following import DEFINITION, SLOW, Following, counts_text
+from stiction.formats.results import FOLLOWS
 from stiction.joints.friction import level_text
-from stiction.report.page import Sheet
+from stiction.report.page import COLORS, Sheet
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def shade_following(axis: Axes, along: Literal["x", "y"] = "y") -> None:
+    """Shade the speeds over the commanded one that count as following. along: the axis that they are on."""
+    span = axis.axhspan if along == "y" else axis.axvspan
+    span(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
 
 
 def friction_text(law: str, level: float) -> str:
@@ -114,7 +124,7 @@ def levels_sheet(cells: Sequence[Following], title: str, most_friction: float = 
         (method, *(at.get((method, level), "–") for level in levels))
         for method in dict.fromkeys(cell.method for cell in cells)
     ]
-    header = ("friction in % of the torque limit", *(f"{100 * level:g}" for level in levels))
+    header = ("seeds that follow at friction [of τ_max]", *(f"{100 * level:g} %" for level in levels))
     return Sheet(title, header, tuple(rows), DEFINITION)
 
 

@@ -139,6 +139,9 @@ def file_uri(path: Path) -> str:
     return data_uri(path.read_bytes(), mime)
 
 
+DPI = 130
+"""Resolution of figures [1/in]."""
+
 MARGINS = (0.75, 0.12, 0.55, 0.15)
 """Left, right, bottom and top of a figure with fixed margins [in]."""
 
@@ -153,7 +156,7 @@ def new_figure(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=size, layout=None if fixed else "constrained")
+    figure = Figure(figsize=size, dpi=DPI, layout=None if fixed else "constrained")
     if fixed:
         left, right, bottom, top = MARGINS
         width, height = size
@@ -185,12 +188,15 @@ UNNAMED = re.compile(r"(_child\d+|_container\d+|_nolegend_)?")
 
 
 def legend(axis: Axes | Figure, drawn: dict[str, Any] | None = None, **settings: Any) -> None:
-    """Add a legend to an axis of `new_figure` or to the whole figure, in the page's colours.
+    """Add a legend to an axis of `new_figure` or to the whole figure, in the page's colours, where there is anything.
 
     drawn: label -> what was drawn, by default all that is `labelled` on the axis.
     """
     found = labelled(axis) if drawn is None else drawn  # type: ignore[arg-type]
-    look: dict[str, Any] = {"fontsize": 8, "labelcolor": INK, "frameon": False} | settings
+    if not found:
+        return
+    # As long as two periods of the longest of `STYLES` in a thick line: shorter samples look alike.
+    look: dict[str, Any] = {"fontsize": 8, "labelcolor": INK, "frameon": False, "handlelength": 4.0} | settings
     axis.legend(list(found.values()), list(found), **look)
 
 
@@ -217,16 +223,28 @@ def name_plainly(figure: Figure) -> Figure:
     return figure
 
 
-def save_figure(figure: Figure, path: Path, dpi: int) -> None:
+def finished(figure: Figure) -> Figure:
+    """Make the texts of a figure plain, lay it out, and return it: it is to be drawn, on a page and into files.
+
+    A figure that lays itself out does so for every file, and is drawn twice for each.
+    """
+    layout = name_plainly(figure).get_layout_engine()
+    if layout is not None:
+        layout.execute(figure)
+        figure.set_layout_engine(None)
+    return figure
+
+
+def save_figure(figure: Figure, path: Path) -> None:
     """Write a figure, of the kind that its file's name says, on white. Raises `FileError` as `publish`."""
     with publish(path) as partial:
-        name_plainly(figure).savefig(partial, format=path.suffix[1:], dpi=dpi, facecolor="white")
+        finished(figure).savefig(partial, format=path.suffix[1:], dpi=DPI, facecolor="white")
 
 
 def figure_uri(figure: Figure) -> str:
     """Return a figure as a PNG `data:` URI with a transparent background."""
     buffer = io.BytesIO()
-    name_plainly(figure).savefig(buffer, format="png", dpi=130, transparent=True)
+    finished(figure).savefig(buffer, format="png", dpi=DPI, transparent=True)
     return data_uri(buffer.getvalue(), "image/png")
 
 

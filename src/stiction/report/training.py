@@ -82,7 +82,7 @@ def draw_training(run: Path) -> Path:
     for axis in axes[len(panels) :]:
         axis.set_visible(False)
     path = run / "curves.png"
-    save_figure(figure, path, dpi=120)
+    save_figure(figure, path)
     return path
 
 

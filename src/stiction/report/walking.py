@@ -18,7 +18,6 @@ from stiction.report.page import (
     INK,
     Section,
     figure_block,
-    labelled,
     legend,
     new_figure,
     paragraph,
@@ -139,8 +138,7 @@ def _clouds(joints: JointsFile, fit: WalkFit) -> Markup:
             _draw_law(axis, joints.joints[name], speed, color, name)
         axis.set_title(kind)
         axis.set_xlabel("speed [rad/s]")
-        if labelled(axis):
-            legend(axis)
+        legend(axis)
         if not names:
             axis.text(0.5, 0.5, "not known", transform=axis.transAxes, ha="center", color=INK)
     return figure_block(

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from stiction.core.errors import LogError, StictionError
-from stiction.formats.run_log import digest_of, is_walk_log, read_walk_log
+from stiction.formats.run_log import is_walk_log, log_digest, read_walk_log
 from stiction.formats.walk import LARGEST_JITTER
 from stiction.identify.logs.opening import open_log
 
@@ -81,7 +81,7 @@ def _from_walk(path: Path) -> LoggedRun:
         raise LogError(f"{path.name}: no joint_torque; an Actuator Net is fitted to measured torque: log it")
     return LoggedRun(
         name=path.name,
-        sha256=digest_of(path),
+        sha256=log_digest(path),
         robot=header.robot,
         command=header.command,
         joint_names=header.joint_names,
@@ -122,7 +122,7 @@ def _from_joints(path: Path) -> LoggedRun:
         raise _undeclared(path, f"declare one torque_source for all joints in {path.stem}.json beside it")
     return LoggedRun(
         name=path.name,
-        sha256=digest_of(path),
+        sha256=log_digest(path),
         robot=UNNAMED,
         command="",
         joint_names=names,

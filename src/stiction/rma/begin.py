@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from stiction.core.errors import ConfigurationError
+from stiction.core.files import digest_of
 from stiction.core.records import from_plain
-from stiction.formats.joint_map import mapped
+from stiction.formats.joint_map import mapped, refuse_alone
 from stiction.formats.joints import load_joints
 from stiction.joints.friction import has_coefficient
 from stiction.locomotion.device import find_device
@@ -47,8 +47,7 @@ def begin_run(
     find_device(cfg.device, cfg.contacts)
     if cfg.symmetry != "none":
         robot_mirror(robot)
-    if joint_map and cfg.joints is None:
-        raise ConfigurationError("--joint-map names records of a joints.json; name that too, with --joints")
+    refuse_alone(joint_map, cfg.joints)
     identified = nominal_of(cfg.joints, cfg.task.robot, joint_map, cfg.task.friction, say)
     return RunDirectory.create(out, cfg, command, identified), cfg
 
@@ -73,7 +72,7 @@ def nominal_of(
     records = mapped(load_joints(path), pairs, spec.joint_names)
     found = identified_joints(records, spec.joint_names, Fleet(spec, 1).link_inertia(), limits)
     values = {name: list(getattr(found, name)) for name in ("armature", "damping", "frictionloss")}
-    header = {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest(), "values": values}
+    header = {"file": path.name, "sha256": digest_of(path), "values": values}
     if friction.level is None and friction.method != "none" and has_coefficient(friction.law):
         taken = take_coefficients(records, spec, friction.law)
         values["load_coefficient"] = list(taken.values)

@@ -52,6 +52,17 @@ def one_torch_thread() -> Iterator[None]:
         torch.set_num_threads(before)
 
 
+def check_moments(optimizer: torch.optim.Optimizer) -> None:
+    """Raise `TypeError` where what an optimizer was given for a parameter, from a file, is not of its shape.
+
+    torch takes whatever is there, and fails in the first step.
+    """
+    for parameter, moments in optimizer.state.items():
+        for name, value in moments.items():
+            if not isinstance(value, torch.Tensor) or value.shape not in (parameter.shape, ()):
+                raise TypeError(f"the optimizer's {name} is not of the shape of its parameter")
+
+
 def film_due(iteration: int, every: int, last: bool) -> bool:
     """Say whether a clip is due: every so many iterations, and at the end unless one was just made."""
     return every > 0 and (iteration % every == 0 or (last and 2 * (iteration % every) >= every))
@@ -243,6 +254,8 @@ class PhaseRunner(OnPolicyRunner):
                 stacklevel=2,
             )
         self.alg.load(tree["algorithm"], None, True)
+        for optimizer in (value for value in vars(self.alg).values() if isinstance(value, torch.optim.Optimizer)):
+            check_moments(optimizer)
         self.env.load_state(tree["environment"])
         torch.set_rng_state(tree["random"])
         if self.env.device == "cuda":

@@ -19,7 +19,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load, save
 
 from stiction.core.errors import FileError, TrainingError, UnwrittenError
-from stiction.core.files import read_bounded, write_bytes, write_text
+from stiction.core.files import digest_of, open_regular, read_bounded, write_bytes, write_text
 from stiction.core.lock import output_folder
 from stiction.core.provenance import git_revision, machine
 from stiction.core.records import from_plain
@@ -155,11 +155,6 @@ def keep_newest(folder: Path, phase: str, keep: int = 2) -> None:
             path.unlink()
 
 
-def _sha256(file: Path) -> str:
-    """Return the SHA-256 of a file."""
-    return hashlib.sha256(file.read_bytes()).hexdigest()
-
-
 REPORTED, STOPPED = ("walk/tracking_error", "walk/tripod_share"), ("iteration", "walk/tracking_error")
 """Numbers that summary.json has of a phase, and of one that reached its target."""
 
@@ -189,7 +184,7 @@ class RunDirectory:
             cfg.task.check_net(read_actuator(Path(cfg.actuator)), robot)
             file = actuator_file(Path(cfg.actuator))
             name = file.resolve().parent.name if file.name == FILE else file.name
-            header["actuator"] = {"name": name, "sha256": _sha256(file)}
+            header["actuator"] = {"name": name, "sha256": digest_of(file)}
         with output_folder(path):
             if (path / "config.json").exists():
                 raise TrainingError(HOLDS_ONE.format(path))
@@ -217,7 +212,7 @@ class RunDirectory:
         if not isinstance(recorded, dict) or "sha256" not in recorded:
             raise FileError(f"{self.path / 'config.json'}: its actuator has no 'sha256'; expected {MADE}")
         net = read_actuator(self.path / FILE)
-        if _sha256(self.path / FILE) != recorded["sha256"]:
+        if digest_of(self.path / FILE) != recorded["sha256"]:
             raise TrainingError(f"{self.path / FILE} is not the net that the run was started with; put that one back")
         return net
 
@@ -334,15 +329,25 @@ class RunDirectory:
         with self.metrics.open("a") as file:
             os.fsync(file.fileno())
 
+    def _figures(self) -> bytes:
+        """Return metrics.jsonl as it lies there; empty without it. Raises `StictionError` where it cannot be read."""
+        try:
+            with open_regular(self.metrics) as file:
+                return file.read()
+        except FileNotFoundError:
+            return b""
+        except OSError as error:
+            raise FileError(f"{self.metrics} cannot be read: {error.strerror}") from error
+
     def origin(self) -> dict[str, Any]:
         """Return what a checkpoint says of the run that it belongs to: digests of its settings and of its figures."""
         header = self.header()
         settings = {name: header.get(name) for name in ("config", "identified", "actuator")}
         robot = self.path / ROBOT
-        figures = self.metrics.read_bytes() if self.metrics.exists() else b""
+        figures = self._figures()
         return {
             "settings": hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest(),
-            "robot": _sha256(robot) if robot.is_file() else None,
+            "robot": digest_of(robot) if robot.is_file() else None,
             "figures": {"bytes": len(figures), "sha256": hashlib.sha256(figures).hexdigest()},
         }
 
@@ -382,7 +387,7 @@ class RunDirectory:
         Both decide what the run goes on to: the figures when it ends early.
         """
         now, figures = self.origin(), origin["figures"]
-        begin = self.metrics.read_bytes()[: figures["bytes"]] if self.metrics.exists() else b""
+        begin = self._figures()[: figures["bytes"]]
         same = {
             "config.json": now["settings"] == origin["settings"],
             ROBOT: origin.get("robot") in (None, now["robot"]),  # none: the user has named it again since
@@ -400,7 +405,7 @@ class RunDirectory:
         newest = latest_checkpoint(self.checkpoints, "student")
         if newest is None:
             raise TrainingError(f"{self.path} has no student yet; finish it with `stiction train --resume {self.path}`")
-        return _sha256(newest)
+        return digest_of(newest)
 
     def log(self, row: dict[str, Any]) -> None:
         """Append one iteration's figures."""

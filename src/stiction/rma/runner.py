@@ -20,7 +20,7 @@ from stiction.rma.equivariant import make_dense, make_equivariant
 from stiction.rma.figures import Board
 from stiction.rma.models import ELEVATION, GROUPS, RMAActor, StudentPolicy
 from stiction.rma.phase import Film, PhaseRunner, Progress
-from stiction.rma.run import RunDirectory, latest_checkpoint, load_checkpoint
+from stiction.rma.run import BROKEN, RunDirectory, latest_checkpoint, load_checkpoint
 from stiction.robots.catalog import find_robot
 
 QUIET_FROM = 0.75
@@ -124,9 +124,8 @@ def train(
     with run.writing():
         teacher = phase("teacher", ppo_cfg(cfg), cfg.teacher.iterations)
         student = _train_phases(run, teacher, lambda: phase("student", student_cfg(cfg), cfg.student.iterations))
-        figures = _summary(cfg, run, teacher, student) | {"threads": threads}
-        run.finish(figures)
-    return figures
+        run.finish(_summary(cfg, run, teacher, student) | {"threads": threads})
+    return run.summary()
 
 
 def _train_phases(run: RunDirectory, teacher: PhaseRunner, build_student: Callable[[], PhaseRunner]) -> PhaseRunner:
@@ -207,7 +206,11 @@ def load_actor(run: RunDirectory, phase: str, checkpoint: Path | None = None) ->
     actor = RMAActor(observations, seen, phase, env.num_actions, cfg.network, _distribution(cfg))
     if cfg.symmetry == "network":
         make_equivariant(actor, task_mirror(env))
-    actor.load_state_dict(state)
+    try:
+        actor.load_state_dict(state)
+    except (*BROKEN, RuntimeError) as error:
+        cause = str(error).strip().splitlines()[-1].strip()
+        raise TrainingError(f"{path}: its networks are not those of the run ({cause}); train again") from error
     make_dense(actor)
     actor.blind = phase == "student" or cfg.teacher.latent == "history"
     actor.latent_source = "history" if actor.blind else "privileged"

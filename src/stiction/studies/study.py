@@ -44,9 +44,6 @@ if TYPE_CHECKING:
 Summary = Mapping[str, Any]
 """What stands in summary.json."""
 
-DPI = 130
-"""Resolution of the figures beside the page, as on the page [1/in]."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
@@ -276,7 +273,7 @@ def write_report(out: Path, report: Report, provenance: Summary) -> Summary:
     for name, figure in report.figures.items():
         picture = out / f"{name}.png"
         if figure is not None:
-            save_figure(figure, picture, dpi=DPI)
+            save_figure(figure, picture)
         else:
             picture.unlink(missing_ok=True)
     if report.title:

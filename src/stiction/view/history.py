@@ -71,7 +71,6 @@ class History:
 
     def show_joint(self, name: str) -> None:
         """Show the torque of another joint."""
-        self._simulation.spec.joint_names.index(name)
         self.joint = name
         self.torque.clear()
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import viser
 
-from stiction.core.cache import publish
+from stiction.core.files import publish
 from stiction.view.scene import Scene
 from stiction.view.simulation import Simulation
 
@@ -27,9 +27,7 @@ def write_page(
 
     server: makes the scene; nobody needs to look at it.
     """
-    scene = Scene(server, simulation)
-    scene.dark = dark
-    scene.rebuild()
+    scene = Scene(server, simulation, dark)
     recorded = server.get_scene_serializer()
     every = max(1, round(FRAME / simulation.period))
     steps = round(seconds / simulation.period)

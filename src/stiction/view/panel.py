@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 import viser
 
-from stiction.core.errors import ConfigurationError
 from stiction.engines.catalog import ENGINES
-from stiction.evaluate.course import parse_course
 from stiction.joints.friction import MAX_LEVEL, has_coefficient
 from stiction.view.history import belief_text
-from stiction.view.simulation import MAX_WEAR, Simulation
+from stiction.view.simulation import MAX_WEAR, Simulation, finite
 
 TERRAINS = ("flat", "stairs=0.05", "stairs=0.1", "slope=0.2", "rough=0.05")
 """Grounds to choose from, beside the one that was asked for."""
@@ -38,7 +35,7 @@ Mouse: turn, move, zoom. Keys act while the pointer is over the scene and not in
 
 
 class Session(Protocol):
-    """What the panel acts on; everything runs before the next control step, in its thread."""
+    """What the panel needs of the viewer, which imports it; all runs before the next control step, in its thread."""
 
     simulation: Simulation
 
@@ -57,9 +54,6 @@ class Session(Protocol):
     def restart(self) -> None:
         """Put the robots to the start."""
 
-    def show_joint(self, name: str) -> None:
-        """Plot the torque of another joint."""
-
     def follow(self, robots: tuple[int, ...]) -> None:
         """Keep the middle of some robots in the middle of the picture; of none: stand still."""
 
@@ -68,11 +62,11 @@ class Session(Protocol):
 
 
 class Panel:
-    """The controls of one session; values of browsers are taken for what they are: words of strangers."""
+    """The controls of one viewer; values of browsers are taken for what they are: words of strangers."""
 
-    def __init__(self, server: viser.ViserServer, session: Session, dark: bool = False) -> None:
-        """Make the controls, showing what the simulation has."""
-        self._server, self._session, self._simulation = server, session, session.simulation
+    def __init__(self, server: viser.ViserServer, viewer: Session, dark: bool = False) -> None:
+        """Make the controls, showing what the simulation has; what they do is done by `viewer.submit`."""
+        self._server, self._viewer, self._simulation = server, viewer, viewer.simulation
         self._gui = gui = server.gui
         self.names = [walker.policy.name for walker in self._simulation.walkers]
         self.status = gui.add_markdown("")
@@ -117,7 +111,7 @@ class Panel:
             same = set(simulation.levels.values())
             value = scale * same.pop() if len(same) == 1 else 0.0
             self.all = self._gui.add_slider(f"All joints{unit}", 0.0, end, step, value, hint="Moves all kinds at once")
-            self.all.on_update(lambda _: self._spread())
+            self.all.on_update(lambda _: self.submit(self._spread))
             self.levels: dict[str, viser.GuiSliderHandle[float]] = {}
             for kind in simulation.kinds:
                 limit = next(joint.torque_limit for joint in simulation.spec.joints if joint.kind == kind)
@@ -146,14 +140,14 @@ class Panel:
             choice.on_update(lambda _: self._choose_world())
         self.strength = gui.add_slider("Push, m/s", 0.1, 2.0, 0.1, 0.5)
         self._button("Push to the left", self.push, viser.Icon.ARROW_BIG_LEFT)
-        self._button("Back to the start", self._session.restart, viser.Icon.REFRESH)
-        self._button("Pause", self._session.toggle_pause, viser.Icon.PLAYER_PAUSE)
+        self._button("Back to the start", self._viewer.restart, viser.Icon.REFRESH)
+        self._button("Pause", self._viewer.toggle_pause, viser.Icon.PLAYER_PAUSE)
         self.camera = gui.add_dropdown("Camera follows", (EVERYBODY, *self.names, NOBODY), initial_value=EVERYBODY)
         self.camera.on_update(lambda _: self._follow())
         self.straight = gui.add_checkbox("Hold straight on", True, hint="Corrects the turn, unless a turn is commanded")
         self.straight.on_update(lambda _: self.submit(self._set_straight))
         self.dark = gui.add_checkbox("Dark", dark)
-        self.dark.on_update(lambda _: self.submit(lambda: self._session.set_dark(bool(self.dark.value))))
+        self.dark.on_update(lambda _: self.submit(lambda: self._viewer.set_dark(bool(self.dark.value))))
 
     def _add_keys(self) -> None:
         """Bind the keys."""
@@ -170,8 +164,8 @@ class Panel:
             ("M", None, "More wear", lambda: self._move(self.wear, 0.1)),
             ("M", "shift", "Less wear", lambda: self._move(self.wear, -0.1)),
             ("P", None, "Push to the left", self.push),
-            ("R", None, "Back to the start", self._session.restart),
-            ("space", None, "Pause", self._session.toggle_pause),
+            ("R", None, "Back to the start", self._viewer.restart),
+            ("space", None, "Pause", self._viewer.toggle_pause),
             ("C", None, "Record", self.toggle_recording),
         ):
             command = self._gui.add_command(label, hotkey=key, modifier=modifier)
@@ -198,11 +192,11 @@ class Panel:
     def toggle_recording(self) -> None:
         """Begin to record the chosen robot, or write what was recorded."""
         if self.recorded.value in self.names:
-            self.submit(lambda: self._session.toggle_recording(self.names.index(self.recorded.value)))
+            self.submit(lambda: self._viewer.toggle_recording(self.names.index(self.recorded.value)))
 
     def submit(self, action: Callable[[], None]) -> None:
         """Do something before the next control step."""
-        self._session.submit(action)
+        self._viewer.submit(action)
 
     def say(self, title: str, text: str) -> None:
         """Tell everybody something."""
@@ -253,10 +247,9 @@ class Panel:
 
     def _spread(self) -> None:
         """Give all kinds of joints what the slider of all says."""
-        value = self.all.value
-        if is_number(value):
-            for slider in self.levels.values():
-                slider.value = value
+        value = number_of(self.all)
+        for slider in self.levels.values():
+            slider.value = value
 
     def _number(self, slider: viser.GuiSliderHandle[float], use: Callable[[float], None]) -> None:
         self.submit(lambda: use(number_of(slider)))
@@ -270,21 +263,14 @@ class Panel:
         engine, terrain = self.engine.value, self.terrain.value
         cfg = self._simulation.cfg
         if (engine, terrain) != (cfg.engine, cfg.course.label):
-            self.submit(lambda: self._session.show_world(str(engine), parse_course(str(terrain)).label))
+            self.submit(lambda: self._viewer.show_world(str(engine), str(terrain)))
 
     def _follow(self) -> None:
         name = self.camera.value
         chosen = range(len(self.names)) if name == EVERYBODY else [n for n, own in enumerate(self.names) if own == name]
-        self.submit(lambda: self._session.follow(tuple(chosen)))
-
-
-def is_number(value: object) -> bool:
-    """Return whether a browser sent a finite number."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        self.submit(lambda: self._viewer.follow(tuple(chosen)))
 
 
 def number_of(slider: viser.GuiSliderHandle[float]) -> float:
     """Return what a slider says, within its ends; raise `StictionError` where that is no number."""
-    if not is_number(slider.value):
-        raise ConfigurationError("a browser sent what is no number; move the slider again")
-    return min(max(float(slider.value), slider.min), slider.max)
+    return min(max(finite(slider.value), slider.min), slider.max)

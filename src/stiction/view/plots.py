@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -28,40 +29,34 @@ class Plots:
     """The three plots of one simulation."""
 
     def __init__(
-        self, server: viser.ViserServer, tab: viser.GuiTabHandle, simulation: Simulation, history: History
+        self,
+        server: viser.ViserServer,
+        tab: viser.GuiTabHandle,
+        simulation: Simulation,
+        history: History,
+        dark: bool = False,
     ) -> None:
         """Make them, empty, in a tab."""
         self._gui, self._tab, self._simulation, self._history = server.gui, tab, simulation, history
         self._handles: list[viser.GuiUplotHandle] = []
         self._top = TOPS[0]
-        self.rebuild(False)
+        self.rebuild(dark)
 
     def rebuild(self, dark: bool) -> None:
         """Draw them anew in a colour scheme."""
-        names = [walker.policy.short for walker in self._simulation.walkers]
-        ink, _ = INK[dark]
-        lines = [
-            line(name, rgb(color), DASHES[number % len(DASHES)])
-            for number, (name, color) in enumerate(zip(names, colors(len(names)), strict=True))
-        ]
-        believed = []
-        for name, color in zip(names, colors(len(names)), strict=True):
-            believed += [
-                line(f"{name} tells", rgb(color)),
-                line("from", rgb(color), (2, 4), 1),
-                line("to", rgb(color), (2, 4), 1),
-            ]
+        walkers, (ink, _) = self._simulation.walkers, INK[dark]
+        lines, told = [], []
+        for number, (walker, color) in enumerate(zip(walkers, colors(len(walkers)), strict=True)):
+            name, stroke = walker.policy.short, rgb(color)
+            lines.append(line(name, stroke, DASHES[number % len(DASHES)]))
+            if walker.believes:
+                told += [line(f"{name} tells", stroke), *(line(end, stroke, (2, 4), 1) for end in ("from", "to"))]
         for old in self._handles:
             old.remove()
         plots: tuple[tuple[str, str, list[Any], str], ...] = (
             (f"Speed along the command, last {SPEED:.0f} s", "m/s", [line("command", ink), *lines], "speed"),
             (f"Motor torque of that joint, last {TORQUE:.0f} s", "N m", lines, "torque"),
-            (
-                f"Friction of the joints, last {FRICTION:.0f} s",
-                "% of limit",
-                [line("true", ink), *self._tellers(believed)],
-                "friction",
-            ),
+            (f"Friction of the joints, last {FRICTION:.0f} s", "% of limit", [line("true", ink), *told], "friction"),
         )
         with self._tab:
             self._handles = [self._plot(*plot, dark) for plot in plots]
@@ -88,22 +83,14 @@ class Plots:
         for handle, columns in zip(self._handles, ("speed", "torque", "friction"), strict=True):
             handle.data = self._data(columns)
 
-    def _tellers(self, per_robot: list[Any]) -> list[Any]:
-        """Return, of what each robot has three of, those of robots whose walk tells their joints' friction."""
-        return [
-            part
-            for number, walker in enumerate(self._simulation.walkers)
-            if walker.believes
-            for part in per_robot[3 * number : 3 * number + 3]
-        ]
-
     def _data(self, name: str) -> tuple[np.ndarray, ...]:
-        """Return the columns of a plot."""
+        """Return the columns of a plot; of friction without robots whose walk tells nothing of it."""
         columns = getattr(self._history, name).columns()
-        if name == "friction":
-            time, true, *believed = columns
-            return (time, true, *self._tellers(believed))
-        return tuple(columns)
+        if name != "friction":
+            return tuple(columns)
+        time, true, *told = columns
+        believed = [told[3 * n : 3 * n + 3] for n, walker in enumerate(self._simulation.walkers) if walker.believes]
+        return (time, true, *chain(*believed))
 
 
 def top_of(columns: tuple[np.ndarray, ...]) -> float:

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from stiction.core.cache import publish
 from stiction.core.errors import LogError
 from stiction.deploy.pilot import ControlStep, Reading
 from stiction.formats.contract import Contract
@@ -68,15 +67,8 @@ class Recorder:
 
 def write_recording(folder: Path, log: Log) -> Path:
     """Write a log as NPZ, and its sidecar, under the first free name in a folder; return its path."""
-    folder.mkdir(parents=True, exist_ok=True)
     number = 1
     while (path := folder / f"walk-{number}.npz").exists() or path.with_suffix(".json").exists():
         number += 1
-    with publish(path) as partial:
-        # The sidecar lies beside the log, under its name.
-        whole = partial.with_suffix(".npz")
-        write_log(whole, log)
-        whole.with_suffix(".json").replace(path.with_suffix(".json"))
-        if whole != partial:
-            whole.replace(partial)
+    write_log(path, log)
     return path

@@ -67,11 +67,11 @@ def lanes(simulation: Simulation, width: float) -> np.ndarray:
 class Scene:
     """The drawing of one simulation."""
 
-    def __init__(self, server: viser.ViserServer, simulation: Simulation) -> None:
+    def __init__(self, server: viser.ViserServer, simulation: Simulation, dark: bool = False) -> None:
         """Draw the robots where they stand."""
         self._server, self._simulation = server, simulation
         self._body = RobotBody(simulation.spec)
-        self.dark = False
+        self.dark = dark
         self.followed = tuple(range(len(simulation.walkers)))
         """Numbers of the robots whose median is the middle of the picture; none: the floor stands still."""
         self._middle = np.zeros(2)

@@ -33,7 +33,6 @@ from stiction.locomotion.config import NoiseCfg
 from stiction.robots.model import Robot
 from stiction.virtual.cases import DataSheet
 from stiction.virtual.hidden import Hidden
-from stiction.virtual.robot import VirtualRobot
 from stiction.virtual.sensors import Noisy
 from stiction.virtual.trial import World, fallen
 
@@ -130,22 +129,41 @@ class Seen:
 
 
 class Walker:
-    """One policy on one robot."""
+    """One policy on one robot, in a world of its own."""
 
-    def __init__(self, policy: ViewedPolicy, spec: Robot) -> None:
-        """Begin without a world; `place` makes one. Raises `StictionError` where the map of its friction is another's.
+    def __init__(self, policy: ViewedPolicy, spec: Robot, cfg: WorldCfg, ground: Ground, level: np.ndarray) -> None:
+        """Make the robot, and put it to the start.
 
-        spec: the robot's data sheet.
+        spec: its data sheet; level: of each joint's friction, torque [N m] or coefficient [-], shape (J,). Raises
+        `StictionError` where the engine is not installed or cannot have such a robot, or the map from the policy's walk
+        to friction is another's.
         """
         self.policy, self.spec = policy, spec
         self.range = command_range(policy.contract)
         self._monitor = None if policy.wear is None else WearMonitor(policy.contract, policy.wear)
-        self.start = 0.0
+        self.start = 0.0 if cfg.course.is_flat else -START_DISTANCE
         """Where it starts, along x [m]."""
         self.falls = 0
-        """How often it fell since it was put into its world."""
+        """How often it fell."""
         self.belief: WearEstimate | None = None
         """What the policy's walk told last of its joints' friction; None: nothing yet, or it has no map for that."""
+        engine = find_engine(cfg.engine)
+        made: list[Engine] = []
+
+        def make(body: Body, around: Ground, timestep: float) -> Engine:
+            made.append(make_engine(cfg.engine, body, around, timestep))
+            return made[-1]
+
+        self._world = World(make, ground, timestep=engine.timestep, noise=NoiseCfg())
+        # Not at 0: a robot whose law has no level need not know what its joints transmit, and would never be told.
+        sheet = DialledSheet(cfg.seed, cfg.law, 1.0)
+        noise, sensors = seed_streams(cfg.seed, ["view", "view, sensors"]).values()
+        self._robot = self._world.robot(sheet, self.spec, sensors)
+        (self._engine,), (self._friction,) = made, sheet.given
+        self._port = Noisy(self._robot.handle, NoiseCfg(), noise)
+        self._pilot = Pilot(self._port, self.policy.load())
+        self.set_friction(level)
+        self.reset()
 
     @property
     def believes(self) -> bool:
@@ -156,33 +174,6 @@ class Walker:
     def lies(self) -> bool:
         """Whether it has fallen and waits."""
         return self._left > 0
-
-    def build(self, cfg: WorldCfg, ground: Ground, level: np.ndarray) -> None:
-        """Make its robot, and put it to the start.
-
-        level: of each joint's friction, torque [N m] or coefficient [-], shape (J,). Raises `StictionError` where the
-        engine is not installed or cannot have such a robot.
-        """
-        engine = find_engine(cfg.engine)
-        made: list[Engine] = []
-
-        def make(body: Body, around: Ground, timestep: float) -> Engine:
-            made.append(make_engine(cfg.engine, body, around, timestep))
-            return made[-1]
-
-        self.start = 0.0 if cfg.course.is_flat else -START_DISTANCE
-        self._world = World(make, ground, timestep=engine.timestep, noise=NoiseCfg())
-        # Not at 0: a robot whose law has no level need not know what its joints transmit, and would never be told.
-        sheet = DialledSheet(cfg.seed, cfg.law, 1.0)
-        noise, sensors = seed_streams(cfg.seed, ["view", "view, sensors"]).values()
-        robot = self._world.robot(sheet, self.spec, sensors)
-        (self._engine,), (self._friction,) = made, sheet.given
-        self._robot: VirtualRobot = robot
-        self._port = Noisy(robot.handle, NoiseCfg(), noise)
-        self._pilot = Pilot(self._port, self.policy.load())
-        self.falls = 0
-        self.set_friction(level)
-        self.reset()
 
     def teach(self, policy: ViewedPolicy) -> None:
         """Give the robot another policy, as it walks."""
@@ -264,7 +255,6 @@ class Simulation:
                     "one robot and one period: look at them one by one"
                 )
         self.spec, self.period = spec, first.control_period
-        self.walkers = [Walker(policy, spec) for policy in policies]
         self.kinds = spec.joint_kinds
         self.levels: Mapping[str, float] = dict.fromkeys(self.kinds, 0.0)
         """Friction of each kind of joint: a fraction of the torque limit, or a coefficient [-]."""
@@ -275,9 +265,7 @@ class Simulation:
         self.straight = True
         """Whether robots that are not told to turn are held straight on, so that they stay side by side; over a course
         they always are."""
-        self.time = 0.0
-        """Simulated since the last start [s]."""
-        self.set_world(cfg or WorldCfg())
+        self._enter(cfg or WorldCfg(), policies)
 
     @property
     def range(self) -> np.ndarray:
@@ -287,12 +275,15 @@ class Simulation:
 
     def set_world(self, cfg: WorldCfg) -> None:
         """Put all robots to the start of another world. Raises `StictionError`, and stays in the old one."""
-        ground = course(cfg.course.kind, cfg.course.size, cfg.seed)
-        level = self._level(cfg.law)
-        fresh = [Walker(walker.policy, self.spec) for walker in self.walkers]
-        for walker in fresh:
-            walker.build(cfg, ground, level)
-        self.cfg, self.ground, self.walkers, self.time = cfg, ground, fresh, 0.0
+        self._enter(cfg, [walker.policy for walker in self.walkers])
+
+    def _enter(self, cfg: WorldCfg, policies: Sequence[ViewedPolicy]) -> None:
+        """Put one robot a policy to the start of a world."""
+        ground, level = course(cfg.course.kind, cfg.course.size, cfg.seed), self._level(cfg.law)
+        self.walkers = [Walker(policy, self.spec, cfg, ground, level) for policy in policies]
+        self.cfg, self.ground = cfg, ground
+        self.time = 0.0
+        """Simulated since the last start [s]."""
 
     def reset(self) -> None:
         """Put all robots to the start, under the command that they have."""
@@ -302,23 +293,23 @@ class Simulation:
 
     def set_velocity(self, velocity: Sequence[float]) -> None:
         """Command all robots: forward, sideways [m/s], turn [rad/s]."""
-        self.velocity = np.clip([_finite(value) for value in velocity], *self.range)
+        self.velocity = np.clip([finite(value) for value in velocity], *self.range)
 
     def set_level(self, kind: str, level: float) -> None:
         """Set the friction of a kind of joint, a fraction of its torque limit or a coefficient [-]."""
         if kind not in self.levels:
             raise ConfigurationError(f"no joint of kind {kind!r}; expected one of {', '.join(self.kinds)}")
-        self.levels = {**self.levels, kind: min(max(_finite(level), 0.0), MAX_LEVEL)}
+        self.levels = {**self.levels, kind: min(max(finite(level), 0.0), MAX_LEVEL)}
         self._set_friction()
 
     def set_wear(self, factor: float) -> None:
         """Set the factor on torques of friction [1]."""
-        self.wear = min(max(_finite(factor), 0.0), MAX_WEAR)
+        self.wear = min(max(finite(factor), 0.0), MAX_WEAR)
         self._set_friction()
 
     def push(self, velocity: Sequence[float]) -> None:
         """Add a velocity, forward and to the left of each robot [m/s], to that of all that stand."""
-        forward, left = np.clip([_finite(value) for value in velocity], -FASTEST_PUSH, FASTEST_PUSH)
+        forward, left = np.clip([finite(value) for value in velocity], -FASTEST_PUSH, FASTEST_PUSH)
         for walker in self.walkers:
             if not walker.lies:
                 heading = yaw(walker.seen.motion.base_quaternion)
@@ -346,7 +337,7 @@ class Simulation:
         return share if has_coefficient(law.name) else self.wear * share * self.spec.joint_values("torque_limit")
 
 
-def _finite(value: float) -> float:
+def finite(value: float) -> float:
     """Return a number; raise `StictionError` for what is none."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not math.isfinite(value):
         raise ConfigurationError(f"{value!r} is no finite number")

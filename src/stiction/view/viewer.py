@@ -45,7 +45,7 @@ class Viewer:
         """Show a simulation; out: folder of recordings."""
         self.server, self.simulation, self._out = server, simulation, out
         self._asked: queue.Queue[Callable[[], None]] = queue.Queue(MOST_ASKED)
-        self.scene = Scene(server, simulation)
+        self.scene = Scene(server, simulation, dark)
         self.history = History(simulation)
         self.panel = Panel(server, self, dark)
         server.gui.main_panel.dock_right()
@@ -57,12 +57,12 @@ class Viewer:
             names = simulation.spec.joint_names
             self.joint = server.gui.add_dropdown("Joint", names, initial_value=self.history.joint)
             self.joint.on_update(lambda _: self.submit(lambda: self.show_joint(str(self.joint.value))))
-        self.plots = Plots(server, tab, simulation, self.history)
+        self.plots = Plots(server, tab, simulation, self.history, dark)
         self.paused, self.factor = False, 1.0
         self._recorder: Recorder | None = None
         self._recorded: Walker | None = None
         self._due = {"plots": 0.0, "status": 0.0}
-        self.set_dark(dark)
+        self._show_theme(dark)
 
     def submit(self, action: Callable[[], None]) -> None:
         """Do something before the next control step; a `StictionError` of it is shown to everybody."""
@@ -76,8 +76,7 @@ class Viewer:
         self._answer()
         if self.paused:
             return
-        simulation = self.simulation
-        simulation.step()
+        self.simulation.step()
         self.history.add()
         self._record()
 
@@ -88,11 +87,15 @@ class Viewer:
                 action = self._asked.get_nowait()
             except queue.Empty:
                 return
-            try:
-                action()
-            except StictionError as error:
-                self.panel.say("That cannot be done", " ".join(str(error).split()))
-                self.panel.show_world()
+            self._attempt(action)
+
+    def _attempt(self, action: Callable[[], None]) -> None:
+        """Do something; what cannot be done is said to everybody."""
+        try:
+            action()
+        except StictionError as error:
+            self.panel.say("That cannot be done", " ".join(str(error).split()))
+            self.panel.show_world()
 
     def show(self, now: float, draw: bool = True) -> None:
         """Bring browsers up to date; now: a monotonic clock's time [s]; draw: the robots too."""
@@ -140,13 +143,13 @@ class Viewer:
 
     def restart(self) -> None:
         """Put the robots to the start."""
-        self._write()
+        self._attempt(self._write)
         self.simulation.reset()
         self.history.clear()
 
     def show_world(self, engine: str, terrain: str) -> None:
         """Put the robots into another world."""
-        self._write()
+        self._attempt(self._write)
         self.simulation.set_world(replace(self.simulation.cfg, engine=engine, course=parse_course(terrain)))
         self.history.clear()
         self.scene.rebuild()
@@ -166,10 +169,14 @@ class Viewer:
 
     def set_dark(self, dark: bool) -> None:
         """Draw dark or light."""
-        self.server.gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False, control_width="large")
+        self._show_theme(dark)
         self.scene.dark = dark
         self.scene.rebuild()
         self.plots.rebuild(dark)
+
+    def _show_theme(self, dark: bool) -> None:
+        """Draw what is around the scene dark or light."""
+        self.server.gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False, control_width="large")
 
     def toggle_recording(self, robot: int) -> None:
         """Begin to record a robot, or write what was recorded."""
@@ -185,7 +192,7 @@ class Viewer:
             return
         step = self._recorded.seen.step
         if step is None or self._recorder.full:
-            self._write()
+            self._attempt(self._write)
         else:
             self._recorder.add(step)
 

@@ -13,7 +13,7 @@ from stiction.rma.arguments import parse
 from stiction.studies.friction import assemble
 from stiction.studies.friction.evaluation import BASE
 from stiction.studies.friction.manifest import Condition, PlannedRun, Run
-from stiction.studies.friction.page import lead, methods_sheet, part_sheet, report, sheets_of
+from stiction.studies.friction.page import draw_budget, lead, methods_sheet, part_sheet, report, sheets_of
 from stiction.studies.friction.records import Experiment
 from stiction.studies.study import write_report
 from synthetic import condition_rows, write_run
@@ -76,7 +76,7 @@ def test_nothing_yet_is_a_page_too(tmp_path: Path) -> None:
 def test_tables_show_means_with_intervals_and_single_seeds_without(tmp_path: Path) -> None:
     """0.9, 1.0, 1.1: 1.00 ± 4.3027 * 0.1 / √3 = 0.25. If it failed, one run would look as certain as five."""
     several = methods_sheet(experiment(tmp_path / "a"), ["coulomb20-none"], "student")
-    assert several.header[1:] == ("0", "20") and several.rows[0] == (
+    assert several.header[1:] == ("0 %", "20 %") and several.rows[0] == (
         "coulomb20-none, forward",
         "1.00 ± 0.25",
         "0.50 ± 0.12",
@@ -84,6 +84,14 @@ def test_tables_show_means_with_intervals_and_single_seeds_without(tmp_path: Pat
     one = part_sheet(experiment(tmp_path / "b", seeds=1), "1")
     assert one.rows[0][:6] == ("coulomb20-none: a purpose", "student", "1", "0.90 / 0.45", "0.90 / 0.45", "0.45 / 0.23")
     assert one.rows[-2][4] == "– / –"  # nothing was evaluated at the mean of deception, 0.12
+
+
+def test_methods_differ_in_style_and_are_named_at_their_ends(tmp_path: Path) -> None:
+    """If this failed, who sees no colours could not tell the training methods apart."""
+    names = [f"coulomb20-{method}" for method in METHODS]
+    *_, last = draw_budget(experiment(tmp_path), names).axes
+    assert len({line.get_linestyle() for line in last.lines if line.get_label() in METHODS}) == 3
+    assert sorted(text.get_text() for text in last.texts) == sorted(METHODS)
 
 
 def test_verdicts_stand_with_criterion_and_evidence(tmp_path: Path) -> None:

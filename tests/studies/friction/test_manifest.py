@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import replace
+from functools import cache
 
 import pytest
 
@@ -12,17 +13,21 @@ from stiction.robots.catalog import find_robot
 from stiction.studies.friction.evaluation import training_mean
 from stiction.studies.friction.manifest import MANIFEST, PARTS, condition_of, runs_of
 
-CONFIGURED: dict[str, TrainCfg] = {c.name: parse([*c.runs[0].arguments]).config for c in MANIFEST}
+
+@cache
+def configured() -> dict[str, TrainCfg]:
+    """Return the configuration of each condition: seconds of work, which those that only look for tests need not do."""
+    return {c.name: parse([*c.runs[0].arguments]).config for c in MANIFEST}
 
 
 def test_every_condition_is_a_configuration_and_seeds_change_nothing_else() -> None:
     """If this failed, a run of the experiment would stop at its own command line, hours into a night."""
     for condition in MANIFEST:
-        find_robot(CONFIGURED[condition.name].task.robot)
+        find_robot(configured()[condition.name].task.robot)
         words = [run.arguments for run in condition.runs]
         assert [w[-4:-2] for w in words] == [("--seed", str(seed)) for seed in condition.seeds]
         assert {w[:-4] + w[-2:] for w in words} == {words[0][:-4] + words[0][-2:]}
-    assert parse([*MANIFEST[0].runs[3].arguments]).config == replace(CONFIGURED[MANIFEST[0].name], seed=3)
+    assert parse([*MANIFEST[0].runs[3].arguments]).config == replace(configured()[MANIFEST[0].name], seed=3)
 
 
 def test_names_are_unique_and_read_back() -> None:
@@ -36,7 +41,7 @@ def test_names_are_unique_and_read_back() -> None:
 
 def test_no_two_conditions_are_the_same_run() -> None:
     """If this failed, a comparison would compare a run with itself."""
-    assert Counter(CONFIGURED.values()).most_common(1)[0][1] == 1
+    assert Counter(configured().values()).most_common(1)[0][1] == 1
 
 
 def test_part_one_is_the_runs_that_were_begun_by_hand() -> None:
@@ -50,7 +55,7 @@ def test_part_one_is_the_runs_that_were_begun_by_hand() -> None:
 def test_budget_is_the_same_unless_it_is_the_question() -> None:
     """If this failed, a method would win by training longer."""
     budget = PRESETS["two-phase"]
-    for name, cfg in CONFIGURED.items():
+    for name, cfg in configured().items():
         factor = 3 if name.endswith("-long") else 1
         student = 3 if name == "coulomb20-deception-student240" else factor
         assert cfg.teacher.iterations == factor * budget.teacher.iterations, name
@@ -60,7 +65,7 @@ def test_budget_is_the_same_unless_it_is_the_question() -> None:
 
 def test_what_is_varied_is_what_the_purpose_says() -> None:
     """If this failed, a part of the experiment would answer another question; numbers worked out by hand."""
-    means = {name: training_mean(cfg.task.friction) for name, cfg in CONFIGURED.items()}
+    means = {name: training_mean(cfg.task.friction) for name, cfg in configured().items()}
     assert means["coulomb20-none"] == 0.0
     assert means["coulomb20-deception"] == means["coulomb20-narrow"] == pytest.approx(0.12)
     assert means["coulomb20-mean-kept"] == means["coulomb20-direct"] == pytest.approx(0.2)
@@ -75,13 +80,13 @@ def test_what_is_varied_is_what_the_purpose_says() -> None:
 
 def _shank_friction(name: str) -> float:
     """Nominal friction of the shank [N m]."""
-    task = CONFIGURED[name].task
+    task = configured()[name].task
     return task.friction.level * find_robot(task.robot).kind("shank").torque_limit
 
 
 def _first_action(name: str) -> float:
     """Torque of one standard deviation of the first actions [N m]."""
-    cfg = CONFIGURED[name]
+    cfg = configured()[name]
     robot = find_robot(cfg.task.robot)
     return robot.kind("shank").kp * robot.action_scale * cfg.network.initial_std
 

@@ -16,10 +16,12 @@ from stiction.report.following import friction_text, recommended_sentence, recom
 from stiction.studies.claims import Verdict
 from stiction.studies.replication.clips import ClipPair
 from stiction.studies.replication.page import (
+    draw_budget,
     draw_needs,
     engine_sheets,
     forward_sheet,
     lead,
+    onset_sheet,
     report,
     stairs_sheet,
     warnings,
@@ -195,6 +197,25 @@ def test_the_figure_tells_too_slow_from_too_fast() -> None:
     assert green == pytest.approx([0.65, 0.05, 0.25])
 
 
+def test_methods_differ_in_style_and_are_named_at_their_ends() -> None:
+    """If this failed, who sees no colours could not tell the training methods apart."""
+    points = [replace(point, method=method) for method in ("none", "direct") for point in RESULT.budget]
+    (axis,) = draw_budget(points, ["none", "direct"], 0.45).axes
+    assert len({line.get_linestyle() for line in axis.lines if line.get_label() in ("none", "direct")}) == 2
+    assert sorted(text.get_text() for text in axis.texts) == ["direct", "none"]
+
+
+def test_an_onset_is_in_the_units_of_its_law() -> None:
+    """Per cent of the torque limit beside a coefficient: a number without either would be read as the other."""
+    shares, coefficient = (
+        onset("none", "physx", 0.12, None),
+        replace(onset("none", "mujoco", 0.05), friction_law="load"),
+    )
+    rows = onset_sheet([replace(shares, low=-0.1, high=0.4), coefficient]).rows
+    assert rows[0][3:5] == ("21 %", "0 % to 40 %") and rows[0][-1] == "12 %, over 30 %"
+    assert rows[1][3] == rows[1][-1] == "c = 0.05"
+
+
 def test_a_verdict_that_changed_says_what_was_asked_before(tmp_path: Path) -> None:
     """Whoever read the page before must find why it says otherwise now, and that the rows are the same."""
     change = {"id": "E1", "before": "undecided", "asked_before": "80 %", "now": "not tested", "asked": "both ways"}
@@ -233,7 +254,7 @@ def test_a_table_has_every_command_with_its_intervals() -> None:
     """Means alone would hide that one seed is no sample, and that few walks tell little about falls."""
     (sheet,) = engine_sheets(RESULT.samples)
     assert sheet.title == "Sim2Sim: PhysX"
-    assert sheet.header == ("friction", "method", "seeds", "forward", "turn", "falls")
+    assert sheet.header == ("friction", "method", "seeds", "forward [1]", "turn [1]", "falls [% of walks]")
     assert sheet.rows == (("10 %", "none", "one or 2", "0.90 ± 0.10", "0.70", "10% ± 10% (4% to 23%)"),)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from stiction.studies.study import write_report
 from stiction.studies.wear.lifetimes import Lifetime, Reading, Window
-from stiction.studies.wear.page import answers, report
+from stiction.studies.wear.page import answers, draw_ratios, draw_readings, lead, report
 
 WALK = {"policy": "<b>p</b>", "friction_level": "0.1", "robot": 1000, "steady": None}
 LIFETIME = Lifetime(
@@ -96,6 +96,18 @@ def test_the_answer_says_where_lifetimes_end_and_how_surely() -> None:
     assert answers([], [bounded])[0].endswith("lifetimes end at ≥ x2.00.")
 
 
+def test_one_sentence_says_from_and_up_to_which_wear_each_policy_follows() -> None:
+    """It is the first thing on the page: the answer, for every level, also where some robots never slow down."""
+    grown = {"start": 0.3, "end": 3.0}
+    later = {"first": {"too fast": 3}, "begin": 1.57, "mean": None, "ends": {"alive": 2, "too slow": 1}}
+    never = {"friction_level": "0.3", "mean": None, "ends": {"too slow from the start": 3}}
+    groups = [GROUP, GROUP | never, GROUP | later | {"policy": "q"}]
+    assert lead(groups, grown) == (
+        "While friction grows from x0.3 to x3 of level 0.1, p follows up to x1.50; "
+        "q follows from x1.57 on, to the end at x3 on 2 of 3 robots; of level 0.3, p never follows."
+    )
+
+
 def test_robots_that_are_too_fast_at_first_are_said_to_be(tmp_path: Path) -> None:
     """A policy that outruns its command until friction slows it down does not follow from the start."""
     group = GROUP | {"first": {"too fast": 2, "follows": 1}, "begin": 1.5}
@@ -139,6 +151,17 @@ def test_false_alarms_stand_beside_the_notices(tmp_path: Path) -> None:
     with (tmp_path / "lives.csv").open(newline="") as file:
         assert [row["steady"] for row in csv.DictReader(file)] == ["", "0.3"]
     assert "false alarms are not known" in written(tmp_path, *rows)
+
+
+def test_policies_and_robots_differ_in_more_than_colour() -> None:
+    """If this failed, who sees no colours could tell neither the policies nor the robots apart."""
+    other = [replace(row, policy="q", ratio=1.2) for row in WINDOWS]
+    (speeds,) = draw_ratios([*WINDOWS, *other], [LIFETIME, replace(LIFETIME, policy="q")]).axes
+    assert sorted(text.get_text() for text in speeds.texts) == ["<b>p</b>", "q"]
+    (readings,) = draw_readings([READING, replace(READING, robot=1001)]).axes
+    for axis, what in ((speeds, "get_linestyle"), (readings, "get_marker")):
+        named = [line for line in axis.lines if not line.get_label().startswith("_")]
+        assert len(named) == 2 and len({getattr(line, what)() for line in named}) == 2
 
 
 def test_a_bundle_without_a_monitor_is_said_to_have_none(tmp_path: Path) -> None:

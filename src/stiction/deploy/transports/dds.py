@@ -19,6 +19,7 @@ import numpy as np
 
 from stiction.core.errors import ConfigurationError, RobotError
 from stiction.core.extras import remedy
+from stiction.deploy.transports.bell import Bell
 from stiction.formats.unitree import Structure
 
 STATE_TOPIC, COMMAND_TOPIC = "rt/lowstate", "rt/lowcmd"
@@ -109,9 +110,7 @@ class DdsBus:
             raise RobotError(f"DDS cannot use the network interface {interface!r}: {error}") from error
         self._error, self._wire = dds.core.DDSException, wire_type(command)
         self._entities: list[Any] = [come, self._writer, self._others, self._states, states, commands, participant]
-        self._bell, self._ear = socket.socketpair()
-        self._ear.setblocking(False)
-        self._heard, self._closed = threading.Event(), False
+        self._bell, self._heard, self._closed = Bell(), threading.Event(), False
         self._watcher = threading.Thread(target=self._watch, daemon=True, name="rt/lowstate")
         self._watcher.start()
 
@@ -119,19 +118,17 @@ class DdsBus:
         """Make the file readable whenever states have come; a thread of its own, since DDS has no file to wait for."""
         while not self._closed:
             if self._waits.wait(WAKE_MS * 1_000_000) and not self._closed:
-                self._bell.send(b"!")
+                self._bell.ring()
                 self._heard.wait(WAKE_MS / 1e3)
                 self._heard.clear()
 
     def fileno(self) -> int:
         """Return the file that the watching thread makes readable."""
-        return self._ear.fileno()
+        return self._bell.fileno()
 
     def receive(self) -> list[tuple[int, bytes]]:
         """Return the states that have come."""
-        with suppress(BlockingIOError):
-            while self._ear.recv(64):
-                pass
+        self._bell.silence()
         found = self._states.take(MOST_WAITING)
         self._heard.set()
         return [(sample.sample_info.source_timestamp, sample.data) for sample in found if hasattr(sample, "data")]
@@ -151,33 +148,24 @@ class DdsBus:
         self._heard.set()
         self._watcher.join()
         self._bell.close()
-        self._ear.close()
         del self._waits, self._states, self._others, self._writer
         while self._entities:
-            self._entities.pop(0)
+            self._entities.pop(0)  # Cyclone deletes an entity with its last reference, and parts before their whole
         del self._domain
 
 
-@dataclass(frozen=True)
-class _Cyclone:
-    """The modules of cyclonedds."""
-
-    core: Any
-    domain: Any
-    idl: Any
-    pub: Any
-    qos: Any
-    sub: Any
-    topic: Any
-
-
-def _cyclone() -> _Cyclone:
-    """Return the modules of cyclonedds; raise `RobotError` where they are not installed."""
+def _cyclone() -> Any:
+    """Return cyclonedds with the modules that are used of it; raise `RobotError` where it is not installed."""
     try:
-        from cyclonedds import core, domain, idl, pub, qos, sub, topic
+        import cyclonedds.core
+        import cyclonedds.domain
+        import cyclonedds.pub
+        import cyclonedds.qos
+        import cyclonedds.sub
+        import cyclonedds.topic
     except ImportError as error:
         raise RobotError(f"cyclonedds is not installed ({error}); {remedy('unitree')}") from error
-    return _Cyclone(core, domain, idl, pub, qos, sub, topic)
+    return cyclonedds
 
 
 @cache

@@ -6,15 +6,14 @@ in one message: a driver that takes targets alone cannot be damped, and is no ro
 
 from __future__ import annotations
 
-import socket
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from typing import Any, Protocol
 
 from stiction.core.errors import ConfigurationError, RobotError
 from stiction.deploy.pilot import JointCommand
+from stiction.deploy.transports.bell import Bell
 from stiction.deploy.transports.link import RobotState
 from stiction.deploy.transports.ros_messages import command_message, robot_state, stamp_of
 from stiction.formats.contract import Contract
@@ -125,9 +124,7 @@ class RclpyNode:
         self._context = rclpy.Context()
         rclpy.init(context=self._context)
         self._node = rclpy.create_node("stiction", namespace=namespace, context=self._context)
-        self._bell, self._ear = socket.socketpair()
-        for end in (self._bell, self._ear):
-            end.setblocking(False)
+        self._bell = Bell()
         self._waiting: deque[tuple[str, Mapping[str, Any]]] = deque(maxlen=MOST_WAITING)
         for topic, kind in ((STATE_TOPIC, JointState), (IMU_TOPIC, Imu)):
             self._node.create_subscription(kind, topic, self._hear(topic), qos_profile_sensor_data)
@@ -143,20 +140,17 @@ class RclpyNode:
 
         def hear(message: Any) -> None:
             self._waiting.append((topic, plain(message)))
-            with suppress(BlockingIOError):
-                self._bell.send(b"!")
+            self._bell.ring()
 
         return hear
 
     def fileno(self) -> int:
         """Return the file that the spinning thread makes readable."""
-        return self._ear.fileno()
+        return self._bell.fileno()
 
     def receive(self) -> list[tuple[str, Mapping[str, Any]]]:
         """Return what has come."""
-        with suppress(BlockingIOError):
-            while self._ear.recv(256):
-                pass
+        self._bell.silence()
         return [self._waiting.popleft() for _ in range(len(self._waiting))]
 
     def publish(self, message: Mapping[str, Any]) -> None:
@@ -172,7 +166,6 @@ class RclpyNode:
         self._node.destroy_node()
         self._context.shutdown()
         self._bell.close()
-        self._ear.close()
 
 
 def plain(message: Any) -> Any:

@@ -17,8 +17,6 @@ from stiction.deploy.observation import Sensors
 from stiction.deploy.pilot import JointCommand
 from stiction.deploy.transports.link import RobotState
 
-JOINT_STATE, IMU, COMMAND = "sensor_msgs/msg/JointState", "sensor_msgs/msg/Imu", "std_msgs/msg/Float64MultiArray"
-
 ROWS = ("target", "kp", "kd", "forward")
 """Rows of a command, fields of `JointCommand`."""
 

@@ -63,7 +63,7 @@ FAMILIES = {"unitree-go": Family(GO_STATE, GO_COMMAND), "unitree-hg": Family(HG_
 """Transport -> its messages."""
 
 
-class Protocol:
+class Translation:
     """What a contract's joints are in the messages of one family, and back. Keeps nothing."""
 
     def __init__(self, transport: str, contract: Contract, held: HeldCfg) -> None:
@@ -164,10 +164,10 @@ class Protocol:
 class UnitreeLink:
     """`Link` to one robot; sends nothing before a whole state has come."""
 
-    def __init__(self, protocol: Protocol, bus: Bus, lock_name: str = "unitree") -> None:
+    def __init__(self, translation: Translation, bus: Bus, lock_name: str = "unitree") -> None:
         """`lock_name`: what one writer at a time may hold."""
-        self._protocol, self._bus = protocol, bus
-        self.joint_names, self.foot_names = protocol.joint_names, protocol.foot_names
+        self._translation, self._bus = translation, bus
+        self.joint_names, self.foot_names = translation.joint_names, translation.foot_names
         self.period, self.lock_name = PERIOD, lock_name
         self._newest: np.ndarray | None = None
         self._held: np.ndarray | None = None
@@ -189,14 +189,14 @@ class UnitreeLink:
         command = FOREIGN if self._bus.foreign() else np.nan
         for stamp, data in came:
             try:
-                message = self._protocol.read(data)
+                message = self._translation.read(data)
             except ValueError as error:
                 self.malformed, self.complaint = self.malformed + 1, str(error)
                 continue
             self._first = stamp if self._first is None else self._first
             self._newest, self._time = message, (stamp - self._first) * 1e-9
             self._states += 1
-            found.append(self._protocol.state(message, self._states, self._time, command))
+            found.append(self._translation.state(message, self._states, self._time, command))
         return found
 
     def send(self, command: JointCommand) -> int:
@@ -204,9 +204,9 @@ class UnitreeLink:
         self._number += 1
         if self._newest is not None:
             held = self._hold(self._newest, bool(command.kp.any()))
-            mode = 0 if self._protocol.family.state is GO_STATE else int(self._newest["mode_machine"])
-            message = self._protocol.message(command, held, mode)
-            self._bus.send(self._protocol.family.command.to_wire(message))
+            mode = 0 if self._translation.family.state is GO_STATE else int(self._newest["mode_machine"])
+            message = self._translation.message(command, held, mode)
+            self._bus.send(self._translation.family.command.to_wire(message))
         return self._number
 
     def _hold(self, newest: np.ndarray, stiff: bool) -> np.ndarray:
@@ -216,10 +216,10 @@ class UnitreeLink:
         """
         elapsed, self._held_at = self._time - self._held_at, self._time
         if not stiff or self._held is None:
-            self._held = self._protocol.measured(newest)
+            self._held = self._translation.measured(newest)
         else:
             most = HELD_SPEED * min(max(elapsed, 0.0), HELD_STEP)
-            self._held = self._held + np.clip(self._protocol.held_goal - self._held, -most, most)
+            self._held = self._held + np.clip(self._translation.held_goal - self._held, -most, most)
         return self._held
 
     def close(self) -> None:
@@ -228,7 +228,7 @@ class UnitreeLink:
 
 
 def unitree_link(transport: str, interface: str, contract: Contract, held: HeldCfg) -> UnitreeLink:
-    """Return the link to the robot at a network interface; errors as of `Protocol` and `DdsBus`."""
-    protocol = Protocol(transport, contract, held)
-    bus = DdsBus(interface, protocol.family.state, protocol.family.command)
-    return UnitreeLink(protocol, bus, f"unitree-{interface}")
+    """Return the link to the robot at a network interface; errors as of `Translation` and `DdsBus`."""
+    translation = Translation(transport, contract, held)
+    bus = DdsBus(interface, translation.family.state, translation.family.command)
+    return UnitreeLink(translation, bus, f"unitree-{interface}")

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from stiction.formats.results import COLUMNS, FOLLOWS, ResultRow
-from stiction.report.page import COLORS, Section, figure_uri, legend, new_figure, paragraph, picture, table
+from stiction.formats.results import COLUMNS, ResultRow
+from stiction.report.following import shade_following
+from stiction.report.page import Section, figure_uri, legend, mark_look, new_figure, paragraph, picture, table
 from stiction.studies.actuator.robots import FACTORS, FRICTION_FACTORS
 from stiction.studies.study import Report
 
@@ -33,7 +34,7 @@ def report(found: dict[str, Any]) -> Report:
         lead=lines[0],
         tables={"results": [ResultRow(**_named_by_robot(row)) for row in rows]},
         sections=(
-            Section("What was found", (table(header, means), paragraph(NO_VERDICT))),
+            Section("What was found", (table([header[0], *units(header[1:])], means), paragraph(NO_VERDICT))),
             Section("Speed reached", (picture(figure_uri(figure), CAPTION), speed_table(rows))),
             Section("The Actuator Nets", (net_table(found["nets"]), cross_table(found["cross"]))),
             Section("The virtual robots", (paragraph(ROBOTS), robot_table(found["robots"]))),
@@ -80,6 +81,11 @@ def mean_table(rows: Sequence[Row], drawn: Sequence[str]) -> tuple[tuple[str, ..
     return ("policy", *(name for place in places for name in (place, "falls"))), lines
 
 
+def units(places: Sequence[str]) -> list[str]:
+    """Return names of columns with their units: of speeds over the commanded ones, and of falls."""
+    return [f"{name} [{'% of walks' if name == 'falls' else '1'}]" for name in places]
+
+
 def speed_table(rows: Sequence[Row]) -> Any:
     """Return every row."""
     cells = [
@@ -91,7 +97,8 @@ def speed_table(rows: Sequence[Row]) -> Any:
         ]
         for row in rows
     ]
-    header = ["policy", "robot", "friction", "command", "speed ratio", "error [m/s]", "falls", "jitter", "episodes"]
+    header = ["policy", "robot", "friction [of τ_max]", "command", "speed ratio [1]", "error [m/s]"]
+    header += ["falls [% of walks]", "jitter [rad/s²]", "episodes"]
     return table(header, cells)
 
 
@@ -102,8 +109,8 @@ def net_table(nets: dict[str, Any]) -> Any:
         rmse = net["rmse"]
         values = [rmse[part][law] for law in ("net", "baseline") for part in ("training", "validation")]
         cells.append([name, *(f"{100 * value:.2f}" for value in values), str(net["samples"]["training"])])
-    header = ["data and inputs", "net, fitted", "net, left out", "law, fitted", "law, left out", "samples fitted"]
-    return table(header, cells, "Root mean square error of the torque, % of the limit.")
+    errors = [f"{name} [% of τ_max]" for name in ("net, fitted", "net, left out", "law, fitted", "law, left out")]
+    return table(["data and inputs", *errors, "fitted [samples]"], cells, "Root mean square error of the torque.")
 
 
 def cross_table(cross: dict[str, dict[str, float]]) -> Any:
@@ -111,7 +118,9 @@ def cross_table(cross: dict[str, dict[str, float]]) -> Any:
     names = list(cross)
     cells = [[f"net of {name}", *(f"{100 * cross[name][other]:.2f}" for other in names)] for name in names]
     return table(
-        ["", *(f"on {name}" for name in names)], cells, "The same error, on runs that a net was not fitted to."
+        ["", *(f"on {name} [% of τ_max]" for name in names)],
+        cells,
+        "The same error, on runs that a net was not fitted to.",
     )
 
 
@@ -119,7 +128,14 @@ def robot_table(robots: Sequence[dict[str, Any]]) -> Any:
     """Return the joints of the robots."""
     names = ("level", "strength", "damping", "armature")
     cells = [[robot["name"], *(f"{robot[name]:.3f}" for name in names)] for robot in robots]
-    return table(["robot", "friction over limit", "motor strength", "viscous friction", "rotor inertia"], cells)
+    return table(
+        [
+            "robot",
+            "friction [of τ_max]",
+            *(f"{name} [of nominal]" for name in ("motor strength", "B", "rotor inertia")),
+        ],
+        cells,
+    )
 
 
 def run_blocks(found: dict[str, Any]) -> tuple[Any, ...]:
@@ -139,13 +155,15 @@ def draw(rows: Sequence[Row]) -> Figure:
     """Draw the speed ratio by robot, a panel for each command, a line for each policy."""
     commands = list(dict.fromkeys(row["command"] for row in rows if row["speed_ratio"] is not None))
     figure, axes = new_figure(1, max(1, len(commands)), size=(4.8 * max(1, len(commands)), 3.4))
-    robots = list(dict.fromkeys(map(_robot_label, rows)))
+    robots, policies = list(dict.fromkeys(map(_robot_label, rows))), list(dict.fromkeys(row["policy"] for row in rows))
     for axis, command in zip(axes, commands, strict=False):
-        axis.axhspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
-        for policy in dict.fromkeys(row["policy"] for row in rows):
+        shade_following(axis)
+        for policy in policies:
             points = [row for row in rows if (row["policy"], row["command"]) == (policy, command)]
             at = [robots.index(_robot_label(row)) for row in points]
-            axis.plot(at, [row["speed_ratio"] for row in points], "o", markersize=5, label=policy)
+            axis.plot(
+                at, [row["speed_ratio"] for row in points], mark_look(policy, policies), markersize=5, label=policy
+            )
         axis.set(title=f"commanded {command}", xticks=range(len(robots)))
         axis.set_xticklabels(robots, rotation=20, ha="right")
     if commands:

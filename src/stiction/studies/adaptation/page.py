@@ -8,7 +8,20 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from stiction.formats.results import ResultRow
-from stiction.report.page import COLORS, INK, Section, figure_uri, fold, legend, new_figure, paragraph, picture, table
+from stiction.report.page import (
+    COLORS,
+    INK,
+    Section,
+    figure_uri,
+    fold,
+    legend,
+    line_look,
+    mark_look,
+    new_figure,
+    paragraph,
+    picture,
+    table,
+)
 from stiction.studies.adaptation.probes import HISTORIES, TEST_OF
 from stiction.studies.study import Report
 
@@ -41,13 +54,14 @@ def draw_probes(methods: dict[str, Any], inputs: dict[str, str], targets: dict[s
         for index, (method, found) in enumerate(probes.items()):
             shift = 0.12 * (index - (len(methods) - 1) / 2)
             for probe in (p for p in found if p["per"] == per and (p["input"], p["row"]) in heights):
-                height, color = heights[probe["input"], probe["row"]], COLORS[index % len(COLORS)]
+                height, mark = heights[probe["input"], probe["row"]], mark_look(method, list(methods))
+                color = COLORS[index % len(COLORS)]
                 at, label = height + shift, None if height else method
                 if probe["interval95"] is not None:
                     ends = [max(end, LOWEST) for end in probe["interval95"]]
                     axis.plot(ends, [at, at], color=color, linewidth=3, alpha=0.35)
                 seeds = [max(value, LOWEST) for value in probe["each"]]
-                axis.plot(seeds, [at] * len(seeds), "o", color=color, markersize=4, label=label)
+                axis.plot(seeds, [at] * len(seeds), mark, color=color, markersize=4, label=label)
         axis.axvline(0.0, color=INK, linewidth=0.8)
         axis.set(title=title, xlabel="R² on unseen robots", xlim=(LOWEST, 1.02), ylim=(len(shown) - 0.5, -0.5))
         words = [f"{inputs[name]}, {ROWS[row]}" for name, row in shown]
@@ -63,13 +77,21 @@ def draw_effects(methods: dict[str, Any], latents: dict[str, str]) -> Figure:
     """
     figure, axes = new_figure(1, max(1, len(methods)), size=(3.8 * max(1, len(methods)), 3.2))
     for axis, (method, found) in zip(axes, methods.items(), strict=False):
-        for colour, (latent, words) in zip(COLORS, latents.items(), strict=False):
+        for latent, words in latents.items():
+            look = line_look(latent, list(latents))
             points = [one for one in found["effects"] if (one["latent"], one["figure"]) == (latent, "speed_ratio")]
             points.sort(key=lambda point: point["level"])
             levels = [100 * point["level"] for point in points]
             for seed in range(len(points[0]["each"]) if points else 0):
-                axis.plot(levels, [point["each"][seed] for point in points], color=colour, linewidth=0.7, alpha=0.5)
-            axis.plot(levels, [p["difference"] for p in points], color=colour, marker="o", markersize=4, label=words)
+                axis.plot(levels, [point["each"][seed] for point in points], linewidth=0.7, alpha=0.5, **look)
+            axis.plot(
+                levels,
+                [p["difference"] for p in points],
+                marker=mark_look(latent, list(latents)),
+                markersize=4,
+                label=words,
+                **look,
+            )
         axis.axhline(0.0, color=INK, linewidth=0.8)
         axis.set(title=method, xlabel="friction, % of torque limit")
     ends = [end for axis in axes for end in axis.get_ylim()]
@@ -216,7 +238,13 @@ def effects_table(name: str, effects: Rows) -> Markup:
         ]
         for a, b in zip(ratio, error, strict=True)
     ]
-    header = ("z*, friction", "speed ratio, own z*", "with this z*", "difference", "difference of the error [m/s]")
+    header = (
+        "z*, friction",
+        "speed ratio, own z* [1]",
+        "with this z* [1]",
+        "difference [1]",
+        "difference of the error [m/s]",
+    )
     return table(header, rows, f"{name}: 95 % intervals in brackets")
 
 
@@ -227,7 +255,11 @@ def probes_table(name: str, probes: Rows) -> Markup:
         label = f"{INPUT[probe['input']]}, {probe['row']}" + (", friction shuffled" if probe["shuffled"] else "")
         cells.setdefault(label, []).append(f"{probe['mean']:.2f} ({span(probe['interval95'])})")
     rows = [[label, *values] for label, values in cells.items()]
-    return table(("input", *TARGET.values()), rows, f"{name}: R² on unseen robots, 95 % intervals in brackets")
+    return table(
+        ("input", *(f"{words} [1]" for words in TARGET.values())),
+        rows,
+        f"{name}: R² on unseen robots, 95 % intervals in brackets",
+    )
 
 
 def wear_table(name: str, wear: dict[str, Any]) -> Markup:
@@ -238,5 +270,5 @@ def wear_table(name: str, wear: dict[str, Any]) -> Markup:
             wear["targets"], wear["told"], wear["determination"], wear["reach"], wear["coverage"], strict=True
         )
     ]
-    header = ("f/τ_max of", "estimated", "R²", "95 % interval", "coverage")
+    header = ("f/τ_max of", "estimated", "R² [1]", "95 % interval [of τ_max]", "coverage [% of windows]")
     return table(header, rows, f"{name}: windows of {wear['window']:g} s")

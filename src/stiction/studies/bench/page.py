@@ -17,7 +17,6 @@ from stiction.report.page import (
     Section,
     figure_uri,
     fold,
-    labelled,
     legend,
     new_figure,
     paragraph,
@@ -120,8 +119,7 @@ def draw_benches(rows: Sequence[IdentifiedFriction]) -> Figure:
             color = COLORS[index % len(COLORS)]
             axis.errorbar(x, ratio, yerr=ends, fmt=".", markersize=4, linewidth=0.8, color=color, label=robot)
     axis.set(ylabel="found over true", xticks=[])
-    if labelled(axis):
-        legend(axis, fontsize=7, ncols=2)
+    legend(axis, fontsize=7, ncols=2)
     return figure
 
 
@@ -138,7 +136,7 @@ def joints_table(rows: Sequence[IdentifiedFriction]) -> Markup:
         [*records.texts(row), f"{row.shown:.4g}", "yes" if row.holds(row.shown) else "no", error_text(row)]
         for row in rows
     ]
-    return table((*records.header(IdentifiedFriction), "(f + load)/k [N m]", "holds", "error"), lines)
+    return table((*records.header(IdentifiedFriction), "(f + load)/k [N m]", "holds", "error [%]"), lines)
 
 
 def error_text(row: IdentifiedFriction) -> str:

@@ -49,7 +49,7 @@ class IdentifiedFriction:
     """Truth: Coulomb friction without load, f [N m]."""
     load: float = field(metadata=column("load", "N m"))
     """Truth: what the load law adds to it while the joint moves on the bench, mean [N m]."""
-    strength: float = field(metadata=column("k", form=".3f"))
+    strength: float = field(metadata=column("k", "1", form=".3f"))
     """Truth: torque that the motor gives over torque that it reports, k [1]."""
     identified: float | None = field(metadata=column("found", "N m", ".4g"))
     """Coulomb friction that was found [N m]; None where the joint was refused."""
@@ -80,19 +80,19 @@ class Score:
     """Number of joints."""
     identified: int = field(metadata=column("identified"))
     """... that were not refused."""
-    held: int = field(metadata=column("hold (f + load)/k"))
+    held: int = field(metadata=column("hold (f + load)/k", "joints"))
     """... whose interval holds what a perfect log shows."""
-    held_friction: int = field(metadata=column("hold f"))
+    held_friction: int = field(metadata=column("hold f", "joints"))
     """... whose interval holds f itself."""
-    median_error: float | None = field(metadata=column("median error", form=".1%"))
+    median_error: float | None = field(metadata=column("median error", "%", form=".1%"))
     """Median size of the relative error against what a perfect log shows [1]; None where no joint has one."""
-    worst_error: float | None = field(metadata=column("worst", form="+.1%"))
+    worst_error: float | None = field(metadata=column("worst", "%", form="+.1%"))
     """Relative error of the largest size, with its sign [1]."""
     worst_joint: str = field(metadata=column("of", form=lambda name: name.rpartition(" ")[2]))
     """Robot and joint that have it; empty without one."""
-    median_friction_error: float | None = field(metadata=column("median error of f", form=".1%"))
+    median_friction_error: float | None = field(metadata=column("median error of f", "%", form=".1%"))
     """Median size of the relative error against f itself [1]."""
-    worst_friction_error: float | None = field(metadata=column("worst of f", form="+.1%"))
+    worst_friction_error: float | None = field(metadata=column("worst of f", "%", form="+.1%"))
     """Relative error of the largest size against f itself, with its sign [1]."""
 
 

@@ -139,21 +139,21 @@ class Coverage:
 
     target: str
     """The joint, or `level`."""
-    reach: float = field(metadata=column("reach before", form=".3f"))
+    reach: float = field(metadata=column("reach before", "of τ_max", form=".3f"))
     """Half-width of the map's own interval [-]."""
-    shift: float = field(metadata=column("shift", form="+.3f"))
+    shift: float = field(metadata=column("shift", "of τ_max", form="+.3f"))
     """Added to the estimate [-]."""
-    lower: float = field(metadata=column("from", form="+.3f"))
+    lower: float = field(metadata=column("from", "of τ_max", form="+.3f"))
     """Lower end of the interval less the map's estimate [-]."""
-    upper: float = field(metadata=column("to", form="+.3f"))
+    upper: float = field(metadata=column("to", "of τ_max", form="+.3f"))
     """Upper end less the estimate [-]."""
-    held_before: float = field(metadata=column("held before", form=".0%"))
+    held_before: float = field(metadata=column("held before", "% of windows", form=".0%"))
     """Share of the test robots' windows whose own interval held the truth [-]."""
-    held: float = field(metadata=column("held", form=".0%"))
+    held: float = field(metadata=column("held", "% of windows", form=".0%"))
     """The same of the calibrated interval [-]."""
-    robots_low: float = field(metadata=column("robots all of whose windows held, from", form=".0%"))
+    robots_low: float = field(metadata=column("robots all of whose windows held, from", "%", form=".0%"))
     """Wilson's 95 % interval of the share of test robots all of whose windows held, lower end [-]."""
-    robots_high: float = field(metadata=column("to", form=".0%"))
+    robots_high: float = field(metadata=column("to", "%", form=".0%"))
     """Upper end [-]."""
 
 

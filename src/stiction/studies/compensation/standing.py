@@ -37,13 +37,13 @@ class Standing:
     """Engine and what of the robot is real."""
     robot: int = field(metadata=column("robot"))
     """Seed of the virtual robot."""
-    friction_level: str = field(metadata=column("friction"))
+    friction_level: str = field(metadata=column("friction", "of τ_max"))
     """Of its joints, as `parse_level` reads it."""
     fed: str = field(metadata=column("fed forward"))
     """How friction was fed forward, as `parse_compensation` reads it; none: not."""
     rms_speed: float = field(metadata=column("joint speed, rms [rad/s]", form=".4f"))
     """Root mean square of all joints' true speeds [rad/s]."""
-    hunting: float = field(metadata=column("joints that hunt", form=".0%"))
+    hunting: float = field(metadata=column("joints that hunt", "%", form=".0%"))
     """Share of the joints that move to and fro at least `OFTEN` [-]."""
 
 

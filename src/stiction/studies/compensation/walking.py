@@ -33,15 +33,15 @@ class Followed:
 
     policy: str = field(metadata=column("policy"))
     """Name of the bundle, and how friction was fed forward."""
-    friction_level: float = field(metadata=column("friction"))
+    friction_level: float = field(metadata=column("friction", "of τ_max"))
     """Of every joint, over its torque limit [-]."""
-    forward: float = field(metadata=column("forward", form=".2f"))
+    forward: float = field(metadata=column("forward", "1", form=".2f"))
     """Speed reached over commanded [-]."""
-    backward: float = field(metadata=column("backward", form=".2f"))
+    backward: float = field(metadata=column("backward", "1", form=".2f"))
     """The same backward [-]."""
     follows: str = field(metadata=column("paces"))
     """Of both: `follows`, or what is wrong."""
-    fall_rate: float = field(metadata=column("falls", form=".0%"))
+    fall_rate: float = field(metadata=column("falls", "% of walks", form=".0%"))
     """Share of episodes of both that end in a fall [-]."""
     jitter: float | None = field(metadata=column("joint jitter told to stand [rad/s²]", form=".0f"))
     """Root mean square joint acceleration under the command to stand; None where that was not given."""

@@ -96,17 +96,17 @@ class NetRow:
 
     robot: str = field(metadata=column("logged joint"))
     """Whose joint."""
-    friction_level: float = field(metadata=column("friction", form=".2%"))
+    friction_level: float = field(metadata=column("friction", "of τ_max", ".2%"))
     """Dry friction of the logged joint over its torque limit [-]."""
     log: str = field(metadata=column("torque"))
     """Which torque it learned: `motor_side` (B and friction not in it) or `output_side` (in it)."""
     simulated: str = field(metadata=column("B of the simulation"))
     """B in the simulation: `own`, the logged joint's; `swapped`, half of k kd more; `dropped`, none."""
-    damping: float = field(metadata=column("w2", form=".4f"))
+    damping: float = field(metadata=column("w2", "N m s/rad", ".4f"))
     """What the net learned per velocity [N m s/rad]."""
-    total: float = field(metadata=column("w2 + B", form=".4f"))
+    total: float = field(metadata=column("w2 + B", "N m s/rad", ".4f"))
     """That and the simulation's B [N m s/rad]."""
-    true_total: float = field(metadata=column("true B + k·kd", form=".4f"))
+    true_total: float = field(metadata=column("true B + k·kd", "N m s/rad", ".4f"))
     """B + k kd of the logged joint [N m s/rad]."""
     position_difference: float = field(metadata=column("difference", "rad", angle_text))
     """Largest difference of the angle from the logged joint's [rad]."""
@@ -137,23 +137,23 @@ class RobotRow:
 
     policy: str = field(metadata=column("driven by"))
     """Name of the bundle that drove it, or `in the air` for a hanging robot that swings its legs."""
-    friction_level: float = field(metadata=column("friction", form=".0%"))
+    friction_level: float = field(metadata=column("friction", "of τ_max", ".0%"))
     """Dry friction over torque limit in every joint [-]."""
     command: str = field(metadata=column("command or robot"))
     """Commanded velocity; in the air the robot."""
     limits: str = field(metadata=column("limits"))
     """The motors' torque limits: `own`, or `lifted`, too high to be reached."""
-    saturated_share: float = field(metadata=column("motors at limit", form=".2%"))
+    saturated_share: float = field(metadata=column("motors at limit", "% of steps", ".2%"))
     """Share of joints and physics steps at the torque limit, without the swap, the first 2 s of a walk left out [-]."""
     speed: float | None = field(metadata=column("speed", "m/s", ".3f"))
     """Mean speed along the command [m/s], None in the air."""
     speed_swapped: float | None = field(metadata=column("swapped", "m/s", ".3f"))
     """The same with the swap [m/s]."""
-    free_robots: int = field(metadata=column("under"))
+    free_robots: int = field(metadata=column("under", "robots"))
     """Robots that reached no torque limit within the first second, with and without the swap."""
     free_difference: float | None = field(metadata=column("difference", "rad", angle_text))
     """Of these, the largest difference of a joint's angle in that second [rad]; None without any."""
-    limited_robots: int = field(metadata=column("at limit"))
+    limited_robots: int = field(metadata=column("at limit", "robots"))
     """Robots that did reach one."""
     limited_difference: float | None = field(metadata=column("difference", "rad", angle_text))
     """Of these, the same [rad]; None without any."""

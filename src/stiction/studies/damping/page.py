@@ -46,13 +46,13 @@ if TYPE_CHECKING:
 
 def swap_table(rows: Sequence[SwapRow]) -> Markup:
     """Return the differences as a table: robot, case and level down, swaps across."""
-    names = list(dict.fromkeys(row.swap for row in rows))
+    names = [f"{name} [rad]" for name in dict.fromkeys(row.swap for row in rows)]
     cells: dict[tuple[str, str, float], list[str]] = {}
     for row in rows:
         cells.setdefault((row.robot, row.case, row.level), []).append(angle_text(row.position_difference))
     lines = [[f"{robot}, {case}", f"{level:g}", *sizes] for (robot, case, level), sizes in cells.items()]
-    caption = f"Largest difference of the angle [rad]. Levels: {'; '.join(f'{k}: {v}' for k, v in LEVELS.items())}."
-    return table(["joint and case", "level", *names], lines, caption)
+    caption = f"Largest difference of the angle. Levels: {'; '.join(f'{k}: {v}' for k, v in LEVELS.items())}."
+    return table(["joint and case", "level [of its case]", *names], lines, caption)
 
 
 def stability_table(rows: Sequence[SwapRow]) -> Markup:
@@ -62,7 +62,7 @@ def stability_table(rows: Sequence[SwapRow]) -> Markup:
         for row in rows
         if row.growth is not None and row.growth_swapped is not None and row.swap == ALL
     ]
-    return table(["joint and case", "period [s]", "with kd", "with B"], lines)
+    return table(["joint and case", "period [s]", "with kd [1]", "with B [1]"], lines)
 
 
 FLOOR = 1e-16
@@ -152,9 +152,7 @@ def sections(result: DampingResult, figure: Figure, study: dict[str, Any]) -> li
         Section("Why", (paragraph(READING), *folds)),
         Section("Whole robots, in the simulator of the training", (paragraph(ROBOTS), row_table(result.robots))),
         Section("What it means for randomisation", (paragraph(draws), row_table(result.draws))),
-        Section(
-            "What it means for an Actuator Net", (paragraph(NETS), row_table(result.nets, "Damping in N m s/rad."))
-        ),
+        Section("What it means for an Actuator Net", (paragraph(NETS), row_table(result.nets))),
     ]
 
 

@@ -78,9 +78,9 @@ REFERENCES = (MUJOCO, COARSE, STIFF)
 def simulator_table(rows: Sequence[WalkRow]) -> TextTable:
     """Return a line a simulator: walks without friction at the commanded speed, agreement with others, falls."""
     levels = list(dict.fromkeys(row.friction_level for row in rows))
-    header = ["simulator", f"within ±{CLOSE:.0%} of the command, no friction"]
-    header += [f"speed over training's, {level:.0%} friction" for level in levels]
-    header += [*(f"differs from {name} by" for name in REFERENCES), "falls"]
+    header = ["simulator", f"within ±{CLOSE:.0%} of the command, no friction [walks]"]
+    header += [f"speed over training's, {level:.0%} friction [1]" for level in levels]
+    header += [*(f"differs from {name} by [1]" for name in REFERENCES), "falls [episodes]"]
     lines = []
     for name in dict.fromkeys(row.simulator for row in rows):
         own = [row for row in rows if row.simulator == name]

@@ -52,11 +52,11 @@ class PaceRow:
 
     engine: str = field(metadata=column("engine"))
     """Name of the engine."""
-    timestep: float = field(metadata=column("step", form=lambda step: f"{1000 * step:g} ms"))
+    timestep: float = field(metadata=column("step", "ms", lambda step: f"{1000 * step:g}"))
     """Physics step [s]."""
-    steps_per_second: float = field(metadata=column("steps/s", form=",.0f"))
+    steps_per_second: float = field(metadata=column("pace", "steps/s", form=",.0f"))
     """Steps per second of processor time, median over rounds [1/s]."""
-    share: float = field(metadata=column("share", form=".2f"))
+    share: float = field(metadata=column("share", "1", form=".2f"))
     """... over that of the first engine in the same rounds, median [1]."""
 
 

@@ -1,4 +1,4 @@
-"""Ten mistakes that people make, each on three records: two that were measured, and joints whose friction is known.
+"""Mistakes that people make with the log of a joint: measured records, and simulated joints whose friction is known.
 
 Mistakes with servos are in `drives`, with whole limbs in `limbs`.
 """
@@ -41,6 +41,9 @@ EMPS_VOLT, EMPS_POSITION_GAIN, EMPS_SPEED_GAIN = 35.15065188, 160.18, 243.45
 POSITIONS_ALONE = "in principle: the log stays the same if all torques grow together"
 """Why some mistakes cannot be seen."""
 
+DEGREES = float(np.rad2deg(1.0))
+"""In a radian."""
+
 LEGS, KINDS = ("FL", "FR", "RL", "RR"), ("hip", "thigh", "calf")
 """Names of the Go2's joints, in the order of the record."""
 
@@ -53,19 +56,14 @@ class Given:
     """The log, of one joint."""
     setup: IdentifySetup
     """The flags."""
-    friction: float
+    level: float
     """Its dry friction [N m, N, or N m over k]: the truth of a simulation, what the right flags give of a record."""
-
-    @property
-    def level(self) -> float:
-        """Its friction."""
-        return self.friction
 
     def identified(self) -> list[tuple[str, float, JointRecord]]:
         """Return name, right friction and record of what was identified. Raises `StictionError` where it is refused."""
         from stiction.identify.pipeline import identify_joint
 
-        return [("", self.friction, identify_joint(self.log, setup=self.setup).record)]
+        return [("", self.level, identify_joint(self.log, setup=self.setup).record)]
 
     @property
     def signals(self) -> JointSignals:
@@ -74,19 +72,12 @@ class Given:
 
     def changed(self, **signals: np.ndarray | None) -> Given:
         """Return the same with other signals."""
-        return replace(self, log=replace(self.log, joints={name: replace(one, **signals) for name, one in self._items}))
+        joints = {name: replace(one, **signals) for name, one in self.log.joints.items()}
+        return replace(self, log=replace(self.log, joints=joints))
 
     def flags(self, **flags: Any) -> Given:
         """Return the same with other flags."""
         return replace(self, setup=replace(self.setup, **flags))
-
-    def timed(self, factor: float) -> Given:
-        """Return the same with stamps that run `factor` times as fast."""
-        return replace(self, log=replace(self.log, time=factor * self.log.time))
-
-    @property
-    def _items(self) -> list[tuple[str, JointSignals]]:
-        return list(self.log.joints.items())
 
 
 @cache
@@ -244,9 +235,14 @@ def clipped(share: float) -> Callable[[Given], Given]:
     return mistaken
 
 
-def stamps(factor: float) -> Callable[[Given], Given]:
-    """Return the mistake of stamps, or of --rate, that make the log `factor` times as long."""
-    return lambda given: given.timed(factor)
+def stamps(factor: float) -> Callable[[Any], Any]:
+    """Return the mistake of stamps, or of --rate, that make the log `factor` times as long, of a joint or a limb."""
+    return lambda given: replace(given, log=replace(given.log, time=factor * given.log.time))
+
+
+def flags(**changes: Any) -> Callable[[Any], Any]:
+    """Return the mistake of these flags, of a joint or a limb."""
+    return lambda given: given.flags(**changes)
 
 
 def contact(size: float, angle: float = 0.6) -> Callable[[Given], Given]:
@@ -313,42 +309,42 @@ class Case:
     """The flag that is then wrong, which the verdict's first line must name as its assumption."""
 
 
-def cases(folder: Path) -> list[Case]:
-    """Return ten mistakes on three records each, and what more was tried. folder: of the measured records."""
-    return [case(*row) for row in (*_torque_cases(folder), *_motion_cases(folder))]
+def joint_cases(folder: Path) -> list[Case]:
+    """Return mistakes with single joints. folder: of the measured records."""
+    return [*_torque_cases(folder), *_motion_cases(folder)]
 
 
-def _torque_cases(folder: Path) -> list[tuple[Any, ...]]:
-    """Return the right flags, and mistakes about gravity and the torque: the arguments of `case`."""
+def _torque_cases(folder: Path) -> list[Case]:
+    """Return the right flags, and mistakes about gravity and the torque."""
     drive, leg_of_go2 = partial(emps, folder), partial(go2, folder)
 
     def no_gains(factor: float) -> Callable[[Given], Given]:
         return lambda given: scale(factor)(unchecked(given))
 
     return [
-        *((RIGHT, name, record, all_right) for name, record in (("motor", motor), ("leg", leg), ("arm", arm))),
-        (RIGHT, "free", free, all_right),
-        (RIGHT, "EMPS", drive, all_right),
-        (RIGHT, "Go2", leg_of_go2, all_right),
-        ("gravity left out", "leg", leg, without_gravity),
-        ("gravity left out", "arm", arm, without_gravity),
-        ("gravity left out", "Go2", leg_of_go2, without_gravity),
-        ("condition not stated", "leg", leg, unstated),
-        ("condition not stated", "arm", arm, unstated),
-        ("condition not stated", "Go2", leg_of_go2, unstated),
-        ("loaded, gravity not said", "leg", leg, loaded),
-        ("loaded, gravity not said", "arm", arm, loaded),
-        ("sign of the torque", "EMPS", drive, other_sign),
-        ("sign of the torque", "arm", arm, other_sign),
-        ("sign of the target", "Go2", leg_of_go2, other_target_sign),
-        ("volts for newtons", "EMPS", drive, scale(1 / EMPS_VOLT)),
-        ("torque twice as large", "leg", leg, scale(2.0)),
-        ("torque a third too large", "motor", motor, scale(4 / 3)),
-        ("torque a fifth too large", "motor", motor, scale(1.2)),
-        ("torque a fifth too large", "leg", leg, scale(1.2)),
-        ("torque an eighth too large", "motor", motor, scale(9 / 8)),
-        ("torque a seventh too small", "leg", leg, scale(6 / 7)),
-        (
+        *(case(RIGHT, name, record, all_right) for name, record in (("motor", motor), ("leg", leg), ("arm", arm))),
+        case(RIGHT, "free", free, all_right),
+        case(RIGHT, "EMPS", drive, all_right),
+        case(RIGHT, "Go2", leg_of_go2, all_right),
+        case("gravity left out", "leg", leg, without_gravity),
+        case("gravity left out", "arm", arm, without_gravity),
+        case("gravity left out", "Go2", leg_of_go2, without_gravity),
+        case("condition not stated", "leg", leg, unstated),
+        case("condition not stated", "arm", arm, unstated),
+        case("condition not stated", "Go2", leg_of_go2, unstated),
+        case("loaded, gravity not said", "leg", leg, loaded),
+        case("loaded, gravity not said", "arm", arm, loaded),
+        case("sign of the torque", "EMPS", drive, other_sign),
+        case("sign of the torque", "arm", arm, other_sign),
+        case("sign of the target", "Go2", leg_of_go2, other_target_sign),
+        case("volts for newtons", "EMPS", drive, scale(1 / EMPS_VOLT)),
+        case("torque twice as large", "leg", leg, scale(2.0)),
+        case("torque a third too large", "motor", motor, scale(4 / 3)),
+        case("torque a fifth too large", "motor", motor, scale(1.2)),
+        case("torque a fifth too large", "leg", leg, scale(1.2)),
+        case("torque an eighth too large", "motor", motor, scale(9 / 8)),
+        case("torque a seventh too small", "leg", leg, scale(6 / 7)),
+        case(
             "torque twice as large, no gains",
             "motor",
             motor,
@@ -356,27 +352,27 @@ def _torque_cases(folder: Path) -> list[tuple[Any, ...]]:
             "without gains, limit or known load",
             "--torque-scale",
         ),
-        ("torque of another joint", "motor", motor, torque_of(leg)),
-        ("torque of another joint", "arm", arm, torque_of(leg)),
-        ("torque cut off at half", "EMPS", drive, clipped(0.5)),
-        ("torque cut off at half", "leg", leg, clipped(0.5)),
-        ("torque cut off at half", "motor", motor, clipped(0.5)),
-        ("cut off at half, no gains", "motor", motor, lambda given: unchecked(clipped(0.5)(given))),
+        case("torque of another joint", "motor", motor, torque_of(leg)),
+        case("torque of another joint", "arm", arm, torque_of(leg)),
+        case("torque cut off at half", "EMPS", drive, clipped(0.5)),
+        case("torque cut off at half", "leg", leg, clipped(0.5)),
+        case("torque cut off at half", "motor", motor, clipped(0.5)),
+        case("cut off at half, no gains", "motor", motor, lambda given: unchecked(clipped(0.5)(given))),
     ]
 
 
-def _motion_cases(folder: Path) -> list[tuple[Any, ...]]:
-    """Return mistakes about angles, gains, targets and time, and touch: the arguments of `case`."""
+def _motion_cases(folder: Path) -> list[Case]:
+    """Return mistakes about angles, gains, targets and time, and touch."""
     drive, leg_of_go2 = partial(emps, folder), partial(go2, folder)
     return [
-        ("degrees", "motor", motor, degrees),
-        ("degrees", "leg", leg, degrees),
-        ("degrees", "Go2", leg_of_go2, degrees),
-        ("target in degrees", "motor", motor, target_in_degrees),
-        ("kp twice as large", "EMPS", drive, gains(2.0)),
-        ("kp half as large", "leg", leg, gains(0.5)),
-        ("kp half as large", "Go2", leg_of_go2, gains(0.5)),
-        (
+        case("degrees", "motor", motor, degrees),
+        case("degrees", "leg", leg, degrees),
+        case("degrees", "Go2", leg_of_go2, degrees),
+        case("target in degrees", "motor", motor, target_in_degrees),
+        case("kp twice as large", "EMPS", drive, gains(2.0)),
+        case("kp half as large", "leg", leg, gains(0.5)),
+        case("kp half as large", "Go2", leg_of_go2, gains(0.5)),
+        case(
             "kp twice as large",
             "Go2",
             leg_of_go2,
@@ -384,19 +380,19 @@ def _motion_cases(folder: Path) -> list[tuple[Any, ...]]:
             "but for more viscous friction, which a joint may have",
             "--kp",
         ),
-        ("kp and kd twice as large", "Go2", leg_of_go2, gains(2.0, 2.0), POSITIONS_ALONE, "--kp"),
-        ("target 20 ms late", "EMPS", drive, late_target(0.02)),
-        ("target 20 ms late", "leg", leg, late_target(0.02)),
-        ("target 20 ms late", "Go2", leg_of_go2, late_target(0.02)),
-        ("target of another joint", "Go2", leg_of_go2, target_of(folder, "FL_hip")),
-        ("half the rate", "EMPS", drive, stamps(2.0)),
-        ("half the rate", "leg", leg, stamps(2.0)),
-        ("half the rate", "Go2", leg_of_go2, stamps(2.0)),
-        ("twice the rate", "Go2", leg_of_go2, stamps(0.5)),
-        ("contact", "EMPS", drive, contact(40.0)),
-        ("contact", "leg", leg, contact(2.0)),
-        ("contact", "motor", motor, contact(1.0)),
-        ("contact", "Go2", leg_of_go2, contact(1.5)),
+        case("kp and kd twice as large", "Go2", leg_of_go2, gains(2.0, 2.0), POSITIONS_ALONE, "--kp"),
+        case("target 20 ms late", "EMPS", drive, late_target(0.02)),
+        case("target 20 ms late", "leg", leg, late_target(0.02)),
+        case("target 20 ms late", "Go2", leg_of_go2, late_target(0.02)),
+        case("target of another joint", "Go2", leg_of_go2, target_of(folder, "FL_hip")),
+        case("half the rate", "EMPS", drive, stamps(2.0)),
+        case("half the rate", "leg", leg, stamps(2.0)),
+        case("half the rate", "Go2", leg_of_go2, stamps(2.0)),
+        case("twice the rate", "Go2", leg_of_go2, stamps(0.5)),
+        case("contact", "EMPS", drive, contact(40.0)),
+        case("contact", "leg", leg, contact(2.0)),
+        case("contact", "motor", motor, contact(1.0)),
+        case("contact", "Go2", leg_of_go2, contact(1.5)),
     ]
 
 

@@ -6,14 +6,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from stiction.formats.log import LogSetup
 from stiction.identify.setup import IdentifySetup
 from stiction.studies.flags import RIGHT
 from stiction.studies.flags.cases import (
+    DEGREES,
     EMPS_VOLT,
     Case,
     Given,
@@ -21,6 +19,7 @@ from stiction.studies.flags.cases import (
     case,
     clipped,
     emps,
+    flags,
     other_sign,
     scale,
     stamps,
@@ -75,11 +74,6 @@ def in_amperes(folder: Path) -> Given:
     return emps(folder).flags(torque_scale=None, torque_column="current", kt=EMPS_VOLT)
 
 
-def flags(**changes: Any) -> Callable[[Given], Given]:
-    """Return the mistake of these flags."""
-    return lambda given: given.flags(**changes)
-
-
 def positions(factor: float) -> Callable[[Given], Given]:
     """Return the mistake of angles that are so many times the joint's: those of the motor, say."""
 
@@ -98,11 +92,6 @@ def column(factor: float) -> Callable[[Given], Given]:
         return given.changed(torque=factor * given.signals.torque)
 
     return mistaken
-
-
-def degrees_alone(given: Given) -> Given:
-    """Log the position of a servo in degrees."""
-    return positions(float(np.rad2deg(1.0)))(given)
 
 
 def holding(what: str, declared: str) -> Callable[[Given], Given]:
@@ -175,8 +164,8 @@ def _angle_cases() -> list[Case]:
     """Return mistakes about a servo's angles, its weight and its time."""
     weight = "the motor's constants are not known, and the weight alone tells the scale"
     return [
-        case("degrees", "servo", servo, degrees_alone),
-        case("degrees", "pendulum", weighed, degrees_alone),
+        case("degrees", "servo", servo, positions(DEGREES)),
+        case("degrees", "pendulum", weighed, positions(DEGREES)),
         case("angle of the motor, not of the joint", "servo", servo, positions(GEAR)),
         case("angle of the motor, not of the joint", "pendulum", weighed, positions(GEAR)),
         case("gear ratio divided out twice", "servo", servo, positions(1 / GEAR)),

@@ -22,7 +22,19 @@ from stiction.identify.limb.setup import LimbSetup
 from stiction.identify.setup import IdentifySetup
 from stiction.robots.mechanism import Mechanism
 from stiction.studies.flags import RIGHT
-from stiction.studies.flags.cases import GO2, KINDS, LEGS, POSITIONS_ALONE, Case, all_right, case, record_file
+from stiction.studies.flags.cases import (
+    DEGREES,
+    GO2,
+    KINDS,
+    LEGS,
+    POSITIONS_ALONE,
+    Case,
+    all_right,
+    case,
+    flags,
+    record_file,
+    stamps,
+)
 
 ROBOT = "go2"
 """The shipped robot whose front left leg moves."""
@@ -134,11 +146,6 @@ def measured(folder: Path) -> GivenLimb:
     return replace(given, friction={name: one.value for name, one in friction.items() if one is not None})
 
 
-def flags(**changes: Any) -> Callable[[GivenLimb], GivenLimb]:
-    """Return the mistake of these flags."""
-    return lambda given: given.flags(**changes)
-
-
 def heavier(factor: float) -> Callable[[GivenLimb], GivenLimb]:
     """Return the mistake of a model whose links weigh so many times what they do."""
 
@@ -198,11 +205,6 @@ def on_its_side(given: GivenLimb) -> GivenLimb:
     return replace(given, setup=LimbSetup(up=(0.0, 1.0, 0.0)))
 
 
-def stamps(factor: float) -> Callable[[GivenLimb], GivenLimb]:
-    """Return the mistake of stamps that make the log `factor` times as long."""
-    return lambda given: replace(given, log=replace(given.log, time=factor * given.log.time))
-
-
 def limb_cases(folder: Path) -> list[Case]:
     """Return mistakes with limbs, simulated and measured. folder: of the measured records."""
     go2 = partial(measured, folder)
@@ -218,7 +220,7 @@ def limb_cases(folder: Path) -> list[Case]:
         case("sign of one torque", "limb", leg, torques(-1.0, (1,))),
         case("one joint the other way round", "limb", leg, turned),
         case("zero of the calf off by half a radian", "limb", leg, angles(1.0, 0.5, (2,))),
-        case("degrees", "limb", leg, angles(float(np.rad2deg(1.0)))),
+        case("degrees", "limb", leg, angles(DEGREES)),
         case("two joints exchanged", "limb", leg, swapped),
         case("torque of another joint", "limb", leg, other_torque),
         case("upside down", "limb", leg, upside_down),

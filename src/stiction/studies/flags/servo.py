@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -63,8 +63,3 @@ class Servo:
 
 
 SERVO = Servo()
-
-
-def known(log: Log, **fields) -> Log:
-    """Return a log whose sidecar says more."""
-    return replace(log, setup=replace(log.setup, **fields))

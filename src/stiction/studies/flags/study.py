@@ -133,13 +133,13 @@ def lead(rows: Sequence[Outcome]) -> str:
 
 
 def all_cases(folder: Path) -> list[Case]:
-    """Return the cases of joints, of servos and of limbs. folder: of the measured records."""
-    from stiction.studies.flags.cases import cases
+    """Return the cases of joints, of servos, of limbs and of walks. folder: of the measured records."""
+    from stiction.studies.flags.cases import joint_cases
     from stiction.studies.flags.drives import drive_cases
     from stiction.studies.flags.limbs import limb_cases
     from stiction.studies.flags.walks import walk_cases
 
-    return [*cases(folder), *drive_cases(folder), *limb_cases(folder), *walk_cases()]
+    return [*joint_cases(folder), *drive_cases(folder), *limb_cases(folder), *walk_cases()]
 
 
 def run(options: FlagsOptions, work: Work) -> Report:

@@ -20,7 +20,7 @@ from stiction.studies.claims import Verdict, rejudged_summary
 from stiction.studies.friction.claims import CLAIMS, DECEPTION, DIRECT, NONE
 from stiction.studies.friction.evaluation import CANDIDATES, COMMANDS, collapse, learning_curve, onsets, training_mean
 from stiction.studies.friction.evidence import TrainingEvidence, median_seed, parse_policy, seed_means
-from stiction.studies.friction.manifest import PARTS, TWO_PHASE, PlannedRun, State
+from stiction.studies.friction.manifest import EVALUATED, PARTS, TWO_PHASE, PlannedRun
 from stiction.studies.friction.records import (
     STUDENT,
     Collapse,
@@ -57,9 +57,6 @@ def source_of(experiment: Experiment) -> Source:
     policies = sorted({row.policy for row in experiment.rows if _condition_and_policy(row) in names})
     return Source(experiment.summary["command"], experiment.summary["revision"], tuple(policies), methods, tuple(cells))
 
-
-EVALUATED: tuple[State, ...] = ("exported", "finished")
-"""States of runs that have rows."""
 
 LISTS = {
     "conditions": ConditionRecord,

@@ -6,7 +6,6 @@ what the first actions ask for, f/(kp · action scale · σ).
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -16,6 +15,7 @@ import numpy as np
 
 from stiction.core.cache import cached, entry_file, key_of
 from stiction.core.errors import ConfigurationError, StictionError, TrainingError
+from stiction.core.files import digest_of
 from stiction.core.parallel import spread
 from stiction.evaluate.code import RUN_WALK_CODE
 from stiction.evaluate.evaluate import EvaluationCfg, evaluate_bundle
@@ -87,11 +87,13 @@ class Task:
     """One policy to evaluate."""
 
     run: PlannedRun
-    """Its run, finished or exported."""
+    """Its run."""
     who: Who
     settings: EvaluationCfg
     cache: Path
     """Folder of its rows."""
+    exported: bool
+    """Whether the run's exported policy walks, for want of its folder."""
 
     @property
     def name(self) -> str:
@@ -113,17 +115,17 @@ class Task:
 
     def _weights(self) -> str:
         """Return the digest of what walks."""
-        if self.run.state() == "exported":
+        if self.exported:
             return self.run.bundle().digest
         checkpoint = latest_checkpoint(self.run.path / "checkpoints", self.who)
         if checkpoint is None:
             path = self.run.path
             raise TrainingError(f"{path} has no {self.who}; finish it with `stiction train --resume {path}`")
-        return hashlib.sha256(checkpoint.read_bytes()).hexdigest()
+        return digest_of(checkpoint)
 
     def walk(self) -> list[ResultRow]:
         """Return its rows, walked on this thread, by the network of its run or by the policy that was exported."""
-        if self.run.state() == "exported":
+        if self.exported:
             rows = evaluate_bundle(self.run.bundle(), self.settings).rows
             return [replace(row, policy=self.name) for row in rows]
         import torch
@@ -140,17 +142,15 @@ def tasks_for(planned: Sequence[PlannedRun], base: EvaluationCfg = BASE, cache: 
 
     cache: a folder for the rows; by default `evaluation` in each run's.
     """
-    return [
-        Task(
-            run,
-            who,
-            replace(settings_for(run.cfg, base), commands=COMMANDS[who]),
-            run.path / "evaluation" if cache is None else cache / run.run.name,
-        )
-        for run in planned
-        for who in get_args(Who)
-        if who == STUDENT or (run.cfg.teacher.latent != "history" and run.state() == "finished")
-    ]
+    tasks = []
+    for run in planned:
+        exported = run.state() == "exported"
+        folder = run.path / "evaluation" if cache is None else cache / run.run.name
+        for who in get_args(Who):
+            if who == STUDENT or not (exported or run.cfg.teacher.latent == "history"):
+                settings = replace(settings_for(run.cfg, base), commands=COMMANDS[who])
+                tasks.append(Task(run, who, settings, folder, exported))
+    return tasks
 
 
 def evaluate_task(task: Task) -> list[ResultRow]:

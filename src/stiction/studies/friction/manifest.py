@@ -13,13 +13,13 @@ with σ = 0.3 (7.5 N m, between that of hip and shank).
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Collection
 from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Self
 
 from stiction.core.errors import ConfigurationError, FileError, TrainingError, unknown_name
+from stiction.core.files import digest_of
 from stiction.formats.actuator import read_actuator
 from stiction.formats.bundle import Bundle, read_bundle
 from stiction.formats.results import read_metrics
@@ -197,6 +197,9 @@ def runs_of(parts: Collection[str], preset: str = TWO_PHASE) -> list[Run]:
 State = Literal["missing", "interrupted", "exported", "finished"]
 """`exported`: its folder is elsewhere, its policy is here."""
 
+EVALUATED: tuple[State, ...] = ("exported", "finished")
+"""States of runs that have rows."""
+
 
 @dataclass(frozen=True)
 class PlannedRun:
@@ -274,7 +277,7 @@ class PlannedRun:
         identified, joints = run.header()["identified"], self.cfg.joints
         found = identified["sha256"] if identified else None
         try:
-            expected = None if joints is None else hashlib.sha256(Path(joints).read_bytes()).hexdigest()
+            expected = None if joints is None else digest_of(Path(joints))
         except OSError as error:
             raise FileError(f"{joints} cannot be read: {error}; expected the joints.json to train with") from error
         net = None if self.cfg.actuator is None else read_actuator(Path(self.cfg.actuator))

@@ -5,15 +5,15 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from markupsafe import Markup
 
 from stiction.formats.following import BAND, SLOW
-from stiction.formats.results import DIRECTIONS, FOLLOWS, ResultRow
+from stiction.formats.results import DIRECTIONS, ResultRow
 from stiction.joints.friction import level_axis, level_number
-from stiction.report.following import changes_sheet, levels_sheet
+from stiction.report.following import changes_sheet, levels_sheet, shade_following
 from stiction.report.page import (
     COLORS,
     INK,
@@ -21,14 +21,17 @@ from stiction.report.page import (
     Sheet,
     figure_uri,
     fold,
-    labelled,
+    label_ends,
     legend,
+    line_look,
+    mark_look,
     new_figure,
     paragraph,
     picture,
 )
 from stiction.studies import study
 from stiction.studies.claims import JUDGED, said_of
+from stiction.studies.friction.manifest import EVALUATED, TWO_PHASE
 from stiction.studies.friction.records import HIGHEST, STUDENT, ConditionRecord, Experiment, SeedMean, short_name
 
 if TYPE_CHECKING:
@@ -38,15 +41,9 @@ if TYPE_CHECKING:
 WORDS = dict(zip(DIRECTIONS, ("forward", "backward"), strict=True))
 
 
-def _names(axis: Axes) -> None:
-    """Add a legend where something was drawn."""
-    if labelled(axis):
-        legend(axis)
-
-
 def _band(axis: Axes) -> None:
     """Shade the speeds that count as following, and mark standing still."""
-    axis.axhspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
+    shade_following(axis)
     axis.axhline(0.0, color=INK, linewidth=0.8)
 
 
@@ -77,29 +74,32 @@ def draw_budget(experiment: Experiment, conditions: Sequence[str], law: str = "c
     panels = [(who, command) for who in evaluated for command in WORDS]
     for axis, (who, command) in zip(axes, panels, strict=True):
         _band(axis)
-        for color, condition in zip(COLORS, conditions, strict=False):
+        for condition in conditions:
+            look = line_look(condition, conditions)
             means = [m for m in means_of(experiment, condition, who) if m.command == command]
-            _draw_mean(axis, means, color, short_name(condition), law)
+            _draw_mean(axis, means, look, short_name(condition), law)
             seeds: dict[int, list[tuple[float, float]]] = {}
             for row in rows_of(experiment, condition, who):
                 if row.command == command and row.speed_ratio is not None:
                     seeds.setdefault(row.seed, []).append((level_number(law, row.friction_level), row.speed_ratio))
             for points in map(sorted, seeds.values()):
-                axis.plot(*zip(*points, strict=True), color=color, linewidth=0.6, alpha=0.6, marker=".", markersize=3)
+                axis.plot(*zip(*points, strict=True), linewidth=0.6, alpha=0.6, marker=".", markersize=3, **look)
         axis.set(title=f"{who}, {WORDS[command]}, 0.5 m/s", ylabel="speed reached / commanded")
     for axis in axes[-2:]:
         axis.set_xlabel(level_axis(law))
-    _names(axes[0])
+    for axis in axes[1::2]:
+        label_ends(axis)
+    legend(axes[0])
     return figure
 
 
-def _draw_mean(axis: Axes, means: Sequence[SeedMean], color: str, label: str, law: str) -> None:
-    """Draw the mean over levels, and its band where there is more than one seed."""
+def _draw_mean(axis: Axes, means: Sequence[SeedMean], look: Mapping[str, Any], label: str, law: str) -> None:
+    """Draw the mean over levels, and its band where there is more than one seed. look: of `line_look`."""
     points = [(level_number(law, m.friction_level), m) for m in means]
-    axis.plot([at for at, _ in points], [m.mean for m in means], color=color, linewidth=2, label=label)
+    axis.plot([at for at, _ in points], [m.mean for m in means], linewidth=2, label=label, **look)
     if known := [(at, m.low, m.high) for at, m in points if m.low is not None]:
         levels, low, high = zip(*known, strict=True)
-        axis.fill_between(levels, low, high, color=color, alpha=0.15, linewidth=0)
+        axis.fill_between(levels, low, high, color=look["color"], alpha=0.15, linewidth=0)
 
 
 def draw_learning(experiment: Experiment, conditions: Sequence[str]) -> Figure:
@@ -107,20 +107,22 @@ def draw_learning(experiment: Experiment, conditions: Sequence[str]) -> Figure:
     figure, axes = new_figure(1, 2, size=(9.6, 3.4))
     for axis, (name, title) in zip(axes, (("forward_ratio", "forward"), ("backward_ratio", "backward")), strict=True):
         _band(axis)
-        for color, condition in zip(COLORS, conditions, strict=False):
+        for condition in conditions:
+            look = line_look(condition, conditions)
             curves: dict[str, list[tuple[int, float]]] = {}
             for point in experiment.curves:
                 if point.phase == "teacher" and point.run.rpartition("-s")[0] == condition:
                     curves.setdefault(point.run, []).append((point.iteration, getattr(point, name)))
             for curve in curves.values():
-                axis.plot(*zip(*curve, strict=True), color=color, linewidth=0.6, alpha=0.6)
+                axis.plot(*zip(*curve, strict=True), linewidth=0.6, alpha=0.6, **look)
             if curves:
                 ends = [end for end, _ in min(curves.values(), key=len)]
                 mean = np.mean([[ratio for _, ratio in curve[: len(ends)]] for curve in curves.values()], axis=0)
-                axis.plot(ends, mean, color=color, linewidth=2, label=short_name(condition))
+                axis.plot(ends, mean, linewidth=2, label=short_name(condition), **look)
         axis.set(title=f"{title}, while training", xlabel="iteration of the teacher")
     axes[0].set_ylabel("speed reached / commanded")
-    _names(axes[0])
+    label_ends(axes[-1])
+    legend(axes[0])
     return figure
 
 
@@ -133,7 +135,7 @@ def draw_conditions(experiment: Experiment, conditions: Sequence[str]) -> Figure
     nominal = {condition.name: condition.nominal for condition in experiment.conditions}
     styles = dict(zip(DIRECTIONS, ((">", COLORS[0], -0.12), ("<", COLORS[1], 0.12)), strict=True))
     for axis, title in zip(axes, ("without friction", "at the nominal friction"), strict=True):
-        axis.axvspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
+        shade_following(axis, "x")
         axis.axvline(0.0, color=INK, linewidth=0.8)
         for line, condition in enumerate(conditions):
             level = 0.0 if axis is axes[0] else nominal[condition]
@@ -162,24 +164,27 @@ def draw_collapse(experiment: Experiment) -> Figure:
     One row a method, one panel an axis; logarithmic, so that a factor is a shift.
     """
     methods = list(dict.fromkeys(onset.method for onset in experiment.onsets))
+    groups = {method: [onset for onset in experiment.onsets if onset.method == method] for method in methods}
     names = list(experiment.onsets[0].scales)
     figure, axes = new_figure(len(methods), len(names), size=(3.6 * len(names), 3.0 * len(methods)))
     for axis, (method, name) in zip(axes, [(m, n) for m in methods for n in names], strict=True):
         _band(axis)
-        for color, onset in zip(COLORS, [o for o in experiment.onsets if o.method == method], strict=False):
+        shown = [onset.condition for onset in groups[method]]
+        for onset in groups[method]:
             slower: dict[float, float] = {}
             for m in means_of(experiment, onset.condition):
                 if m.friction_level > 0:
                     slower[m.friction_level] = min(slower.get(m.friction_level, m.mean), m.mean)
             places = [level * onset.scales[name] for level in slower]
-            axis.plot(
-                places, [*slower.values()], color=color, marker="o", markersize=3, label=short_name(onset.condition)
-            )
+            look = line_look(onset.condition, shown) | {"marker": mark_look(onset.condition, shown), "markersize": 4}
+            axis.plot(places, [*slower.values()], label=short_name(onset.condition), **look)
         axis.set_xscale("log")
         axis.set(title=method, xlabel=name)
     axes[0].set_ylabel("speed reached / commanded")
     for axis in axes[:: len(names)]:
-        _names(axis)
+        legend(axis)
+    for axis in axes[len(names) - 1 :: len(names)]:
+        label_ends(axis)
     return figure
 
 
@@ -200,7 +205,7 @@ def methods_sheet(experiment: Experiment, conditions: Sequence[str], who: str) -
         for name in conditions
         for command, word in WORDS.items()
     ]
-    header = (f"{who}, friction in % of the torque limit", *(f"{100 * level:g}" for level in levels))
+    header = (f"{who}, speed ratio [1] at friction [of τ_max]", *(f"{100 * level:g} %" for level in levels))
     counts = sorted({m.seeds for m in own})
     seeds = "1 seed" if counts == [1] else f"{' or '.join(map(str, counts))} seeds"
     note = f"Speed reached over commanded, mean and 95 % t-interval over {seeds}." if counts else ""
@@ -220,8 +225,8 @@ def part_sheet(experiment: Experiment, part: str) -> Sheet:
     own = [condition for condition in experiment.conditions if condition.part == part]
     rows = [_condition_row(experiment, condition, who) for condition in own for who in policies_of(experiment)]
     header = (
-        *("condition", "policy", "seeds", "without friction", "at the mean of training", "at the nominal friction"),
-        *("falls", "jitter [rad/s²]", "tripod"),
+        *("condition", "policy", "seeds", "speed ratio without friction [1]", "at the mean of training [1]"),
+        *("at the nominal friction [1]", "falls [% of walks]", "jitter [rad/s²]", "tripod [% of moving steps]"),
     )
     note = (
         "Speed reached over commanded, forward / backward, mean over seeds with its 95 % t-interval where there are "
@@ -258,13 +263,14 @@ def onset_sheet(experiment: Experiment) -> Sheet:
         rows.append((onset.condition, *(nowhere if value is None else f"{value:.3f}" for value in values)))
     note = " ".join(f"{c.method}: {c.axis or 'no axis'}; {c.reason}." for c in experiment.collapses)
     title = f"Friction at which the slower direction slows under {SLOW}"
-    return Sheet(title, ("condition", *names), tuple(rows), note)
+    axes = (name if "[" in name else f"{name} [1]" for name in names)
+    return Sheet(title, ("condition", *axes), tuple(rows), note)
 
 
 def run_sheet(experiment: Experiment) -> Sheet:
     """Return every run with its command, state, revision and time."""
     arguments = {condition.name: condition.arguments for condition in experiment.conditions}
-    preset = experiment.summary.get("preset", "two-phase")
+    preset = experiment.summary.get("preset", TWO_PHASE)
     rows = tuple(
         (
             run.name,
@@ -275,7 +281,7 @@ def run_sheet(experiment: Experiment) -> Sheet:
         )
         for run in experiment.runs
     )
-    return Sheet("Runs", ("run", "stiction train", "state", "revision", "minutes"), rows)
+    return Sheet("Runs", ("run", "stiction train", "state", "revision", "time [min]"), rows)
 
 
 TITLE = "Training with dry friction in the joints"
@@ -387,7 +393,7 @@ def _run_blocks(experiment: Experiment, runs: Sheet) -> tuple[Markup, ...]:
 
 def lead(experiment: Experiment) -> str:
     """Return how far it has come, and how many sentences came out how."""
-    finished = sum(run.state in ("exported", "finished") for run in experiment.runs)
+    finished = sum(run.state in EVALUATED for run in experiment.runs)
     runs = f"{finished} of {len(experiment.runs)} trainings are finished."
     if not experiment.verdicts:
         return runs

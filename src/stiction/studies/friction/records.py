@@ -9,6 +9,7 @@ from typing import Any
 from stiction.formats.following import Following
 from stiction.formats.results import ResultRow
 from stiction.studies.claims import Verdict
+from stiction.studies.friction.manifest import State
 
 STUDENT = "student"
 """Of a run's two policies the one that is deployed, and judged."""
@@ -49,8 +50,8 @@ class RunRecord:
     name: str
     condition: str
     seed: int
-    state: str
-    """`missing`, `interrupted`, `finished`."""
+    state: State
+    """Where it stood when this was written."""
     revision: str
     """Code that trained it; empty where it has not begun."""
     minutes: float | None

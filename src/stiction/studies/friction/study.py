@@ -64,10 +64,10 @@ class FrictionOptions(ParallelOptions):
 
 def run(options: FrictionOptions, work: Work) -> Report | int:
     """Train, evaluate and judge; the exit status is 1 if a run could not be trained or evaluated."""
-    from stiction.studies.friction.assemble import EVALUATED, assemble, judge_again, read_earlier, ship
+    from stiction.studies.friction.assemble import assemble, judge_again, read_earlier, ship
     from stiction.studies.friction.evaluation import BASE, evaluate_tasks, tasks_for
     from stiction.studies.friction.evidence import parse_policy
-    from stiction.studies.friction.manifest import PlannedRun, runs_of
+    from stiction.studies.friction.manifest import EVALUATED, PlannedRun, runs_of
     from stiction.studies.friction.training import train
 
     if options.judge_again:
@@ -77,7 +77,7 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
     if options.list:
         print_runs(planned, states)
         return 0
-    if not options.train and not {"finished", "exported"} & {*states.values()}:
+    if not options.train and not {*EVALUATED} & {*states.values()}:
         raise TrainingError(
             f"no run of the experiment in {options.runs} is finished; train them with --train, name their folder with "
             "--runs, or that of their policies with --policies"

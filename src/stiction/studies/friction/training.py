@@ -12,7 +12,7 @@ from stiction.core.isolation import isolated_environment, python_module
 from stiction.core.lifeline import tied
 from stiction.core.provenance import THREADS_VARIABLE
 from stiction.report.terminal import stop_requests
-from stiction.studies.friction.manifest import PlannedRun
+from stiction.studies.friction.manifest import EVALUATED, PlannedRun
 from stiction.studies.study import Stopped
 
 Progress = Callable[[str, float], None]
@@ -86,7 +86,7 @@ def train_missing(
         StictionError: a folder holds a run with another configuration; nothing was started then.
 
     """
-    waiting = [run for run in planned if run.state() in ("missing", "interrupted")]
+    waiting = [run for run in planned if run.state() not in EVALUATED]
     shares = Shares(waiting, progress)
     running: list[Job] = []
     failed: dict[str, str] = {}

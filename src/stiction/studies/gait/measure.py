@@ -199,29 +199,29 @@ class GaitRow:
     """Commanded velocity: `vx=0.5`."""
     gait: str = field(metadata=column("gait"))
     """What the criteria of `Gait.name` call it."""
-    speed_ratio: float | None = field(metadata=column("speed ratio", form=".2f"))
+    speed_ratio: float | None = field(metadata=column("speed ratio", "1", form=".2f"))
     """Speed reached along the command over the commanded speed [-]."""
-    fall_rate: float = field(metadata=column("falls", form=".0%"))
+    fall_rate: float = field(metadata=column("falls", "%", form=".0%"))
     """Share of episodes with a fall [-]."""
-    moving_share: float = field(metadata=column("moving", form=".0%"))
+    moving_share: float = field(metadata=column("moving", "%", form=".0%"))
     """Share of all steps that are moving ones [-]."""
-    tripod_share: float | None = field(metadata=column("tripod", form=".0%"))
+    tripod_share: float | None = field(metadata=column("tripod", "%", form=".0%"))
     """Exactly one contact group on the ground [-]."""
-    first_group_share: float | None = field(metadata=column("group 0", form=".0%"))
+    first_group_share: float | None = field(metadata=column("group 0", "%", form=".0%"))
     """Exactly contact group 0 on the ground [-]."""
-    second_group_share: float | None = field(metadata=column("group 1", form=".0%"))
+    second_group_share: float | None = field(metadata=column("group 1", "%", form=".0%"))
     """Exactly contact group 1 on the ground [-]."""
-    flight_share: float | None = field(metadata=column("flight", form=".0%"))
+    flight_share: float | None = field(metadata=column("flight", "%", form=".0%"))
     """No foot on the ground [-]."""
-    all_feet_share: float | None = field(metadata=column("all feet", form=".0%"))
+    all_feet_share: float | None = field(metadata=column("all feet", "%", form=".0%"))
     """All feet on the ground [-]."""
-    together_share: float | None = field(metadata=column("together", form=".0%"))
+    together_share: float | None = field(metadata=column("together", "%", form=".0%"))
     """Touch-downs and lift-offs in which every foot takes part: 1 is a pronk, 0 a tripod [-]."""
-    within_groups: float | None = field(metadata=column("within", form=".2f"))
+    within_groups: float | None = field(metadata=column("within", "1", form=".2f"))
     """Mean correlation of the contacts of two feet of one group: 1 where they move as one [-]."""
-    across_groups: float | None = field(metadata=column("across", form=".2f"))
+    across_groups: float | None = field(metadata=column("across", "1", form=".2f"))
     """Mean correlation of the contacts of two feet of different groups: -1 is a tripod, 1 a pronk [-]."""
-    one_sidedness: float | None = field(metadata=column("one-sidedness", form=".2f"))
+    one_sidedness: float | None = field(metadata=column("one-sidedness", "1", form=".2f"))
     """Difference of the two groups' use over their sum, in windows of 2 s: 0 is even, 1 is one group alone [-]."""
 
 

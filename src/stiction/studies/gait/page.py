@@ -147,8 +147,8 @@ def feet_table(rows: Sequence[FootRow]) -> Markup:
         text = "–" if duty is None or frequency is None else f"{duty:.0%}, {frequency:.1f}"
         cells.setdefault((row.policy, row.command), {})[row.foot] = text
     lines = [[policy, command, *(feet.get(name, "") for name in names)] for (policy, command), feet in cells.items()]
-    caption = "Duty factor (share of moving steps on the ground), and touch-downs per second of moving [Hz]."
-    return table(["policy", "command", *names], lines, caption)
+    caption = "Duty factor (share of moving steps on the ground), and touch-downs per second of moving."
+    return table(["policy", "command", *(f"{name} [%, Hz]" for name in names)], lines, caption)
 
 
 def run_blocks(settings: dict[str, Any]) -> tuple[Markup, ...]:

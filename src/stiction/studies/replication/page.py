@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from stiction.evaluate.methods import FED, FED_BY
 from stiction.evaluate.table import BOTH, Sample
 from stiction.formats.following import BAND, FAST, SLOW, Following
-from stiction.formats.results import FOLLOWS
 from stiction.joints.friction import has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
 from stiction.report.evaluation import sample_text
@@ -20,6 +19,7 @@ from stiction.report.following import (
     places_sheet,
     recommended_sentence,
     recommended_sheet,
+    shade_following,
 )
 from stiction.report.page import (
     COLORS,
@@ -30,6 +30,7 @@ from stiction.report.page import (
     draw_seeds,
     figure_uri,
     fold,
+    label_ends,
     labelled,
     legend,
     new_figure,
@@ -73,9 +74,9 @@ def draw_budget(points: Sequence[BudgetPoint], methods: Sequence[str], band: flo
     unit = 10 * band  # mrad per per cent
     columns = min(3, len(shown))
     rows = -(-len(shown) // columns)
-    figure, axes = new_figure(rows, columns, size=(max(6.3, 4.2 * columns), 3.7 * rows))
+    figure, axes = new_figure(rows, columns, size=(max(6.7, 4.7 * columns), 3.7 * rows))
     for axis, ((engine, law), some) in zip(axes, shown.items(), strict=False):
-        axis.axhspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
+        shade_following(axis)
         axis.axhline(0.0, color=INK, linewidth=0.8)
         for method in methods:
             own = sorted((p for p in some if p.method == method), key=lambda p: p.friction_level)
@@ -83,6 +84,7 @@ def draw_budget(points: Sequence[BudgetPoint], methods: Sequence[str], band: flo
                 spreads = [Spread(level_number(law, p.friction_level), p.ratio, p.low, p.high, p.each) for p in own]
                 draw_seeds(axis, spreads, method, methods)
         axis.set(title=engine, xlabel=level_axis(law), ylim=(-0.2, 1.9))
+        label_ends(axis)
         if not has_coefficient(law):
             top = axis.secondary_xaxis("top", functions=(lambda level: level * unit, lambda angle: angle / unit))
             top.set_xlabel("dead band f/kp of the shank [mrad]", fontsize=8, color=INK)
@@ -140,14 +142,14 @@ ENGINES = {
 """Engine -> title of its table."""
 
 COLUMNS = (
-    ("vx=0.5", "speed_ratio", "forward", ".2f"),
-    ("vx=-0.5", "speed_ratio", "backward", ".2f"),
-    ("vy=0.3", "speed_ratio", "sideways", ".2f"),
-    ("wz=0.5", "speed_ratio", "turn", ".2f"),
-    (BOTH, "fall_rate", "falls", ".0%"),
+    ("vx=0.5", "speed_ratio", "forward [1]", ".2f"),
+    ("vx=-0.5", "speed_ratio", "backward [1]", ".2f"),
+    ("vy=0.3", "speed_ratio", "sideways [1]", ".2f"),
+    ("wz=0.5", "speed_ratio", "turn [1]", ".2f"),
+    (BOTH, "fall_rate", "falls [% of walks]", ".0%"),
     (BOTH, "joint_jitter", "jitter [rad/s²]", ".0f"),
-    (BOTH, "flight_share", "flight", ".0%"),
-    (BOTH, "tripod_share", "tripod", ".0%"),
+    (BOTH, "flight_share", "flight [% of moving steps]", ".0%"),
+    (BOTH, "tripod_share", "tripod [% of moving steps]", ".0%"),
     ("stand", "tracking_error", "standing [m/s]", ".3f"),
 )
 """Command, column, heading, format."""
@@ -211,7 +213,7 @@ def stairs_sheet(samples: Sequence[Sample]) -> Sheet | None:
             steps = cells.get((method, engine, law, level, terrain, "steps_climbed"))
             where = method, engine, friction_text(law, level), terrain, seeds_text([sample]), str(sample.trials)
             rows.append((*where, sample_text(sample, ".0%"), sample_text(steps, ".1f")))
-    header = ("method", "engine", "friction", "ground", "seeds", "trials", "crossed", "steps passed")
+    header = ("method", "engine", "friction", "ground", "seeds", "trials", "crossed [% of walks]", "passed [steps]")
     speed = STAIRS_COMMAND.removeprefix("vx=")
     note = f"Blind, {TREAD:.2f} m treads, {STEPS} up, landing, {STEPS} down, {speed} m/s. {NOTE}"
     return Sheet("Stairs", header, tuple(rows), note) if rows else None
@@ -245,6 +247,10 @@ VERDICT_NOTE = (
 """What a reader of the verdicts must know."""
 
 
+UNITS = {"joint_jitter": "rad/s²", "tracking_error": "m/s", "steps_climbed": "steps"}
+"""Column of the evidence -> its unit; all others are ratios and shares, of the unit 1."""
+
+
 def evidence_sheet(claim: str, evidence: Sequence[EvidenceRow]) -> Sheet:
     """Return the rows that one sentence was judged by."""
     rows = []
@@ -252,8 +258,8 @@ def evidence_sheet(claim: str, evidence: Sequence[EvidenceRow]) -> Sheet:
         if row.claim == claim:
             friction = friction_text(row.friction_law, row.friction_level)
             where = row.method, row.engine, friction, row.terrain, row.command
-            rows.append((*where, row.column, row.seeds, row.each))
-    header = ("method", "engine", "friction", "ground", "command", "column", "seeds", "each seed")
+            rows.append((*where, f"{row.column} [{UNITS.get(row.column, '1')}]", row.seeds, row.each))
+    header = ("method", "engine", "friction", "ground", "command", "column [its unit]", "seeds", "each seed")
     return Sheet("The rows that this was judged by", header, tuple(rows))
 
 
@@ -261,13 +267,20 @@ def onset_sheet(onsets: Sequence[Onset]) -> Sheet:
     """Return where each method becomes too slow, in every engine, with every seed."""
     rows = []
     for one in onsets:
+        law = one.friction_law
         if one.level is None:
-            text = f"not up to {level_text(one.friction_law, one.tested)}"
+            text = f"not up to {level_text(law, one.tested)}"
         else:
-            text = "from the start" if one.level == 0 else level_text(one.friction_law, round(one.level, 4))
-        interval = "–" if one.low is None or one.high is None else f"{max(0.0, one.low):.3g} to {one.high:.3g}"
+            text = "from the start" if one.level == 0 else level_text(law, round(one.level, 4))
+        interval = "–"
+        if one.low is not None and one.high is not None:
+            interval = " to ".join(level_text(law, round(max(0.0, end), 4)) for end in (one.low, one.high))
         band = "–" if one.dead_band is None else f"{1000 * one.dead_band:.0f}"
-        rows.append((one.method, one.engine, one.friction_law, text, interval, band, one.each))
+        each = ", ".join(
+            f"{'over ' * word.startswith('>')}{level_text(law, round(float(word.lstrip('>')), 4))}"
+            for word in one.each.split()
+        )
+        rows.append((one.method, one.engine, law, text, interval, band, each))
     header = ("method", "engine", "law", f"slows under {SLOW}", "95 % over seeds", "dead band [mrad]", "each seed")
     note = f"The slower of forward and backward. What is above {SLOW} may be over {FAST}, and then follows no more."
     return Sheet(f"Where each training method slows under {SLOW} of the command", header, tuple(rows), note)
@@ -288,7 +301,7 @@ def forward_sheet(points: Sequence[ForwardPoint], virtual: bool) -> Sheet | None
             each = (cells.get((method, *where)) for method in methods)
             counts = (f"{one.robots} of {one.robots + one.left_out}",) if virtual else ()
             rows.append((one.engine, friction_text(*where[1:]), *counts, *map(_ratio_text, each)))
-    header = ("engine", "friction", *(("robots",) if virtual else ()), *methods)
+    header = ("engine", "friction", *(("robots",) if virtual else ()), *(f"{method} [1]" for method in methods))
     where_text = "on the virtual robot" if virtual else "on the robot of the data sheet"
     source = "what was identified from the log of each robot's own bench" if virtual else "the friction itself"
     left_out = " Robots whose bench does not tell it are left out, of the methods beside it too." if virtual else ""

@@ -33,17 +33,17 @@ class Climb:
 
     policy: str = field(metadata=column("policy"))
     """Name of the bundle."""
-    friction_level: float = field(metadata=column("friction", form=lambda level: f"{100 * level:g} %"))
+    friction_level: float = field(metadata=column("friction", "of τ_max", lambda level: f"{100 * level:g} %"))
     """Dry friction as a fraction of each joint's torque limit [-]."""
     step_height: float = field(metadata=column("step height", "cm", lambda height: f"{100 * height:g}"))
     """[m]."""
     trials: int = field(metadata=column("trials"))
     """Number of robots."""
-    successes: int = field(metadata=column("succeed"))
+    successes: int = field(metadata=column("succeed", "trials"))
     """... that went over the landing and left the last step behind."""
-    falls: int = field(metadata=column("fell"))
+    falls: int = field(metadata=column("fell", "trials"))
     """... that fell before, or whose simulation became unstable."""
-    steps_climbed: float = field(metadata=column("steps passed", form=".1f"))
+    steps_climbed: float = field(metadata=column("passed", "steps", form=".1f"))
     """Mean number of steps passed, up and down."""
     seconds: float | None = field(metadata=column("time", "s", ".1f"))
     """Median time of those that succeeded [s]; None where none did."""

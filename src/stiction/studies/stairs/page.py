@@ -12,7 +12,18 @@ from stiction.core import records
 from stiction.core.statistics import wilson
 from stiction.evaluate.course import PATIENCE
 from stiction.locomotion.terrain import FINISH_MARGIN
-from stiction.report.page import INK, Section, figure_uri, legend, new_figure, paragraph, picture, table
+from stiction.report.page import (
+    INK,
+    Section,
+    figure_uri,
+    legend,
+    line_look,
+    mark_look,
+    new_figure,
+    paragraph,
+    picture,
+    table,
+)
 from stiction.robots.terrain import LANDING, STEPS, TREAD
 from stiction.studies.stairs.climb import ENOUGH, Climb, highest_climbed
 from stiction.studies.study import Report
@@ -33,7 +44,7 @@ def report(rows: Sequence[Climb], settings: dict[str, Any]) -> Report:
         tables={"stairs": rows},
         sections=(
             Section("Success over step height", (picture(figure_uri(figure), caption),)),
-            Section("Every height", (table((*records.header(Climb), "95 % of succeed"), lines),)),
+            Section("Every height", (table((*records.header(Climb), "95 % of succeed [% of trials]"), lines),)),
         ),
         run=(paragraph(WHAT),),
         summary=settings | {"rows": list(map(asdict, rows))},
@@ -68,12 +79,14 @@ def draw_stairs(rows: Sequence[Climb]) -> Figure:
     """Return the share of successes over step height, a line for each policy and level."""
     figure, (axis,) = new_figure(size=(7.0, 3.6))
     axis.axhline(ENOUGH, color=INK, linewidth=0.8, linestyle="--")
-    for name, mine in _by_policy(rows).items():
+    policies = _by_policy(rows)
+    for name, mine in policies.items():
+        look = line_look(name, list(policies)) | {"marker": mark_look(name, list(policies)), "markersize": 4}
         heights = [100 * row.step_height for row in mine]
         share = np.array([row.successes / row.trials for row in mine])
         low, high = np.array([wilson(row.successes, row.trials) for row in mine]).T
         ends = np.maximum(0.0, [share - low, high - share])
-        axis.errorbar(heights, share, ends, marker="o", markersize=4, capsize=2, label=name)
+        axis.errorbar(heights, share, ends, capsize=2, label=name, **look)
     axis.set(xlabel="step height [cm]", ylabel="share of trials that succeed", ylim=(-0.03, 1.03))
     legend(axis)
     return figure

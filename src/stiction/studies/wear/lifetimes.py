@@ -58,7 +58,7 @@ class Walk:
 
     policy: str = field(metadata=column("policy"))
     """Name of the bundle."""
-    friction_level: str = field(metadata=column("level"))
+    friction_level: str = field(metadata=column("level", "of τ_max"))
     """Level that wear multiplies, as it was typed: `0.1`, `bench+0.02`."""
     robot: int = field(metadata=column("robot"))
     """Seed of the virtual robot."""
@@ -110,25 +110,25 @@ class Lifetime(Walk):
     """Physics engine."""
     command: str
     """What was commanded: `vx=0.5`."""
-    first_ratio: float | None = field(metadata=column("ratio, first", form=ratio_text))
+    first_ratio: float | None = field(metadata=column("speed ratio, first", "1", form=ratio_text))
     """Speed ratio of the first window [-]; None where the robot fell before its end."""
-    last_ratio: float | None = field(metadata=column("last", form=ratio_text))
+    last_ratio: float | None = field(metadata=column("last", "1", form=ratio_text))
     """... and of the last one [-]."""
-    begin: float | None = field(metadata=column("follows from", form=factor_text))
+    begin: float | None = field(metadata=column("follows from wear", "1", form=factor_text))
     """Wear at which it first follows [1]; None where it does in the first window, or never."""
     end: End = field(metadata=column("end"))
     """How it ended."""
-    factor: float | None = field(metadata=column("at", form=factor_text))
+    factor: float | None = field(metadata=column("at wear", "1", form=factor_text))
     """Wear at which the lifetime ended [1]; None where it did not, or where there was none."""
     time: float | None
     """When that was known [s]."""
     monitored: bool = field(metadata=column("monitor"))
     """Whether the bundle has a wear monitor."""
-    unusual_factor: float | None = field(metadata=column("unusual reading at", form=factor_text))
+    unusual_factor: float | None = field(metadata=column("unusual reading at wear", "1", form=factor_text))
     """Wear at the monitor's first unusual reading [1]; None without one."""
     unusual: Notice = field(metadata=column("which is"))
     """When that came."""
-    grown_factor: float | None = field(metadata=column("growth detected at", form=factor_text))
+    grown_factor: float | None = field(metadata=column("growth detected at wear", "1", form=factor_text))
     """Wear at the first reading whose interval lies wholly above the first reading's [1]; None without one."""
     grown: Notice = field(metadata=column("which is"))
     """When that came."""

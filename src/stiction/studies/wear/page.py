@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from stiction.formats.following import BAND, FAST, SLOW
-from stiction.formats.results import FOLLOWS
 from stiction.formats.wear import LEVEL
+from stiction.report.following import shade_following
 from stiction.report.page import (
-    COLORS,
     Section,
     figure_uri,
+    label_ends,
     legend,
     line_look,
+    mark_look,
     new_figure,
     paragraph,
     picture,
@@ -24,7 +25,7 @@ from stiction.report.page import (
     table,
 )
 from stiction.studies.study import Report
-from stiction.studies.wear.lifetimes import SIGNALS, Lifetime, Reading, Window, factor_text
+from stiction.studies.wear.lifetimes import NEVER, SIGNALS, Lifetime, Reading, Window, factor_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,51 +36,59 @@ TICKS = (0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0)
 
 
 def draw_ratios(windows: Sequence[Window], lifetimes: Sequence[Lifetime]) -> Figure:
-    """Return the speed ratio over wear, a panel for each level, a colour for each policy."""
+    """Return the speed ratio over wear, a panel for each level, a colour and style for each policy."""
     levels = list(dict.fromkeys(row.friction_level for row in lifetimes))
     policies = list(dict.fromkeys(row.policy for row in lifetimes))
     figure, axes = new_figure(len(levels), 1, (8.0, 3.4 * len(levels)))
     for axis, level in zip(axes, levels, strict=True):
-        axis.axhspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
-        for color, policy in zip(COLORS * len(policies), policies, strict=False):
+        shade_following(axis)
+        for policy in policies:
+            look = line_look(policy, policies)
             rows = [row for row in windows if (row.policy, row.friction_level) == (policy, level)]
             robots = list(dict.fromkeys(row.robot for row in rows))
             lines = [[row for row in rows if row.robot == robot] for robot in robots]
             for line in lines:
                 points = [row.factor for row in line], [row.ratio for row in line]
-                axis.plot(*points, color=color, linewidth=0.7, alpha=0.5)
+                axis.plot(*points, linewidth=0.7, alpha=0.5, **look)
             shared = min((len(line) for line in lines), default=0)
             means = [sum(line[at].ratio for line in lines) / len(lines) for at in range(shared)]
             factors = [row.factor for row in lines[0][:shared]] if lines else []
-            axis.plot(factors, means, label=policy, **line_look(policy, policies))
-        axis.set(xscale="log", xlabel="wear, factor on dry friction", ylabel="speed ratio", title=f"level {level}")
+            axis.plot(factors, means, linewidth=2, label=policy, **look)
+        axis.set(
+            xscale="log",
+            xlabel="wear, factor on dry friction",
+            ylabel="speed reached / commanded",
+            title=f"level {level}",
+        )
         ticks = [tick for tick in TICKS if axis.get_xlim()[0] <= tick <= axis.get_xlim()[1]]
         axis.set_xticks(ticks, [f"x{tick:g}" for tick in ticks])
         axis.set_xticks([], minor=True)
+        label_ends(axis)
         legend(axis)
     return figure
 
 
 def draw_readings(readings: Sequence[Reading]) -> Figure:
-    """Return estimate and truth over time, a panel for each policy and level, a colour for each robot."""
+    """Return estimate and truth over time, a panel for each policy and level, colour, style and mark for each robot."""
     panels = list(dict.fromkeys((row.policy, row.friction_level) for row in readings))
     figure, axes = new_figure(len(panels), 1, (8.0, 3.4 * len(panels)))
     for axis, panel in zip(axes, panels, strict=True):
         rows = [row for row in readings if (row.policy, row.friction_level) == panel]
-        robots = list(dict.fromkeys(row.robot for row in rows))
+        robots = list(dict.fromkeys(f"robot {row.robot}" for row in rows))
         for number, robot in enumerate(robots):
-            color, mine = COLORS[number % len(COLORS)], [row for row in rows if row.robot == robot]
-            axis.plot([row.time for row in mine], [100 * row.true for row in mine], color=color, linewidth=1.0)
-            shift = number / len(robots)
+            look, mark = line_look(robot, robots), mark_look(robot, robots)
+            mine = [row for row in rows if f"robot {row.robot}" == robot]
+            axis.plot([row.time for row in mine], [100 * row.true for row in mine], linewidth=1.0, **look)
+            shift, color = number / len(robots), look["color"]
             for row in mine:
                 if row.estimate is None or row.low is None or row.high is None:
                     continue
                 ends = max(0.0, row.estimate - row.low), max(0.0, row.high - row.estimate)
                 fill = "none" if row.unusual else color
-                style = {"marker": "o", "markersize": 4, "markerfacecolor": fill, "capsize": 2, "linewidth": 0.8}
+                style = {"marker": mark, "markersize": 4, "markerfacecolor": fill, "capsize": 2, "linewidth": 0.8}
                 bars = [[100 * end] for end in ends]
                 axis.errorbar(row.time + shift, 100 * row.estimate, bars, color=color, **style)
-            axis.plot([], [], color=color, marker="o", label=f"robot {robot}")
+            axis.plot([], [], linewidth=1.0, marker=mark, markersize=4, label=robot, **look)
         target = "mean over the joints" if rows[0].target == LEVEL else rows[0].target
         axis.set(xlabel="time [s]", ylabel=f"f/τ_max [%], {target}", title=f"{panel[0]}, level {panel[1]}")
         legend(axis)
@@ -103,7 +112,7 @@ def report(
     monitor = draw_readings(noticed) if noticed else None
     shown = paragraph(NO_MONITOR) if monitor is None else picture(figure_uri(monitor), MONITOR_CAPTION)
     groups, methods = settings["groups"], settings["ways"]
-    lines = answers(groups, methods)
+    lines = [lead(groups, settings["settings"]["wear"]), *answers(groups, methods)]
     joints = ", ".join(settings["settings"]["wear"]["joints"]) or "all joints"
     over_seeds = Section("Training methods, over their seeds", (method_table(methods), paragraph(METHODS)))
     return Report(
@@ -139,10 +148,10 @@ METHODS = (
 
 ENDS = (
     "Wear is a factor on each joint's dry friction, as a bench without load would find it. A lifetime lasts from the "
-    f"first window within {BAND} of the command (`follows from`, where others came before it) to the last one; its end "
-    "is known at the end of the window after that, and reported at the wear in that window's middle. Too slow: under "
-    f"{SLOW} from there on; too fast: over {FAST}; from the start: no window follows. The mean and its 95 % interval "
-    "over robots are of the logarithm, and given where every lifetime ended within the wear that was tried."
+    f"first window within {BAND} of the command (`follows from wear`, where others came before it) to the last one; "
+    "its end is known at the end of the window after that, and reported at the wear in that window's middle. Too slow: "
+    f"under {SLOW} from there on; too fast: over {FAST}; from the start: no window follows. The mean and its 95 % "
+    "interval over robots are of the logarithm, and given where every lifetime ended within the wear that was tried."
 )
 
 NO_MONITOR = "None of these bundles has a wear monitor; `stiction export --wear` puts one into a bundle."
@@ -178,6 +187,26 @@ WHAT = (
 )
 
 
+def lead(groups: Sequence[dict[str, Any]], wear: dict[str, Any]) -> str:
+    """Return in one sentence from and up to which wear each policy follows. wear: `start` and `end` of its growth."""
+    lives: dict[str, list[str]] = {}
+    for one in groups:
+        lives.setdefault(one["friction_level"], []).append(f"{one['policy']} {_life(one, wear['end'])}")
+    said = "; ".join(f"of level {level}, {'; '.join(own)}" for level, own in lives.items())
+    return f"While friction grows from x{wear['start']:g} to x{wear['end']:g} {said}."
+
+
+def _life(group: dict[str, Any], end: float) -> str:
+    """Return from and up to which wear the robots of one policy and level follow. end: the greatest wear."""
+    if all(what.endswith(NEVER) for what in group["ends"]):
+        return "never follows"
+    later = group["begin"] is not None and not group["first"].get("follows")
+    begin = f"from {factor_text(group['begin'])} on, " if later else ""
+    if group["mean"] is not None:
+        return f"follows {begin}up to {factor_text(group['mean'])}"
+    return f"follows {begin}to the end at x{end:g} on {group['ends'].get('alive', 0)} of {group['robots']} robots"
+
+
 def answers(groups: Sequence[dict[str, Any]], methods: Sequence[dict[str, Any]] = ()) -> list[str]:
     """Return a line for each policy and level, and for each training method with several seeds."""
     return [
@@ -210,7 +239,8 @@ def _span(interval: Sequence[float] | None) -> str:
 
 def group_table(groups: Sequence[dict[str, Any]]) -> Markup:
     """Return how the robots of each policy and level ended, and what its monitors noticed."""
-    header = ("policy", "level", "robots", "at first", "follows from", "ends", "mean wear at the end", "95 %", "median")
+    header: tuple[str, ...] = ("policy", "level [of τ_max]", "robots", "at first", "follows from wear [1]", "ends")
+    header += ("mean wear at the end [1]", "95 % [1]", "median [1]")
     rows = []
     for one in groups:
         ends = [_counts(one["ends"]), factor_text(one["mean"]), _span(one["interval95"]), factor_text(one["median"])]
@@ -218,12 +248,19 @@ def group_table(groups: Sequence[dict[str, Any]]) -> Markup:
         held = "–" if one["held"] is None else f"{one['held']:.0%}"
         named = [one["policy"], one["friction_level"], str(one["robots"])]
         rows.append([*named, _counts(one["first"]), factor_text(one["begin"]), *ends, *noticed, held])
-    return table((*header, "unusual reading", "growth detected", "95 % intervals hold"), rows)
+    return table((*header, "unusual reading", "growth detected", "95 % intervals hold [% of readings]"), rows)
 
 
 def method_table(methods: Sequence[dict[str, Any]]) -> Markup:
     """Return when lifetimes end of the training methods that have several policies."""
-    header = ("training method", "level", "seeds", "mean wear at the end", "95 % over seeds", "at least", "at most")
+    header: tuple[str, ...] = (
+        "training method",
+        "level [of τ_max]",
+        "seeds",
+        "mean wear at the end [1]",
+        "95 % over seeds [1]",
+    )
+    header += ("at least [1]", "at most [1]")
     rows = [
         [
             *(one["way"], one["friction_level"], str(len(one["policies"]))),
@@ -233,7 +270,7 @@ def method_table(methods: Sequence[dict[str, Any]]) -> Markup:
         ]
         for one in methods
     ]
-    return table((*header, "each seed"), rows)
+    return table((*header, "each seed [1]"), rows)
 
 
 def _policy_mean(policy: dict[str, Any]) -> str:
@@ -245,7 +282,8 @@ def _policy_mean(policy: dict[str, Any]) -> str:
 
 def control_blocks(groups: Sequence[dict[str, Any]]) -> tuple[Markup, ...]:
     """Return the table of the walks in which friction stayed."""
-    header = ("policy", "level", "friction stays at", "robots", "ends", "false alarms: unusual reading", "at once")
+    header: tuple[str, ...] = ("policy", "level [of τ_max]", "friction stays at wear [1]", "robots", "ends")
+    header += ("false alarms: unusual reading [robots]", "at once [robots]")
     rows = []
     for group in groups:
         for one in group["controls"]:
@@ -255,7 +293,7 @@ def control_blocks(groups: Sequence[dict[str, Any]]) -> tuple[Markup, ...]:
             rows.append([*named, *counts, *(alarms if group["monitored"] else ["no monitor", "–", "–"])])
     if not rows:
         return (paragraph(NO_CONTROLS),)
-    return table((*header, "false alarms: growth detected"), rows), paragraph(CONTROLS)
+    return table((*header, "false alarms: growth detected [robots]"), rows), paragraph(CONTROLS)
 
 
 def _alarms(control: dict[str, Any], name: str) -> str:
