@@ -74,7 +74,9 @@ def _of_weight(ratio: dict[str, Any] | None) -> tuple[tuple[str, ...], str]:
     shows = "nothing in so short a walk shows it"
     if ratio is not None:
         low, high = ratio["interval95"]
-        shows = f"the robot's weight says so to {low:.2g} to {high:.2g} times"
+        shows = (
+            f"the robot's weight says so of all joints together, to {low:.2g} to {high:.2g} times, and of each nothing"
+        )
     return ("--torque-scale",), f"all of it if the torque is in N m, as declared: {shows}"
 
 

@@ -76,7 +76,10 @@ def test_a_right_walk_has_no_objection(given: Callable[[], Any]) -> None:
         assert known.interval95[0] <= friction <= known.interval95[1] or abs(known.value / friction - 1) < 0.1
         verdict = record.diagnostics["verdict"]
         assert verdict["assumes"][0] == ("--kp" if record.coulomb_friction is None else "--torque-scale")
-        assert record.coulomb_friction is None or "the robot's weight says so to" in verdict["lines"][0]
+        assert (
+            record.coulomb_friction is None
+            or "the robot's weight says so of all joints together" in verdict["lines"][0]
+        )
 
 
 def test_what_a_robot_carries_is_declared() -> None:

@@ -38,6 +38,9 @@ POLICY, LEVEL, COMMAND = "saturn_lite-flat-deception-0.2", 0.1, "vx=0.3,vy=0.2,w
 BY_TARGETS = "motors are taken to give what they are asked for to a fifth, and an error of the gains adds to it"
 """Why small errors of gains need not show where no torque was logged."""
 
+BY_WEIGHT = "the robot's weight tells the scale of all torques together, and not that of each joint's"
+"""Why a single joint's torque in another unit need not show."""
+
 Raw = dict[str, np.ndarray]
 """Signal -> samples, as `trot.sampled` returns them."""
 
@@ -319,12 +322,16 @@ def _model_cases() -> list[Case]:
 def _torque_cases() -> list[Case]:
     """Return mistakes about torques and gains."""
     trot_, targets = ("trot", trotting), ("trot by targets", by_targets)
-    mirrored = ordered(legs(1, 0, 3, 2), "torque")
+    mirrored, single = ordered(legs(1, 0, 3, 2), "torque"), (BY_WEIGHT, "--torque-scale")
     swapped = [joint for leg in range(4) for joint in (3 * leg, 3 * leg + 2, 3 * leg + 1)]
     return [
         *(case(f"torque {said}", *trot_, scaled("torque", factor)) for said, factor in FACTORS.items()),
         case("sign of the torque", *trot_, scaled("torque", -1.0)),
         case("sign of one torque", *trot_, scaled("torque", -1.0, slice(1, 2))),
+        case("torque of one hip half as large again", *trot_, scaled("torque", 1.5, slice(0, 1)), *single),
+        case("torque of one calf half as large", *trot_, scaled("torque", 0.5, slice(2, 3)), *single),
+        case("torque of the hips twice as large", *trot_, scaled("torque", 2.0, slice(0, None, 3)), *single),
+        case("torque of the calves twice as large", *trot_, scaled("torque", 2.0, slice(2, None, 3))),
         case("torque of the other side", *trot_, mirrored),
         case("torque of the other side", "trot, no feet", without_feet, mirrored),
         case("torque of thigh for calf", *trot_, ordered(swapped, "torque")),
