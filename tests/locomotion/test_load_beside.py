@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import torch
-from locomotion.test_env import make
 
+from locomotion.test_env import make
 from stiction.core.errors import StictionError
 from stiction.joints.friction import Law
 from stiction.locomotion.friction import FrictionCfg
@@ -13,7 +13,7 @@ BOTH = FrictionCfg("deception", level=0.1, range=(0.0, 1.0), load=(0.0, 0.1))
 
 
 def test_every_robot_has_a_coefficient_of_its_own_beside_its_friction() -> None:
-    """f up to 10 % of the limit, c up to 0.1, drawn apart; all joints of a robot share both."""
+    """Up to 10 % of the limit and a coefficient up to 0.1, drawn apart; all joints of a robot share both."""
     env = make(num_envs=64, friction=BOTH)
     dry, load = env.randomizer.law.levels
     assert env.randomizer.law.laws == (Law(), Law("load"))

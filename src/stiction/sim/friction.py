@@ -73,7 +73,7 @@ class JointFriction:
             if law.spec.unit == "share":
                 bound[ids] = values
         self._fresh[ids] = True
-        self.fleet.friction[ids] = sum(self._bounds)[ids]
+        self.fleet.friction[ids] = sum(bound[ids] for bound in self._bounds)
 
     def forget(self, ids: np.ndarray) -> None:
         """Forget the old bounds of the robots `ids`, which were just reset."""
