@@ -160,6 +160,18 @@ MANIFEST: tuple[Condition, ...] = (
     *_robots("kp2", "saturn_lite@kp=2"),
     *_robots("torque2", "saturn_lite@torque=2", LEVEL / 2),
     *(_load(coefficient, method) for coefficient in LOAD_COEFFICIENTS for method in ("direct", "deception")),
+    Condition(
+        *("effort442-direct", "5", "the paper's number as a coefficient of the motor's torque"),
+        ("--method", "direct", "--friction-law", "effort", "--friction-level", "0.442"),
+    ),
+    _coulomb(
+        *("load-beside", "5", "up to 10 % of the limit, and beside it up to 0.1 of the load", "deception"),
+        *("--task.friction.range", "0", "0.5", "--task.friction.load", "0", "0.1"),
+    ),
+    _coulomb(
+        *("deception-spread", "3", "joints differ by half about their robot's mean", "deception"),
+        *("--task.friction.spread", "0.5", "1.5"),
+    ),
     *(
         replace(_coulomb(method, "6", "a quadruped", method, "--robot", "go1"), name=f"go1-coulomb20-{method}")
         for method in ("none", "direct", "deception")
