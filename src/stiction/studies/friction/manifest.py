@@ -213,6 +213,11 @@ EVALUATED: tuple[State, ...] = ("exported", "finished")
 """States of runs that have rows."""
 
 
+STEP_SECONDS = {"rows": 2.34e-4, "sliders": 1.21e-4}
+"""Processor time of a training for each control step of each robot [s], with friction as rows and as sliders: 2.88 and
+1.49 s an iteration of 512 robots and 24 steps (results/speed, two busy AMD cores; machines differ by a factor of two)."""
+
+
 @dataclass(frozen=True)
 class PlannedRun:
     """A run with its complete configuration, and the folder where it is or will be."""
@@ -242,6 +247,12 @@ class PlannedRun:
             return 0
         before = self.cfg.teacher.iterations if rows[-1]["phase"] == "student" else 0
         return before + int(rows[-1]["iteration"])
+
+    def minutes(self) -> float:
+        """Return the processor time that its training takes from the beginning, by `STEP_SECONDS` [min]."""
+        cfg, physics = self.cfg, "sliders" if self.cfg.task.physics.plastic else "rows"
+        steps = cfg.num_envs * sum(phase.iterations * phase.steps for phase in (cfg.teacher, cfg.student))
+        return steps * STEP_SECONDS[physics] / 60.0
 
     def state(self) -> State:
         """Return where the run stands.
