@@ -215,7 +215,7 @@ EVALUATED: tuple[State, ...] = ("exported", "finished")
 
 STEP_SECONDS = {"rows": 2.34e-4, "sliders": 1.21e-4}
 """Processor time of a training for each control step of each robot [s], with friction as rows and as sliders: 2.88 and
-1.49 s an iteration of 512 robots and 24 steps (results/speed, two busy AMD cores; machines differ by a factor of two)."""
+1.49 s an iteration of 512 robots and 24 steps (results/speed, two busy AMD cores; machines differ by two)."""
 
 
 @dataclass(frozen=True)

@@ -123,6 +123,8 @@ def report_of(options: FrictionOptions, experiment: Experiment, further: Callabl
 
 def print_runs(planned: Sequence[PlannedRun], states: Mapping[str, str]) -> None:
     """Print every run with its state, its cost and the command that trains it by hand; then what is missing in all."""
+    from stiction.studies.friction.manifest import EVALUATED
+
     left = 0.0
     for run in planned:
         share = run.done() / run.iterations
