@@ -188,7 +188,7 @@ def test_a_path_may_have_an_at(tmp_path: Path) -> None:
 
 
 def test_a_function_of_ones_own_says_what_was_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its notes were lost; and its own error was said to be a fault of this program. A folder hides no shipped robot."""
+    """Its notes were lost, its own error was said to be a fault of stiction. And a folder hides no shipped robot."""
     from stiction.api.robot import read
 
     (tmp_path / "go1").mkdir()

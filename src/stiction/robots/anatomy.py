@@ -107,9 +107,10 @@ def dissect(model: mujoco.MjModel, base: str | None, origin: str) -> Anatomy:
 
 
 def _called(model: mujoco.MjModel, bodies: Sequence[int], joint: int) -> dict[str, str]:
-    """Return the names of a link and of its outermost body: the joint's where a body has none."""
-    depth = [len(_ancestors(model, body)) for body in bodies]
-    own, tip = model.body(bodies[0]).name, model.body(bodies[int(np.argmax(depth))]).name
+    """Return the names of a link and of its outermost body with a shape: the joint's where a body has none."""
+    shaped = [body for body in bodies if model.body_geomnum[body]] or bodies
+    outermost = max(shaped, key=lambda body: len(_ancestors(model, body)))
+    own, tip = model.body(bodies[0]).name, model.body(outermost).name
     return {"name": own or model.joint(joint).name, "tip": tip or own or model.joint(joint).name}
 
 

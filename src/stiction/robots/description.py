@@ -329,10 +329,9 @@ def complete_text(robot: Robot, model: str) -> str:
             "offset": {re.escape(name): offset for name, _, offset in known},
         }
     # The model has no joint where one is held: what is said of those is a comment.
-    held: dict[str, Any] = (
-        {"held": {joint.name: _rounded(joint.position) for joint in robot.held}} if robot.held else {}
-    )
-    if robot.held and robot.vendor is not None:
+    angles = {joint.name: _rounded(joint.position) for joint in robot.held}
+    held: dict[str, Any] = {"held": angles} if angles else {}
+    if angles and robot.vendor is not None:
         held["order of the maker, held joints too"] = list(robot.vendor.order)
     remarks = _yaml(held).splitlines() if held else []
     return "".join(f"# {line}\n" for line in remarks) + _yaml(content)
