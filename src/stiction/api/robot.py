@@ -11,7 +11,8 @@ from markupsafe import Markup
 
 from stiction.api.result import Result, html_table
 from stiction.core.extras import says_what_is_missing
-from stiction.robots.catalog import FILES, find_robot, robot_names
+from stiction.core.plugins import find_named
+from stiction.robots.catalog import find_robot, is_file_name, robot_names
 from stiction.robots.model import Robot
 
 if TYPE_CHECKING:
@@ -99,9 +100,12 @@ def list_robots() -> list[str]:
 def read(name: str | Path) -> Derived:
     """Return a robot with the origins of its values; a shipped one has none to tell."""
     from stiction.robots.derive import Derived
+    from stiction.robots.load import as_robot
     from stiction.robots.load import load_robot as from_file
 
-    if not str(name).endswith(FILES):
+    if not is_file_name(str(name)):
+        if ":" in str(name) and "@" not in str(name):
+            return as_robot(find_named("robot", str(name)), str(name))
         return Derived(find_robot(str(name)), (), ())
 
     return from_file(Path(name))

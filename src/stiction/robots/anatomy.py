@@ -74,7 +74,7 @@ def dissect(model: mujoco.MjModel, base: str | None, origin: str) -> Anatomy:
                 f"{origin}: the body {model.body(body).name!r} has more than one joint; give each a body of its own"
             )
         moved[body] = number
-    root = int(model.jnt_bodyid[np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE))[0]])
+    root = int(model.body_rootid[model.jnt_bodyid[driven[0]]])
     owner = {0: -2, root: -1}
     for body in range(1, model.nbody):
         if body != root:
@@ -97,12 +97,21 @@ def dissect(model: mujoco.MjModel, base: str | None, origin: str) -> Anatomy:
                 "origin": as_vector(place),
                 "axis": as_vector(axes[number] if number >= 0 else (0, 0, 1)),
             }
+            | ({} if number < 0 else _called(model, bodies, driven[number]))
         )
     return Anatomy(
         Part(**parts[0]),
         tuple(Part(**part) for part in parts[1:]),
         tuple(driven),
     )
+
+
+def _called(model: mujoco.MjModel, bodies: Sequence[int], joint: int) -> dict[str, str]:
+    """Return the names of a link and of its outermost body with a shape: the joint's where a body has none."""
+    shaped = [body for body in bodies if model.body_geomnum[body]] or bodies
+    outermost = max(shaped, key=lambda body: len(_ancestors(model, body)))
+    own, tip = model.body(bodies[0]).name, model.body(outermost).name
+    return {"name": own or model.joint(joint).name, "tip": tip or own or model.joint(joint).name}
 
 
 def _named_base(model: mujoco.MjModel, name: str, owner: Mapping[int, int], origin: str) -> int:
@@ -147,10 +156,8 @@ def _part(
         if model.geom_contype[geom] or model.geom_conaffinity[geom] or "collision" in model.geom(geom).name
     ]
     shapes = {geom: _shape(model, data, geom, frame) for geom in geoms}
-    depth = [len(_ancestors(model, body)) for body in bodies]
     return {
         "name": model.body(bodies[0]).name,
-        "tip": model.body(bodies[int(np.argmax(depth))]).name,
         "bodies": tuple(bodies),
         "mass": whole.mass,
         "com": as_vector(whole.com),

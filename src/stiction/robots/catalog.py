@@ -37,8 +37,19 @@ def find_robot(name: str) -> Robot:
 
     Raises `StictionError` where there is no such robot, or the variation is none.
     """
-    plain, _, variation = name.partition("@")
-    return vary(_find(plain), name, variation) if "@" in name else _find(name)
+    plain, variation = _parted(name)
+    return _find(name) if variation is None else vary(_find(plain), name, variation)
+
+
+def _parted(name: str) -> tuple[str, str | None]:
+    """Return a robot's name, and its variation; None: it has none, though its path may have an @, as of a user."""
+    plain, at, variation = name.rpartition("@")
+    return (plain, variation) if at and not is_file_name(name) else (name, None)
+
+
+def is_file_name(name: str) -> bool:
+    """Return whether a robot's name is that of a file which describes one."""
+    return name.lower().endswith(FILES)
 
 
 def find_mechanism(name: str) -> Mechanism:
@@ -47,7 +58,7 @@ def find_mechanism(name: str) -> Mechanism:
     name: as of `find_robot`; a MuJoCo or URDF file, or a `robot.yaml`, need not be of a legged robot. Raises
     `StictionError` as that does.
     """
-    if name.endswith(FILES) and not name.endswith(".json"):
+    if is_file_name(name) and not name.lower().endswith(".json"):
         from stiction.robots.load import load_mechanism
 
         return load_mechanism(Path(name))
@@ -56,7 +67,7 @@ def find_mechanism(name: str) -> Mechanism:
 
 def is_shipped(name: str) -> bool:
     """Return whether a robot, varied or not, comes with the package: its name alone finds it anywhere."""
-    return name.partition("@")[0] in robot_names()
+    return _parted(name)[0] in robot_names()
 
 
 def robot_in_file(name: str, where: str, how: str) -> str:
@@ -65,8 +76,7 @@ def robot_in_file(name: str, where: str, how: str) -> str:
     where: the file, for messages; how: the user says it himself, such as `give it with --robot`. Raises `RobotError`
     for `package.module:ROBOT`: finding such a robot runs that module, so it is typed and never read from a file.
     """
-    plain = str(name).partition("@")[0]
-    if not isinstance(name, str) or (not is_shipped(name) and not plain.endswith(FILES)):
+    if not isinstance(name, str) or (not is_shipped(name) and not is_file_name(_parted(name)[0])):
         raise RobotError(f"{where}: the robot {name!r} is neither shipped nor a file; a file runs no module: {how}")
     return name
 
@@ -92,12 +102,14 @@ def _find(name: str) -> Robot:
 
     Raises `StictionError` where there is no such robot.
     """
-    if name.endswith(".json"):
+    if name.lower().endswith(".json"):
         return read_robot(Path(name))
-    if name.endswith(FILES):
+    if is_file_name(name):
         from stiction.robots.load import load_robot
 
         return load_robot(Path(name)).robot
+    if name not in robot_names() and name and Path(name[:1000]).is_dir():
+        raise RobotError(f"robot {name!r} is a folder; name the robot.yaml, .xml or .urdf in it")
     module_name, _, variable = name.partition(":")
     if not variable and "." not in name:
         if name not in robot_names():
@@ -111,4 +123,4 @@ def _find(name: str) -> Robot:
         return found
     from stiction.robots.load import as_robot
 
-    return as_robot(found, name)
+    return as_robot(found, name).robot

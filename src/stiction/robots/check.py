@@ -31,6 +31,12 @@ STANDING_TIME = 3.0
 WIDEST = 4 * np.pi
 """A range of a joint wider than this was hardly meant in radians [rad]."""
 
+NARROWEST = 0.1
+"""Where most ranges are narrower than this, they were hardly meant in degrees [rad]."""
+
+HIGHEST = 10.0
+"""Height of the base, and distance of a joint from the one before it, above which no robot is expected [m]."""
+
 LIGHTEST, HEAVIEST = 0.5, 1000.0
 """Masses of robots between which nothing is suspected [kg]."""
 
@@ -53,9 +59,11 @@ def check_robot(robot: Robot) -> tuple[Finding, ...]:
     What cannot be simulated is not: with impossible masses the checks that stand the robot up are left out.
     """
     findings = [
-        finding for check in (_mass, _inertias, _limits, _motors, _feet, _mirror, _order) for finding in check(robot)
+        finding
+        for check in (_mass, _size, _inertias, _limits, _motors, _feet, _mirror, _order)
+        for finding in check(robot)
     ]
-    if not any(finding.state == "bad" and finding.check in ("mass", "inertia") for finding in findings):
+    if not any(finding.state == "bad" and finding.check in ("mass", "size", "inertia") for finding in findings):
         findings += [*_gravity(robot), *_stands(robot)]
     return tuple(findings)
 
@@ -75,6 +83,19 @@ def _mass(robot: Robot) -> Iterator[Finding]:
         )
         return
     yield Finding("mass", "good", f"{robot.mass:.4g} kg, of which the base has {robot.base.mass:.4g} kg")
+
+
+def _size(robot: Robot) -> Iterator[Finding]:
+    """Check that lengths are metres, and that the base is above the feet."""
+    far = max(robot.links, key=lambda link: float(np.linalg.norm(link.origin)))
+    away = float(np.linalg.norm(far.origin))
+    if not 0 < robot.standing_height < HIGHEST or away > HIGHEST:
+        yield Finding(
+            "size", "bad",
+            f"the base stands {robot.standing_height:.4g} m above the ground, {far.name} is {away:.4g} m from the link "
+            "before it; are lengths in millimetres, or the feet others?",
+            "feet: [...], base: NAME, or give the lengths of the file in metres",
+        )  # fmt: skip
 
 
 def _inertias(robot: Robot) -> Iterator[Finding]:
@@ -106,6 +127,14 @@ def _limits(robot: Robot) -> Iterator[Finding]:
         yield Finding(
             "limits", "bad", f"the range of {', '.join(wide)} is more than two turns; is it in degrees?",
             f"joints: {{{wide[0]}: {{lower: ..., upper: ...}}}} in radians",
+        )  # fmt: skip
+    narrow = [joint.name for joint in robot.joints if joint.upper - joint.lower < NARROWEST]
+    if 2 * len(narrow) > robot.num_joints:
+        yield Finding(
+            "limits", "bad",
+            f"the ranges of {len(narrow)} joints are below {NARROWEST:g} rad; does the file mean radians, and its "
+            "compiler take degrees?",
+            '<compiler angle="radian"/> in the file',
         )  # fmt: skip
     near = [
         joint.name
@@ -142,6 +171,15 @@ def _motors(robot: Robot) -> Iterator[Finding]:
             "motors", "note",
             f"{joint}: an error of 1 rad asks for {kp[limp[0]]:.3g} of {limit[limp[0]]:.3g} N m; it is soft",
             f"joints: {{{joint}: {{kp: ...}}}}",
+        )  # fmt: skip
+    stuck = np.flatnonzero(robot.joint_values("frictionloss") >= limit)
+    if len(stuck):
+        joint = robot.joint_names[stuck[0]]
+        yield Finding(
+            "motors", "bad",
+            f"{joint} has a friction of {robot.joint_values('frictionloss')[stuck[0]]:.3g} N m and a motor of "
+            f"{limit[stuck[0]]:.3g} N m: it never moves",
+            f"joints: {{{joint}: {{frictionloss: ...}}}} in N m",
         )  # fmt: skip
     yield Finding(
         "motors", "good",
@@ -212,10 +250,15 @@ def _feet(robot: Robot) -> Iterator[Finding]:
 
 def _mirror(robot: Robot) -> Iterator[Finding]:
     """Check whether left mirrors right."""
+    if robot.mirror_names == ():
+        yield Finding("mirror", "good", "none, as its description says")
+        return
     try:
         mirror = robot_mirror(robot)
     except StictionError as error:
-        yield Finding("mirror", "note", str(error), "mirror: none, or correct what differs")
+        # What somebody says of the mirror and is not so is a mistake; a robot that has none is no mistake.
+        state: State = "bad" if robot.mirror_names else "note"
+        yield Finding("mirror", state, str(error), "mirror: none, or correct what differs")
         return
     flipped = int((mirror.sign < 0).sum())
     yield Finding("mirror", "good", f"left mirrors right; {flipped} of {robot.num_joints} angles change their sign")

@@ -5,16 +5,19 @@ A joint whose sign is wrong in one of the two turns a leg the other way on the m
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from stiction.core.errors import RobotError, unknown_name
+from stiction.robots.actuators import torque_limit
 from stiction.robots.anatomy import hinges
-from stiction.robots.derive import derive, torque_limit
+from stiction.robots.derive import derive
 from stiction.robots.description import describe
 from stiction.robots.hold import hold
+from stiction.robots.load import described_source
 from stiction.robots.model import Robot, link_poses
 from stiction.robots.source import Source, read_source
 
@@ -23,13 +26,15 @@ PLACE, AXIS, LIMIT, MASS, TORQUE = 5e-3, 1e-2, 0.05, 0.05, 0.02
 
 
 def check_against(robot: Robot, path: Path) -> int:
-    """Return how many joints of a robot agree with a MuJoCo or URDF model of it: all.
+    """Return how many joints of a robot agree with a model of it: all.
 
-    Joints that the robot holds are held in the model too. Raises `RobotError` naming the first joint that differs, in
+    path: a MuJoCo or URDF file; or a `robot.yaml`, whose `base` is then the frame in which they are compared. Joints
+    that the robot holds are held in the model too. Raises `RobotError` naming the first joint that differs, in
     what, and by how much; or a model that cannot be read.
     """
-    source = read_source(path)
-    other = _model(robot, source)
+    told = path.suffix.lower() in (".yaml", ".yml")
+    source, base = described_source(path) if told else (read_source(path), None)
+    other = _model(robot, source, base)
     missing = [name for name in robot.joint_names if name not in other.joint_names]
     if missing:
         raise RobotError(f"{path}: {unknown_name('joint', missing[0], other.joint_names)}")
@@ -43,25 +48,25 @@ def check_against(robot: Robot, path: Path) -> int:
     order = [name for name in other.joint_names if name in robot.joint_names]
     if order != list(robot.joint_names):
         # Another order is no fault of either; who wires them together by number has to know.
-        robot_first, model_first = robot.joint_names[0], order[0]
-        if robot_first != model_first and robot.vendor is None:
+        number = next(n for n, (one, other) in enumerate(zip(order, robot.joint_names, strict=True)) if one != other)
+        if robot.vendor is None:
             raise RobotError(
-                f"{path}: its joints begin with {model_first!r}, the policy's with {robot_first!r}; give the robot's "
-                "vendor order in robot.yaml, or wire them by name"
+                f"{path}: its joint {number + 1} is {order[number]!r}, the policy's {robot.joint_names[number]!r}; "
+                "give the robot's vendor order in robot.yaml, or wire them by name"
             )
     return robot.num_joints
 
 
-def _model(robot: Robot, source: Source) -> Robot:
-    """Return the robot of a model, in the pose of the other one and with what it holds held."""
+def _model(robot: Robot, source: Source, base: str | None) -> Robot:
+    """Return the robot of a model, in the pose of the other one and with what it holds held; `base`: its body."""
     names = [source.model.joint(number).name for number in hinges(source.model)]
     pose = dict(zip(robot.joint_names, robot.joint_values("default_position").tolist(), strict=True))
     pose |= {joint.name: joint.position for joint in robot.held}
-    said = {
+    said: dict[str, object] = {
         "joints": {".*": {"armature": 1.0, "torque_limit": 1.0, "kp": 1.0, "lower": -7.0, "upper": 7.0}},
-        "pose": {name: angle for name, angle in pose.items() if name in names and name.replace("_", "").isalnum()},
+        "pose": {re.escape(name): angle for name, angle in pose.items() if name in names},
     }
-    derived = derive(source, describe(said, source.origin)).robot
+    derived = derive(source, describe(said | ({"base": base} if base else {}), source.origin)).robot
     return hold(derived, {joint.name: joint.position for joint in robot.held if joint.name in derived.joint_names})
 
 

@@ -25,6 +25,7 @@ import numpy as np
 
 from stiction.core.errors import RobotError, unknown_name
 from stiction.core.names import kind_of
+from stiction.robots.actuators import gains, torque_limit
 from stiction.robots.anatomy import Anatomy, Part, dissect, hinges
 from stiction.robots.description import Description
 from stiction.robots.hold import hold
@@ -106,6 +107,7 @@ def derive(source: Source, said: Description) -> Derived:
         for number, (link, part) in enumerate(zip(links, anatomy.links, strict=True))
     )
     feet = _grouped(feet, said, poses, origins)
+    _check_names(links, joints, feet, origin)
     robot = Robot(
         name=said.name or _name(source.name),
         base=base,
@@ -117,7 +119,29 @@ def derive(source: Source, said: Description) -> Derived:
         mirror_names=_mirror_names(joints, said),
     )
     origins.append(Origin("robot", "standing height", f"{-lowest:.4g} m", "feet on the ground in the pose"))
-    return Derived(hold(robot, held), tuple(origins), source.notes + _frictions(model, anatomy, said))
+    notes = source.notes + _frictions(model, anatomy, said) + _limitless(model, anatomy, said)
+    return Derived(hold(robot, held), tuple(origins), notes)
+
+
+RESERVED = {"link": ("world", "base"), "joint": ("root",), "foot": ("base", "floor")}
+"""Names that every simulated robot has, of its own body, joint and shapes."""
+
+
+def _check_names(links: Sequence[Link], joints: Sequence[Joint], feet: Sequence[Foot], origin: str) -> None:
+    """Refuse names that two things would have in the model that is simulated."""
+    named: tuple[tuple[str, list[str]], ...] = (
+        ("link", [link.name for link in links]),
+        ("joint", [joint.name for joint in joints]),
+        ("foot", [name for foot in feet for name in foot.geometry_names]),
+        ("foot", [foot.name.removesuffix("_foot") for foot in feet]),
+    )
+    for kind, names in named:
+        for name in names:
+            if name in RESERVED[kind] or names.count(name) > 1:
+                raise RobotError(
+                    f"{origin}: the {kind} {name!r} has a name that something else has in the simulated model; give it "
+                    f"another one in the file (taken: {', '.join(RESERVED[kind])})"
+                )
 
 
 def _name(name: str) -> str:
@@ -208,9 +232,9 @@ def _joint(
     low, high = (float(value) for value in model.jnt_range[number]) if limited else (-FREE_RANGE, FREE_RANGE)
     if said.of_joint(name, "action") is False:
         # Nothing drives it, and it is gone when the robot is complete: its motor need not be known.
-        return Joint(name, kind, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, min(low, angle - 1), max(high, angle + 1), angle, 0.0)
+        return Joint(name, kind, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, min(low, angle - 1), max(high, angle + 1), angle, 1.0)
     torque, armature = _motor(model, number, take, said)
-    kp_file, kd_file = _gains(model, number)
+    kp_file, kd_file = gains(model, number)
     omega = 2 * math.pi * FREQUENCY
     kp = take(
         "kp",
@@ -265,43 +289,6 @@ def _motor(model: mujoco.MjModel, number: int, take: Take, said: Description) ->
             "the gear ratio squared [kg m²], from the motor's data sheet or from stiction identify)"
         )
     return torque, armature
-
-
-def _actuators(model: mujoco.MjModel, joint: int) -> list[int]:
-    """Return the numbers of the actuators that drive a joint."""
-    return [
-        number
-        for number in range(model.nu)
-        if int(model.actuator_trntype[number]) == int(mujoco.mjtTrn.mjTRN_JOINT)
-        and int(model.actuator_trnid[number, 0]) == joint
-    ]
-
-
-def torque_limit(model: mujoco.MjModel, joint: int) -> tuple[float, str]:
-    """Return the smallest torque limit that the file states, and where; 0 where it states none."""
-    found: list[tuple[float, str]] = []
-    if model.jnt_actfrclimited[joint]:
-        found.append((float(np.abs(model.jnt_actfrcrange[joint]).min()), "file: actuatorfrcrange, or effort"))
-    for actuator in _actuators(model, joint):
-        gear = abs(float(model.actuator_gear[actuator, 0]))
-        if model.actuator_forcelimited[actuator]:
-            found.append((gear * float(np.abs(model.actuator_forcerange[actuator]).min()), "file: forcerange"))
-        motor = not np.any(model.actuator_biasprm[actuator])
-        if motor and model.actuator_ctrllimited[actuator]:
-            gain = gear * abs(float(model.actuator_gainprm[actuator, 0]))
-            found.append(
-                (gain * float(np.abs(model.actuator_ctrlrange[actuator]).min()), "file: ctrlrange of its motor")
-            )
-    return min((pair for pair in found if pair[0] > 0), default=(0.0, "file: none"))
-
-
-def _gains(model: mujoco.MjModel, joint: int) -> tuple[float, float]:
-    """Return kp and kd of the position actuator that drives a joint in the file; 0 where there is none."""
-    for actuator in _actuators(model, joint):
-        kp, (_, minus_kp, minus_kd) = float(model.actuator_gainprm[actuator, 0]), model.actuator_biasprm[actuator, :3]
-        if kp > 0 and math.isclose(kp, -minus_kp):
-            return kp, float(-minus_kd)
-    return 0.0, 0.0
 
 
 def _link(part: Part) -> Link:
@@ -359,13 +346,15 @@ def _feet(
             f"{said.source}: no outermost link has a shape to touch the ground with; name the feet (feet: [...]), "
             "bodies or geometries with a shape"
         )
-    feet = []
+    feet: list[Foot] = []
     for name, link, shapes in chosen:
         height = _lowest(shapes, poses, link)
         sole = [shape for shape in shapes if _lowest([shape], poses, link) < height + SOLE]
         low, high = bounds(sole, poses[1][link])
         middle = poses[1][link].T @ ((low + high) / 2)
         down = tuple(replace(shape, contact="ground") for shape in sole)
+        if any(other.link == link and other.shapes == down for other in feet):
+            raise RobotError(f"{said.source}: feet: {name!r} is the same as another foot; expected each once")
         feet.append(Foot(name, link, vector(middle), float(high[2] - low[2]) / 2, down))
     lowest = min(_lowest(foot.shapes, poses, foot.link) for foot in feet)
     where = said.source if said.feet else "rule: outermost links that touch the ground in the pose"
@@ -384,6 +373,13 @@ def _leaves(anatomy: Anatomy, poses: Poses) -> list[tuple[str, int, tuple[Shape,
     if not shaped:
         return []
     heights = [_lowest(shapes, poses, link) for _, link, shapes in shaped]
+    for number, part in enumerate(anatomy.links):
+        if number not in carriers and not part.shapes and poses[0][number][2] < min(heights):
+            raise RobotError(
+                f"the outermost link {part.name!r} has no shape, or its mesh was left out, and reaches below "
+                f"{', '.join(repr(name) for name, _, _ in shaped)}: it may be the foot; supply its shape, or name the "
+                "feet (feet: [...])"
+            )
     return [leaf for leaf, height in zip(shaped, heights, strict=True) if height < min(heights) + TOUCHING]
 
 
@@ -454,6 +450,17 @@ def _mirror_names(joints: Sequence[Joint], said: Description) -> tuple[str, ...]
     if said.mirror is None:
         return None
     return tuple(said.mirror.get(joint.name, joint.name) for joint in joints) if said.mirror else ()
+
+
+def _limitless(model: mujoco.MjModel, anatomy: Anatomy, said: Description) -> tuple[str, ...]:
+    """Return which joints have no limits, or such as MuJoCo takes for none: a range of zero, or from high to low."""
+    names = [model.joint(joint).name for joint in anatomy.joints if not model.jnt_limited[joint]]
+    free = [name for name in names if said.of_joint(name, "lower") is None or said.of_joint(name, "upper") is None]
+    free = [name for name in free if said.of_joint(name, "action") is not False]
+    if not free:
+        return ()
+    found = ", ".join(free[:6]) + (f" and {len(free) - 6} more" if len(free) > 6 else "")
+    return (f"the file has no limits that hold for {found}; a turn either way is taken: say lower and upper",)
 
 
 def _frictions(model: mujoco.MjModel, anatomy: Anatomy, said: Description) -> tuple[str, ...]:

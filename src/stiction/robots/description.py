@@ -151,6 +151,8 @@ def describe(content: Any, source: str) -> Description:
     collision = entries.get("collision", "feet")
     if collision not in ("feet", "file"):
         raise RobotError(f"{source}: collision is {collision!r}; expected feet or file")
+    if not re.fullmatch(r"\w[\w.-]*", name := _text(entries.get("name", "robot"), source, "name")):
+        raise RobotError(f"{source}: name is {name!r}; expected letters, digits, and . _ - between them")
     return Description(
         **{
             name: _text(entries[name], source, name)
@@ -304,15 +306,13 @@ def complete_text(robot: Robot, model: str) -> str:
         }
         for joint in robot.joints
     }
-    joints |= {re.escape(joint.name): {"action": False} for joint in robot.held}
     pose = {joint.name: _rounded(joint.default_position) for joint in robot.joints}
     content: dict[str, Any] = {
         "model": model,
         "name": robot.name,
         "feet": list(robot.foot_names),
         "joints": joints,
-        "pose": {re.escape(name): angle for name, angle in pose.items()}
-        | {re.escape(joint.name): _rounded(joint.position) for joint in robot.held},
+        "pose": {re.escape(name): angle for name, angle in pose.items()},
     }
     if robot.feet[0].group is not None:
         content["groups"] = [[foot.name for foot in robot.feet if foot.group == number] for number in (0, 1)]
@@ -321,15 +321,24 @@ def complete_text(robot: Robot, model: str) -> str:
             dict(zip(robot.joint_names, robot.mirror_names, strict=True)) if robot.mirror_names else "none"
         )
     if robot.vendor is not None:
+        rows = zip(robot.vendor.order, robot.vendor.sign, robot.vendor.offset, strict=True)
+        known = [row for row in rows if row[0] in robot.joint_names]
         content["vendor"] = {
-            "order": list(robot.vendor.order),
-            "sign": {
-                re.escape(name): int(sign) for name, sign in zip(robot.vendor.order, robot.vendor.sign, strict=True)
-            },
-            "offset": {
-                re.escape(name): offset for name, offset in zip(robot.vendor.order, robot.vendor.offset, strict=True)
-            },
+            "order": [name for name, _, _ in known],
+            "sign": {re.escape(name): int(sign) for name, sign, _ in known},
+            "offset": {re.escape(name): offset for name, _, offset in known},
         }
+    # The model has no joint where one is held: what is said of those is a comment.
+    angles = {joint.name: _rounded(joint.position) for joint in robot.held}
+    held: dict[str, Any] = {"held": angles} if angles else {}
+    if angles and robot.vendor is not None:
+        held["order of the maker, held joints too"] = list(robot.vendor.order)
+    remarks = _yaml(held).splitlines() if held else []
+    return "".join(f"# {line}\n" for line in remarks) + _yaml(content)
+
+
+def _yaml(content: Mapping[str, Any]) -> str:
+    """Return the YAML of a mapping."""
     return yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
 
 

@@ -13,8 +13,8 @@ import mujoco
 import numpy as np
 
 from stiction.core.errors import RobotError
+from stiction.robots.actuators import torque_limit
 from stiction.robots.anatomy import as_vector, centred, hinges
-from stiction.robots.derive import torque_limit
 from stiction.robots.description import Description, read_description
 from stiction.robots.hold import merge
 from stiction.robots.mechanism import Mechanism
@@ -31,7 +31,7 @@ def load_mechanism(path: Path) -> Mechanism:
     Raises `RobotError` where it cannot be read, has no hinge, closes loops, or a link that moves has no mass at all.
     """
     said = Description(source="a robot.yaml")
-    if path.suffix in (".yaml", ".yml"):
+    if path.suffix.lower() in (".yaml", ".yml"):
         said = read_description(path)
         if said.model is None:
             raise RobotError(f"{path}: says no model; expected model: ROBOT.xml or ROBOT.urdf, beside it")

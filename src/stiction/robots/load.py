@@ -13,9 +13,9 @@ from stiction.robots.description import Description, read_description
 from stiction.robots.fixed import load_mechanism
 from stiction.robots.model import Robot
 from stiction.robots.record import read_robot
-from stiction.robots.source import compile_source, read_source
+from stiction.robots.source import Source, compile_source, read_source
 
-__all__ = ["as_robot", "load_mechanism", "load_robot"]
+__all__ = ["as_robot", "described_source", "load_mechanism", "load_robot"]
 
 
 def load_robot(path: Path) -> Derived:
@@ -25,10 +25,21 @@ def load_robot(path: Path) -> Derived:
     """
     if not path.is_file():
         raise RobotError(f"robot {str(path)!r}: there is no such file")
-    if path.suffix == ".json":
+    if path.suffix.lower() == ".json":
         return Derived(read_robot(path), (), ())
-    if path.suffix in (".xml", ".urdf"):
+    if path.suffix.lower() in (".xml", ".urdf"):
         return derive(read_source(path), Description(source="a robot.yaml"))
+    return derive(*_described(path))
+
+
+def described_source(path: Path) -> tuple[Source, str | None]:
+    """Return the model that a `robot.yaml` names, and the body that it says is the base. Errors: `load_robot`."""
+    source, said = _described(path)
+    return source, said.base
+
+
+def _described(path: Path) -> tuple[Source, Description]:
+    """Return the model that a `robot.yaml` names, and what it says of it."""
     said = read_description(path)
     if said.model is None:
         raise RobotError(f"{path}: says no model; expected model: ROBOT.xml or ROBOT.urdf, beside it")
@@ -38,20 +49,25 @@ def load_robot(path: Path) -> Derived:
             "have it write its model to a file"
         )
     model = path.parent / said.model
-    if model.suffix not in (".xml", ".urdf") or not model.is_file():
+    if model.suffix.lower() not in (".xml", ".urdf") or not model.is_file():
         raise RobotError(f"{path}: model {said.model!r}: there is no such .xml or .urdf file in {path.parent}")
-    return derive(read_source(model), said)
+    return read_source(model), said
 
 
-def as_robot(found: object, name: str) -> Robot:
+def as_robot(found: object, name: str) -> Derived:
     """Return the robot that a function of a module returns or describes; `name`: of both, for messages.
 
-    Raises `RobotError` where it is no such function.
+    Raises `RobotError` where it is no such function, or fails.
     """
+    if isinstance(found, Robot):
+        return Derived(found, (), ())
     if callable(found) and not isinstance(found, type):
-        spec = found()
+        try:
+            spec = found()
+        except Exception as error:
+            raise RobotError(f"robot {name!r}: its function fails: {type(error).__name__}: {error}") from error
         if isinstance(spec, Robot):
-            return spec
+            return Derived(spec, (), ())
         if isinstance(spec, mujoco.MjSpec):
-            return derive(compile_source(spec, name), Description(source="a robot.yaml")).robot
+            return derive(compile_source(spec, name), Description(source="a robot.yaml"))
     raise RobotError(f"robot {name!r}: expected a Robot, or a function that returns a mujoco.MjSpec; it is neither")

@@ -159,18 +159,13 @@ def _add_shape(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Shape, name: st
 
 def foot_geometries(robot: Robot) -> list[str]:
     """Return the names of the geometries of all feet; the first of each foot has the foot's name."""
-    return [_foot_name(foot, number) for foot in robot.feet for number in range(len(foot.shapes))]
-
-
-def _foot_name(foot: Foot, number: int) -> str:
-    """Return the name of one geometry of a foot."""
-    return f"{foot.name}{number}" if number else foot.name
+    return [name for foot in robot.feet for name in foot.geometry_names]
 
 
 def _add_foot(spec: mujoco.MjSpec, link: mujoco.MjsBody, foot: Foot) -> None:
     """Add what touches the ground of one foot, and its sensor."""
-    for number, shape in enumerate(foot.shapes):
-        _add_shape(spec, link, shape, _foot_name(foot, number), priority=1, friction=[1.0, 0.005, 0.0001])
+    for name, shape in zip(foot.geometry_names, foot.shapes, strict=True):
+        _add_shape(spec, link, shape, name, priority=1, friction=[1.0, 0.005, 0.0001])
     if foot.is_ball:
         link.add_site(name=foot.name, size=[1.2 * foot.radius, 0, 0], pos=foot.position, group=4)
     else:

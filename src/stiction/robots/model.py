@@ -27,6 +27,9 @@ GRAVITY = 9.81
 TRUNK_LENGTH = 0.70
 """Length of the trunk of the paper's robot, to which its table of randomisation refers [m]."""
 
+LARGEST = 1e9
+"""Numbers of a robot are smaller, in every unit; a larger one is a slip, or made to overflow."""
+
 DELAY_SAMPLES = 8
 """Room for delayed controls in every robot's model, in physics steps."""
 
@@ -143,6 +146,11 @@ class Foot:
     """Contact group of the tripod or trot, 0 or 1, C^G of the paper; None where there are none."""
 
     @property
+    def geometry_names(self) -> list[str]:
+        """Names of its shapes in the simulated model; the first has the foot's."""
+        return [f"{self.name}{number}" if number else self.name for number in range(len(self.shapes))]
+
+    @property
     def is_ball(self) -> bool:
         """Whether it touches the ground with one sphere: in a point, without a moment."""
         return len(self.shapes) == 1 and self.shapes[0].kind == "sphere"
@@ -200,11 +208,17 @@ class Robot:
                     f"robot {self.name!r}: joint {joint.name!r} stands at {joint.default_position:g} rad, outside its "
                     f"limits [{joint.lower:g}, {joint.upper:g}]"
                 )
-            for name in ("torque_limit", "armature", "kp"):
-                if not getattr(joint, name) > 0:
+            for name in ("torque_limit", "armature", "kp", "action_scale"):
+                if not 0 < getattr(joint, name) < LARGEST:
                     raise RobotError(
                         f"robot {self.name!r}: {name} of joint {joint.name!r} is {getattr(joint, name):g}; expected a "
-                        "positive number"
+                        f"positive number below {LARGEST:g}"
+                    )
+            for name in ("kd", "damping", "frictionloss"):
+                if not 0 <= getattr(joint, name) < LARGEST:
+                    raise RobotError(
+                        f"robot {self.name!r}: {name} of joint {joint.name!r} is {getattr(joint, name):g}; expected "
+                        f"zero, or a positive number below {LARGEST:g}"
                     )
 
     @property

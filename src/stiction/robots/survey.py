@@ -51,8 +51,11 @@ def survey(path: Path, content: bytes) -> None:
         for name in included:
             # MuJoCo looks beside the first file; whatever it finds was looked at.
             for place in {path.parent / name, file.parent / name}:
-                if not place.exists() or place.resolve() in seen:
-                    continue
+                try:
+                    if not place.exists() or place.resolve() in seen:
+                        continue
+                except OSError as error:
+                    raise RobotError(f"{path}: includes {name[:60]!r}: {error.strerror}") from error
                 seen.add(place.resolve())
                 if len(seen) > MOST_FILES:
                     raise RobotError(f"{path}: includes more than {MOST_FILES} files")
@@ -72,8 +75,13 @@ def _elements(path: Path, content: bytes) -> tuple[int, list[str]]:
         count, depth = count + 1, depth + 1
         if depth > DEEPEST:
             raise RobotError(f"{path}: more than {DEEPEST} elements in one another")
+        if tag.startswith("xacro:"):
+            raise RobotError(f"{path}: is written in xacro; expand it first: xacro FILE > robot.urdf")
+        if tag == "size":
+            # MuJoCo reads it in a URDF too, from the element <mujoco>.
+            _check_sizes(path, attributes)
         if urdf:
-            # Of what is not URDF, such as a simulator's plugins, MuJoCo reads nothing.
+            # Of what else is not URDF, such as a simulator's plugins, MuJoCo reads nothing.
             return
         if tag in MAKERS:
             raise RobotError(f"{path}: <{tag}> is not read; {MAKERS[tag]}")
@@ -81,8 +89,6 @@ def _elements(path: Path, content: bytes) -> tuple[int, list[str]]:
             raise RobotError(
                 f"{path}: a mesh of the kind {attributes['builtin']!r} is not read; supply the mesh's file"
             )
-        if tag == "size":
-            _check_sizes(path, attributes)
         if tag == "include" and "file" in attributes:
             included.append(attributes["file"])
 

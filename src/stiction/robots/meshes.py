@@ -1,0 +1,151 @@
+"""Finds the files of a robot's meshes, and leaves out those that are only seen and cannot be had or decoded.
+
+What a robot weighs or stands on is never left out: a body whose mass comes from a mesh that is not there is refused
+here, a foot without a shape where feet are derived.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path, PurePosixPath
+
+import mujoco
+
+from stiction.core.errors import RobotError
+
+MOST_BYTES = 1024 * 2**20
+"""Size of all meshes together."""
+
+MESHES = (".stl", ".obj", ".msh")
+"""What MuJoCo decodes."""
+
+MOST_FILES = 20_000
+"""Files of a package among which a mesh is looked for by its name."""
+
+
+def mend_meshes(spec: mujoco.MjSpec, path: Path, urdf: bool) -> tuple[str, ...]:
+    """Find the files of all meshes; leave out those that are only seen and cannot be had.
+
+    Returns what was left out, or found where the file does not say. Raises `RobotError` naming a mesh that a body's
+    mass comes from, and that is missing or cannot be decoded.
+    """
+    notes, total, nearby = [], 0, _Nearby(path.parent)
+    for mesh in list(spec.meshes):
+        if not mesh.file:
+            continue
+        found = next(filter(_is_file, _candidates(mesh.file, path.parent, spec.meshdir)), None)
+        if found is None and (found := nearby.find(mesh.file)) is not None:
+            notes.append(f"the mesh {mesh.file!r} is not there; {str(found)!r} is taken, which has its name")
+        if found is not None and found.suffix.lower() in MESHES:
+            total += found.stat().st_size
+            mesh.file = str(found.resolve())
+            continue
+        why = "is not there" if found is None else f"cannot be decoded (expected one of {', '.join(MESHES)})"
+        notes.append(_leave_out(spec, mesh, why, str(path), urdf))
+    spec.meshdir = ""
+    if total > MOST_BYTES:
+        raise RobotError(f"{path}: its meshes have {total} bytes; at most {MOST_BYTES} are read")
+    return tuple(notes)
+
+
+def drop_broken_meshes(spec: mujoco.MjSpec, where: str) -> tuple[str, ...]:
+    """Leave out the meshes that MuJoCo cannot compile by themselves, and return what was; `where`: the robot's file.
+
+    Raises `RobotError` naming one that a body's mass comes from.
+    """
+    urdf = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
+    notes = []
+    for mesh in list(spec.meshes):
+        alone = mujoco.MjSpec()
+        alone.add_mesh(
+            name="alone",
+            file=mesh.file,
+            scale=mesh.scale,
+            inertia=mesh.inertia,
+            uservert=mesh.uservert,
+            userface=mesh.userface,
+        )
+        alone.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="alone")
+        try:
+            alone.compile()
+        except (ValueError, RuntimeError) as error:
+            said = " ".join(str(error).removeprefix("Error: ").split("Element name")[0].split())
+            notes.append(_leave_out(spec, mesh, f"cannot be decoded ({said})", where, urdf))
+    return tuple(notes)
+
+
+def _leave_out(spec: mujoco.MjSpec, mesh: mujoco.MjsMesh, why: str, where: str, urdf: bool) -> str:
+    """Take a mesh and the geometries that are made of it out of a robot; return the sentence that says so."""
+    name = PurePosixPath(mesh.file).name or mesh.name
+    users = [geom for geom in spec.geoms if geom.meshname == mesh.name]
+    needed = next((geom for geom in users if not urdf and _weighs(geom)), None)
+    if needed is not None:
+        raise RobotError(
+            f"{where}: the mesh {mesh.file or mesh.name!r} {why}, and the body {needed.parent.name!r} has its mass "
+            "from it; supply the mesh, or give the body its inertia"
+        )
+    for geom in users:
+        spec.delete(geom)
+    spec.delete(mesh)
+    return f"the mesh {name!r} {why}; it is left out"
+
+
+def _weighs(geom: mujoco.MjsGeom) -> bool:
+    """Return whether a body's mass comes from a geometry."""
+    return not geom.parent.explicitinertial and geom.mass != 0 and geom.density != 0
+
+
+def _is_file(path: Path) -> bool:
+    """Return whether a path that a file says is one of a file."""
+    try:
+        return path.is_file()
+    except OSError:  # A name that is too long, a loop of links.
+        return False
+
+
+class _Nearby:
+    """The files in a robot's folder, and in a package's around it, by their names."""
+
+    def __init__(self, folder: Path) -> None:
+        around = [parent for parent in (folder.parent, folder.parent.parent) if (parent / "meshes").is_dir()]
+        self._roots = [folder, *around]
+
+    @cached_property
+    def _files(self) -> dict[str, list[Path]]:
+        """All files by their names in small letters, nearest root first; looked for once."""
+        found: dict[str, list[Path]] = defaultdict(list)
+        for root in self._roots:
+            for number, file in enumerate(root.rglob("*")):
+                if number > MOST_FILES:
+                    break
+                if file.suffix and file not in found[file.name.lower()]:
+                    found[file.name.lower()].append(file)
+        return found
+
+    def find(self, name: str) -> Path | None:
+        """Return the file of the same name in the most of the same folders; None where there is none.
+
+        `package://dog/meshes/foot.stl` is rather `dog/meshes/foot.stl` than the foot of the cat beside it.
+        """
+        wanted = [part.lower() for part in PurePosixPath(name.replace("\\", "/")).parts]
+
+        def alike(file: Path) -> int:
+            pairs = zip(reversed(wanted), (part.lower() for part in reversed(file.absolute().parts)), strict=False)
+            return next((number for number, (one, other) in enumerate(pairs) if one != other), len(wanted))
+
+        files = [file for file in self._files.get(wanted[-1], []) if _is_file(file)] if wanted else []
+        return max(files, key=alike, default=None)
+
+
+def _candidates(name: str, folder: Path, meshdir: str) -> Iterator[Path]:
+    """Yield where a mesh should be by its name."""
+    if "://" in name:
+        package, _, inside = name.split("://", 1)[1].partition("/")
+        for parent in (folder, *folder.parents[:4]):
+            yield parent / inside
+            yield parent / package / inside
+        return
+    yield folder / meshdir / name
+    yield folder / name
