@@ -92,6 +92,7 @@ def _named(arguments: list[str], flag: str) -> str | None:
 
 
 def _defaults(arguments: list[str]) -> TrainCfg:
-    """Find preset and device first: they change the defaults that the parser then shows."""
-    name = _named(arguments, "--preset")
-    return preset(name if name in PRESETS else "full", _named(arguments, "--device") or "cpu")
+    """Find preset, device and method first: they change the defaults that the parser then shows."""
+    name, method = _named(arguments, "--preset"), _named(arguments, "--method")
+    method = method or _named(arguments, "--task.friction.method")
+    return preset(name if name in PRESETS else "full", _named(arguments, "--device") or "cpu", method)
