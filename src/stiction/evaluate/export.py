@@ -74,7 +74,7 @@ signatures find authors: `stiction verify --key` and `--expect-digest` say whose
 """
 
 
-KINDS = {"dreamwaq": "DreamWaQ's actor on velocity and code from its history"}
+KINDS = {"dreamwaq": "DreamWaQ's actor"}
 """Method -> what a policy of it is, where it is no student."""
 
 
