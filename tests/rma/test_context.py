@@ -159,7 +159,7 @@ def test_a_new_draw_would_not_do(runner: PhaseRunner) -> None:
 
 
 def test_the_stored_code_is_the_mean_and_its_noise(runner: PhaseRunner) -> None:
-    """z = mu + sigma eps, v = v^ where the robot is bootstrapped and the truth elsewhere; one draw a step."""
+    """The code is mu + sigma eps, v is v^ where the robot is bootstrapped and the truth elsewhere; one draw a step."""
     runner.alg.bootstrapped = (torch.arange(8) % 2.0)[:, None]
     before = {name: value.clone() for name, value in runner.alg.actor.context.state_dict().items()}
     obs = batch_of(runner)

@@ -217,7 +217,7 @@ def test_the_method_alone_makes_a_run(tmp_path: Path) -> None:
     said: list[str] = []
     begin_run(tmp_path / "run", replace(cfg, num_envs=8), "stiction train", (), said.append)
     assert said == ["dreamwaq trains without dry friction, as in its paper; with: --task.friction.range 0 1.2"]
-    words = "--task.friction.method=dreamwaq --friction-level 0 --dreamwaq.beta 0.1".split()
+    words = ["--task.friction.method=dreamwaq", "--friction-level", "0", "--dreamwaq.beta", "0.1"]
     begin_run(tmp_path / "level", replace(parse(words).config, num_envs=8), "stiction train")
 
 
@@ -243,7 +243,7 @@ def test_options_that_contradict_the_method_are_refused(words: str, said: str) -
 
 def test_friction_without_a_level_is_refused(tmp_path: Path) -> None:
     """A range of nothing is no friction, by whatever name."""
-    cfg = parse("--method dreamwaq --friction-level 0 --task.friction.range 0 1.2".split()).config
+    cfg = parse(["--method", "dreamwaq", "--friction-level", "0", "--task.friction.range", "0", "1.2"]).config
     with pytest.raises(ConfigurationError, match="trains without friction"):
         begin_run(tmp_path / "run", cfg, "stiction train")
 

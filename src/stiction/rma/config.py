@@ -90,15 +90,15 @@ class DreamWaQCfg:
     """
 
     beta: float = 0.35
-    """Weight of the code's KL divergence, a mean over dimensions, beside the reconstruction, a mean over entries. At 1
-    public ports collapse: the code tells nothing."""
+    """Weight of the code's KL divergence, a mean over dimensions, beside the reconstruction, a mean over entries. The
+    more, the less the code tells; 0: an autoencoder with noise of its own choice."""
     free_bits: float = 0.05
     """KL of a dimension below which it costs nothing to tell more [nat]: without it the KL wins before there is
     anything to tell. 0: none."""
     code: int = 16
     """Size of the code."""
     frame: int = 32
-    """As `NetworkCfg.history_frame`, for the encoder. The paper's encoder has no such layer, and sees five frames."""
+    """As `NetworkCfg.history_frame`, for the encoder. The paper's has no such layer."""
     encoder: tuple[int, ...] = (128, 64)
     """Hidden layers of the encoder, after the frames."""
     decoder: tuple[int, ...] = (64, 128)
