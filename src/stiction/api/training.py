@@ -111,7 +111,7 @@ def train(
     from stiction.rma.run import identified_values
     from stiction.rma.runner import train as run_training
 
-    given = preset_of(preset, device) if config is None else config
+    given = preset_of(preset, device, method) if config is None else config
     cfg = replace(given, seed=seed, device=device, joints=given.joints if joints is None else str(joints))
     cfg = replace(cfg, task=replace(cfg.task, robot=str(robot)))
     if friction_from is not None:

@@ -50,7 +50,7 @@ from stiction.sim.fleet import Fleet
 TEMPLATE = """\
 # {robot}, {terrain}, {method}, {title}
 
-A walking policy for the robot `{robot}` on {terrain} ground: the student of rapid motor adaptation, which sees joints,
+A walking policy for the robot `{robot}` on {terrain} ground: {kind}, which sees joints,
 attitude and its own last actions, and follows a commanded velocity.
 
 | | |
@@ -74,6 +74,10 @@ signatures find authors: `stiction verify --key` and `--expect-digest` say whose
 """
 
 
+KINDS = {"dreamwaq": "DreamWaQ's actor"}
+"""Method -> what a policy of it is, where it is no student."""
+
+
 def write_card(contract: Contract) -> str:
     """Return the text of card.md."""
     low, high = contract.friction_range
@@ -85,6 +89,7 @@ def write_card(contract: Contract) -> str:
         terrain=contract.terrain,
         method=contract.method,
         meaning=METHODS.get(contract.method, contract.method),
+        kind=KINDS.get(contract.method, "the student of rapid motor adaptation"),
         title=level if contract.friction_law == "coulomb" else f"{contract.friction_law} {level}",
         law=contract.friction_law,
         law_meaning=LAWS[contract.friction_law].meaning,

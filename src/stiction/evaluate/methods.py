@@ -47,6 +47,9 @@ class MethodCell:
 KNOWN_FRICTION = "told"
 """Method of policies that observe their joints' friction, however it was drawn in training."""
 
+DREAMWAQ, DREAMWAQ_FRICTION = "dreamwaq", "dreamwaq-friction"
+"""DreamWaQ as in its paper, and with dry friction in training, which its paper has not."""
+
 METHODS = {
     "none": "conventional randomisation, without friction",
     FED: "the same policy, the friction that was identified fed forward in the joint controllers at 500 Hz",
@@ -62,6 +65,9 @@ METHODS = {
     "compensation": "nominal friction added to the command, in training and after",
     "finetune": "trained without friction, then with all of it at once",
     "iterative": "trained without friction, then with more in steps",
+    DREAMWAQ: "DreamWaQ: a code of the history in place of teacher and student; conventional randomisation, without "
+    "friction",
+    DREAMWAQ_FRICTION: "DreamWaQ, with friction in training, drawn from the range that was named",
     IMPORTED: "trained elsewhere: what friction it met is not known",
 }
 """Training method -> what it is."""
@@ -76,4 +82,6 @@ def method_of(contract: Contract) -> str:
     if contract.method == "deception" and contract.joints_file is not None:
         return "identified"
     low, high = contract.friction_range
+    if contract.method == DREAMWAQ and high > 0.0:
+        return DREAMWAQ_FRICTION
     return "point" if contract.method == "direct" and low == high else contract.method

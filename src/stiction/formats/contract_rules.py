@@ -131,6 +131,8 @@ METHODS = {
     "finetune": "without dry friction at first, then all of it at once, drawn closely around its nominal value",
     "iterative": "without dry friction at first, then more of it in equal steps, drawn closely around each",
     "deception": "dry friction in the joints, drawn from zero up to above its nominal value",
+    "dreamwaq": "DreamWaQ: one phase, on a code of the history from a variational autoencoder; without dry friction in "
+    "the joints unless a range is named",
     IMPORTED: "trained elsewhere; what friction it met is not known",
 }
 """Training method with friction -> what it means, in words for people."""

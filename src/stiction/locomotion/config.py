@@ -200,10 +200,10 @@ class TaskCfg:
                 f"slow means over {self.slow_means} s: expected from one control period, {self.control_period} s, to "
                 f"{SLOWEST:g} s"
             )
-        if self.known_friction and self.friction.method == "none":
+        if self.known_friction and not self.friction.has_friction:
             raise ConfigurationError(
-                "known_friction with the method 'none': there is no friction in training of which a policy could be "
-                "told; use another --method"
+                f"known_friction with the method {self.friction.method!r}: there is no friction in training of which a "
+                "policy could be told; use another --method"
             )
         fine = SHORTEST_STEP <= self.timestep <= 0.02 and 1 <= self.decimation <= MOST_STEPS
         if not (fine and self.control_period <= self.episode <= LONGEST_EPISODE):
@@ -231,7 +231,7 @@ class TaskCfg:
     def check_net(self, net: ActuatorNet, robot: Robot) -> None:
         """Raise `StictionError` where an Actuator Net does not fit the robot, the physics step or the friction."""
         net.check_use(robot.name, robot.joint_names, robot.joint_values("torque_limit"), self.timestep)
-        if net.torque_source == "output_side" and self.friction.method != "none":
+        if net.torque_source == "output_side" and self.friction.has_friction:
             raise ConfigurationError(
                 f"the Actuator Net is of output-side torque, which contains the joints' friction, and the method "
                 f"{self.friction.method!r} would add it again; use --method none, or a net of motor-side torque"

@@ -111,6 +111,9 @@ class LocomotionEnv(VecEnv):
         extra = friction_angle(cfg.friction, nominal, self.spec)
         self.compensation = None if extra is None else torch.tensor(extra)
         self.stage = 0
+        self.tells_terminal = False
+        """Whether a step in which robots time out tells, as `extras["terminal"]`, (N, frame), what they would have
+        observed next; `_observe` sees them after their reset."""
         self.commands = CommandSampler(cfg.commands, num_envs)
         self.layout = cfg.layout(self.spec)
         self.standing = torch.from_numpy(self.fleet.standing).float()
@@ -174,10 +177,12 @@ class LocomotionEnv(VecEnv):
         log = means | self._log(snapshot, fallen, blown_up)
         if self.course:
             log |= {name: torch.tensor(value) for name, value in self.course.figures().items()}
+        extras: dict[str, Any] = {"time_outs": time_outs.float().to(self.device), "log": log}
+        if self.tells_terminal and time_outs.any():
+            extras["terminal"] = self._frame_without_reset().to(self.device)
         self._reset(dones.nonzero().flatten())
         self._push_and_command(dones)
         self._observation = self._observe(dones)
-        extras = {"time_outs": time_outs.float().to(self.device), "log": log}
         return self._observation, reward.to(self.device), dones.to(self.device), extras
 
     def enter_stage(self, number: int) -> None:
@@ -280,8 +285,24 @@ class LocomotionEnv(VecEnv):
 
     def _observe(self, fresh: torch.Tensor) -> TensorDict:
         """Build every observation group from the state after resets and pushes."""
-        fleet, noise = self.fleet, self.cfg.noise
         elevation = self._look_around() if self.course else {}
+        frame = self._frame(fresh)
+        velocity = to_tensor(self.fleet.base_linear_velocity)
+        explicit = [velocity, to_tensor(self.fleet.foot_contact)]
+        if self.cfg.estimated_friction:
+            explicit.append(self.randomizer.friction_share() @ self.kind_average / FRICTION_UNIT)
+        groups = {
+            "proprioception": frame,
+            "history": self.history.push(frame, fresh),
+            "privileged": self.randomizer.privileged(),
+            "explicit": torch.cat(explicit, -1),
+            **elevation,
+        }
+        return self._hand_out(groups)
+
+    def _frame(self, fresh: torch.Tensor) -> torch.Tensor:
+        """Measure, with noise, and return one frame of every robot, (N, frame_size); `fresh`: as of `History.push`."""
+        fleet, noise = self.fleet, self.cfg.noise
         raw = {
             "angular_velocity": to_tensor(fleet.base_angular_velocity),
             "roll_pitch": roll_pitch(to_tensor(fleet.base_quaternion)),
@@ -297,19 +318,15 @@ class LocomotionEnv(VecEnv):
         if self.slow is not None:
             error = self.standing + self.action_scale * self.last_action - self.measured_position
             raw |= self.slow.push(error, raw["joint_velocity"], fresh)
-        frame = self.frames(raw)
-        velocity = to_tensor(fleet.base_linear_velocity)
-        explicit = [velocity, to_tensor(fleet.foot_contact)]
-        if self.cfg.estimated_friction:
-            explicit.append(self.randomizer.friction_share() @ self.kind_average / FRICTION_UNIT)
-        groups = {
-            "proprioception": frame,
-            "history": self.history.push(frame, fresh),
-            "privileged": self.randomizer.privileged(),
-            "explicit": torch.cat(explicit, -1),
-            **elevation,
-        }
-        return self._hand_out(groups)
+        return self.frames(raw)
+
+    def _frame_without_reset(self) -> torch.Tensor:
+        """Return the frame that every robot would see next if none began anew, (N, frame_size)."""
+        kept = None if self.slow is None else (self.slow.sums, self.slow.weight)
+        frame = self._frame(torch.zeros(self.num_envs, dtype=torch.bool))
+        if self.slow is not None and kept is not None:
+            self.slow.sums, self.slow.weight = kept
+        return frame
 
     def _hand_out(self, groups: dict[str, torch.Tensor]) -> TensorDict:
         """Return observation groups where the networks are."""

@@ -87,7 +87,7 @@ def nominal_joints(
     for name, value in given.items():
         values[name] = np.where(np.isnan(value), values[name], value)
     if has_coefficient(friction.law):
-        if friction.level is None and coefficients is None and friction.method != "none":
+        if friction.level is None and coefficients is None and friction.has_friction:
             raise ConfigurationError(f"the friction law {friction.law!r} has no coefficient; say --friction-level")
         own = 0.0 if coefficients is None else coefficients
         values["frictionloss"] = np.zeros(fleet.spec.num_joints) + (own if friction.level is None else friction.level)

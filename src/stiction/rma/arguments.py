@@ -25,8 +25,8 @@ Watch it: the terminal shows the time left and how the robots walk (`nohup stict
 line every 30 s). `tensorboard --logdir runs` shows every figure, teacher and student as two runs: reward/* (weighted
 terms), walk/* (tracking error, tripod share, falls), latent/explained (two phases; 1: the history tells all that the
 privileged encoder says), estimator/velocity_error [m/s], estimator/friction_error, friction/low, high and mean
-(multipliers of the nominal friction), terrain/*. A short clip of the policy at 0.5 m/s appears in clips/ every 100
-iterations; --view lets the newest checkpoint walk in the browser.
+(multipliers of the nominal friction), terrain/*; with --method dreamwaq code/* and bootstrap/*. A short clip of the
+policy at 0.5 m/s appears in clips/ every 100 iterations; --view lets the newest checkpoint walk in the browser.
 
 Stop it: Ctrl-C or SIGTERM ends it after the iteration, with a checkpoint and exit status 130 or 143; kill -9 costs the
 iterations since the last checkpoint. `stiction train --resume runs/deception` goes on to the same parameters, bit for
@@ -92,6 +92,7 @@ def _named(arguments: list[str], flag: str) -> str | None:
 
 
 def _defaults(arguments: list[str]) -> TrainCfg:
-    """Find preset and device first: they change the defaults that the parser then shows."""
-    name = _named(arguments, "--preset")
-    return preset(name if name in PRESETS else "full", _named(arguments, "--device") or "cpu")
+    """Find preset, device and method first: they change the defaults that the parser then shows."""
+    name, method = _named(arguments, "--preset"), _named(arguments, "--method")
+    method = method or _named(arguments, "--task.friction.method")
+    return preset(name if name in PRESETS else "full", _named(arguments, "--device") or "cpu", method)

@@ -35,11 +35,13 @@ def begin_run(
     command: by which the run was asked for; joint_map: RECORDED=JOINT pairs for `cfg.joints`. Raises `StictionError`
     for whatever cannot be trained, before the folder is made.
     """
-    if cfg.task.friction.method != "none" and cfg.task.friction.level == 0.0:
+    if cfg.task.friction.has_friction and cfg.task.friction.level == 0.0:
         raise ConfigurationError(
             f"--method {cfg.task.friction.method} at --friction-level 0 trains without friction; "
             "use --method none, or a level above 0"
         )
+    if cfg.has_context and not cfg.task.friction.has_friction:
+        say("dreamwaq trains without dry friction, as in its paper; with: --task.friction.range 0 1.2")
     robot = find_robot(cfg.task.robot)
     cfg.task.randomization.check_robot(robot)
     cfg.check_memory(robot)
@@ -73,7 +75,7 @@ def nominal_of(
     found = identified_joints(records, spec.joint_names, Fleet(spec, 1).link_inertia(), limits)
     values = {name: list(getattr(found, name)) for name in ("armature", "damping", "frictionloss")}
     header = {"file": path.name, "sha256": digest_of(path), "values": values}
-    if friction.level is None and friction.method != "none" and has_coefficient(friction.law):
+    if friction.level is None and friction.has_friction and has_coefficient(friction.law):
         taken = take_coefficients(records, spec, friction.law)
         values["load_coefficient"] = list(taken.values)
         header["load_coefficient"] = list(taken.how)

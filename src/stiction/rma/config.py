@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal, get_args
 
@@ -31,6 +32,9 @@ steps, 5 passes and some thousand iterations: what is far above that is a mistak
 LAYERS = ("actor", "critic", "privileged", "history", "estimator", "terrain")
 NETWORK_SIZES = ("history_frame", "estimator_frame", "terrain_latent", "latent")
 """Fields of `NetworkCfg`: lists of layers, and single sizes."""
+
+REPLACED = ("privileged", "recurrent", "estimator_frame", "estimator", "terrain", "terrain_latent", "latent")
+"""Fields of `NetworkCfg` that DreamWaQ's networks take the place of."""
 
 MOST_LAYERS = 10
 """Most hidden layers of a network."""
@@ -75,6 +79,30 @@ class NetworkCfg:
     """Size of z and z*."""
     initial_std: float = 0.8
     """Standard deviation of the first actions."""
+
+
+@dataclass(frozen=True)
+class DreamWaQCfg:
+    """The context-aided estimator of `--method dreamwaq`, see `stiction.rma.context`.
+
+    It learns at the rate, and in the passes, of the supervised losses of the first phase. The paper gives the sizes of
+    its layers and of the code, and neither β nor what its loss is a mean of.
+    """
+
+    beta: float = 0.35
+    """Weight of the code's KL divergence, a mean over dimensions, beside the reconstruction, a mean over entries. The
+    more, the less the code tells; 0: an autoencoder with noise of its own choice."""
+    free_bits: float = 0.05
+    """KL of a dimension below which it costs nothing to tell more [nat]: without it the KL wins before there is
+    anything to tell. 0: none."""
+    code: int = 16
+    """Size of the code."""
+    frame: int = 32
+    """As `NetworkCfg.history_frame`, for the encoder. The paper's has no such layer."""
+    encoder: tuple[int, ...] = (128, 64)
+    """Hidden layers of the encoder, after the frames."""
+    decoder: tuple[int, ...] = (64, 128)
+    """Hidden layers of the decoder, velocity and code -> the next observation."""
 
 
 LatentName = Literal["alternate", "groups", "history"]
@@ -198,6 +226,7 @@ class TrainCfg:
     network: NetworkCfg = field(default_factory=NetworkCfg)
     teacher: TeacherCfg = field(default_factory=TeacherCfg)
     student: StudentCfg = field(default_factory=StudentCfg)
+    dreamwaq: DreamWaQCfg = field(default_factory=DreamWaQCfg)
     num_envs: int = 512
     """Robots simulated side by side."""
     seed: int = 0
@@ -239,12 +268,7 @@ class TrainCfg:
             )
         check_numbers(self)
         friction = self.task.friction
-        if (
-            friction.level is None
-            and self.joints is None
-            and friction.method != "none"
-            and has_coefficient(friction.law)
-        ):
+        if friction.level is None and self.joints is None and friction.has_friction and has_coefficient(friction.law):
             raise ConfigurationError(
                 f"the friction law {friction.law!r} needs its coefficient; say --friction-level, or --joints with an "
                 "identification that has a load_coefficient"
@@ -254,6 +278,11 @@ class TrainCfg:
         self._check_phases()
         if self.stop.terrain_level is not None and self.task.terrain.kind == "flat":
             raise ConfigurationError("stop.terrain_level is set, but flat ground has no terrain levels; leave it out")
+
+    @property
+    def has_context(self) -> bool:
+        """Whether DreamWaQ's context takes the place of estimate and latent."""
+        return self.task.friction.method == "dreamwaq"
 
     def _check_counts(self) -> None:
         """Refuse counts out of range, and rollouts too short to be split."""
@@ -266,11 +295,13 @@ class TrainCfg:
             for name in ("adaptation_batches", "adaptation_passes", "alternate")
         }
         counts |= {f"network.{name}": getattr(self.network, name) for name in NETWORK_SIZES}
-        for name in LAYERS:
-            layers = getattr(self.network, name)
+        counts |= {f"dreamwaq.{name}": getattr(self.dreamwaq, name) for name in ("code", "frame")}
+        lists = {f"network.{name}": getattr(self.network, name) for name in LAYERS}
+        lists |= {f"dreamwaq.{name}": getattr(self.dreamwaq, name) for name in ("encoder", "decoder")}
+        for name, layers in lists.items():
             if len(layers) > MOST_LAYERS:
-                raise ConfigurationError(f"network.{name} has {len(layers)} layers; expected at most {MOST_LAYERS}")
-            counts |= {f"network.{name}[{number}]": size for number, size in enumerate(layers)}
+                raise ConfigurationError(f"{name} has {len(layers)} layers; expected at most {MOST_LAYERS}")
+            counts |= {f"{name}[{number}]": size for number, size in enumerate(layers)}
         for name, count in counts.items():
             least, most = 0 if name == "student.iterations" else 1, MOST_COUNTS.get(name.rpartition(".")[2], 10_000)
             if not least <= count <= most:
@@ -298,6 +329,7 @@ class TrainCfg:
         shares = {name: getattr(teacher, name) for name in ("desired_kl", "gamma", "gae_lambda")}
         weights = {f"teacher.{name}": getattr(teacher, name) for name in ("entropy",)}
         weights |= {f"student.{name}": getattr(student, name) for name in ("adaptation_weight", "estimator_weight")}
+        weights |= {f"dreamwaq.{name}": getattr(self.dreamwaq, name) for name in ("beta", "free_bits")}
         for name, share in shares.items():
             if not 0 < share <= 1:
                 raise ConfigurationError(f"teacher.{name} is {share}; expected more than 0 and at most 1")
@@ -308,11 +340,17 @@ class TrainCfg:
     def _check_phases(self) -> None:
         """Refuse settings of the phases that contradict each other."""
         teacher, student = self.teacher, self.student
+        if self.has_context and (teacher.latent != "history" or student.iterations):
+            raise ConfigurationError(
+                f"the method 'dreamwaq' learns in one phase, not with --teacher.latent {teacher.latent} and "
+                f"{student.iterations} iterations of a student; use --preset full or quick"
+            )
         if student.iterations == 0 and teacher.latent != "history" and self.task.terrain.kind != "flat":
             raise ConfigurationError(
                 "student.iterations is 0, and on terrain a teacher that sees the ground is no student"
             )
-        if self.task.terrain.kind != "flat" and (teacher.latent == "history" or student.algorithm == "ppo"):
+        blind = teacher.latent == "history" or student.algorithm == "ppo"
+        if self.task.terrain.kind != "flat" and blind and not self.has_context:
             raise ConfigurationError(
                 f"on terrain {self.task.terrain.kind!r} one phase, and PPO on the student, have no encoder of the "
                 "ground to learn from; use --preset two-phase"
@@ -357,6 +395,21 @@ class TrainCfg:
                 f"--teacher.student-share {teacher.student_share:g} has no effect with --teacher.latent "
                 f"{teacher.latent}; leave it out, or say --teacher.latent groups"
             )
+        if not self.has_context and self.dreamwaq != DreamWaQCfg():
+            raise ConfigurationError("--dreamwaq.* has no effect without --method dreamwaq; leave it out")
+        for flag, given, other in self._replaced() if self.has_context else ():
+            if given != other:
+                raise ConfigurationError(
+                    f"--{flag} {given} has no effect with --method dreamwaq, whose networks are --dreamwaq.*; leave it "
+                    "out"
+                )
+
+    def _replaced(self) -> Iterator[tuple[str, object, object]]:
+        """Yield what DreamWaQ's context takes the place of: flag, value, default."""
+        yield "task.estimated-friction", self.task.estimated_friction, False
+        yield "teacher.velocity-weight", self.teacher.velocity_weight, TeacherCfg().velocity_weight
+        for name in REPLACED:
+            yield f"network.{name.replace('_', '-')}", getattr(self.network, name), getattr(NetworkCfg(), name)
 
     def check_memory(self, robot: Robot) -> None:
         """Raise `StictionError` where the training needs more memory than there is. Of a GPU its own library knows."""
@@ -397,7 +450,15 @@ claims were judged; `paper` has more of it, and randomises the paper's table and
 `paper` simulate joint friction by yielding springs, which is faster than the solver's rows; see results/speed."""
 
 
-def preset(name: str, device: str = "cpu") -> TrainCfg:
-    """Return a preset; off the processor, where there are no sliders, with rows."""
+def preset(name: str, device: str = "cpu", method: str | None = None) -> TrainCfg:
+    """Return a preset; off the processor, where there are no sliders, with rows.
+
+    For the method `dreamwaq` without what its context takes the place of; the method itself is not set.
+    """
     cfg = PRESETS[name]
+    if method == "dreamwaq":
+        usual = NetworkCfg()
+        network = replace(cfg.network, **{name: getattr(usual, name) for name in REPLACED})
+        teacher = replace(cfg.teacher, velocity_weight=TeacherCfg().velocity_weight)
+        cfg = replace(cfg, task=replace(cfg.task, estimated_friction=False), network=network, teacher=teacher)
     return cfg if device == "cpu" else replace(cfg, task=replace(cfg.task, physics=EXACT))

@@ -21,7 +21,8 @@ from torch import nn
 
 from stiction.core.errors import ConfigurationError
 from stiction.locomotion.symmetry import Rows, TaskMirror, VectorMirror
-from stiction.rma.models import HistoryEncoder, RMAActor, RMACritic
+from stiction.rma.context import ContextActor
+from stiction.rma.models import VELOCITY, HistoryEncoder, RMAActor, RMACritic
 
 
 class EquivariantLinear(nn.Linear):
@@ -96,8 +97,18 @@ def halves(size: int) -> Rows:
     return Rows.exchanged(np.roll(np.arange(size), size // 2))
 
 
-def _actor(actor: RMAActor, rows: dict[str, Rows]) -> None:
-    """Make an actor symmetric, its encoders, estimator and adaptation too."""
+def _context(actor: ContextActor, rows: dict[str, Rows]) -> Rows:
+    """Make DreamWaQ's estimator symmetric; return the mirror of the actor's input."""
+    explicit = rows["explicit"]
+    velocity = Rows(explicit.index[:VELOCITY], explicit.factor[:VELOCITY])
+    code = halves(actor.context.code)
+    _encoder(actor.context.encoder, rows, Rows.joined([velocity, code, code]))
+    _mlp(actor.context.decoder, Rows.joined([velocity, code]), rows["proprioception"])
+    return Rows.joined([rows["proprioception"], velocity, code])
+
+
+def _adaptation(actor: RMAActor, rows: dict[str, Rows]) -> Rows:
+    """Make encoders, estimator and adaptation symmetric; return the mirror of the actor's input."""
     latent = halves(_last(actor.privileged_encoder).out_features)
     _mlp(actor.privileged_encoder, rows["privileged"], latent)
     _encoder(actor.adaptation, rows, latent)
@@ -108,7 +119,13 @@ def _actor(actor: RMAActor, rows: dict[str, Rows]) -> None:
         _mlp(actor.terrain_encoder[0], rows["elevation"], ground)
         _encoder(actor.terrain_history[0], rows, ground)
         inputs.append(ground)
-    _mlp(actor.mlp, Rows.joined(inputs), rows["action"])
+    return Rows.joined(inputs)
+
+
+def _actor(actor: RMAActor, rows: dict[str, Rows]) -> None:
+    """Make an actor symmetric, with the networks beside the policy's own."""
+    inputs = _context(actor, rows) if isinstance(actor, ContextActor) else _adaptation(actor, rows)
+    _mlp(actor.mlp, inputs, rows["action"])
     exchanged = torch.as_tensor(rows["action"].index)
     std = actor.distribution.std_param
     # Left and right begin equal, and equal steps keep them so.

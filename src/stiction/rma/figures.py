@@ -55,8 +55,8 @@ def adaptation_figures(actor: RMAActor, obs: TensorDict, feet: int) -> dict[str,
 
     `latent/explained`: 1 - MSE(z, z*) / Var(z), both summed over the latent's entries; missing where z does not vary,
     and where PPO trains z*. `estimator/velocity_error`: mean length of the velocity's error [m/s];
-    `estimator/contact_error`: share of feet whose contact is misjudged; `estimator/friction_error`: mean size of the
-    error of the joints' friction [fraction of the torque limit], where it is estimated.
+    `estimator/contact_error`: share of feet whose contact is misjudged, and `estimator/friction_error`: mean size of
+    the error of the joints' friction [fraction of the torque limit], both where they are estimated.
     """
     figures = {}
     with torch.no_grad():
@@ -64,11 +64,13 @@ def adaptation_figures(actor: RMAActor, obs: TensorDict, feet: int) -> dict[str,
         variance = float(z.var(0, correction=0).sum())
         if variance > 0 and not actor.adapts:
             figures["latent/explained"] = 1.0 - float((z - star).square().mean(0).sum()) / variance
-        guess, truth = actor.estimator(obs["history"]), obs["explicit"]
+        guess = actor.estimator(obs["history"])
+        truth = obs["explicit"][:, : guess.shape[-1]]
         figures["estimator/velocity_error"] = float((guess - truth)[:, :VELOCITY].norm(dim=-1).mean())
         contact, friction = slice(VELOCITY, VELOCITY + feet), slice(VELOCITY + feet, None)
-        wrong = (guess[:, contact] > 0.5) != (truth[:, contact] > 0.5)
-        figures["estimator/contact_error"] = float(wrong.float().mean())
+        if truth[:, contact].numel():
+            wrong = (guess[:, contact] > 0.5) != (truth[:, contact] > 0.5)
+            figures["estimator/contact_error"] = float(wrong.float().mean())
         if truth[:, friction].numel():
             error = FRICTION_UNIT * (guess - truth)[:, friction].abs()
             figures["estimator/friction_error"] = float(error.mean())

@@ -79,20 +79,28 @@ class RMAActor(MLPModel):
         distribution_cfg: dict[str, Any],
     ) -> None:
         """Build the networks for the sizes of the observation groups; arguments as rsl_rl has them."""
-        net, size = network, {name: obs[name].shape[-1] for name in obs_groups[obs_set]}
+        size = {name: obs[name].shape[-1] for name in obs_groups[obs_set]}
+        self._plan(size, network)
+        super().__init__(obs, obs_groups, obs_set, output_dim, network.actor, "elu", False, distribution_cfg)
+        self._build(size, network)
+
+    def _plan(self, size: dict[str, int], network: NetworkCfg) -> None:
+        """Find the size of the actor's input; `size`: of every observation group."""
         self.sees_terrain = ELEVATION in size
-        self.latent_dim = size["proprioception"] + size["explicit"] + net.latent
-        self.latent_dim += net.terrain_latent * self.sees_terrain
-        super().__init__(obs, obs_groups, obs_set, output_dim, net.actor, "elu", False, distribution_cfg)
+        self.latent_dim = size["proprioception"] + size["explicit"] + network.latent
+        self.latent_dim += network.terrain_latent * self.sees_terrain
+
+    def _build(self, size: dict[str, int], network: NetworkCfg) -> None:
+        """Make the networks beside the policy's own; arguments as of `_plan`."""
         frames = (size["history"], size["proprioception"])
-        encoder = (*frames, net.history_frame, net.history)
-        self.privileged_encoder = MLP(size["privileged"], net.latent, list(net.privileged), "elu")
-        self.adaptation = HistoryEncoder(*encoder, net.latent, net.recurrent)
-        self.estimator = HistoryEncoder(*frames, net.estimator_frame, net.estimator, size["explicit"])
+        encoder = (*frames, network.history_frame, network.history)
+        self.privileged_encoder = MLP(size["privileged"], network.latent, list(network.privileged), "elu")
+        self.adaptation = HistoryEncoder(*encoder, network.latent, network.recurrent)
+        self.estimator = HistoryEncoder(*frames, network.estimator_frame, network.estimator, size["explicit"])
         if self.sees_terrain:
-            elevation = MLP(size[ELEVATION], net.terrain_latent, list(net.terrain), "elu")
+            elevation = MLP(size[ELEVATION], network.terrain_latent, list(network.terrain), "elu")
             self.terrain_encoder = nn.Sequential(elevation, nn.Tanh())
-            self.terrain_history = nn.Sequential(HistoryEncoder(*encoder, net.terrain_latent), nn.Tanh())
+            self.terrain_history = nn.Sequential(HistoryEncoder(*encoder, network.terrain_latent), nn.Tanh())
 
     def _get_latent_dim(self) -> int:
         """Return the size of the actor's input."""
@@ -168,6 +176,10 @@ class RMAActor(MLPModel):
         with torch.set_grad_enabled(both_ways and torch.is_grad_enabled()):
             target = self.privileged_encoder(obs["privileged"])
         return target, self.adaptation(obs["history"])
+
+    def student(self) -> StudentPolicy:
+        """Return what is deployed."""
+        return StudentPolicy(self)
 
     @property
     def std(self) -> torch.Tensor:

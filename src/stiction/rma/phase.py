@@ -96,6 +96,7 @@ class PhaseRunner(OnPolicyRunner):
         make_symmetric(self.alg, self.rl_cfg["symmetry"], self.env)
         if self.alg.symmetry is not None and isinstance(self.alg, AdaptationPPO):
             self.alg.symmetry.remembered = self.alg.actor.remembered
+            self.alg.symmetry.targets = self.alg.targets
         self.health = Health(self.env.num_envs, self.rl_cfg["algorithm"].get("desired_kl", 0.01))
         steady = self.alg.least_noise_from if isinstance(self.alg, AdaptationPPO) else 0
         self.early_stop = EarlyStop(self.stop, len(self.env.cfg.friction.schedule) - 1, steady)
@@ -158,7 +159,7 @@ class PhaseRunner(OnPolicyRunner):
         policy = self.alg.get_policy()
         figures = {"action_std": float(policy.std.mean())}
         if isinstance(self.alg, AdaptationPPO):
-            figures["kl"] = self.alg.kl
+            figures |= {"kl": self.alg.kl, **self.alg.figures}
         if not all(bool(parameter.isfinite().all()) for parameter in policy.parameters()):
             figures["parameters"] = math.nan
         return figures | adaptation_figures(policy, self.env.get_observations(), len(self.env.spec.feet))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import chain
+from types import MappingProxyType
 from typing import Any
 
 import torch
@@ -37,6 +39,10 @@ class AdaptationPPO(PPO):
     symmetry: MirroredBatches | None
     """What mirrors samples, if anything does; `make_symmetric` sets it."""
 
+    targets: Mapping[str, str | None] = MappingProxyType({})
+    """Stored groups that the supervised losses need beside the task's -> the group by whose rule each is mirrored, or
+    None where it is the same for the image."""
+
     def __init__(
         self, *args: Any, settings: TeacherCfg, noise: tuple[float, float, int] | None = None, **kwargs: Any
     ) -> None:
@@ -54,6 +60,8 @@ class AdaptationPPO(PPO):
             self.fixed["walks_blind"] = blind.float()[:, None].to(self.device)
         self.iteration = 0
         self.kl = 0.0
+        self.figures: dict[str, float] = {}
+        """Further figures of the last update, by name."""
         self.actor.adapts = settings.latent == "history"
         policy = chain(self.actor.policy_parameters(), self.critic.parameters())
         self.optimizer = torch.optim.Adam(policy, lr=self.learning_rate)

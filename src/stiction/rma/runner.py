@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from rsl_rl.utils import resolve_class
 
 from stiction.core.errors import TrainingError
 from stiction.core.provenance import num_threads, stream_seed
@@ -41,6 +42,9 @@ def _distribution(cfg: TrainCfg, largest_std: float = STD_RANGE[1]) -> dict[str,
 def _actor(cfg: TrainCfg, largest_std: float = STD_RANGE[1]) -> dict[str, Any]:
     """Return rsl_rl's configuration of an actor; a new one for each, for rsl_rl takes it apart while it reads it."""
     distribution = _distribution(cfg, largest_std)
+    if cfg.has_context:
+        own = {"class_name": "stiction.rma.context:ContextActor", "context": cfg.dreamwaq}
+        return own | {"network": cfg.network, "distribution_cfg": distribution}
     return {"class_name": "stiction.rma.models:RMAActor", "network": cfg.network, "distribution_cfg": distribution}
 
 
@@ -58,7 +62,7 @@ def ppo_cfg(cfg: TrainCfg, phase: str = "teacher") -> dict[str, Any]:
         "actor": _actor(cfg),
         "critic": {"class_name": "stiction.rma.models:RMACritic", "network": cfg.network},
         "algorithm": {
-            "class_name": "stiction.rma.ppo:AdaptationPPO",
+            "class_name": f"stiction.rma.{'dreamwaq:ContextPPO' if cfg.has_context else 'ppo:AdaptationPPO'}",
             "settings": teacher if first else replace(teacher, latent="history", both_ways=False),
             "noise": noise,
             "num_learning_epochs": teacher.epochs // fewer,
@@ -177,13 +181,16 @@ def _summary(cfg: TrainCfg, run: RunDirectory, teacher: PhaseRunner, student: Ph
 
 
 def multiply_adds(teacher: PhaseRunner) -> dict[str, int]:
-    """Return the multiply-adds of one forward pass: actor with adaptation and estimator, and critic."""
+    """Return the multiply-adds of one forward pass: actor with adaptation and estimator, and critic.
+
+    DreamWaQ's decoder serves the loss alone and is not counted.
+    """
     frames = teacher.env.layout.history_length
 
     def count(module: torch.nn.Module) -> int:
         total = 0
         for name, layer in module.named_modules():
-            if isinstance(layer, torch.nn.Linear):
+            if isinstance(layer, torch.nn.Linear) and ".decoder." not in name:
                 total += layer.in_features * layer.out_features * (frames if ".embed." in name else 1)
         return total
 
@@ -203,7 +210,8 @@ def load_actor(run: RunDirectory, phase: str, checkpoint: Path | None = None) ->
     state = state["actor_state_dict" if "actor_state_dict" in state else "student_state_dict"]
     env = LocomotionEnv(cfg.task, 1, 0)
     observations, seen = env.get_observations(), {phase: groups(cfg)}
-    actor = RMAActor(observations, seen, phase, env.num_actions, cfg.network, _distribution(cfg))
+    kind, settings = resolve_class(_actor(cfg))
+    actor: RMAActor = kind(observations, seen, phase, env.num_actions, **settings)
     if cfg.symmetry == "network":
         make_equivariant(actor, task_mirror(env))
     try:
@@ -219,4 +227,4 @@ def load_actor(run: RunDirectory, phase: str, checkpoint: Path | None = None) ->
 
 def load_student(run: RunDirectory) -> StudentPolicy:
     """Return the trained student of a run. Raises `StictionError` where it has none yet."""
-    return StudentPolicy(load_actor(run, "student")).eval()
+    return load_actor(run, "student").student().eval()

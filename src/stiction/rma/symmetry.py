@@ -12,7 +12,7 @@ mirror image would say nothing about the size of a step.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import torch
@@ -35,6 +35,7 @@ class MirroredBatches(Symmetry):
         self.mirror, self.share = task_mirror(env).to(env.device), share
         self.observed = list(env.get_observations().keys())
         self.remembered: Callable[[TensorDict], dict[str, torch.Tensor]] = lambda obs: {}
+        self.targets: Mapping[str, str | None] = {}
         super().__init__(env, self.with_images, use_data_augmentation=True)
 
     def with_images(
@@ -42,10 +43,11 @@ class MirroredBatches(Symmetry):
     ) -> tuple[TensorDict, torch.Tensor]:
         """Return samples followed by their images, as rsl_rl wants them.
 
-        What the algorithm stored beside the observations is of the original; `remembered` computes that of the image.
+        What the algorithm stored beside the observations is of the original; `remembered` computes that of the image,
+        from its observations and the draws of the original.
         """
-        seen = self.mirror(obs.select(*self.observed))
-        image = obs.clone(recurse=False).update(seen).update(self.remembered(seen))
+        image = obs.clone(recurse=False).update(self.mirror(obs.select(*self.observed)))
+        image.update(self.remembered(image))
         return torch.cat([obs, image]), torch.cat([actions, self.mirror.action(actions)])
 
     def compute_loss(self, actor: MLPModel, batch: RolloutStorage.Batch, original_batch_size: int) -> torch.Tensor:
@@ -60,12 +62,17 @@ class MirroredBatches(Symmetry):
     def supervised(self, observations: TensorDict, actions: torch.Tensor | None = None) -> tuple[TensorDict, Any]:
         """Return a shuffled mini-batch with its images, or with the images of its first half in place of that half.
 
-        `actions`: labels of the samples, if there are any.
+        `actions`: labels of the samples, if there are any. Of what is stored beside the observations, `targets` are
+        mirrored too, and the rest is left out.
         """
         size = len(observations)
         images, first_kept = (size // 2, size // 2) if self.share == "half" else (size, 0)
-        seen = observations.select(*self.observed)
-        mixed = torch.cat([self.mirror(seen[:images]), seen[first_kept:]])
+        seen = observations.select(*self.observed, *self.targets)
+        image = self.mirror(seen[:images].select(*self.observed))
+        for name, rule in self.targets.items():
+            value = seen[name][:images]
+            image[name] = value if rule is None else self.mirror.group(rule)(value)
+        mixed = torch.cat([image, seen[first_kept:]])
         if actions is None:
             return mixed, None
         return mixed, torch.cat([self.mirror.action(actions[:images]), actions[first_kept:]])

@@ -26,6 +26,7 @@ from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg, FrictionMethod
 from stiction.rma.config import TrainCfg
+from stiction.rma.context import ContextActor
 from stiction.rma.models import RMAActor
 
 Per = Literal["joint", "robot"]
@@ -60,7 +61,7 @@ class FrictionWalk:
     explicit: np.ndarray
     """o_exp*, the estimate of base velocity and foot contacts, float32, shape (T, N, explicit)."""
     teacher: np.ndarray
-    """z, the teacher's encoding of o_priv, float32, shape (N, latent): constant over a walk."""
+    """z, the teacher's encoding of o_priv, float32, shape (N, latent): constant over a walk. (N, 0) where none is."""
     friction: np.ndarray
     """Dry friction of every joint as a fraction of its torque limit, shape (N, joints)."""
     fallen: int
@@ -99,7 +100,10 @@ def walk_with_friction(
     friction = (env.randomizer.draws.friction * share).numpy().copy()
     upright, parts = np.ones(cfg.robots, dtype=bool), []
     with torch.no_grad():
-        teacher = actor.privileged_encoder(env.get_observations()["privileged"]).numpy()
+        first = env.get_observations()
+        # DreamWaQ has no teacher.
+        none = isinstance(actor, ContextActor)
+        teacher = np.empty((cfg.robots, 0)) if none else actor.privileged_encoder(first["privileged"]).numpy()
         for step in range(steps):
             obs = env.get_observations()
             if step >= skip:
@@ -281,7 +285,8 @@ def inputs(walk: FrictionWalk, moments: Moments) -> Iterator[tuple[str, str, Cal
             yield name, span, partial(windows, signal, length)
     for length in HISTORIES:
         yield f"history {length}", "step", partial(histories, frames, length)
-    yield "teacher", "walk", partial(walk.teacher.__getitem__, None)
+    if walk.teacher.shape[-1]:
+        yield "teacher", "walk", partial(walk.teacher.__getitem__, None)
 
 
 def probe(features: np.ndarray, targets: np.ndarray) -> dict[str, Any]:
