@@ -1,5 +1,7 @@
-# The demo, on a page of its own: docker build -t stiction . && docker run --rm -v "$PWD/out:/out" stiction
-# Nobody has built this yet; where it was written there is no Docker.
+# The demo, whose page is then in out/stiction-demo. As the user who owns the folder out, since nobody else may write there:
+#   docker build -t stiction . && mkdir -p out && docker run --rm --user "$(id -u):$(id -g)" -v "$PWD/out:/out" stiction
+# Built and run with Buildah 1.28, with a base made of Debian 12's own packages in place of the official one, which could
+# not be had; never with Docker.
 FROM python:3.11-slim-bookworm AS wheel
 WORKDIR /source
 COPY pyproject.toml README.md LICENSE ./
@@ -19,6 +21,7 @@ RUN sed -n -e 's/^\([A-Za-z0-9._-]*==[0-9][^ ;]*\).*/\1/p' /requirements.lock > 
  && useradd --create-home someone && mkdir /out && chown someone /out
 USER someone
 WORKDIR /out
-ENV MUJOCO_GL=egl STICTION_THREADS=2
+# A user who is not in the image has no home.
+ENV HOME=/tmp MUJOCO_GL=egl STICTION_THREADS=2
 ENTRYPOINT ["stiction"]
 CMD ["demo", "--out", "/out/stiction-demo"]

@@ -1,7 +1,8 @@
 """Build the source distribution and the wheel, and try the wheel as a stranger would: python scripts/dist.py dist.
 
 The wheel is built twice, from the checkout and from the source distribution, and both must hold the same. It is then
-installed into an environment of its own, without extras and with `sim`, where the program is used.
+installed into an environment of its own, without extras and with `sim`, where the program is used; where uv is
+installed, `uvx` runs it as well.
 """
 
 from __future__ import annotations
@@ -67,11 +68,23 @@ def tried(wheel: Path) -> None:
             subprocess.run([python.with_name("stiction"), *arguments], cwd=scratch, check=True)
 
 
+def tried_by_uvx(wheel: Path) -> None:
+    """Run a wheel as `uvx --from` does, where there is uv; ends the process where that fails."""
+    program = shutil.which("uvx")
+    if program is None:
+        print("uvx is not installed: the wheel was not tried with it")
+        return
+    command = [program, "--quiet", "--python", sys.executable, "--from", f"{wheel.resolve()}[sim]", "stiction"]
+    with tempfile.TemporaryDirectory() as scratch:
+        subprocess.run([*command, "robot", "check", "saturn_lite"], cwd=scratch, check=True)
+
+
 def main() -> None:
     """Build into the folder that is named, `dist` by default, and try what was built."""
     out = Path(sys.argv[1] if len(sys.argv) > 1 else "dist")
     wheel, sdist = distributions(ROOT, out)
     tried(wheel)
+    tried_by_uvx(wheel)
     print(f"{wheel}\n{sdist}")
 
 

@@ -40,9 +40,18 @@ def test_an_extra_comes_from_where_the_package_came(origin: dict | None, command
     assert extras.install_command("sim", origin) == command
 
 
+def test_what_uvx_runs_is_told_to_run_anew_with_the_extra() -> None:
+    """Its environment has no pip, and nothing that is added to it is there the next time."""
+    wheel = {"url": "file:///w/stiction-1.whl", "archive_info": {}}
+    requirement = "'stiction[sim] @ file:///w/stiction-1.whl'"
+    told = extras.install_command("sim", wheel, "uv")
+    assert told == f"uv pip install {requirement}; or run it as: uvx --from {requirement} stiction ..."
+
+
 def test_engines_are_listed_with_the_same_command(monkeypatch: pytest.MonkeyPatch) -> None:
     """`stiction list engines` would send people to an index where the package is not."""
     monkeypatch.setattr("stiction.cli.list.installed_from", lambda: {})
+    monkeypatch.setattr("stiction.cli.list.installed_by", lambda: "pip")
     assert {row.install for row in engines()} == {extras.install_command(name, {}) for name in ("sim", "engines")}
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from stiction.core.extras import install_command, installed_from
+from stiction.core.extras import install_command, installed_by, installed_from
 from stiction.core.options import read_options
 from stiction.core.records import column, header, texts
 
@@ -125,11 +125,11 @@ def engines() -> list[EngineRow]:
 
     from stiction.engines.catalog import ENGINES
 
-    rows, source = [], installed_from()
+    rows, source, program = [], installed_from(), installed_by()
     for spec in ENGINES.values():
         here = all(found is not None for found in spec.binaries().values())
         here = here and find_spec(PACKAGES.get(spec.name, "stiction")) is not None
-        rows.append(EngineRow(spec.name, here, install_command(spec.extra, source) if spec.extra else "–"))
+        rows.append(EngineRow(spec.name, here, install_command(spec.extra, source, program) if spec.extra else "–"))
     return rows
 
 

@@ -65,7 +65,16 @@ def require(extra: str) -> None:
 
 def remedy(extra: str) -> str:
     """Return what to do to have an extra: the command that installs it from where this installation came."""
-    return f"install it with: {install_command(extra, installed_from())}"
+    return f"install it with: {install_command(extra, installed_from(), installed_by())}"
+
+
+def installed_by() -> str:
+    """Return the program that installed the package: `pip`, which is also said where nobody knows, or `uv`."""
+    try:
+        noted = metadata.distribution("stiction").read_text("INSTALLER") or ""
+    except metadata.PackageNotFoundError:
+        noted = ""
+    return "uv" if noted.strip() == "uv" else "pip"
 
 
 def installed_from() -> dict[str, Any] | None:
@@ -84,23 +93,32 @@ def installed_from() -> dict[str, Any] | None:
     return found if isinstance(found, dict) else {}
 
 
-def install_command(extra: str, origin: dict[str, Any] | None) -> str:
+def install_command(extra: str, origin: dict[str, Any] | None, installer: str = "pip") -> str:
     """Return the command that adds an extra.
 
     origin: as in `direct_url.json` (a folder, a file, a repository); None: an index; empty: nobody knows, so the
-    command is one for the checkout.
+    command is one for the checkout. installer: `pip` or `uv`, whose environments have no pip; to what `uvx` runs in
+    nothing can be added, so the command that runs it anew with the extra is told too.
     """
+    option, requirement, where = _requirement(extra, origin)
+    if installer == "uv":
+        return f"uv pip install {option}{requirement}{where}; or run it as: uvx --from {requirement} stiction ..."
+    return f"pip install {option}{requirement}{where}"
+
+
+def _requirement(extra: str, origin: dict[str, Any] | None) -> tuple[str, str, str]:
+    """Return an option before what is to be installed, that itself as a word of the shell, and what to say after it."""
     if origin is None:
-        return f"pip install {shlex.quote(f'stiction[{extra}]')}"
+        return "", shlex.quote(f"stiction[{extra}]"), ""
     url = str(origin.get("url", ""))
     if not url:
-        return f"pip install {shlex.quote(f'.[{extra}]')}, in the folder of stiction's source"
+        return "", shlex.quote(f".[{extra}]"), ", in the folder of stiction's source"
     if "dir_info" in origin:
         editable = "-e " if origin["dir_info"].get("editable") else ""
-        return f"pip install {editable}{shlex.quote(f'{unquote(urlsplit(url).path)}[{extra}]')}"
+        return editable, shlex.quote(f"{unquote(urlsplit(url).path)}[{extra}]"), ""
     if "vcs_info" in origin:
         url = f"{origin['vcs_info'].get('vcs', 'git')}+{url}@{origin['vcs_info'].get('commit_id', 'HEAD')}"
-    return f"pip install {shlex.quote(f'stiction[{extra}] @ {url}')}"
+    return "", shlex.quote(f"stiction[{extra}] @ {url}"), ""
 
 
 def missing_extra(error: ModuleNotFoundError, what: str) -> str | None:
