@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
 
+from blank_figures import blank_figures
 from bundles import make_bundle, make_contract
 from stiction.core.gemm import open_fast_gemm
 from stiction.formats.contract import Contract
@@ -20,10 +22,37 @@ sys.dont_write_bytecode = False
 open_fast_gemm()
 
 
+LONG = (
+    *("cli/test_bundle_verbs.py", "cli/test_deploy.py", "cli/test_excite.py", "cli/test_identify.py"),
+    *("cli/test_judge_again.py", "cli/test_replicate.py", "cli/test_study_engines.py", "cli/test_study_friction.py"),
+    *("cli/test_train.py", "cli/test_train_actuator.py", "cli/test_walking_verb.py"),
+    *("studies/actuator/test_actuator_loop.py", "studies/friction/test_experiment_page.py"),
+    *("studies/wear/test_wear_study.py", "api/test_examples.py", "test_code_blocks.py"),
+)
+"""Files of more than ten seconds in which no single test is slow."""
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put files with slow tests first: of two processes, one would wait for the other's long file at the end."""
-    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    """Put long files first: of two processes, one would wait for the other's long file at the end."""
+    here = Path(__file__).parent
+    slow = {item.path for item in items if item.get_closest_marker("slow")} | {here / name for name in LONG}
     items.sort(key=lambda item: item.path not in slow)
+    remember()
+
+
+def remember() -> None:
+    """Let libraries compute once what is the same for every command line and every export, and no part of ours."""
+    from tyro import _docstrings
+
+    # Tokens of the source of a class, which tyro forgets after each command line.
+    classes = _docstrings._ClassTokenization
+    classes.make = staticmethod(cache(classes.make.__wrapped__))
+    if "torch" in sys.modules:
+        from torch.onnx._internal.exporter import _registration
+
+        # The table of ONNX's operators, a third of the time of an export.
+        table = _registration.ONNXRegistry
+        table.from_torchlib = staticmethod(cache(table.from_torchlib))
 
 
 @pytest.fixture
@@ -36,6 +65,13 @@ def contract() -> Contract:
 def bundle(tmp_path: Path, contract: Contract) -> Path:
     """A complete bundle that passes every check."""
     return make_bundle(tmp_path / "toy", contract)
+
+
+@pytest.fixture
+def undrawn() -> Iterator[None]:
+    """For tests that look at none of the figures that are made on the way: see `blank_figures`."""
+    with blank_figures():
+        yield
 
 
 @pytest.fixture(autouse=True)

@@ -24,6 +24,8 @@ from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
 from stiction.sim.friction import JointFriction as FleetFriction
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 GROWTH = 0.05
 """Share of the friction at rest that a speed of 1 rad/s adds, and four times as much 2 rad/s."""
 

@@ -16,6 +16,8 @@ from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.rewards import RewardCfg, Snapshot, fall
 from stiction.robots.catalog import find_robot
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 SILENT = {name: 0.0 for name in RewardCfg().terms_for(find_robot("saturn_lite"))}
 
 

@@ -74,7 +74,7 @@ def test_the_page_holds_every_stage_and_needs_no_network(
 
 
 def test_without_opengl_the_demo_says_so_once_and_goes_on(
-    bundles: list[str], tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+    bundles: list[str], tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch, undrawn: None
 ) -> None:
     """A server without graphics must still get its page."""
     monkeypatch.setenv("MUJOCO_GL", "nonsense")

@@ -35,7 +35,7 @@ def children(pid: int) -> list[int]:
     return found
 
 
-def test_a_run_ends_as_asked_and_leaves_report_and_log(tmp_path: Path) -> None:
+def test_a_run_ends_as_asked_and_leaves_report_and_log(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """A run that went well has status 1, no report, or a log that nothing reads."""
     out = tmp_path / "run"
     words = ["deploy", POLICY, "--armed", "--duration", "1", "--out", str(out), *PATIENT, *ON_STAND]
@@ -48,8 +48,9 @@ def test_a_run_ends_as_asked_and_leaves_report_and_log(tmp_path: Path) -> None:
     log = read_run_log(out / "log")
     assert len(joint_log("run", log).time) > 10
     assert len(log.steps["time"]) >= report["periods"]
-    again = subprocess.run(stiction(*words), capture_output=True, text=True, check=False)
-    assert again.returncode == 1 and "already" in again.stderr and again.stderr.count("\n") == 1
+    assert main(words) == 1
+    again = capsys.readouterr().err
+    assert "already" in again and again.count("\n") == 1
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,12 +17,15 @@ from stiction.cli.main import main
 pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to train")
 
 import walks
+from blank_figures import blank_figures
 from disks import full, read_only
+from excitations import search_little
 from foreign import MJLAB, network, written
+from stiction.evaluate import export
+from stiction.evaluate.export import export_network
 from stiction.formats.log import write_log
 from stiction.formats.walk import write_walk
 from stiction.identify.example import example_log
-from stiction.identify.excite import design
 
 POLICY = "saturn_lite-flat-none-0.2"
 TRAIN = (
@@ -30,7 +34,21 @@ TRAIN = (
     *("--student.iterations", "1", "--student.steps", "4", "--student.mini-batches", "2"),
 )
 WALK = ("--friction-levels", "0.2", "--commands", "vx=0.5", "--episodes", "1", "--seconds", "3", "--jobs", "1")
-WEAR = ("--engine", "mujoco", "--seconds", "3", "--window", "0.5", "--jobs", "1", "--robots", "3", "--levels", "0.3")
+WEAR = (
+    "--engine",
+    "mujoco",
+    "--seconds",
+    "3",
+    "--window",
+    "0.5",
+    "--jobs",
+    "1",
+    "--robots",
+    "3",
+    "--levels",
+    "0.3",
+    "--no-control",
+)
 EXCITE = ("--duration", "6", "--rate", "200", "--torque-limit", "45", "--coulomb", "0.44")
 LOAD = ("--parts", "load", "--no-clips", "--jobs", "1")
 DEPLOY = ("--duration", "0.6", "--silence", "5", "--stale", "5", "--stand", "--robot-cell", "sensors")
@@ -85,7 +103,7 @@ def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_log(folder / "joint.csv", example_log())
     write_walk(folder / "walk.npz", walks.walk(0.1 * walks.LIMITS[None], [walks.CURVE], seconds=6.0)[0])
     assert main(["identify", str(folder / "joint.csv"), "--out", str(folder / "found")]) == 0
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch, blank_figures():
         patch.setenv("STICTION_THREADS", "1")
         assert main(["train", *TRAIN, "--out", str(folder / "run")]) == 0
         logs = ["--log", str(folder / "logs"), "--log-robots", "2", "--log-seconds", "1", "--out", str(folder / "eva")]
@@ -95,6 +113,17 @@ def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
     written(folder / "own.yaml", "control_period: 0.02\naction_clip: none\n")
     assert main(["sign", "--new-key", str(folder / "maker.pem")]) == 0
     return folder
+
+
+NETWORKS: dict[int, bytes] = {}
+"""Size of the observation -> the network of the one run that is exported here."""
+
+
+def network_of_the_run(module: Any, observation_size: int) -> bytes:
+    """Convert the network of the run once: seconds in which nothing is written; each bundle is checked against it."""
+    if observation_size not in NETWORKS:
+        NETWORKS[observation_size] = export_network(module, observation_size)
+    return NETWORKS[observation_size]
 
 
 def prepare(name: str, given: Path, out: Path) -> list[str]:
@@ -140,7 +169,8 @@ def test_no_verb_loses_or_halves_a_file(
 ) -> None:
     """On a disk that has room for small files alone, and where nothing may be written at all."""
     monkeypatch.setenv("STICTION_THREADS", "1")
-    monkeypatch.setattr(design, "GENERATIONS", 0)
+    monkeypatch.setattr(export, "export_network", network_of_the_run)
+    search_little(monkeypatch)
     closed = tmp_path / "closed"
     words = prepare(name, given, closed if name in READY else closed / "out")
     closed.mkdir(exist_ok=True)

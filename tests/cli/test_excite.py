@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from excitations import search_little
 from stiction.api.excitation import robot_joint
 from stiction.cli.excite import run_lines
 from stiction.cli.main import main
 from stiction.formats.design import load_design
-from stiction.identify.excite import design
 from stiction.identify.logs import open_log
 
 SHORT = "--duration 6 --rate 200 --torque-limit 45 --coulomb 0.44"
@@ -21,9 +21,9 @@ SHORT = "--duration 6 --rate 200 --torque-limit 45 --coulomb 0.44"
 
 
 @pytest.fixture(autouse=True)
-def short_search(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Search a little only: how good the motion is, is tested elsewhere."""
-    monkeypatch.setattr(design, "GENERATIONS", 0)
+def short_search(monkeypatch: pytest.MonkeyPatch, undrawn: None) -> None:
+    """Search and compare a little only: how good the motion is, is tested elsewhere, and so is the page."""
+    search_little(monkeypatch)
 
 
 def test_json_alone_on_standard_output_and_files_in_the_folder(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

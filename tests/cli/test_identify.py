@@ -16,6 +16,8 @@ from stiction.formats.joints import load_joints
 from stiction.formats.log import Log, write_log
 from stiction.identify.example import SATURN_LITE, example_log
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:

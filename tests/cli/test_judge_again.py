@@ -20,6 +20,8 @@ from stiction.identify.advice import advise, shipped
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed")
 pytest.importorskip("torch", reason="torch, of the extra 'train', is needed")
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 RESULTS = Path(__file__).parents[2] / "results"
 
 

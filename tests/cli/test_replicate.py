@@ -20,9 +20,10 @@ LOAD = ("--parts", "load")
 
 
 def test_a_part_is_walked_judged_and_gone_on_with(
-    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch, undrawn: None
 ) -> None:
     """One file a table, a verdict a sentence; the same command again walks nothing."""
+    monkeypatch.setattr("stiction.studies.replication.plan.SECONDS", 3.0)
     arguments = ["replicate", "--policies", str(bundle), "--parts", "load", "--no-clips", "--jobs", "1"]
     assert main([*arguments, "--out", str(tmp_path), "--json"]) == 0
     verdicts = json.loads(capsys.readouterr().out)

@@ -12,6 +12,8 @@ from stiction.cli.main import main
 from stiction.formats.results import read_results
 from stiction.studies.friction import evaluation, manifest, training
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 SMALL = (
     *("--robot", "go1", "--num-envs", "4", "--method", "deception", "--friction-level", "0.2"),
     *("--teacher.iterations", "1", "--teacher.steps", "4", "--teacher.mini-batches", "2"),

@@ -17,6 +17,8 @@ from stiction.rma.arguments import parse
 from stiction.rma.run import latest_checkpoint, load_checkpoint
 from words import but
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 SMALL = [
     *("--preset", "two-phase", "--video-every", "0", "--robot", "go1", "--num-envs", "4", "--json"),
     *("--teacher.iterations", "1", "--teacher.steps", "4", "--teacher.mini-batches", "2"),

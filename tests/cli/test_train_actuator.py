@@ -48,7 +48,9 @@ def weights(run: Path) -> dict:
     return load_checkpoint(path)["algorithm"]["student_state_dict"]
 
 
-def test_training_with_a_net_resumes_bit_for_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_training_with_a_net_resumes_bit_for_bit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, undrawn: None
+) -> None:
     """The net's window and the held targets are part of the state: stopped after an iteration, and gone on without the
     folder that the net came from, a run ends in the same parameters; its bundle names the net.
     """

@@ -18,6 +18,8 @@ from stiction.formats.tables import write_csv
 from stiction.formats.walk import read_walk, write_walk
 from words import but
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -8,6 +8,7 @@ import pytest
 
 from bundles import make_contract
 from stiction.core.errors import BundleError, StictionError
+from stiction.deploy.check import BundleCheck
 from stiction.deploy.policy import Network
 from stiction.evaluate.export import (
     contract_of,
@@ -42,29 +43,36 @@ def make_module(contract: Contract):
     return torch.nn.Sequential(*layers)
 
 
-def test_onnxruntime_computes_what_torch_does_for_any_batch(contract: Contract) -> None:
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> BundleCheck:
+    """The bundle of the small network, with the contract that all tests have, and its check; nobody alters it."""
+    contract = make_contract()
+    return export_policy(make_module(contract), contract, tmp_path_factory.mktemp("exported") / "toy")
+
+
+def test_onnxruntime_computes_what_torch_does_for_any_batch(contract: Contract, exported: BundleCheck) -> None:
     """A batch frozen at export would only show on the first robot."""
     module = make_module(contract)
-    network = Network(export_network(module, contract.observation.size), contract.observation.size, 18)
+    network = Network(exported.bundle.policy, contract.observation.size, 18)
     for batch in (1, 3):
         observation = np.random.default_rng(batch).standard_normal((batch, 715)).astype(np.float32)
         expected = module(torch.from_numpy(observation)).detach().numpy()
         np.testing.assert_allclose(network(observation), expected, atol=1e-5)
 
 
-def test_the_network_holds_no_path_of_this_machine(contract: Contract) -> None:
+def test_the_network_holds_no_path_of_this_machine(exported: BundleCheck) -> None:
     """The exporter writes stack traces into every node."""
-    data = export_network(make_module(contract), contract.observation.size)
+    data = exported.bundle.policy
     for trace in (b"site-packages", b".py", str(Path.cwd()).encode(), b"stack_trace"):
         assert trace not in data
 
 
-def test_an_exported_bundle_passes_its_check(tmp_path: Path, contract: Contract) -> None:
+def test_an_exported_bundle_passes_its_check(tmp_path: Path, contract: Contract, exported: BundleCheck) -> None:
     """Export ends with the check that a user will run."""
-    check = export_policy(make_module(contract), contract, tmp_path / "toy")
-    assert check.steps >= 500
-    assert check.bundle.contract == contract
-    assert check.bundle.card == write_card(contract)
+    assert exported.steps >= 500
+    assert exported.bundle.contract == contract
+    assert exported.bundle.card == write_card(contract)
+    (tmp_path / "toy").mkdir()
     with pytest.raises(BundleError, match="exists already"):
         export_policy(make_module(contract), contract, tmp_path / "toy")
 
@@ -207,9 +215,9 @@ def test_the_contract_has_the_joints_of_training() -> None:
     assert contract.friction == pytest.approx((2.5, 2.5, 4.5) * 6)
 
 
-def test_the_golden_vectors_are_those_of_torch(contract: Contract, tmp_path: Path) -> None:
+def test_the_golden_vectors_are_those_of_torch(contract: Contract, exported: BundleCheck) -> None:
     """The network of the bundle is replayed against the module, not against itself: a tampered export must show."""
-    golden = export_policy(make_module(contract), contract, tmp_path / "toy").bundle.golden
+    golden = exported.bundle.golden
     actions = make_module(contract)(torch.from_numpy(golden.observation)).detach().clamp(-4.0, 4.0).numpy()
     np.testing.assert_allclose(golden.action, actions, atol=1e-6)
 

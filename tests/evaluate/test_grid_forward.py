@@ -20,6 +20,7 @@ from stiction.evaluate.table import methods_of, rows_of
 from stiction.formats.bundle import Bundle, read_bundle
 from stiction.formats.joints import Estimate, JointRecord, JointsFile, load_joints
 from stiction.robots.catalog import find_robot
+from stiction.virtual import bench as bench_module
 from stiction.virtual.bench import Bench
 from stiction.virtual.hidden import draw
 
@@ -48,7 +49,7 @@ def benches(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         found = [Estimate(float(n), 0.1, (n - 0.2, n + 0.2)) for n in range(1, SPEC.num_joints + 1)]
         JointsFile(dict(zip(SPEC.joint_names, map(record, found), strict=True))).write(folder / "joints.json")
 
-    monkeypatch.setattr(benches_module, "identify_on_bench", make)
+    monkeypatch.setattr(bench_module, "identify_on_bench", make)
     monkeypatch.setattr(benches_module, "has_entry", lambda folder, key: (folder / "joints.json").is_file())
     return seen
 
@@ -87,7 +88,7 @@ def test_a_virtual_robot_gets_what_its_own_bench_found_and_is_put_there_once(
 @pytest.fixture
 def hidden(monkeypatch: pytest.MonkeyPatch, benches: list[str]) -> None:
     """Let the bench of robot 4 tell nothing of one joint."""
-    make = benches_module.identify_on_bench
+    make = bench_module.identify_on_bench
 
     def make_some(bench: Bench, folder: Path, workers: int) -> None:
         make(bench, folder, workers)
@@ -96,7 +97,7 @@ def hidden(monkeypatch: pytest.MonkeyPatch, benches: list[str]) -> None:
             joints["ML_hip"] = JointRecord(warnings=("not identified: it hardly moves",))
             JointsFile(joints).write(folder / "joints.json")
 
-    monkeypatch.setattr(benches_module, "identify_on_bench", make_some)
+    monkeypatch.setattr(bench_module, "identify_on_bench", make_some)
 
 
 def test_a_robot_that_cannot_be_identified_is_left_out_and_named(still: Bundle, tmp_path: Path, hidden: None) -> None:

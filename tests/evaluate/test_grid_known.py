@@ -62,7 +62,7 @@ def seen(monkeypatch: pytest.MonkeyPatch) -> list[str]:
             joints[name] = JointRecord(coulomb_friction=None if unknown else Estimate(value, 0.1, (0.0, 10.0)))
         JointsFile(joints).write(folder / "joints.json")
 
-    monkeypatch.setattr(benches, "identify_on_bench", make)
+    monkeypatch.setattr("stiction.virtual.bench.identify_on_bench", make)
     monkeypatch.setattr(benches, "has_entry", lambda folder, key: (folder / "joints.json").is_file())
     return seen
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
 from counts import count
 from stiction.formats.joints import PARAMETERS, Estimate
+from stiction.formats.log import Log
 from stiction.identify.example import GO1, SATURN_LITE, Excitation, Motor, SensorNoise, example_log
 from stiction.identify.in_loop import fit_in_loop, fit_with_instruments
 from stiction.identify.regression import fit_rows
@@ -31,9 +33,15 @@ NOISE = SensorNoise(jitter=0.02)
 """The example's noise and encoder steps, and samples taken up to some 2 % of a step off their time."""
 
 
+@cache
+def logged(motor: Motor, seed: int) -> Log:
+    """Return a log, the same with its torque and without."""
+    return example_log(motor, SINE, NOISE, seed)
+
+
 def estimates(motor: Motor, seed: int, torque: bool) -> dict[str, dict[str, Estimate]]:
     """Return estimator -> what it says of one log; without torque, output error alone, in units of k = 1."""
-    log = example_log(motor, SINE, NOISE, seed)
+    log = logged(motor, seed)
     if not torque:
         log = replace(log, joints={name: replace(one, torque=None) for name, one in log.joints.items()})
     run = make_run(log, None, IdentifySetup())

@@ -19,6 +19,8 @@ from stiction.rma.phase import Interrupted
 from stiction.rma.run import RunDirectory, load_checkpoint, save_checkpoint
 from stiction.rma.runner import load_student, train
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 CFG = TrainCfg(
     task=TaskCfg(robot="go1", friction=FrictionCfg("deception", level=0.1)),
     network=NetworkCfg(actor=(8,), critic=(8,), privileged=(8,), history_frame=4, history=(8,), latent=3),

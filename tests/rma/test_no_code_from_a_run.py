@@ -18,6 +18,8 @@ from stiction.evaluate.trained import walk_run
 from stiction.rma.run import ROBOT, RunDirectory, load_checkpoint, save_checkpoint
 from stiction.robots.catalog import robot_in_file
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 WORDS = [
     "--preset",
     "quick",

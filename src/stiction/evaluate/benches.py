@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,12 +25,15 @@ from stiction.evaluate.known_friction import known_to, nominal_known, parse_sour
 from stiction.evaluate.rollout import friction_at
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
-from stiction.formats.joints import load_joints
+from stiction.formats.joints import JointsFile, load_joints
 from stiction.formats.known_friction import BenchFriction, bench_friction, kind_average
 from stiction.robots.model import Robot
-from stiction.virtual.bench import JOINTS, Bench, identify_on_bench
 from stiction.virtual.cases import Case, parse_level
 from stiction.virtual.hidden import draw
+
+if TYPE_CHECKING:
+    # With it comes all of identification, a second of imports that a walk without a bench does not need.
+    from stiction.virtual.bench import Bench
 
 BENCH_WORK = "benches"
 """Name of the benches for progress."""
@@ -46,7 +49,11 @@ def case_of(walk: Walk) -> Case | None:
 def bench_of(walk: Walk, spec: Robot) -> Bench | None:
     """Return the bench of the robot of a walk; None for the robot of the data sheet."""
     case = case_of(walk)
-    return None if case is None else Bench(walk.simulator.spec.name, case, spec)
+    if case is None:
+        return None
+    from stiction.virtual.bench import Bench
+
+    return Bench(walk.simulator.spec.name, case, spec)
 
 
 def all_identified(benches: Iterable[Bench], out: Path) -> bool:
@@ -75,6 +82,8 @@ def identify_on_benches(
     missing = {bench.label: bench for bench in benches if not all_identified([bench], out)}
     if not missing:
         return
+    from stiction.virtual.bench import identify_on_bench
+
     workers = max(1, jobs // len(missing))
     tasks = [(bench, out / label, workers) for label, bench in missing.items()]
     with output_folder(out):
@@ -136,9 +145,16 @@ def true_friction(case: Case, spec: Robot) -> np.ndarray:
     return friction @ kind_average([joint.kind for joint in spec.joints])
 
 
+def _found(bench: Bench, out: Path) -> JointsFile:
+    """Return what a bench identified. Raises `StictionError` where the file cannot be read."""
+    from stiction.virtual.bench import JOINTS
+
+    return load_joints(out / bench.label / JOINTS)
+
+
 def _identified(bench: Bench, contract: Contract, out: Path) -> BenchFriction:
     """Return the friction of each kind of joint that a bench identified."""
-    file, spec = load_joints(out / bench.label / JOINTS), bench.spec
+    file, spec = _found(bench, out), bench.spec
     return bench_friction(
         file, spec.joint_names, contract.kinds, spec.joint_values("torque_limit"), nominal_known(contract, spec)
     )
@@ -220,7 +236,7 @@ def joint_friction(bench: Bench, out: Path) -> tuple[float, ...] | str:
 
     out: as of `identify_on_benches`. Raises `StictionError` where the file cannot be read.
     """
-    joints = load_joints(out / bench.label / JOINTS)
+    joints = _found(bench, out)
     try:
         return joints.nominal(bench.spec.joint_names, "coulomb_friction")
     except FileError as error:

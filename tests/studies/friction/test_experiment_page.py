@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from stiction.core.errors import StictionError
 from stiction.formats.results import read_results
 from stiction.rma.arguments import parse
+from stiction.rma.config import TrainCfg
 from stiction.studies.friction import assemble
 from stiction.studies.friction.evaluation import BASE
 from stiction.studies.friction.manifest import Condition, PlannedRun, Run
@@ -22,6 +24,13 @@ METHODS = ("none", "direct", "deception")
 MADE = {"command": "c", "revision": "abc", "machine": {"cpu": "a processor"}, "warnings": []}
 
 
+@cache
+def configuration(method: str) -> TrainCfg:
+    """Return what `stiction train` reads for a short run, once a method."""
+    words = ("--method", method, "--friction-level", "0.2", "--teacher.iterations", "1", "--student.iterations", "1")
+    return parse(["--preset", "two-phase", *words]).config
+
+
 def experiment(folder: Path, parts: tuple[str, ...] = ("1",), seeds: int = 3) -> Experiment:
     """Some conditions with made-up results: 0.9, 1.0 and 1.1 without friction, half of that at 20 %."""
     places, rows = [], []
@@ -30,9 +39,9 @@ def experiment(folder: Path, parts: tuple[str, ...] = ("1",), seeds: int = 3) ->
             name = f"coulomb20-{method}" if part == "1" else f"part{part}-{method}"
             options = ("--method", method, "--friction-level", "0.2")
             condition = Condition(name, part, "a purpose", options, tuple(range(seeds)))
-            cfg = parse(["--preset", "two-phase", *options, "--teacher.iterations", "1", "--student.iterations", "1"])
+            cfg = configuration(method)
             for seed in range(seeds):
-                places.append(PlannedRun(Run(condition, seed), cfg.config, folder / f"{name}-s{seed}"))
+                places.append(PlannedRun(Run(condition, seed), cfg, folder / f"{name}-s{seed}"))
                 write_run(places[-1])
             ratios = [0.9 + 0.1 * seed for seed in range(seeds)]
             for who in ("student", "teacher"):

@@ -29,7 +29,9 @@ def test_every_condition_is_a_configuration_and_seeds_change_nothing_else() -> N
         words = [run.arguments for run in condition.runs]
         assert [w[-4:-2] for w in words] == [("--seed", str(seed)) for seed in condition.seeds]
         assert {w[:-4] + w[-2:] for w in words} == {words[0][:-4] + words[0][-2:]}
-    assert parse([*MANIFEST[0].runs[3].arguments]).config == replace(configured()[MANIFEST[0].name], seed=3)
+    fourth = MANIFEST[0].runs[3]
+    assert parse([*fourth.arguments]).config == replace(configured()[MANIFEST[0].name], seed=3)
+    assert parse([*fourth.arguments]).config == fourth.configuration()
 
 
 def test_names_are_unique_and_read_back() -> None:

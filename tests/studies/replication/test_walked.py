@@ -95,7 +95,7 @@ def test_no_robot_is_put_on_its_bench_for_a_part_that_is_not_asked_for(
     ledger = WalkLedger(tmp_path / "walks.jsonl", replace(grid, forward=("still",)), {"still": still.digest})
     walks = plan(["still"], grid)
     ledger.add(tuple(walks), [METRICS] * len(walks))
-    monkeypatch.setattr("stiction.evaluate.benches.identify_on_bench", lambda *rest: pytest.fail("put on its bench"))
+    monkeypatch.setattr("stiction.virtual.bench.identify_on_bench", lambda *rest: pytest.fail("put on its bench"))
     kept = part_from_ledger(part, [still], tmp_path)
     assert kept is not None
     assert [(row.method, row.episodes) for row in kept.rows] == [("none", 2)]

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -92,6 +93,16 @@ class Run:
     def arguments(self) -> tuple[str, ...]:
         """Words for `stiction train`, without the folder. Nobody looks at the clips of an experiment."""
         return "--preset", self.preset, *self.condition.options, "--seed", str(self.seed), "--video-every", "0"
+
+    def configuration(self) -> TrainCfg:
+        """Return what `stiction train` reads in the arguments: those of a condition once, for its seeds are fields."""
+        return replace(_read(replace(self, seed=0).arguments), seed=self.seed)
+
+
+@cache
+def _read(arguments: tuple[str, ...]) -> TrainCfg:
+    """Return the configuration of a command line; reading one takes longer than all else about a run."""
+    return parse([*arguments]).config
 
 
 def condition_of(run: str) -> tuple[str, int]:
@@ -233,7 +244,7 @@ class PlannedRun:
         """Return a run as `stiction train` reads its arguments; runs and policies are the folders of all of them."""
         bundle = None if policies is None else policies / run.name
         policy = bundle if bundle is not None and bundle.is_dir() else None
-        return cls(run, parse([*run.arguments]).config, runs / run.name, policy)
+        return cls(run, run.configuration(), runs / run.name, policy)
 
     @property
     def iterations(self) -> int:
