@@ -28,6 +28,8 @@ LONG = (
     *("cli/test_train.py", "cli/test_train_actuator.py", "cli/test_walking_verb.py"),
     *("studies/actuator/test_actuator_loop.py", "studies/friction/test_experiment_page.py"),
     *("studies/wear/test_wear_study.py", "api/test_examples.py", "test_code_blocks.py"),
+    *("identify/excite/test_excite_plan.py", "identify/logs/test_limits.py", "identify/logs/test_recipes.py"),
+    *("identify/test_combinations.py", "identify/test_pipeline.py", "identify/test_record.py"),
 )
 """Files of more than ten seconds in which no single test is slow."""
 

@@ -73,7 +73,7 @@ def test_suite_and_walks_are_written(value: list[float], bundle: Path, tmp_path:
 
 @pytest.mark.parametrize("wrong", [1.5, float("nan")])
 def test_a_figure_out_of_bounds_is_a_failure(
-    wrong: float, value: list[float], only_mujoco: None, tmp_path: Path, capsys
+    wrong: float, value: list[float], only_mujoco: None, undrawn: None, tmp_path: Path, capsys
 ) -> None:
     """A script that runs the suite would go on with an engine that is wrong."""
     value[0] = wrong
@@ -85,7 +85,9 @@ def test_a_figure_out_of_bounds_is_a_failure(
     assert not (out / "walks.csv").exists()
 
 
-def test_an_engine_that_is_not_here_is_named(value: list[float], only_mujoco: None, tmp_path: Path, capsys) -> None:
+def test_an_engine_that_is_not_here_is_named(
+    value: list[float], only_mujoco: None, undrawn: None, tmp_path: Path, capsys
+) -> None:
     """Three engines would look like four, or one like all."""
     out = tmp_path / "engines"
     assert main(["study", "engines", "--no-walks", "--out", str(out)]) == 0
