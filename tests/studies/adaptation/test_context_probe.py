@@ -1,4 +1,4 @@
-"""What DreamWaQ's code tells of friction is probed as z* is, from walks with friction that its training may not have."""
+"""What DreamWaQ's code tells of friction is probed as z* is, in walks with friction that its training has not."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ CFG = TrainCfg(
 
 
 def test_the_code_is_probed_and_no_teacher_is(tmp_path: Path) -> None:
-    """A run without friction walks with some: its code and velocity are probed, and there is no z to set beside them."""
+    """A run without friction walks with some: its code and velocity are probed, and no z beside them."""
     actor = phase_runner(CFG, tmp_path).alg.actor
     walk = walk_with_friction(CFG, None, actor, "joint", WalkCfg(robots=4, seconds=1.2, settle=0.1))
     kept = 4 - walk.fallen
