@@ -1,6 +1,7 @@
 """`stiction study friction` as a user runs it, on an experiment of one small run."""
 
 import json
+import re
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -105,7 +106,11 @@ def test_runs_of_several_machines_make_one_experiment(
 def test_listing_begins_nothing(small: None, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """If this failed, nobody could see what the experiment is before it takes the machine for a day."""
     assert main(["study", "friction", "--list", "--runs", str(tmp_path)]) == 0
-    assert capsys.readouterr().out.startswith("missing        0%  stiction train --preset two-phase --robot go1")
+    listed = capsys.readouterr().out
+    assert listed.startswith("missing        0%    0 min  stiction train --preset two-phase --robot go1")
+    assert re.search(r"(\d+) runs, of up to \d+ seeds; \1 are missing, some 0.0 hours of one core", listed)
+    assert main(["study", "friction", "--plan", "--runs", str(tmp_path)]) == 0
+    assert capsys.readouterr().out == listed
     assert main(["study", "friction", "--runs", str(tmp_path / "nosuch"), "--out", str(tmp_path / "out")]) == 1
     assert "is finished; train them with --train" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())

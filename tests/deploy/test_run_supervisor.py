@@ -41,6 +41,22 @@ def test_nothing_is_stiff_before_the_policy_is_there() -> None:
     assert all(not out.command.kp.any() for out in run.frames())  # type: ignore[union-attr]
 
 
+def test_who_waits_for_a_slow_policy_and_is_told_to_walk_may_stand_still() -> None:
+    """On a busy machine the policy starts late: its robot, with coarse encoders, was stopped for a joint that rests."""
+    run = Run()
+    run.answers = False
+    run.supervisor.command_velocity(np.array([0.5, 0.0, 0.0]), 0.0)
+    for _ in range(1000):
+        run.step()
+    assert run.supervisor.stage is Stage.PASSIVE
+    run.answers = True
+    run.until(Stage.RUN)
+    run.target = STANDING.copy()
+    run.perfect = False
+    with pytest.raises(AssertionError, match="frozen joint"):
+        run.until(Stage.DAMP)
+
+
 def test_the_first_target_is_the_measured_pose_and_the_way_up_is_slow() -> None:
     """The robot jumps to its standing pose from wherever it lies."""
     run = Run()

@@ -65,15 +65,16 @@ def test_load_is_what_the_leg_weighs_and_what_the_ground_bears() -> None:
 
 def test_load_keeps_half_of_the_old_bound_but_nothing_over_a_reset() -> None:
     """A robot that begins anew would else begin with the friction of the one that fell."""
-    fleet = make(Law("load"))
+    fleet = Fleet(find_robot("go1"), 2, joint_sensors=True)
+    friction = JointFriction(fleet, Law("load"))
+    friction.set_level(np.full(fleet.friction.shape, 0.1))
     fleet.substep()
-    load = load_size(fleet.joint_load)
-    fleet.friction[:] = 100.0
     fleet.reset(np.array([1]))
-    standing = load_size(fleet.joint_load)[1]
+    load, standing = load_size(fleet.joint_load)
+    friction.load_state({**friction.state(), "bound": np.full(fleet.friction.shape, 100.0)})
     fleet.substep()
     kept = LAWS["load"].smoothing
-    np.testing.assert_allclose(fleet.friction[0], kept * 100.0 + (1 - kept) * 0.1 * load[0])
+    np.testing.assert_allclose(fleet.friction[0], kept * 100.0 + (1 - kept) * 0.1 * load)
     np.testing.assert_allclose(fleet.friction[1], 0.1 * standing)
 
 
@@ -87,13 +88,39 @@ def test_a_robot_that_blew_up_has_finite_friction_again(law: Law) -> None:
     assert len(fleet.step()) == 0 and (fleet.friction[1] > 0.0).all()
 
 
-@pytest.mark.parametrize("law", [*MEASURED, Law("stribeck")])
-def test_state_restores_the_friction_bit_by_bit(law: Law) -> None:
+def test_the_bounds_of_two_laws_add_up() -> None:
+    """2 N m of Coulomb friction, and half of the old and half of the new 0.1 of what the joints transmit."""
+    fleet = Fleet(find_robot("go1"), 2, joint_sensors=True)
+    friction = JointFriction(fleet, Law(), Law("load"))
+    friction.set_level(np.full((2, 12), 2.0), np.full((2, 12), 0.1))
+    np.testing.assert_array_equal(fleet.friction, 2.0)
+    first = load_size(fleet.joint_load)
+    fleet.substep()
+    np.testing.assert_allclose(fleet.friction, 2.0 + 0.1 * first)
+    second = load_size(fleet.joint_load)
+    fleet.substep()
+    np.testing.assert_allclose(fleet.friction, 2.0 + 0.1 * (0.5 * first + 0.5 * second))
+    friction.set_level(np.full((1, 12), 1.0), np.zeros((1, 12)), ids=np.array([1]))
+    third = load_size(fleet.joint_load)
+    fleet.substep()
+    np.testing.assert_allclose(fleet.friction[0], 2.0 + 0.1 * (0.25 * first + 0.25 * second + 0.5 * third)[0])
+    np.testing.assert_allclose(fleet.friction[1], 1.0)
+
+
+def test_two_laws_that_read_sensors_are_refused() -> None:
+    """One set of sensors is kept in a checkpoint."""
+    with pytest.raises(StictionError, match="effort and load each read a sensor"):
+        JointFriction(Fleet(find_robot("go1"), 1, joint_sensors=True), Law("effort"), Law("load"))
+
+
+@pytest.mark.parametrize("laws", [*((law,) for law in MEASURED), (Law("stribeck"),), (Law(), Law("load"))])
+def test_state_restores_the_friction_bit_by_bit(laws: tuple[Law, ...]) -> None:
     """A checkpoint has neither sensors nor bounds; without them a resumed run would take another way."""
     targets = 0.2 * np.random.default_rng(0).standard_normal((20, 2, 12))
     fleet = Fleet(find_robot("go1"), 2, joint_sensors=True)
-    friction = JointFriction(fleet, law)
-    friction.set_level(np.full((2, 12), 0.1))
+    friction = JointFriction(fleet, *laws)
+    levels = [np.full((2, 12), 0.1) for _ in laws]
+    friction.set_level(*levels)
 
     def walk(some: np.ndarray) -> np.ndarray:
         for target in some:
@@ -105,7 +132,7 @@ def test_state_restores_the_friction_bit_by_bit(law: Law) -> None:
     saved, kept = fleet.simulation.state(), friction.state()
     first = walk(targets[10:])
     fleet.reset(np.arange(2))
-    friction.set_level(np.full((2, 12), 0.1))
+    friction.set_level(*levels)
     fleet.simulation.load_state(saved)
     friction.load_state(kept)
     np.testing.assert_array_equal(walk(targets[10:]), first)

@@ -213,7 +213,12 @@ class ReadingGuard:
         self._fresh = True
 
     def check(
-        self, time: float, sensors: Sensors, velocity_command: np.ndarray, now: float | None = None
+        self,
+        time: float,
+        sensors: Sensors,
+        velocity_command: np.ndarray,
+        now: float | None = None,
+        acting: bool = True,
     ) -> Violation | None:
         """Return the first rule that a reading or a command breaks, or None.
 
@@ -224,6 +229,7 @@ class ReadingGuard:
             sensors: of one robot, shapes (4,), (3,), (J,), (J,).
             velocity_command: forward, sideways [m/s], turn [rad/s], shape (3,).
             now: the present on the same clock [s]; without it the age of the reading is not judged.
+            acting: whether a policy obeys the command; a robot that waits, or stands up, may keep still.
 
         """
         command = np.asarray(velocity_command, dtype=np.float64).tolist()
@@ -233,7 +239,7 @@ class ReadingGuard:
             or self._in_time(time, now)
             or self._orientation(good)
             or self._joints(good)
-            or self._motion(good, command)
+            or self._motion(good, acting and _norm(command) > MOVING)
             or self._command(command)
         )
 
@@ -304,7 +310,7 @@ class ReadingGuard:
                 return self._broken("joint jump", moved.max(), allowed, int(np.argmax(moved)))
         return None
 
-    def _motion(self, good: _Good, command: list[float]) -> Violation | None:
+    def _motion(self, good: _Good, walking: bool) -> Violation | None:
         """Judge the reading beside those before, and remember it: what disagrees now has to go on doing so."""
         before, self._before, self._fresh = self._before, good, False
         if before is None:
@@ -315,7 +321,7 @@ class ReadingGuard:
         allowed = self.limits["turn rate"] * (good.time - before.time) + self.limits["orientation jump"]
         if turned > allowed:
             return self._broken("orientation jump", turned, allowed)
-        good.follow(before, self._gap, _norm(command) > MOVING)
+        good.follow(before, self._gap, walking)
         return self._disagrees(good) or self._frozen(good)
 
     def _disagrees(self, good: _Good) -> Violation | None:

@@ -58,7 +58,7 @@ attitude and its own last actions, and follows a commanded velocity.
 | trained with | {meaning} |
 | law of the dry friction | `{law}`: {law_meaning} |
 | nominal dry friction | {nominal} |
-| dry friction in training | {low:.3g} to {high:.3g}{unit} |
+| dry friction in training | {low:.3g} to {high:.3g}{unit}{more} |
 | joints | {joints} ({joint_count}) |
 | control period | {period:g} s |
 | identification used | {identification} |
@@ -97,6 +97,7 @@ def write_card(contract: Contract) -> str:
         unit="" if coefficient else " of the torque limit",
         low=low,
         high=high,
+        more=_more_friction(contract),
         joints=", ".join(contract.joint_names),
         joint_count=contract.num_joints,
         period=contract.control_period,
@@ -107,6 +108,16 @@ def write_card(contract: Contract) -> str:
         revision=contract.revision,
         command=contract.command,
     )
+
+
+def _more_friction(contract: Contract) -> str:
+    """Return what the card says of friction beside the range; nothing where there is none."""
+    texts = {
+        "friction_spread": "; times {:g} to {:g} in each joint",
+        "friction_load": "; beside it {:g} to {:g} of what the joint transmits",
+    }
+    ranges = {name: getattr(contract, name) for name in texts}
+    return "".join(texts[name].format(*span) for name, span in ranges.items() if span is not None)
 
 
 def _known_friction_line(contract: Contract) -> str:
@@ -236,6 +247,8 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         friction_law=law.name,
         friction_level=level,
         friction_range=(low * level, high * level),
+        friction_load=task.friction.load,
+        friction_spread=task.friction.spread,
         stribeck=(law.static_ratio, law.stribeck_velocity) if law.numbers else None,
         joint_names=spec.joint_names,
         control_period=task.control_period,

@@ -42,7 +42,18 @@ MOST_JOINTS = 256
 """Joints that a policy may have."""
 
 LATER = {"compensation": 1, "compensation_width": 1} | dict.fromkeys(
-    ("stribeck", "actuator", "known_friction", "known_friction_file", "phases", "anatomy", "command_range", "imported"),
+    (
+        "stribeck",
+        "actuator",
+        "known_friction",
+        "known_friction_file",
+        "phases",
+        "anatomy",
+        "command_range",
+        "imported",
+        "friction_load",
+        "friction_spread",
+    ),
     2,
 )
 """Field that came later -> the last version in which it may be missing; it is then its default."""
@@ -127,6 +138,12 @@ class Contract:
     imported: Mapping[str, str] | None = None
     """`name` and `sha256` of the network of a policy that was trained elsewhere: what it met in training is not known,
     whatever `terrain`, `method` and the fields of friction say. None of one that was trained here."""
+    friction_load: tuple[float, float] | None = None
+    """Range of the coefficient of friction that grows with load (the law `load`) that training drew from beside
+    `friction_range` [1], or None."""
+    friction_spread: tuple[float, float] | None = None
+    """Range of each joint's factor on its robot's friction in training [1], or None: all joints had one factor, or each
+    its own."""
     phases: int | None = None
     """Phases of the training: 1, what walked in training is what is deployed; 2, a teacher and its student. None: the
     bundle is older than this field."""
@@ -165,7 +182,10 @@ class Contract:
             return "without friction"
         scale = (1.0, "") if has_coefficient(self.friction_law) else (100.0, " %")
         number = [f"{scale[0] * value:.3g}" for value in (low, self.friction_level, high)]
-        return f"at 0 to {number[2]}{scale[1]} friction" if low == 0.0 else f"at {number[1]}{scale[1]} friction"
+        text = f"at 0 to {number[2]}{scale[1]} friction" if low == 0.0 else f"at {number[1]}{scale[1]} friction"
+        if self.friction_spread is not None:
+            text += ", different in each joint"
+        return text if self.friction_load is None else f"{text} and up to {self.friction_load[1]:g} of the load"
 
     @property
     def law(self) -> Law:

@@ -156,6 +156,14 @@ RULES: dict[str, Rule] = {
     "compensation_width": _between(1e-4, 3.2, " rad"),
     "friction_level": SHARE,
     "friction_range": Rule(_is_range, "two numbers, 0 <= low <= high <= 10", pair(SHARE)),
+    **dict.fromkeys(
+        ("friction_load", "friction_spread"),
+        Rule(
+            lambda value: value is None or _is_range(value),
+            "null, or two numbers, 0 <= low <= high <= 10",
+            {"anyOf": [pair(SHARE), {"type": "null"}]},
+        ),
+    ),
     "command_range": Rule(
         _are_commands,
         "null, or for each of 'forward', 'sideways' and 'turn' two numbers, -100 <= low <= high <= 100",

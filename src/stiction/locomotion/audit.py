@@ -200,7 +200,7 @@ def _range_rows(env: LocomotionEnv) -> list[AuditRow]:
     """Check that the draws fill their ranges: drawn span over configured span."""
     rows = []
     for name, values in vars(env.randomizer.draws).items():
-        low, high = env.cfg.friction.last.range if name == "friction" else getattr(env.cfg.randomization, name)
+        low, high = _range_of(env.cfg, name)
         if low == high:
             continue
         values = values[:, :1] / env.randomizer.com_axes[0] if name == "center_of_mass" else values
@@ -208,6 +208,18 @@ def _range_rows(env: LocomotionEnv) -> list[AuditRow]:
         span = float(values.max() - values.min()) / (high - low)
         rows.append(AuditRow(name, "span of the values drawn", span if inside else float("nan")))
     return rows
+
+
+def _range_of(cfg: TaskCfg, name: str) -> tuple[float, float]:
+    """Return the lower and the upper end of what is drawn."""
+    friction = cfg.friction
+    if name == "load_coefficient":
+        return friction.load or (0.0, 0.0)
+    if name != "friction":
+        low, high = getattr(cfg.randomization, name)
+        return low, high
+    (low, high), (least, most) = friction.last.range, friction.spread or (1.0, 1.0)
+    return low * least, high * most
 
 
 def check_randomization(cfg: TaskCfg, spec: Robot, report: Callable[[str], None] = lambda _: None) -> list[AuditRow]:

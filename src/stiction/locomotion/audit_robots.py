@@ -50,7 +50,7 @@ class Stand:
     def fleet(self, num: int, **draws: float | np.ndarray) -> tuple[Fleet, Randomizer]:
         """Return `num` robots, nominal but for `draws`."""
         cfg = self.cfg
-        fleet = Fleet(self.spec, num, cfg.timestep, cfg.decimation, joint_sensors=cfg.friction.joint_law.spec.loaded)
+        fleet = Fleet(self.spec, num, cfg.timestep, cfg.decimation, joint_sensors=cfg.friction.loaded)
         randomizer = Randomizer(fleet, cfg.randomization, cfg.friction, nominal_joints(fleet, cfg.friction))
         for name in ("armature", "damping", "stiffness", "motor_strength", "ground_friction"):
             getattr(randomizer.draws, name)[:] = 1.0

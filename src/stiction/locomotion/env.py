@@ -99,7 +99,7 @@ class LocomotionEnv(VecEnv):
         self.num_actions = self.spec.num_joints
         flat, draws = cfg.terrain.kind == "flat", np.random.default_rng(seed)
         self.course = None if flat else Curriculum(cfg.terrain, num_envs, draws)
-        terrain, sensors = self.course.terrain if self.course else None, cfg.friction.joint_law.spec.loaded
+        terrain, sensors = self.course.terrain if self.course else None, cfg.friction.loaded
         steps = (cfg.timestep, cfg.decimation)
         self.fleet = Fleet(self.spec, num_envs, *steps, threads, device.backend, terrain, sensors, cfg.physics)
         self.generator = torch.Generator().manual_seed(seed)
@@ -242,7 +242,7 @@ class LocomotionEnv(VecEnv):
         ratio = snapshot.linear_velocity[:, 0] / command
         for name, mask in (("forward", command > 0.3), ("backward", command < -0.3)):
             log[f"walk/{name}_ratio"] = torch.where(mask, ratio, 0.0).sum() / mask.sum().clamp(min=1)
-        if self.cfg.friction.law != "coulomb":
+        if any(law.spec.reads for law in self.cfg.friction.laws):
             log["friction/share"] = torch.as_tensor((self.fleet.friction / self.fleet.torque_limit).mean())
         return log
 
@@ -314,7 +314,7 @@ class LocomotionEnv(VecEnv):
         self.measured_position = raw["joint_position"]
         raw |= {"command": self.commands.value, "last_action": self.last_action}
         if self.cfg.known_friction:
-            raw["known_friction"] = self.randomizer.friction_share() @ self.kind_average * self.bench_error
+            raw["known_friction"] = self.randomizer.unloaded_share() @ self.kind_average * self.bench_error
         if self.slow is not None:
             error = self.standing + self.action_scale * self.last_action - self.measured_position
             raw |= self.slow.push(error, raw["joint_velocity"], fresh)

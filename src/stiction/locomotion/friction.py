@@ -94,6 +94,12 @@ class FrictionCfg:
     per: Literal["robot", "joint"] = "robot"
     """One multiplier for all joints of a robot, or one each. Per robot, some robots have nearly no friction anywhere:
     the paper's explanation of why its wide range works needs exactly those."""
+    spread: tuple[float, float] | None = None
+    """Factor of each joint on its robot's multiplier, drawn uniformly: `0.5 1.5`. Joints then differ, and some robots
+    still have nearly no friction anywhere."""
+    load: tuple[float, float] | None = None
+    """Coefficient of friction that grows with what the joint transmits (the law `load`), drawn for each robot in every
+    stage, on top of the law: `0 0.1`."""
     range: tuple[float, float] | None = None
     """Multiplier in the last stage, in place of the method's."""
     mixture: Mixture = ()
@@ -116,6 +122,7 @@ class FrictionCfg:
                 raise ConfigurationError(unknown_name(f"friction {name}", getattr(self, name), allowed))
         _ = self.joint_law
         self._check_level()
+        self._check_more()
         self._check_distribution()
         if not 0 < self.pretraining < 1 or not 1 <= self.steps <= 100:
             raise ConfigurationError(
@@ -133,6 +140,24 @@ class FrictionCfg:
                 f"the friction law {self.law!r} has no nominal torque that compensation could add; use another method, "
                 "or the law 'coulomb'"
             )
+
+    def _check_more(self) -> None:
+        """Refuse a spread of what differs anyhow, and load friction where there is one, or no range of it."""
+        if self.spread is not None and self.per == "joint":
+            raise ConfigurationError("friction spread and per-joint friction both let joints differ; leave one out")
+        if (self.spread is not None or self.load is not None) and self.method == "none":
+            raise ConfigurationError(
+                "the method 'none' has no friction to draw; choose another, or leave out its spread and load"
+            )
+        if self.load is not None and LAWS[self.law].unit != "share":
+            raise ConfigurationError(
+                f"friction load {self.load} beside the law {self.law!r}, which is a coefficient itself; use the law "
+                "'coulomb' or 'stribeck'"
+            )
+        for name, most in {"spread": 10.0, "load": 0.8}.items():
+            span = getattr(self, name)
+            if span is not None and not (len(span) == 2 and 0 <= span[0] <= span[1] < most):
+                raise ConfigurationError(f"friction {name} {span}: expected a lower and an upper end in [0, {most:g})")
 
     def _check_distribution(self) -> None:
         """Refuse ranges and mixtures that are none."""
@@ -158,6 +183,16 @@ class FrictionCfg:
     def joint_law(self) -> Law:
         """The law with its own numbers. Raises `StictionError` where they make none."""
         return Law(self.law, self.static_ratio, self.stribeck_velocity)
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """The law, and `load` where there is some beside it."""
+        return (self.joint_law,) if self.load is None else (self.joint_law, Law("load"))
+
+    @property
+    def loaded(self) -> bool:
+        """Whether friction depends on what a joint transmits."""
+        return any(law.spec.loaded for law in self.laws)
 
     @property
     def _final(self) -> Mixture:

@@ -118,6 +118,8 @@ class Draws:
     """[kg]; both (N, 1)."""
     contact_time: torch.Tensor
     """[s], (N, 1)."""
+    load_coefficient: torch.Tensor
+    """Of friction that grows with load [1], (N, 1)."""
     center_of_mass: torch.Tensor
     """Shift in the base frame [m], (N, 3)."""
     action_delay: torch.Tensor
@@ -146,14 +148,16 @@ class Randomizer:
                 nominal = NominalJoints(nominal.armature, damping=zero, frictionloss=zero)
         self.fleet, self.cfg, self.friction, self.nominal = fleet, cfg, friction, nominal
         self.mixture = friction.schedule[0].mixture
-        self.law = JointFriction(fleet, friction.joint_law)
+        self.law = JointFriction(fleet, *friction.laws)
         share = friction_share(friction.law, nominal.frictionloss, fleet.spec)
         self.nominal_share = torch.from_numpy(share).float()
+        self.load_share = torch.from_numpy(friction_share("load", np.ones_like(share), fleet.spec)).float()
         self.base_mass, self.base_com = fleet.spec.base.mass, np.array(fleet.spec.base.com)
         cfg.check_robot(fleet.spec)
         self.com_axes = torch.from_numpy(np.array(fleet.spec.base.size) / TRUNK_LENGTH).float()
         num, joints = fleet.num_envs, fleet.spec.num_joints
         widths = {"ground_friction": 1, "payload": 1, "center_of_mass": 3, "action_delay": 1, "contact_time": 1}
+        widths["load_coefficient"] = 1
         names = Draws.__dataclass_fields__
         self.draws = Draws(**{name: torch.zeros(num, widths.get(name, joints)) for name in names})
         self.draws.contact_time[:] = cfg.contact_time[0]
@@ -165,12 +169,14 @@ class Randomizer:
         def uniform(span: tuple[float, float], like: torch.Tensor) -> torch.Tensor:
             return span[0] + (span[1] - span[0]) * torch.rand(num, like.shape[1], generator=generator)
 
-        later = ("friction", "contact_time")
+        later = ("friction", "contact_time", "load_coefficient")
         drawn = ((name, value) for name, value in vars(self.draws).items() if name not in later)
         new = {name: uniform(getattr(cfg, name), value) for name, value in drawn}
         new["friction"] = self._draw_friction(num, generator)
         if cfg.contact_time[0] < cfg.contact_time[1]:
             new["contact_time"] = uniform(cfg.contact_time, self.draws.contact_time)
+        if self.friction.load is not None:
+            new["load_coefficient"] = uniform(self.friction.load, self.draws.load_coefficient)
         new["center_of_mass"] = new["center_of_mass"] * self.com_axes
         step = self.fleet.timestep
         new["action_delay"] = (new["action_delay"] / step).round() * step
@@ -187,7 +193,12 @@ class Randomizer:
         if len(weight) > 1:
             part = torch.multinomial(weight, size[0] * size[1], True, generator=generator).view(size)
         multiplier = low[part] + (high - low)[part] * share
-        return multiplier if self.friction.per == "joint" else multiplier[:, :1].expand(size)
+        if self.friction.per == "joint":
+            return multiplier
+        if self.friction.spread is None:
+            return multiplier[:, :1].expand(size)
+        least, most = self.friction.spread
+        return multiplier[:, :1] * (least + (most - least) * torch.rand(size, generator=generator))
 
     def enter(self, mixture: Mixture, generator: torch.Generator) -> None:
         """Begin a stage of the schedule: draw every robot's friction, and nothing else."""
@@ -201,7 +212,8 @@ class Randomizer:
         values = {name: tensor[ids].double().numpy() for name, tensor in vars(self.draws).items()}
         fleet.armature[rows] = values["armature"] * nominal.armature
         fleet.damping[rows] = values["damping"] * nominal.damping
-        self.law.set_level(values["friction"] * nominal.frictionloss, rows)
+        levels = [values["friction"] * nominal.frictionloss, values["load_coefficient"] + 0.0 * nominal.frictionloss]
+        self.law.set_level(*levels[: len(self.law.laws)], ids=rows)
         strength = values["motor_strength"]
         if self.motors is None:
             fleet.set_gains(strength * values["stiffness"] * fleet.nominal_kp, strength * fleet.nominal_kd, rows)
@@ -216,7 +228,14 @@ class Randomizer:
         fleet.set_const(rows)
 
     def friction_share(self) -> torch.Tensor:
-        """Return the dry friction of every joint as a fraction of its torque limit, shape (N, joints)."""
+        """Return the dry friction of every joint as a fraction of its torque limit, shape (N, joints).
+
+        Friction that grows with load counts as in `friction_share`.
+        """
+        return self.unloaded_share() + self.draws.load_coefficient * self.load_share
+
+    def unloaded_share(self) -> torch.Tensor:
+        """Return the same without what grows with load beside the law: what a bench finds, shape (N, joints)."""
         return self.draws.friction * self.nominal_share
 
     def privileged(self) -> torch.Tensor:

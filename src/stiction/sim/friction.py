@@ -36,33 +36,44 @@ SIGNALS: dict[Signal, Callable[[Fleet], np.ndarray]] = {
 
 
 class JointFriction:
-    """Dry friction of a fleet's joints under one law.
+    """Dry friction of a fleet's joints under one law, or under several whose bounds add up.
 
-    `level` is what a robot is given, shape (N, joints): a torque [N m], or the coefficient. A robot that has just been
-    reset has the bound of its standing pose.
+    `levels` are what a robot is given under each law, shape (N, joints): a torque [N m], or the coefficient. A robot
+    that has just been reset has the bound of its standing pose.
     """
 
-    def __init__(self, fleet: Fleet, law: Law) -> None:
-        """Begin without friction. Raise `StictionError` where the law reads a load that the fleet does not measure."""
-        if law.spec.loaded and not fleet.joint_load.size:
+    def __init__(self, fleet: Fleet, *laws: Law) -> None:
+        """Begin without friction.
+
+        Raises `StictionError` where a law reads a load that the fleet does not measure, or two of them read sensors.
+        """
+        if len([law for law in laws if not set(law.spec.reads) <= {"velocity"}]) > 1:
             raise ConfigurationError(
-                f"the friction law {law.name!r} needs a fleet with joint sensors; make it with joint_sensors"
+                f"the friction laws {' and '.join(law.name for law in laws)} each read a sensor; give one of them"
             )
-        self.fleet, self.law = fleet, law
-        self.level = np.zeros_like(fleet.friction)
-        fleet.friction[:] = 0.0
+        for law in laws:
+            if law.spec.loaded and not fleet.joint_load.size:
+                raise ConfigurationError(
+                    f"the friction law {law.name!r} needs a fleet with joint sensors; make it with joint_sensors"
+                )
+        self.fleet, self.laws = fleet, laws
+        self.levels = [np.zeros_like(fleet.friction) for _ in laws]
+        self._bounds = [np.zeros_like(fleet.friction) for _ in laws]
+        self._stored: list[np.ndarray | None] = [None] * len(laws)
         self._fresh = np.ones(fleet.num_envs, bool)
-        self._stored: np.ndarray | None = None
-        if law.spec.reads:
+        fleet.friction[:] = 0.0
+        if any(law.spec.reads for law in laws):
             fleet.before_step.append(self.act)
             fleet.after_reset.append(self.forget)
 
-    def set_level(self, level: np.ndarray, ids: np.ndarray | slice = slice(None)) -> None:
-        """Give the robots `ids` their level, shape (len(ids), joints), and forget their old bounds."""
-        self.level[ids] = level
+    def set_level(self, *levels: np.ndarray, ids: np.ndarray | slice = slice(None)) -> None:
+        """Give the robots `ids` their level under each law, shape (len(ids), joints), and forget their old bounds."""
+        for law, level, bound, values in zip(self.laws, self.levels, self._bounds, levels, strict=True):
+            level[ids] = values
+            if law.spec.unit == "share":
+                bound[ids] = values
         self._fresh[ids] = True
-        if self.law.spec.unit == "share":
-            self.fleet.friction[ids] = level
+        self.fleet.friction[ids] = sum(bound[ids] for bound in self._bounds)
 
     def forget(self, ids: np.ndarray) -> None:
         """Forget the old bounds of the robots `ids`, which were just reset."""
@@ -73,32 +84,38 @@ class JointFriction:
 
         A robot that blew up has no finite state until its reset at the end of the control period; its bounds stay.
         """
-        bound = self.level * (self.factor() if self._stored is None else self._stored)
-        self._stored = None
-        if self.law.spec.smoothing:
-            smoothing = np.where(self._fresh, 0.0, self.law.spec.smoothing)[:, None]
-            bound = smoothing * fleet.friction + (1.0 - smoothing) * bound
-        np.copyto(fleet.friction, bound, where=np.isfinite(bound))
+        for number, (law, level, last) in enumerate(zip(self.laws, self.levels, self._bounds, strict=True)):
+            stored = self._stored[number]
+            bound = level * (self.factor(law) if stored is None else stored)
+            if law.spec.smoothing:
+                smoothing = np.where(self._fresh, 0.0, law.spec.smoothing)[:, None]
+                bound = smoothing * last + (1.0 - smoothing) * bound
+            np.copyto(last, bound, where=np.isfinite(bound))
+        self._stored = [None] * len(self.laws)
         self._fresh[:] = False
+        fleet.friction[:] = sum(self._bounds)
 
-    def factor(self) -> np.ndarray:
-        """Return what the level is multiplied by now, shape (N, joints)."""
-        return np.asarray(self.law.factor(**{name: SIGNALS[name](self.fleet) for name in self.law.spec.reads}))
+    def factor(self, law: Law) -> np.ndarray:
+        """Return what the level of one law is multiplied by now, shape (N, joints)."""
+        return np.asarray(law.factor(**{name: SIGNALS[name](self.fleet) for name in law.spec.reads}))
 
     def state(self) -> dict[str, np.ndarray]:
-        """Return a copy of what the next step depends on beside the simulation's state and `level`.
+        """Return a copy of what the next step depends on beside the simulation's state and `levels`.
 
         Only a law that reads sensors, which are not in the simulation's state, has any.
         """
-        if set(self.law.spec.reads) <= {"velocity"}:
-            return {}
-        return {"bound": self.fleet.friction.copy(), "measured": self.factor().copy(), "fresh": self._fresh.copy()}
+        for law, bound in zip(self.laws, self._bounds, strict=True):
+            if not set(law.spec.reads) <= {"velocity"}:
+                return {"bound": bound.copy(), "measured": self.factor(law).copy(), "fresh": self._fresh.copy()}
+        return {}
 
     def load_state(self, state: dict[str, np.ndarray]) -> None:
         """Restore what `state` returned; the next step is then bit-identical."""
-        if state:
-            self.fleet.friction[:] = state["bound"]
-            self._stored, self._fresh = state["measured"].copy(), state["fresh"].copy()
+        for number, law in enumerate(self.laws):
+            if state and not set(law.spec.reads) <= {"velocity"}:
+                self._bounds[number][:] = state["bound"]
+                self._stored[number], self._fresh = state["measured"].copy(), state["fresh"].copy()
+                self.fleet.friction[:] = sum(self._bounds)
 
 
 class FrictionMeter:

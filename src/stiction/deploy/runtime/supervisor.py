@@ -348,7 +348,8 @@ class Supervisor:
 
     def _judge(self, state: RobotState, now: float) -> Violation | None:
         """Return the first broken rule of a state."""
-        broken = self._guard.check(state.time, state.sensors, self.velocity)
+        acting = self.stage is Stage.RUN
+        broken = self._guard.check(state.time, state.sensors, self.velocity, acting=acting)
         if broken is not None:
             return broken
         if self.cfg.armed and math.isfinite(state.command) and not self._ours[0] <= state.command <= self._ours[1]:

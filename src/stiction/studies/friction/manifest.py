@@ -160,6 +160,18 @@ MANIFEST: tuple[Condition, ...] = (
     *_robots("kp2", "saturn_lite@kp=2"),
     *_robots("torque2", "saturn_lite@torque=2", LEVEL / 2),
     *(_load(coefficient, method) for coefficient in LOAD_COEFFICIENTS for method in ("direct", "deception")),
+    Condition(
+        *("effort442-direct", "5", "the paper's number as a coefficient of the motor's torque"),
+        ("--method", "direct", "--friction-law", "effort", "--friction-level", "0.442"),
+    ),
+    _coulomb(
+        *("load-beside", "5", "up to 10 % of the limit, and beside it up to 0.1 of the load", "deception"),
+        *("--task.friction.range", "0", "0.5", "--task.friction.load", "0", "0.1"),
+    ),
+    _coulomb(
+        *("deception-spread", "3", "joints differ by half about their robot's mean", "deception"),
+        *("--task.friction.spread", "0.5", "1.5"),
+    ),
     *(
         replace(_coulomb(method, "6", "a quadruped", method, "--robot", "go1"), name=f"go1-coulomb20-{method}")
         for method in ("none", "direct", "deception")
@@ -201,6 +213,11 @@ EVALUATED: tuple[State, ...] = ("exported", "finished")
 """States of runs that have rows."""
 
 
+STEP_SECONDS = {"rows": 2.34e-4, "sliders": 1.21e-4}
+"""Processor time of a training for each control step of each robot [s], with friction as rows and as sliders: 2.88 and
+1.49 s an iteration of 512 robots and 24 steps (results/speed, two busy AMD cores; machines differ by two)."""
+
+
 @dataclass(frozen=True)
 class PlannedRun:
     """A run with its complete configuration, and the folder where it is or will be."""
@@ -230,6 +247,12 @@ class PlannedRun:
             return 0
         before = self.cfg.teacher.iterations if rows[-1]["phase"] == "student" else 0
         return before + int(rows[-1]["iteration"])
+
+    def minutes(self) -> float:
+        """Return the processor time that its training takes from the beginning, by `STEP_SECONDS` [min]."""
+        cfg, physics = self.cfg, "sliders" if self.cfg.task.physics.plastic else "rows"
+        steps = cfg.num_envs * sum(phase.iterations * phase.steps for phase in (cfg.teacher, cfg.student))
+        return steps * STEP_SECONDS[physics] / 60.0
 
     def state(self) -> State:
         """Return where the run stands.

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+from tyro.conf import arg
 
 from stiction.core.errors import TrainingError
 from stiction.studies.study import ParallelOptions, Report, Study, Work
@@ -56,8 +58,9 @@ class FrictionOptions(ParallelOptions):
     """Also write who follows into this file of what `stiction identify` advises by."""
     ship: Path | None = None
     """Export the median seed of each training method of the first part into this folder."""
-    list: bool = False
-    """Only say what the experiment is made of, and where it stands."""
+    list: Annotated[bool, arg(aliases=("--plan",))] = False
+    """Only say what the experiment is made of: runs, seeds, where each stands, its cost in minutes of one core, and
+    what is missing in all."""
     json: bool = False
     """Print the verdicts as JSON on standard output, and nothing else."""
 
@@ -118,12 +121,23 @@ def report_of(options: FrictionOptions, experiment: Experiment, further: Callabl
     return replace(report(experiment), files=write_files)
 
 
-def print_runs(planned: list[PlannedRun], states: Mapping[str, str]) -> None:
-    """Print every run with its state and the command that trains it by hand."""
+def print_runs(planned: Sequence[PlannedRun], states: Mapping[str, str]) -> None:
+    """Print every run with its state, its cost and the command that trains it by hand; then what is missing in all."""
+    from stiction.studies.friction.manifest import EVALUATED
+
+    left = 0.0
     for run in planned:
         share = run.done() / run.iterations
+        left += 0.0 if states[run.run.name] in EVALUATED else (1.0 - share) * run.minutes()
         words = shlex.join(run.run.arguments)
-        print(f"{states[run.run.name]:<12}{share:>5.0%}  stiction train {words} --out {run.path}")
+        state, cost = states[run.run.name], f"{run.minutes():.0f} min"
+        print(f"{state:<12}{share:>5.0%}{cost:>9}  stiction train {words} --out {run.path}")
+    missing = sum(state not in EVALUATED for state in states.values())
+    seeds = len({run.run.seed for run in planned})
+    print(
+        f"{len(planned)} runs, of up to {seeds} seeds; {missing} are missing, some {left / 60.0:.1f} hours of one core "
+        "(by results/speed; machines differ by a factor of two)"
+    )
 
 
 STUDY = Study(

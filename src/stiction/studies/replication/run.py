@@ -284,6 +284,8 @@ def _trained(contract: Contract) -> str:
     """Return what the seeds of one training share: robot, ground, friction and the range of it."""
     low, high = contract.friction_range
     friction = f"{contract.friction_law} friction {contract.friction_level:.6g} from {low:.6g} to {high:.6g}"
+    more = {"spread": contract.friction_spread, "load": contract.friction_load}
+    friction += "".join(f", {name} {span[0]:g} to {span[1]:g}" for name, span in more.items() if span is not None)
     return f"{contract.robot} on {contract.terrain} with {friction}"
 
 
