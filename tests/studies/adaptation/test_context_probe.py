@@ -1,4 +1,4 @@
-"""The code of DreamWaQ tells of friction as z* does, from walks with friction that its training may not have."""
+"""What DreamWaQ's code tells of friction is probed as z* is, in walks with friction that its training has not."""
 
 from pathlib import Path
 
