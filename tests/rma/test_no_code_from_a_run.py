@@ -89,7 +89,7 @@ def sent(finished: Path, folder: Path, unfinished: bool = False, **task: object)
     return folder
 
 
-@pytest.mark.parametrize("robot", ["trap:ROBOT", "trap.ROBOT", "trap:ROBOT@kp=1.json", "trap", "no.such:ROBOT"])
+@pytest.mark.parametrize("robot", ["trap:ROBOT", "trap.ROBOT", "trap", "no.such:ROBOT"])
 def test_a_robot_that_a_file_names_is_no_module(
     robot: str, finished: Path, trap: Path, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
@@ -105,6 +105,17 @@ def test_a_robot_that_a_file_names_is_no_module(
         walk_run(run, "student", EvaluationCfg(commands=("vx=0.5",), episodes=1, seconds=3.0))
     with pytest.raises(StictionError, match="runs no module"):
         _render(run, next((run / "checkpoints").glob("*.safetensors")), tmp_path / "clip.webp")
+    assert not trap.exists()
+
+
+def test_a_module_in_the_name_of_a_file_is_a_file(
+    finished: Path, trap: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """What ends as files of robots do is one, whatever stands before: it is looked for, and nothing is imported."""
+    run = sent(finished, tmp_path / "run", True, robot="trap:ROBOT@kp=1.json")
+    assert main(["train", "--resume", str(run)]) == 1
+    shown = capsys.readouterr().err.splitlines()
+    assert len(shown) == 1 and "cannot read trap:ROBOT@kp=1.json" in shown[0]
     assert not trap.exists()
 
 

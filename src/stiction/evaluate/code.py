@@ -30,6 +30,7 @@ WALK_CODE = (
 
 RUN_WALK_CODE = (
     *(*FLEET, "deploy/observation.py", "rma/models.py", "rma/runner.py", "rma/equivariant.py"),
+    "rma/context.py",
     *("locomotion/observations.py", "locomotion/randomization.py", "locomotion/symmetry.py"),
     *("evaluate/export.py", "evaluate/trained.py", "evaluate/methods.py"),
 )
