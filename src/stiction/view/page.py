@@ -14,6 +14,9 @@ from stiction.view.simulation import Simulation
 FRAME = 0.04
 """Time between two frames [s]."""
 
+AMBIENT = 2.0
+"""Light from everywhere, as bright as the viewer's."""
+
 
 def write_page(
     server: viser.ViserServer,
@@ -28,6 +31,9 @@ def write_page(
     server: makes the scene; nobody needs to look at it.
     """
     scene = Scene(server, simulation, dark)
+    # The player loads an environment map anew whenever it begins again, and the picture is blank meanwhile.
+    server.scene.configure_environment_map(None)
+    server.scene.add_light_ambient("/light", intensity=AMBIENT)
     recorded = server.get_scene_serializer()
     every = max(1, round(FRAME / simulation.period))
     steps = round(seconds / simulation.period)

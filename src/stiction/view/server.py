@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import logging
 import os
 import socket
 from collections.abc import Iterator
@@ -41,6 +42,8 @@ def serve(port: int | None = None, host: str = LOOPBACK, label: str = "stiction 
         )
     # viser would listen elsewhere without a word.
     os.environ.pop("_VISER_PORT_OVERRIDE", None)
+    # What a stranger sends to the port is no error of this program; without this its traceback is on our terminal.
+    logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
     with _silence():
         server = LocalServer(host=host, port=chosen, label=label, verbose=False)
     try:
