@@ -29,8 +29,8 @@ WALK_CODE = (
 """Code that decides the metrics of a bundle's walk; the key has `binaries` of the engine beside it."""
 
 RUN_WALK_CODE = (
-    *(*FLEET, "deploy/observation.py", "rma/models.py", "rma/runner.py", "rma/equivariant.py"),
-    "rma/context.py",
+    *(*FLEET, "deploy/observation.py"),
+    *("rma/models.py", "rma/context.py", "rma/runner.py", "rma/equivariant.py"),
     *("locomotion/observations.py", "locomotion/randomization.py", "locomotion/symmetry.py"),
     *("evaluate/export.py", "evaluate/trained.py", "evaluate/methods.py"),
 )

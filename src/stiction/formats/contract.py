@@ -41,21 +41,12 @@ from stiction.robots.record import robot_from
 MOST_JOINTS = 256
 """Joints that a policy may have."""
 
-LATER = {"compensation": 1, "compensation_width": 1} | dict.fromkeys(
-    (
-        "stribeck",
-        "actuator",
-        "known_friction",
-        "known_friction_file",
-        "phases",
-        "anatomy",
-        "command_range",
-        "imported",
-        "friction_load",
-        "friction_spread",
-    ),
-    2,
+_SINCE_2 = (
+    *("stribeck", "actuator", "known_friction", "known_friction_file", "phases", "anatomy", "command_range"),
+    *("imported", "friction_load", "friction_spread"),
 )
+
+LATER = {"compensation": 1, "compensation_width": 1} | dict.fromkeys(_SINCE_2, 2)
 """Field that came later -> the last version in which it may be missing; it is then its default."""
 
 

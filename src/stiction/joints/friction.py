@@ -266,6 +266,11 @@ class LawSpec:
         """Whether it needs to know what a joint transmits."""
         return "load" in self.reads
 
+    @property
+    def sensed(self) -> bool:
+        """Whether the factor depends on sensors, which are not in the simulation's state."""
+        return not set(self.reads) <= {"velocity"}
+
 
 def stribeck_factor(velocity: Values, static_ratio: Values, stribeck_velocity: Values) -> Values:
     """Return 1 + (r − 1) exp(−(q'/v_s)²), friction over that at high speed [1]."""

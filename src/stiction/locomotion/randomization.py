@@ -156,8 +156,8 @@ class Randomizer:
         cfg.check_robot(fleet.spec)
         self.com_axes = torch.from_numpy(np.array(fleet.spec.base.size) / TRUNK_LENGTH).float()
         num, joints = fleet.num_envs, fleet.spec.num_joints
-        widths = {"ground_friction": 1, "payload": 1, "center_of_mass": 3, "action_delay": 1, "contact_time": 1}
-        widths["load_coefficient"] = 1
+        single = ("ground_friction", "payload", "contact_time", "load_coefficient", "action_delay")
+        widths = {"center_of_mass": 3} | dict.fromkeys(single, 1)
         names = Draws.__dataclass_fields__
         self.draws = Draws(**{name: torch.zeros(num, widths.get(name, joints)) for name in names})
         self.draws.contact_time[:] = cfg.contact_time[0]
@@ -212,8 +212,10 @@ class Randomizer:
         values = {name: tensor[ids].double().numpy() for name, tensor in vars(self.draws).items()}
         fleet.armature[rows] = values["armature"] * nominal.armature
         fleet.damping[rows] = values["damping"] * nominal.damping
-        levels = [values["friction"] * nominal.frictionloss, values["load_coefficient"] + 0.0 * nominal.frictionloss]
-        self.law.set_level(*levels[: len(self.law.laws)], ids=rows)
+        levels = [values["friction"] * nominal.frictionloss]
+        if self.friction.load is not None:
+            levels.append(values["load_coefficient"])
+        self.law.set_level(*levels, ids=rows)
         strength = values["motor_strength"]
         if self.motors is None:
             fleet.set_gains(strength * values["stiffness"] * fleet.nominal_kp, strength * fleet.nominal_kd, rows)

@@ -7,7 +7,7 @@ keeps its mass, which MuJoCo drops without a word, and a mesh is found wherever 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
@@ -40,7 +40,10 @@ def read_source(path: Path) -> Source:
     does not weigh what the file says.
     """
     spec, notes = read_spec(path)
-    return compile_source(spec, path.name, path, notes)
+    source = compile_source(spec, path.name, notes)
+    if (expected := _link_mass(path)) is not None:
+        _check_mass(source.model, path, expected)
+    return replace(source, name=path.stem)
 
 
 def read_spec(path: Path) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
@@ -69,8 +72,8 @@ def _drop_looks(spec: mujoco.MjSpec) -> None:
     spec.memory = -1
 
 
-def compile_source(spec: mujoco.MjSpec, name: str, path: Path | None = None, notes: tuple[str, ...] = ()) -> Source:
-    """Return the model of an `MjSpec`, its base free; `path`: its file, `notes`: what was mended in it."""
+def compile_source(spec: mujoco.MjSpec, name: str, notes: tuple[str, ...] = ()) -> Source:
+    """Return the model of an `MjSpec`, its base free; `name`: its file's, `notes`: what was mended in it."""
     try:
         check_structure(spec, name)
         notes += _free_base(spec, name)
@@ -85,13 +88,14 @@ def compile_source(spec: mujoco.MjSpec, name: str, path: Path | None = None, not
     except (ValueError, RuntimeError) as error:
         raise RobotError(f"{name}: MuJoCo cannot compile it: {one_line(error)}") from error
     check_numbers(model, name)
-    root = int(
-        model.body_rootid[model.jnt_bodyid[np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE))[0]]]
-    )
-    notes += tuple(not_taken(model, root))
-    if path is not None and _is_urdf(path):
-        _check_mass(model, path, root)
-    return Source(path.stem if path is not None else spec.modelname, model, name, notes)
+    notes += tuple(not_taken(model, _root(model)))
+    return Source(spec.modelname, model, name, notes)
+
+
+def _root(model: mujoco.MjModel) -> int:
+    """Return the number of the body that carries all joints."""
+    hinges = np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE))
+    return int(model.body_rootid[model.jnt_bodyid[hinges[0]]])
 
 
 def _read_text(path: Path) -> tuple[str, bool]:
@@ -106,11 +110,6 @@ def _read_text(path: Path) -> tuple[str, bool]:
         return (_without_floating_root(root), True) if root.tag == "robot" else (content.decode(), False)
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
         raise RobotError(f"{path}: is no XML: {error}") from error
-
-
-def _is_urdf(path: Path) -> bool:
-    """Return whether a file that was read is URDF."""
-    return ElementTree.parse(path).getroot().tag == "robot"
 
 
 def _without_floating_root(root: ElementTree.Element) -> str:
@@ -169,15 +168,22 @@ def _free_base(spec: mujoco.MjSpec, name: str) -> tuple[str, ...]:
     return (f"the root body {root.name!r} is fixed to the world in the file; it floats here, with its mass",)
 
 
-def _check_mass(model: mujoco.MjModel, path: Path, base: int) -> None:
-    """Refuse a robot that does not weigh what the links of its URDF do; `base`: number of the body that carries all."""
+def _link_mass(path: Path) -> float | None:
+    """Return what the links of a URDF weigh together [kg]; None: the file is MuJoCo's."""
+    root = ElementTree.parse(path).getroot()
+    if root.tag != "robot":
+        return None
     try:
-        masses = [float(mass.get("value", "nan")) for mass in ElementTree.parse(path).iterfind("link/inertial/mass")]
-    except (ElementTree.ParseError, ValueError) as error:
+        return sum(float(mass.get("value", "nan")) for mass in root.iterfind("link/inertial/mass"))
+    except ValueError as error:
         raise RobotError(f"{path}: its masses cannot be read: {error}") from error
-    weight = float(model.body_subtreemass[base])
-    if not abs(weight - sum(masses)) <= 1e-6 * sum(masses):
+
+
+def _check_mass(model: mujoco.MjModel, path: Path, expected: float) -> None:
+    """Refuse a robot that does not weigh what the links of its URDF do, `expected` [kg]."""
+    weight = float(model.body_subtreemass[_root(model)])
+    if not abs(weight - expected) <= 1e-6 * expected:
         raise RobotError(
-            f"{path}: its links weigh {sum(masses):.6g} kg and the compiled robot {weight:.6g} kg; a link without mass "
+            f"{path}: its links weigh {expected:.6g} kg and the compiled robot {weight:.6g} kg; a link without mass "
             "that moves got one, or one is lost, as where no joint carries it: give each moving link its mass and joint"
         )

@@ -47,7 +47,8 @@ class JointFriction:
 
         Raises `StictionError` where a law reads a load that the fleet does not measure, or two of them read sensors.
         """
-        if len([law for law in laws if not set(law.spec.reads) <= {"velocity"}]) > 1:
+        sensed = [number for number, law in enumerate(laws) if law.spec.sensed]
+        if len(sensed) > 1:
             raise ConfigurationError(
                 f"the friction laws {' and '.join(law.name for law in laws)} each read a sensor; give one of them"
             )
@@ -59,7 +60,8 @@ class JointFriction:
         self.fleet, self.laws = fleet, laws
         self.levels = [np.zeros_like(fleet.friction) for _ in laws]
         self._bounds = [np.zeros_like(fleet.friction) for _ in laws]
-        self._stored: list[np.ndarray | None] = [None] * len(laws)
+        self._sensed = sensed[0] if sensed else None
+        self._restored: np.ndarray | None = None
         self._fresh = np.ones(fleet.num_envs, bool)
         fleet.friction[:] = 0.0
         if any(law.spec.reads for law in laws):
@@ -85,13 +87,13 @@ class JointFriction:
         A robot that blew up has no finite state until its reset at the end of the control period; its bounds stay.
         """
         for number, (law, level, last) in enumerate(zip(self.laws, self.levels, self._bounds, strict=True)):
-            stored = self._stored[number]
-            bound = level * (self.factor(law) if stored is None else stored)
+            known = self._restored is not None and number == self._sensed
+            bound = level * (self._restored if known else self.factor(law))
             if law.spec.smoothing:
                 smoothing = np.where(self._fresh, 0.0, law.spec.smoothing)[:, None]
                 bound = smoothing * last + (1.0 - smoothing) * bound
             np.copyto(last, bound, where=np.isfinite(bound))
-        self._stored = [None] * len(self.laws)
+        self._restored = None
         self._fresh[:] = False
         fleet.friction[:] = sum(self._bounds)
 
@@ -104,18 +106,18 @@ class JointFriction:
 
         Only a law that reads sensors, which are not in the simulation's state, has any.
         """
-        for law, bound in zip(self.laws, self._bounds, strict=True):
-            if not set(law.spec.reads) <= {"velocity"}:
-                return {"bound": bound.copy(), "measured": self.factor(law).copy(), "fresh": self._fresh.copy()}
-        return {}
+        if self._sensed is None:
+            return {}
+        bound, measured = self._bounds[self._sensed], self.factor(self.laws[self._sensed])
+        return {"bound": bound.copy(), "measured": measured.copy(), "fresh": self._fresh.copy()}
 
     def load_state(self, state: dict[str, np.ndarray]) -> None:
         """Restore what `state` returned; the next step is then bit-identical."""
-        for number, law in enumerate(self.laws):
-            if state and not set(law.spec.reads) <= {"velocity"}:
-                self._bounds[number][:] = state["bound"]
-                self._stored[number], self._fresh = state["measured"].copy(), state["fresh"].copy()
-                self.fleet.friction[:] = sum(self._bounds)
+        if self._sensed is None or not state:
+            return
+        self._bounds[self._sensed][:] = state["bound"]
+        self._restored, self._fresh = state["measured"].copy(), state["fresh"].copy()
+        self.fleet.friction[:] = sum(self._bounds)
 
 
 class FrictionMeter:
