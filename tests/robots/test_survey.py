@@ -32,7 +32,7 @@ ATTACKS = {
     "a mesh from a pipe": (
         "<asset><mesh name='m' file='pipe.stl'/></asset>",
         f"<geom type='mesh' mesh='m'/>{BALL}",
-        "",
+        "the mesh 'pipe.stl' is not there",
     ),
     "copies": ("", f"<replicate count='100000000'>{BALL}</replicate>", "<replicate>"),
     "a jelly": ("", "<flexcomp type='grid' count='1000 1000 100' name='f'/>", "<flexcomp>"),
