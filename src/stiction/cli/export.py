@@ -101,11 +101,7 @@ def _to_bundle(cfg: ExportCfg) -> None:
         print(f"stiction export: {note}", file=sys.stderr)
 
     with replaced_folder(out):
-        check = export_run(cfg.source, out, cfg.wear, cfg.joints, cfg.joint_map, say, cfg.robot)
-    if cfg.maker_targets is not None:
-        from stiction.deploy.vendor import write_maker_targets
-
-        write_maker_targets(check.bundle, cfg.maker_targets)
+        check = export_run(cfg.source, out, cfg.wear, cfg.joints, cfg.joint_map, say, cfg.robot, cfg.maker_targets)
     if cfg.json:
         print(json.dumps(check.summary() | {"path": str(out)}, indent=2))
     else:

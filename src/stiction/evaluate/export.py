@@ -24,6 +24,7 @@ from stiction.core.files import digest_of
 from stiction.deploy.check import BundleCheck, check_bundle, robot_of
 from stiction.deploy.observation import Sensors, friction_of_robots
 from stiction.deploy.policy import INPUT, OUTPUT, PolicyStep
+from stiction.deploy.vendor import VendorMap, write_maker_targets
 from stiction.evaluate.golden import record_golden
 from stiction.evaluate.known_friction import nominal_known
 from stiction.formats.bundle import write_bundle
@@ -149,6 +150,7 @@ def export_run(
     joint_map: Sequence[str] = (),
     say: Callable[[str], None] = lambda note: None,
     robot: str | None = None,
+    maker_targets: Path | None = None,
 ) -> BundleCheck:
     """Export the student of a training run, write its bundle, and check what was written.
 
@@ -160,10 +162,11 @@ def export_run(
         joint_map: RECORDED=JOINT pairs where its records have other names than the policy's joints.
         say: called with what the joints.json lacks, and what stands in its place.
         robot: the run's own, where its config.json names it as a module; see `RunDirectory.adopt`.
+        maker_targets: CSV to make of the recorded targets as the robot's maker numbers them.
 
     Raises:
         StictionError: not a run, a run that is not finished, a wear.json of another student, a joints.json of another
-            robot or for a policy that observes no friction, or `out` exists already.
+            robot or for a policy that observes no friction, no maker's order for `maker_targets`, or `out` exists already.
 
     """
     refuse_alone(joint_map, joints)
@@ -180,7 +183,12 @@ def export_run(
     contract = contract_of(cfg, header)
     if joints is not None:
         contract = with_bench(contract, joints, say, joint_map)
-    return export_policy(load_student(directory), contract, out, model)
+    if maker_targets is not None:
+        VendorMap(contract)  # Where it is not known, nothing is written.
+    check = export_policy(load_student(directory), contract, out, model)
+    if maker_targets is not None:
+        write_maker_targets(check.bundle, maker_targets)
+    return check
 
 
 def with_bench(
