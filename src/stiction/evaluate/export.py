@@ -166,7 +166,8 @@ def export_run(
 
     Raises:
         StictionError: not a run, a run that is not finished, a wear.json of another student, a joints.json of another
-            robot or for a policy that observes no friction, no maker's order for `maker_targets`, or `out` exists already.
+            robot or for a policy that observes no friction, no maker's order for `maker_targets`, or `out` exists
+            already.
 
     """
     refuse_alone(joint_map, joints)
