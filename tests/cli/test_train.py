@@ -201,9 +201,7 @@ def test_a_run_that_reached_its_target_is_exported(tmp_path: Path, capsys: pytes
     assert main(["export", str(out), "--out", str(tmp_path / "bundle")]) == 0
 
 
-def test_without_a_makers_order_no_half_of_an_export_is_written(
-    tmp_path: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_without_a_makers_order_no_half_of_an_export_is_written(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """If this failed, a refused export would leave a bundle that looks like what was asked for."""
     out, bundle, targets = tmp_path / "run", tmp_path / "bundle", tmp_path / "targets.csv"
     words = [*but(SMALL, "--robot", "saturn_lite", "--method", "none"), "--out", str(out)]

@@ -51,6 +51,19 @@ def test_last_action_returns_clipped_and_a_reset_forgets_it(contract: Contract) 
     assert newest.max(axis=1).tolist() == [0.0, 4.0]
 
 
+def test_a_rehearsal_leaves_the_policy_as_it_was(contract: Contract) -> None:
+    """If this failed, a robot would walk on readings that it was never in."""
+    weights = np.random.default_rng(0).normal(size=(contract.observation.size, 18)).astype(np.float32)
+    still, command = standing_still(contract), np.array([0.5, 0.0, 0.0])
+    other = still.each(lambda value: value + 0.1)
+    plain, rehearsed = (load_policy(contract, linear_network(onnx, weights)) for _ in range(2))
+    for _ in range(3):
+        rehearsed.rehearse(other, 2 * command)
+        expected, found = plain.step(still, command), rehearsed.step(still, command)
+        np.testing.assert_array_equal(found.observation, expected.observation)
+        np.testing.assert_array_equal(found.target, expected.target)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

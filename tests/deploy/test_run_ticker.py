@@ -61,6 +61,29 @@ def test_a_tick_that_is_late_by_less_than_a_period_is_taken() -> None:
     assert ticker.wait() == (pytest.approx(0.0131, abs=1e-6), 0)
 
 
+def test_a_rehearsal_moves_no_deadline() -> None:
+    """If this failed, what makes a step faster would make it late, or be made where there is no time for it."""
+    clock, begun = Clock(), []
+
+    def look() -> float:
+        clock.now += 1e-6  # Who waits awake sees time pass.
+        return clock.now
+
+    ticker = Ticker(0.02, look, clock.sleep)
+
+    def rehearse() -> None:
+        begun.append(clock.now)
+        clock.now += 3e-4
+
+    start = clock.now
+    late, skipped = ticker.wait(rehearse)
+    assert begun == [pytest.approx(start + 0.0191, abs=1e-5)]
+    assert 0 <= late < 5e-6 and skipped == 0 and clock.now == pytest.approx(start + 0.02, abs=1e-5)
+    clock.now = start + 0.0395  # Half a millisecond is left.
+    assert ticker.wait(rehearse) == (pytest.approx(1e-4, abs=1e-5), 0)
+    assert len(begun) == 1
+
+
 def test_quantiles_are_those_of_the_times_to_a_bin() -> None:
     """A report says a lateness that was not."""
     histogram, times = Histogram(), np.random.default_rng(0).exponential(1e-3, 20_000)

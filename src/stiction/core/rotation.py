@@ -74,8 +74,10 @@ def roll_pitch(quaternion: np.ndarray) -> np.ndarray:
     entries = np.asarray(quaternion, dtype=np.float64)
     w, x, y, z = (entries[..., number] for number in range(4))
     roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
-    return np.stack([roll, pitch], axis=-1)
+    pitch = np.arcsin(np.minimum(np.maximum(2.0 * (w * y - z * x), -1.0), 1.0))
+    found = np.empty((*entries.shape[:-1], 2))
+    found[..., 0], found[..., 1] = roll, pitch
+    return found
 
 
 def yaw(quaternion: np.ndarray) -> float:

@@ -42,6 +42,25 @@ class Sensors:
         return Sensors(**{name: change(value) for name, value in self.arrays().items()})
 
 
+def gravity_direction(quaternion: np.ndarray) -> np.ndarray:
+    """Return the direction of gravity in the base's frame, (0, 0, -1) upright, shape (..., 3); w x y z, (..., 4)."""
+    return -up_in_frames(quaternion)
+
+
+MEASURED: dict[str, Callable[[Sensors, np.ndarray, np.ndarray], np.ndarray]] = {
+    "angular_velocity": lambda sensors, command, last_action: sensors.angular_velocity,
+    "roll_pitch": lambda sensors, command, last_action: roll_pitch(sensors.quaternion),
+    "projected_gravity": lambda sensors, command, last_action: gravity_direction(sensors.quaternion),
+    "command": lambda sensors, command, last_action: command,
+    "command_linear": lambda sensors, command, last_action: command[..., :2],
+    "command_turn": lambda sensors, command, last_action: command[..., 2:],
+    "joint_position": lambda sensors, command, last_action: sensors.joint_position,
+    "joint_velocity": lambda sensors, command, last_action: sensors.joint_velocity,
+    "last_action": lambda sensors, command, last_action: last_action,
+}
+"""Term -> what it is of the sensors, the command and the last action."""
+
+
 class ObservationBuilder:
     """Stacks frames, o_t^H: each term is clip((raw - offset) * scale); the order is the layout's."""
 
@@ -73,6 +92,10 @@ class ObservationBuilder:
         self.layout = layout
         self._standing = np.asarray(standing, dtype=np.float64)
         self._batch = batch
+        names = {term.name for term in layout.terms}
+        self._measured = {name: term for name, term in MEASURED.items() if name in names}
+        self._zeros = {term.name: np.zeros((*batch, term.size)) for term in layout.terms if term.name in PLACEHOLDERS}
+        self._told = TERM in names
         self._scale = np.concatenate([term.scales for term in layout.terms])
         self._clip = np.concatenate([term.clips for term in layout.terms])
         self._history = np.zeros((*batch, layout.depth, layout.frame_size))
@@ -107,17 +130,7 @@ class ObservationBuilder:
             StictionError: the layout has the joints' known friction, and none was given.
 
         """
-        raw = {
-            "angular_velocity": sensors.angular_velocity,
-            "roll_pitch": roll_pitch(sensors.quaternion),
-            "projected_gravity": gravity_direction(sensors.quaternion),
-            "command": command,
-            "command_linear": command[..., :2],
-            "command_turn": command[..., 2:],
-            "joint_position": sensors.joint_position,
-            "joint_velocity": sensors.joint_velocity,
-            "last_action": last_action,
-        }
+        raw = {name: term(sensors, command, last_action) for name, term in self._measured.items()}
         raw |= self._not_measured(sensors)
         if self._slow is not None:
             raw |= self._slow.terms()
@@ -125,18 +138,21 @@ class ObservationBuilder:
             raw |= self._clock.terms()
         if self._known is not None:
             raw[TERM] = self._known
-        elif self.layout.has(TERM):
+        elif self._told:
             raise PolicyError(
                 "this policy is told the friction of its joints, and nobody said what it is: export its bundle again, "
                 "with --joints for what a bench identified, or give known_friction"
             )
         parts = []
         for term in self.layout.terms:
-            value = np.zeros((*self._batch, term.size)) if term.name in PLACEHOLDERS else np.asarray(raw[term.name])
-            if value.shape != (*self._batch, term.size):
-                raise ValueError(f"{term.name} has shape {value.shape}; expected {(*self._batch, term.size)}")
+            value = self._zeros.get(term.name)
+            if value is None:
+                value = np.asarray(raw[term.name])
+                if value.shape != (*self._batch, term.size):
+                    raise ValueError(f"{term.name} has shape {value.shape}; expected {(*self._batch, term.size)}")
             parts.append(value - self._standing if term.offset == "standing" else value)
-        return np.clip(np.concatenate(parts, axis=-1) * self._scale, -self._clip, self._clip)
+        # As np.clip, in half of its time for one robot.
+        return np.minimum(np.maximum(np.concatenate(parts, axis=-1) * self._scale, -self._clip), self._clip)
 
     def step(self, sensors: Sensors, command: np.ndarray, last_action: np.ndarray) -> np.ndarray:
         """Append the present frame and return the network's input, a new float32 array, shape (*batch, size).
@@ -149,12 +165,13 @@ class ObservationBuilder:
         if self._clock is not None:
             self._clock.step(command, self._empty)
         frame = self.frame(sensors, command, last_action)
-        before = frame[..., None, :] if self.layout.fill == "first" else np.zeros(1)
-        self._history = np.where(self._empty[..., None, None], before, self._history)
+        if self._empty.any():
+            before = frame[..., None, :] if self.layout.fill == "first" else np.zeros(1)
+            self._history = np.where(self._empty[..., None, None], before, self._history)
+            self._empty = np.zeros(self._batch, dtype=bool)
         self._history[..., :-1, :] = self._history[..., 1:, :]
         self._history[..., -1, :] = frame
-        self._empty = np.zeros(self._batch, dtype=bool)
-        stacked = self._history.reshape(*self._batch, self._history.shape[-2] * self.layout.frame_size)
+        stacked = self._history.reshape(*self._batch, -1)
         return (stacked if self._order is None else stacked[..., self._order]).astype(np.float32)
 
     def _not_measured(self, sensors: Sensors) -> dict[str, np.ndarray]:
@@ -176,11 +193,6 @@ class ObservationBuilder:
                     f"and on a robot only with an estimator that gives Sensors.{field}"
                 )
         return found
-
-
-def gravity_direction(quaternion: np.ndarray) -> np.ndarray:
-    """Return the direction of gravity in the base's frame, (0, 0, -1) upright, shape (..., 3); w x y z, (..., 4)."""
-    return -up_in_frames(quaternion)
 
 
 class Clock:

@@ -17,10 +17,9 @@ import numpy as np
 from stiction.core.lifeline import follow_parent
 from stiction.core.provenance import limit_library_threads
 from stiction.deploy.observation import Sensors
-from stiction.deploy.policy import Policy, load_policy
+from stiction.deploy.policy import Policy, PolicyStep, load_policy
 from stiction.deploy.runtime.channel import IDLE, RUNNING, SENSORS, Channel, sight_layout, targets_layout
 from stiction.deploy.runtime.ticker import Ticker
-from stiction.deploy.transports.messages import Message
 from stiction.deploy.wear import WearMonitor
 from stiction.formats.bundle import Bundle, read_bundle
 
@@ -44,7 +43,13 @@ class PolicyProcess:
         self._sights, self._newest = sight_layout(contract.num_joints), contract.observation.newest()
         self._running, self._sent = False, 0.0
         self._estimate: dict[str, object] = {}
+        self._seen: tuple[Sensors, np.ndarray] | None = None
         _warm_up(self._policy, bundle)
+
+    def rehearse(self) -> None:
+        """Compute once more what the last step saw, for nothing, shortly before the next one; see `Policy.rehearse`."""
+        if self._running and self._seen is not None:
+            self._policy.rehearse(*self._seen)
 
     def step(self, lateness: float, skipped: int) -> bool:
         """Answer once to what has come; return False where the supervisor is gone.
@@ -56,18 +61,29 @@ class PolicyProcess:
         read = time.monotonic()
         times = {"lateness": lateness, "read": read - begin, "skipped": skipped, "send": self._sent}
         answer: dict[str, object] = {"mode": IDLE, "failed": 0.0}
+        step = None
         if sights and (told := self._sights.vectors(sights[-1]))["mode"][0] == RUNNING:
-            answer = self._act(told, sights[-1])
+            step, answer = self._act(told)
         elif sights:
             self._running = False
         done = time.monotonic()
         times |= {"step": done - read, "latency": done - read}
         alive = self._channel.send(done, answer | times)
         self._sent = time.monotonic() - done
+        if step is not None:
+            self._watch(step)
         return alive
 
-    def _act(self, told: dict[str, np.ndarray], sight: Message) -> dict[str, object]:
-        """Return the policy's answer to what it sees."""
+    def _watch(self, step: PolicyStep) -> None:
+        """Look for wear, which nobody waits for: an estimate goes out with the next answer."""
+        if self._wear is None or (found := self._wear.step(step.observation)) is None:
+            return
+        low, high = np.where(self._told, found.interval95, np.nan)
+        value = np.where(self._told, found.friction, np.nan)
+        self._estimate = {"wear": value, "wear_low": low, "wear_high": high, "unusual": float(found.unusual)}
+
+    def _act(self, told: dict[str, np.ndarray]) -> tuple[PolicyStep, dict[str, object]]:
+        """Return the policy's step on what it sees, and the answer."""
         if not self._running:
             self._policy.reset()
             if self._wear is not None:
@@ -80,21 +96,12 @@ class PolicyProcess:
             raise SystemExit(3)
         if fault == "policy-exception":
             raise RuntimeError("injected")
-        step = self._policy.step(Sensors(*(told[name] for name in SENSORS)), told["velocity"])
-        if self._wear is not None and (found := self._wear.step(step.observation)) is not None:
-            low, high = np.where(self._told, found.interval95, np.nan)
-            value = np.where(self._told, found.friction, np.nan)
-            self._estimate = {"wear": value, "wear_low": low, "wear_high": high, "unusual": float(found.unusual)}
+        self._seen = Sensors(*(told[name] for name in SENSORS)), told["velocity"]
+        step = self._policy.step(*self._seen)
         target = step.target if fault != "policy-nan" else np.full_like(step.target, np.nan)
         frame = step.observation[self._newest]
-        return {
-            "mode": RUNNING,
-            "failed": 0.0,
-            "target": target,
-            "action": step.action,
-            "frame": frame,
-            **self._estimate,
-        }
+        answer = {"mode": RUNNING, "failed": 0.0, "target": target, "action": step.action, "frame": frame}
+        return step, answer | self._estimate
 
 
 def _warm_up(policy: Policy, bundle: Bundle) -> None:
@@ -122,8 +129,8 @@ def main(path: str, number: str, digest: str, faults: str) -> int:
     gc.freeze()
     ticker = Ticker(contract.control_period)
     while True:
-        lateness, skipped = ticker.wait()
         try:
+            lateness, skipped = ticker.wait(process.rehearse)
             if not process.step(lateness, skipped):
                 return 0
         except Exception as error:  # whatever it is, the robot is damped and a person reads one line

@@ -7,6 +7,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+LEAD = 1e-3
+"""How long before a deadline a rehearsal begins [s]: three times what one takes."""
+
 QUIET = 0.5
 """p99 of an idle loop's lateness up to which lateness is judged [ms]; beyond, the machine is the reason."""
 
@@ -27,8 +30,10 @@ class Ticker:
         self.period, self._clock, self._sleep = period, clock, sleep
         self._start, self._number = clock(), 0
 
-    def wait(self) -> tuple[float, int]:
+    def wait(self, rehearse: Callable[[], None] | None = None) -> tuple[float, int]:
         """Wait for the next deadline.
+
+        rehearse: called `LEAD` before it, where there is time for that; the rest is waited awake.
 
         Returns how late the caller was woken [s], at least 0, and how many deadlines were skipped before.
         """
@@ -37,6 +42,12 @@ class Ticker:
         skipped = max(0, int(passed / self.period))
         self._number += skipped
         deadline = self._start + self._number * self.period
+        if rehearse is not None and (left := deadline - LEAD - self._clock()) > 0:
+            self._sleep(left)
+            rehearse()
+            # Awake: who sleeps again so shortly before is woken late where others want the core.
+            while self._clock() < deadline:
+                pass
         while (left := deadline - self._clock()) > 0:
             self._sleep(left)
         return max(-left, 0.0), skipped
