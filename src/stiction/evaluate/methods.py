@@ -50,6 +50,9 @@ KNOWN_FRICTION = "told"
 DREAMWAQ, DREAMWAQ_FRICTION = "dreamwaq", "dreamwaq-friction"
 """DreamWaQ as in its paper, and with dry friction in training, which its paper has not."""
 
+HINF, HINF_FRICTION = "hinf", "hinf-friction"
+"""H∞ without and with dry friction in training."""
+
 METHODS = {
     "none": "conventional randomisation, without friction",
     FED: "the same policy, the friction that was identified fed forward in the joint controllers at 500 Hz",
@@ -68,6 +71,8 @@ METHODS = {
     DREAMWAQ: "DreamWaQ: a code of the history in place of teacher and student; conventional randomisation, without "
     "friction",
     DREAMWAQ_FRICTION: "DreamWaQ, with friction in training, drawn from the range that was named",
+    HINF: "H∞: beside a disturber that learns, or one that draws; conventional randomisation, without friction",
+    HINF_FRICTION: "H∞, with friction in training, drawn from the range that was named",
     IMPORTED: "trained elsewhere: what friction it met is not known",
 }
 """Training method -> what it is."""
@@ -82,6 +87,6 @@ def method_of(contract: Contract) -> str:
     if contract.method == "deception" and contract.joints_file is not None:
         return "identified"
     low, high = contract.friction_range
-    if contract.method == DREAMWAQ and high > 0.0:
-        return DREAMWAQ_FRICTION
+    if contract.method in (DREAMWAQ, HINF) and high > 0.0:
+        return DREAMWAQ_FRICTION if contract.method == DREAMWAQ else HINF_FRICTION
     return "point" if contract.method == "direct" and low == high else contract.method

@@ -133,6 +133,8 @@ METHODS = {
     "deception": "dry friction in the joints, drawn from zero up to above its nominal value",
     "dreamwaq": "DreamWaQ: one phase, on a code of the history from a variational autoencoder; without dry friction in "
     "the joints unless a range is named",
+    "hinf": "H∞: disturbed while it learned, by pushes or by torques in its joints; without dry friction in the joints "
+    "unless a range is named",
     IMPORTED: "trained elsewhere; what friction it met is not known",
 }
 """Training method with friction -> what it means, in words for people."""
