@@ -50,7 +50,7 @@ def test_a_force_changes_the_momentum_by_itself_times_its_time() -> None:
 
 @pytest.mark.parametrize("physics", [None, FAST], ids=["rows", "plastic"])
 def test_a_torque_turns_a_held_joint_by_itself_over_its_inertia(physics: object) -> None:
-    """Newton's law again, q'' = τ / I with the joint's own huge inertia, for one control period; the motor's limit does not bound it."""
+    """Angular acceleration is τ / I, I being a huge inertia, for one control period; no motor's limit bounds it."""
     fleet = Fleet(GO1, 2, **({} if physics is None else {"physics": physics}))
     fleet.set_gravity((0.0, 0.0, 0.0))
     fleet.base_position[:, 2] = 5.0
