@@ -252,12 +252,12 @@ def test_a_fall_is_all_later_reward_lost(tmp_path: Path) -> None:
         learner = LearningDisturber(obs, 3, False, HinfCfg(actor=(8,), critic=(8,)), 5, "cpu")
         with torch.no_grad():
             learner.network.critic[-1].weight.zero_()
-            learner.network.critic[-1].bias.fill_(-30.0)  # h - 1 is -0.3 a step, for ever at γ = 0.99
+            learner.network.critic[-1].bias.fill_(-0.3)  # h - 1 is -0.3 in every step, for ever
         learner.act(obs)
         learner.record(torch.full((8,), 0.7), 0.0, torch.full((8,), fell), torch.zeros(8))
         found.append(learner.finish(obs, 0.99, 0.95))
     torch.testing.assert_close(found[0], torch.zeros(1, 8), atol=1e-4, rtol=0)
-    torch.testing.assert_close(found[1], torch.full((1, 8), 0.99 * 30.0), atol=1e-4, rtol=0)
+    torch.testing.assert_close(found[1], torch.full((1, 8), 0.99 * 0.3), atol=1e-4, rtol=0)
 
 
 @pytest.mark.parametrize("by_torque", [False, True])

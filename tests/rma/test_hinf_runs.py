@@ -142,11 +142,20 @@ def test_what_is_exported_is_the_actor_alone(tmp_path: Path, whole: RunDirectory
 
 
 def test_its_name_says_whether_it_met_friction() -> None:
-    """Two methods in every table, both with their meaning."""
-    plain = replace(CFG, task=replace(CFG.task, friction=FrictionCfg("hinf", level=0.2)), hinf=HinfCfg())
+    """And who disturbed: no two trainings that are compared are taken for seeds of one method."""
+    frictionless = replace(CFG.task, friction=FrictionCfg("hinf", level=0.2))
+    plain = replace(CFG, task=frictionless, hinf=HinfCfg())
     contracts = [contract_of(cfg, HEADER) for cfg in (plain, CFG)]
-    assert [method_of(contract) for contract in contracts] == ["hinf", "hinf-friction"]
-    assert {"hinf", "hinf-friction"} <= METHODS.keys()
+    assert [(one.disturber, method_of(one)) for one in contracts] == [("force", "hinf"), ("friction", "hinf-joints")]
+    names = {"force": "hinf-friction", "random": "hinf-random-friction", "random-friction": "hinf-random-joints"}
+    for kind, name in names.items():
+        found = method_of(contract_of(replace(CFG, hinf=HinfCfg(disturber=kind)), HEADER))
+        assert found == name and found in METHODS
+    for hinf in (HinfCfg(disturber="none"), HinfCfg(limit=0.0)):
+        nobody = contract_of(replace(plain, hinf=hinf), HEADER)
+        assert nobody.disturber is None and method_of(nobody) == "hinf-nobody"
+    deception = replace(CFG, task=replace(CFG.task, friction=FrictionCfg("deception", level=0.2)), hinf=HinfCfg())
+    assert contract_of(deception, HEADER).disturber is None
     assert [plain_name(contract) for contract in contracts] == [
         "hinf: trained without friction",
         "hinf: trained at 0 to 24 % friction",

@@ -70,11 +70,13 @@ def test_disturbances_act_as_in_native_mujoco() -> None:
     rng = np.random.default_rng(1)
     force, torque = rng.uniform(-40.0, 40.0, (NUM, 3)), rng.uniform(-3.0, 3.0, (NUM, GO1.num_joints))
     for fleet in fleets:
+        randomise(fleet)
         fleet.disturb(force, torque)
         walk(fleet, 1)
         assert not fleet.simulation.bind("xfrc_applied").any() and not fleet.simulation.bind("qfrc_applied").any()
         walk(fleet, 1)
     undisturbed = build(NativeSimulation)
+    randomise(undisturbed)
     walk(undisturbed, 2)
     native, warp = fleets
     assert np.abs(native.joint_position - undisturbed.joint_position).max() > 1e-2

@@ -4,8 +4,9 @@ Nothing here touches torch's global stream of random numbers: all draws come fro
 so that a training whose disturber may do nothing is the training without one, bit for bit.
 
 h = C - η|d| is what a disturber that learns maximises, and what the policy of `stiction.rma.hinf` minimises: one critic
-serves both. It learns the return of h - 1, which is 0 after a fall. A fall then counts as a cost of 1, all reward lost,
-in every step that would have followed; as an end of all costs it would pay the policy to fall and cost the disturber.
+serves both. It learns the return of h - 1 times 1 - γ, a mean, which is 0 after a fall. A fall then counts as a cost of
+1, all reward lost, in every step that would have followed; as an end of all costs it would pay the policy to fall, and
+cost the disturber.
 """
 
 from __future__ import annotations
@@ -27,6 +28,9 @@ knows masses and friction is the stronger one."""
 
 STD = (0.1, 1.0)
 """Bounds of the disturbances' standard deviation, in units of the limit."""
+
+LEAST_SHARE = 1e-3
+"""Least of 1 - γ by which returns are multiplied: without a discount nothing would be left."""
 
 CLIP, GRADIENT = 0.2, 1.0
 """Clip range of the ratio, and largest norm of a gradient, as of the policy's PPO."""
@@ -108,7 +112,7 @@ class RandomDisturber:
 
 
 class DisturberNetwork(nn.Module):
-    """A normal distribution of disturbances, and the value of h - 1, from what is seen."""
+    """A normal distribution of disturbances, and the critic's value, from what is seen."""
 
     def __init__(self, seen: int, width: int, cfg: HinfCfg) -> None:
         """`seen`: size of what is seen; `width`: of a disturbance."""
@@ -172,12 +176,13 @@ class LearningDisturber:
         step["ended"], step["timed_out"] = dones > 0, time_outs > 0
 
     def finish(self, obs: TensorDict, gamma: float, lam: float) -> torch.Tensor:
-        """End the rollout; return A_h, (steps, N). `obs`: after the last step."""
+        """End the rollout; return A_h times 1 - γ, (steps, N). `obs`: after the last step."""
         rollout = {name: torch.stack([step[name] for step in self._steps]) for name in self._steps[0]}
         self._steps = []
         with torch.no_grad():
             last = self.network.value(self._seen(obs))
-        rewards, values = rollout["h"] - 1.0, rollout["value"]
+        # Returns of some tens would be far from what a fresh network says, and the critic long in getting there.
+        rewards, values = max(1.0 - gamma, LEAST_SHARE) * (rollout["h"] - 1.0), rollout["value"]
         found = advantages(rewards, values, last, rollout["ended"], rollout["timed_out"], gamma, lam)
         self._rollout = rollout | {"returns": found + values, "advantage": normalised(found)}
         return found

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
 
+from stiction.cli.main import main
 from stiction.core.errors import ConfigurationError
 from stiction.deploy.check import check_bundle
 from stiction.formats.bundle import Bundle, find_bundle
 from stiction.formats.contract import Contract
+from stiction.studies.disturber import duel
 from stiction.studies.disturber.duel import DuelCfg, Outcome, fight, task_for
-from stiction.studies.disturber.study import STUDY, gains, report
+from stiction.studies.disturber.study import gains, report
 from stiction.studies.study import write_report
 
 SMALL = DuelCfg(iterations=1, steps=4, num_envs=4, seconds=2.2)
@@ -61,6 +64,7 @@ def test_the_task_is_the_trainings_without_pushes(bundle: Bundle) -> None:
         ({"iterations": 0}, "expected at least one of each"),
         ({"seconds": 1.0}, "from 2 to 3600 s"),
         ({"limit": 0.7}, "from 0 to 0.5"),
+        ({"limit": 0.0}, "nobody disturbs"),
     ],
 )
 def test_what_is_no_duel_is_refused(changes: dict, said: str) -> None:
@@ -97,6 +101,18 @@ def test_the_page_says_what_was_lost(tmp_path: Path) -> None:
     assert {"duels.csv", "gains.csv"} <= {file.name for file in tmp_path.iterdir()}
 
 
-def test_it_is_a_study() -> None:
-    """Found by its name, with its question."""
-    assert "fresh disturber" in STUDY.question
+def test_a_rerun_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, undrawn: None) -> None:
+    """What was fought once is read: the command of before, stopped or not, and one seed more."""
+    fought: list[int] = []
+
+    def fight(bundle: Bundle, cfg: DuelCfg, seed: int, *_: object) -> list[dict]:
+        fought.append(seed)
+        return [asdict(replace(row, policy=bundle.name, seed=seed)) for row in ROWS[:3]]
+
+    monkeypatch.setattr(duel, "fight", fight)
+    words = ["study", "disturber", "saturn_lite-flat-deception-0.2", "--out", str(tmp_path / "out"), "--seeds"]
+    assert main([*words, "0"]) == 0 and fought == [0]
+    assert main([*words, "0"]) == 0 and fought == [0]
+    assert main([*words, "0", "1", "--overwrite"]) == 0 and fought == [0, 1]
+    found = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert found["settings"]["iterations"] == 100

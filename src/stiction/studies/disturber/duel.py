@@ -80,7 +80,8 @@ class DuelCfg:
                 f"{self.iterations} iterations of {self.steps} steps, {self.num_envs} robots, {self.seconds} s: "
                 f"expected at least one of each, {BATCHES} samples a rollout, and from {SETTLE:g} to 3600 s"
             )
-        _ = self.adversary
+        if not self.adversary.learns:
+            raise ConfigurationError(f"with a limit of {self.limit:g} nobody disturbs; use more, or leave --limit out")
 
     @property
     def adversary(self) -> HinfCfg:
@@ -157,8 +158,7 @@ class Duel:
         """Return a new disturber of a kind."""
         obs, width = self.env.get_observations(), self.disturbance.width
         found = make_disturber(kind, obs, width, self.env.cfg.control_period, seed, "cpu")
-        if found is None:
-            raise ConfigurationError(f"with a limit of {kind.share:g} nobody disturbs; use more")
+        assert found is not None
         return found
 
     def step(self, values: torch.Tensor | None) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
