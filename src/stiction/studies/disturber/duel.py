@@ -29,7 +29,7 @@ from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.rewards import RewardCfg, best_reward
 from stiction.rma.disturber import Disturber, LearningDisturber, make_disturber
 from stiction.rma.hinf import cost
-from stiction.rma.hinf_config import HinfCfg
+from stiction.rma.hinf_config import DisturberName, HinfCfg
 from stiction.rma.phase import one_torch_thread
 from stiction.robots.physics import FAST
 
@@ -39,7 +39,7 @@ Who = Literal["nobody", "random", "learned"]
 GAMMA, LAMBDA, EPOCHS, BATCHES = 0.99, 0.95, 4, 4
 """Discount and λ of the disturber's advantages, passes over a rollout and steps of each, as of a training."""
 
-RANDOM = {"force": "random", "friction": "random-friction"}
+RANDOM: dict[str, DisturberName] = {"force": "random", "friction": "random-friction"}
 """Disturber that learns -> the one that draws, within the same limit."""
 
 
@@ -118,7 +118,7 @@ def task_for(contract: Contract, cfg: DuelCfg, robot: str | None = None) -> Task
     with friction fed forward.
     """
     spec, velocity = robot_of(contract, robot), parse_command(cfg.command).velocity
-    spans = [(speed, speed) for speed in velocity]
+    forward, sideways, turn = ((speed, speed) for speed in velocity)
     friction = FrictionCfg("none")
     if cfg.friction_level > 0:
         friction = FrictionCfg("direct", level=cfg.friction_level, range=(1.0, 1.0))
@@ -129,7 +129,7 @@ def task_for(contract: Contract, cfg: DuelCfg, robot: str | None = None) -> Task
         friction=friction,
         physics=FAST,
         randomization=RandomizationCfg(push_interval=0.0),
-        commands=CommandCfg(*spans, standing_share=0.0),
+        commands=CommandCfg(forward, sideways, turn, standing_share=0.0),
         rewards=RewardCfg().for_robot(spec),
         action_clip=contract.action_clip,
         history=contract.observation.history_length,

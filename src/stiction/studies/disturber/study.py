@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -91,10 +91,15 @@ def gains(rows: Sequence[Outcome]) -> list[Gain]:
             def mean(name: str, pairs: Sequence[tuple[Outcome, Outcome]] = pairs) -> float:
                 return sum(getattr(a, name) - getattr(b, name) for a, b in pairs) / len(pairs)
 
-            names = ("fall_rate", "speed_ratio", "tracking_error", "cost")
             costs = [a.cost - b.cost for a, b in pairs]
-            found.append(Gain(policy, who, len(pairs), *map(mean, names), min(costs), max(costs)))
+            changes = (mean("fall_rate"), mean("speed_ratio"), mean("tracking_error"), mean("cost"))
+            found.append(Gain(policy, who, len(pairs), *changes, min(costs), max(costs)))
     return found
+
+
+def _part(fight: Callable[..., list[dict[str, Any]]], *arguments: Any) -> dict[str, Any]:
+    """Return what is kept of one duel."""
+    return {"rows": fight(*arguments)}
 
 
 def run(options: DisturberOptions, work: Work) -> Report:
@@ -116,8 +121,10 @@ def run(options: DisturberOptions, work: Work) -> Report:
         for seed in options.seeds:
             made_from = {"bundle": bundle.digest, "cfg": asdict(cfg), "seed": seed, "robot": options.robot}
             name = f"{bundle.name}--{seed}"
-            make = partial(fight, bundle, cfg, seed, work.threads, partial(work.progress, name), options.robot)
-            part = work.cached(name, made_from, lambda make=make: {"rows": make()})
+            watch = partial(work.progress, name)
+            part = work.cached(
+                name, made_from, partial(_part, fight, bundle, cfg, seed, work.threads, watch, options.robot)
+            )
             rows += [from_plain(Outcome, dict(row), "a duel of before") for row in part["rows"]]
             work.progress(name, 1.0)
     return report(rows, {"settings": asdict(cfg), "policies": {bundle.name: describe(bundle) for bundle in bundles}})
