@@ -85,7 +85,7 @@ class FrictionCfg:
     """Dry friction in the joints during training: b_c = multiplier x nominal, at rest any value up to the bound."""
 
     method: Annotated[FrictionMethod, arg(aliases=("--method",))] = "deception"
-    """Training method, see `FRICTION_RANGES`. `dreamwaq`, `hinf`: other ways to learn, without friction unless
+    """Training method. See `FRICTION_RANGES`; `dreamwaq`, `hinf`: other ways to learn, without friction unless
     `range` or `mixture` asks for it."""
     level: Annotated[float | None, arg(aliases=("--friction-level",))] = None
     """Nominal friction. `coulomb`, `stribeck`: as a fraction of each joint's torque limit; None: the value measured for
