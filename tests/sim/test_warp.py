@@ -64,6 +64,26 @@ def walk(fleet: Fleet, steps: int) -> None:
         assert not len(fleet.step())
 
 
+def test_disturbances_act_as_in_native_mujoco() -> None:
+    """A force on the base and torques on the joints, for one control period and no longer."""
+    fleets = [build(backend) for backend in (NativeSimulation, WarpSimulation)]
+    rng = np.random.default_rng(1)
+    force, torque = rng.uniform(-40.0, 40.0, (NUM, 3)), rng.uniform(-3.0, 3.0, (NUM, GO1.num_joints))
+    for fleet in fleets:
+        randomise(fleet)
+        fleet.disturb(force, torque)
+        walk(fleet, 1)
+        assert not fleet.simulation.bind("xfrc_applied").any() and not fleet.simulation.bind("qfrc_applied").any()
+        walk(fleet, 1)
+    undisturbed = build(NativeSimulation)
+    randomise(undisturbed)
+    walk(undisturbed, 2)
+    native, warp = fleets
+    assert np.abs(native.joint_position - undisturbed.joint_position).max() > 1e-2
+    np.testing.assert_allclose(warp.joint_position, native.joint_position, atol=1e-5)
+    np.testing.assert_allclose(warp.base_position, native.base_position, atol=1e-5)
+
+
 def test_every_randomised_field_acts_as_in_native_mujoco() -> None:
     """A field that Warp ignored, or a constant left stale, would move the joints apart within a step or two."""
     fleets = [build(backend) for backend in (NativeSimulation, WarpSimulation)]

@@ -253,6 +253,7 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         method=task.friction.method,
         seed=cfg.seed,
         phases=2 if cfg.student.iterations else 1,
+        disturber=cfg.hinf.disturber if cfg.is_disturbed and cfg.hinf.disturbs else None,
         friction_law=law.name,
         friction_level=level,
         friction_range=(low * level, high * level),

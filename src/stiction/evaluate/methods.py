@@ -50,6 +50,18 @@ KNOWN_FRICTION = "told"
 DREAMWAQ, DREAMWAQ_FRICTION = "dreamwaq", "dreamwaq-friction"
 """DreamWaQ as in its paper, and with dry friction in training, which its paper has not."""
 
+HINF = {
+    "force": ("hinf", "H∞: beside a disturber that learns to push the base"),
+    "friction": ("hinf-joints", "H∞: beside a disturber that learns torques within each joint's friction"),
+    "random": ("hinf-random", "PPO under random pushes of the base, to compare H∞ with"),
+    "random-friction": ("hinf-random-joints", "PPO under random torques within each joint's friction, to compare"),
+    None: ("hinf-nobody", "PPO as H∞ has it, and nobody disturbs"),
+}
+"""Who disturbed the training of the method `hinf` -> its name here, and what it is."""
+
+WITH_FRICTION = "-friction"
+"""Behind the names of those of `HINF` that need no friction in training and had some."""
+
 METHODS = {
     "none": "conventional randomisation, without friction",
     FED: "the same policy, the friction that was identified fed forward in the joint controllers at 500 Hz",
@@ -68,6 +80,9 @@ METHODS = {
     DREAMWAQ: "DreamWaQ: a code of the history in place of teacher and student; conventional randomisation, without "
     "friction",
     DREAMWAQ_FRICTION: "DreamWaQ, with friction in training, drawn from the range that was named",
+    **{name: f"{text}; without friction" for name, text in HINF.values() if "joints" not in name},
+    **{f"{name}{WITH_FRICTION}": f"{text}; with friction" for name, text in HINF.values() if "joints" not in name},
+    **{name: f"{text}, with friction" for name, text in HINF.values() if "joints" in name},
     IMPORTED: "trained elsewhere: what friction it met is not known",
 }
 """Training method -> what it is."""
@@ -82,6 +97,9 @@ def method_of(contract: Contract) -> str:
     if contract.method == "deception" and contract.joints_file is not None:
         return "identified"
     low, high = contract.friction_range
+    if contract.method == "hinf":
+        name = HINF[contract.disturber][0]
+        return f"{name}{WITH_FRICTION}" if high > 0.0 and "joints" not in name else name
     if contract.method == DREAMWAQ and high > 0.0:
         return DREAMWAQ_FRICTION
     return "point" if contract.method == "direct" and low == high else contract.method

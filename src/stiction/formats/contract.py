@@ -43,7 +43,7 @@ MOST_JOINTS = 256
 
 _SINCE_2 = (
     *("stribeck", "actuator", "known_friction", "known_friction_file", "phases", "anatomy", "command_range"),
-    *("imported", "friction_load", "friction_spread"),
+    *("imported", "friction_load", "friction_spread", "disturber"),
 )
 
 LATER = {"compensation": 1, "compensation_width": 1} | dict.fromkeys(_SINCE_2, 2)
@@ -135,6 +135,10 @@ class Contract:
     friction_spread: tuple[float, float] | None = None
     """Range of each joint's factor on its robot's friction in training [1], or None: all joints had one factor, or each
     its own."""
+    disturber: str | None = None
+    """Who disturbed the robots of the method `hinf` while it learned: `force`, pushes that were learned, `friction`,
+    learned torques in the joints, `random` and `random-friction`, the same by chance. None: nobody, and of any other
+    method."""
     phases: int | None = None
     """Phases of the training: 1, what walked in training is what is deployed; 2, a teacher and its student. None: the
     bundle is older than this field."""

@@ -133,9 +133,14 @@ METHODS = {
     "deception": "dry friction in the joints, drawn from zero up to above its nominal value",
     "dreamwaq": "DreamWaQ: one phase, on a code of the history from a variational autoencoder; without dry friction in "
     "the joints unless a range is named",
+    "hinf": "H∞: disturbed while it learned, by pushes or by torques in its joints; without dry friction in the joints "
+    "unless a range is named",
     IMPORTED: "trained elsewhere; what friction it met is not known",
 }
 """Training method with friction -> what it means, in words for people."""
+
+DISTURBERS = ("force", "friction", "random", "random-friction")
+"""Who may disturb robots while they learn."""
 
 SCHEMA_VERSION = 2
 """Version of contract.json. Version 1 is read as well; any other is refused."""
@@ -148,6 +153,7 @@ RULES: dict[str, Rule] = {
     **dict.fromkeys(("revision", "command"), TEXT),
     "seed": _integer(0, 2**63 - 1),
     "phases": one_of(1, 2, None),
+    "disturber": one_of(*DISTURBERS, None),
     # From 2 kHz to 5 Hz; a physics step under 10 µs would take days for a minute of walking.
     "control_period": _between(5e-4, 0.2, " s"),
     "decimation": _integer(1, 200),

@@ -17,7 +17,7 @@ from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.joints.friction import LAWS, Law, has_coefficient, simulated_laws
 from stiction.robots.model import Robot
 
-FrictionMethod = Literal["none", "direct", "compensation", "finetune", "iterative", "deception", "dreamwaq"]
+FrictionMethod = Literal["none", "direct", "compensation", "finetune", "iterative", "deception", "dreamwaq", "hinf"]
 Mixture = tuple[tuple[float, float, float], ...]
 """Uniform distributions side by side: (weight, lower end, upper end) of each."""
 
@@ -31,6 +31,7 @@ FRICTION_RANGES: dict[str, tuple[float, float]] = {
     "iterative": (0.8, 1.2),
     "deception": (0.0, 1.2),
     "dreamwaq": (0.0, 0.0),
+    "hinf": (0.0, 0.0),
 }
 """Multiplier of the nominal dry friction in the last stage, by training method.
 
@@ -40,7 +41,8 @@ command, `finetune` begins without friction and has all of it at once, `iterativ
 
 `dreamwaq` is another way to learn, not another friction: DreamWaQ's context in place of z* (`stiction.rma.context`).
 Its paper randomises no dry friction, and neither does this one unless a `range` or a `mixture` asks for it: `--method
-dreamwaq --task.friction.range 0 1.2` learns from what `deception` learns from.
+dreamwaq --task.friction.range 0 1.2` learns from what `deception` learns from. So is `hinf`: a disturber that learns
+beside the policy, under an H∞ constraint (`stiction.rma.hinf`).
 """
 
 
@@ -83,8 +85,8 @@ class FrictionCfg:
     """Dry friction in the joints during training: b_c = multiplier x nominal, at rest any value up to the bound."""
 
     method: Annotated[FrictionMethod, arg(aliases=("--method",))] = "deception"
-    """Training method, see `FRICTION_RANGES`. `dreamwaq`: another way to learn, without friction unless `range` or
-    `mixture` asks for it."""
+    """Training method. See `FRICTION_RANGES`; `dreamwaq`, `hinf`: other ways to learn, without friction unless
+    `range` or `mixture` asks for it."""
     level: Annotated[float | None, arg(aliases=("--friction-level",))] = None
     """Nominal friction. `coulomb`, `stribeck`: as a fraction of each joint's torque limit; None: the value measured for
     the robot, in N m. `load`, `effort`: the law's coefficient; None: each joint's own, from the load_coefficient of
@@ -176,7 +178,7 @@ class FrictionCfg:
 
     @property
     def has_friction(self) -> bool:
-        """Whether training draws any: not by `none`, and by `dreamwaq` where a range or a mixture asks for it."""
+        """Whether training draws any: not by `none`, and by `dreamwaq` and `hinf` where range or mixture asks."""
         return FRICTION_RANGES[self.method] != (0.0, 0.0) or self.range is not None or bool(self.mixture)
 
     @property

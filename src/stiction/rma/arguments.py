@@ -25,7 +25,8 @@ Watch it: the terminal shows the time left and how the robots walk (`nohup stict
 line every 30 s). `tensorboard --logdir runs` shows every figure, teacher and student as two runs: reward/* (weighted
 terms), walk/* (tracking error, tripod share, falls), latent/explained (two phases; 1: the history tells all that the
 privileged encoder says), estimator/velocity_error [m/s], estimator/friction_error, friction/low, high and mean
-(multipliers of the nominal friction), terrain/*; with --method dreamwaq code/* and bootstrap/*. A short clip of the
+(multipliers of the nominal friction), terrain/*; with --method dreamwaq code/* and bootstrap/*, with --method hinf
+hinf/* (lambda, eta, constraint, cost, and intensity: the mean disturbance as a share of its limit). A short clip of the
 policy at 0.5 m/s appears in clips/ every 100 iterations; --view lets the newest checkpoint walk in the browser.
 
 Stop it: Ctrl-C or SIGTERM ends it after the iteration, with a checkpoint and exit status 130 or 143; kill -9 costs the

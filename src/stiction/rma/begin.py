@@ -42,6 +42,8 @@ def begin_run(
         )
     if cfg.has_context and not cfg.task.friction.has_friction:
         say("dreamwaq trains without dry friction, as in its paper; with: --task.friction.range 0 1.2")
+    if cfg.is_disturbed and not cfg.task.friction.has_friction:
+        say("hinf trains without dry friction; with: --task.friction.range 0 1.2")
     robot = find_robot(cfg.task.robot)
     cfg.task.randomization.check_robot(robot)
     cfg.check_memory(robot)

@@ -13,6 +13,7 @@ from stiction.core.memory import check_memory
 from stiction.core.records import check_numbers
 from stiction.joints.friction import has_coefficient
 from stiction.locomotion.config import RandomizationCfg, TaskCfg
+from stiction.rma.hinf_config import HinfCfg
 from stiction.robots.model import Robot
 from stiction.robots.physics import EXACT, FAST
 from stiction.sim.protocol import DeviceName
@@ -227,6 +228,7 @@ class TrainCfg:
     teacher: TeacherCfg = field(default_factory=TeacherCfg)
     student: StudentCfg = field(default_factory=StudentCfg)
     dreamwaq: DreamWaQCfg = field(default_factory=DreamWaQCfg)
+    hinf: HinfCfg = field(default_factory=HinfCfg)
     num_envs: int = 512
     """Robots simulated side by side."""
     seed: int = 0
@@ -284,6 +286,11 @@ class TrainCfg:
         """Whether DreamWaQ's context takes the place of estimate and latent."""
         return self.task.friction.method == "dreamwaq"
 
+    @property
+    def is_disturbed(self) -> bool:
+        """Whether the method is `hinf`, whoever disturbs."""
+        return self.task.friction.method == "hinf"
+
     def _check_counts(self) -> None:
         """Refuse counts out of range, and rollouts too short to be split."""
         phases: dict[str, TeacherCfg | StudentCfg] = {"teacher": self.teacher, "student": self.student}
@@ -298,6 +305,7 @@ class TrainCfg:
         counts |= {f"dreamwaq.{name}": getattr(self.dreamwaq, name) for name in ("code", "frame")}
         lists = {f"network.{name}": getattr(self.network, name) for name in LAYERS}
         lists |= {f"dreamwaq.{name}": getattr(self.dreamwaq, name) for name in ("encoder", "decoder")}
+        lists |= {f"hinf.{name}": getattr(self.hinf, name) for name in ("actor", "critic")}
         for name, layers in lists.items():
             if len(layers) > MOST_LAYERS:
                 raise ConfigurationError(f"{name} has {len(layers)} layers; expected at most {MOST_LAYERS}")
@@ -340,10 +348,21 @@ class TrainCfg:
     def _check_phases(self) -> None:
         """Refuse settings of the phases that contradict each other."""
         teacher, student = self.teacher, self.student
-        if self.has_context and (teacher.latent != "history" or student.iterations):
+        one_phase = self.has_context or self.is_disturbed
+        if one_phase and (teacher.latent != "history" or student.iterations):
             raise ConfigurationError(
-                f"the method 'dreamwaq' learns in one phase, not with --teacher.latent {teacher.latent} and "
-                f"{student.iterations} iterations of a student; use --preset full or quick"
+                f"the method {self.task.friction.method!r} learns in one phase, not with --teacher.latent "
+                f"{teacher.latent} and {student.iterations} iterations of a student; use --preset full or quick"
+            )
+        if self.is_disturbed and self.task.terrain.kind != "flat":
+            raise ConfigurationError(
+                f"the method 'hinf' learns in one phase, on flat ground alone, not on {self.task.terrain.kind!r}; "
+                "leave --terrain out"
+            )
+        if self.is_disturbed and self.hinf.by_torque and self.hinf.disturbs and not self.task.friction.has_friction:
+            raise ConfigurationError(
+                f"--hinf.disturber {self.hinf.disturber} is bounded by the joints' friction, and there is none; say "
+                "--task.friction.range 0 1.2"
             )
         if student.iterations == 0 and teacher.latent != "history" and self.task.terrain.kind != "flat":
             raise ConfigurationError(
@@ -397,6 +416,11 @@ class TrainCfg:
             )
         if not self.has_context and self.dreamwaq != DreamWaQCfg():
             raise ConfigurationError("--dreamwaq.* has no effect without --method dreamwaq; leave it out")
+        if not self.is_disturbed and self.hinf != HinfCfg():
+            raise ConfigurationError("--hinf.* has no effect without --method hinf; leave it out")
+        for name, why in self.hinf.without_effect():
+            flag = name.replace("_", "-")
+            raise ConfigurationError(f"--hinf.{flag} {getattr(self.hinf, name)} has no effect: {why}; leave it out")
         for flag, given, other in self._replaced() if self.has_context else ():
             if given != other:
                 raise ConfigurationError(

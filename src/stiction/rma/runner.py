@@ -55,6 +55,12 @@ def ppo_cfg(cfg: TrainCfg, phase: str = "teacher") -> dict[str, Any]:
         falling = (cfg.network.initial_std, end, round(QUIET_FROM * teacher.iterations))
         noise = falling if first else (end, end, 0)
     fewer = 2 if cfg.symmetry == "half" else 1
+    own: dict[str, Any] = {"class_name": "stiction.rma.ppo:AdaptationPPO"}
+    if cfg.has_context:
+        own = {"class_name": "stiction.rma.dreamwaq:ContextPPO"}
+    if cfg.is_disturbed:
+        own = {"class_name": "stiction.rma.hinf:HinfPPO", "hinf": cfg.hinf, "iterations": teacher.iterations}
+        own["seed"] = stream_seed(cfg.seed, "disturber")
     return {
         "symmetry": cfg.symmetry,
         "num_steps_per_env": teacher.steps if first else cfg.student.steps,
@@ -62,7 +68,7 @@ def ppo_cfg(cfg: TrainCfg, phase: str = "teacher") -> dict[str, Any]:
         "actor": _actor(cfg),
         "critic": {"class_name": "stiction.rma.models:RMACritic", "network": cfg.network},
         "algorithm": {
-            "class_name": f"stiction.rma.{'dreamwaq:ContextPPO' if cfg.has_context else 'ppo:AdaptationPPO'}",
+            **own,
             "settings": teacher if first else replace(teacher, latent="history", both_ways=False),
             "noise": noise,
             "num_learning_epochs": teacher.epochs // fewer,

@@ -101,7 +101,7 @@ class Fleet:
         self.ground = np.zeros(num_envs)
         self.before_step: list[Callable[[Fleet], None]] = []
         self.after_reset: list[Callable[[np.ndarray], None]] = []
-        self._by_torque = False
+        self._by_torque, self._disturbed = False, False
         self.reset(np.arange(num_envs))
 
     def _bind_base_and_feet(self) -> None:
@@ -190,6 +190,24 @@ class Fleet:
         """Add `velocity` [m/s] to the base's horizontal velocity in the world, shape (len(ids), 2)."""
         self.qvel[ids, :2] += velocity
 
+    def disturb(self, force: np.ndarray | None = None, torque: np.ndarray | None = None) -> None:
+        """Push every robot throughout the next control period, and no longer, nor after a reset.
+
+        `force`: on the base's centre of mass, in the world [N], shape (N, 3); `torque`: on each joint beside that of
+        its motor and not limited by it [N m], shape (N, joints). What is not given is left as it was.
+        """
+        if force is not None:
+            self.simulation.bind("xfrc_applied")[:, self.model.body("base").id, :3] = force
+        if torque is not None:
+            self.simulation.bind("qfrc_applied")[:, BASE_DOFS:] = torque
+        self._disturbed = True
+
+    def _calm(self) -> None:
+        """Take away what `disturb` put on."""
+        self.simulation.bind("xfrc_applied")[:, self.model.body("base").id, :3] = 0.0
+        self.simulation.bind("qfrc_applied")[:, BASE_DOFS:] = 0.0
+        self._disturbed = False
+
     def step(self) -> np.ndarray:
         """Advance one control period; return the ids of robots that blew up, ascending, reset to standing and counted.
 
@@ -206,6 +224,8 @@ class Fleet:
         if len(blown_up):
             self.blown_up[blown_up] += 1
             self.reset(blown_up)
+        if self._disturbed:
+            self._calm()
         return blown_up
 
     def substep(self) -> np.ndarray:

@@ -79,6 +79,7 @@ def plain_name(contract: Contract) -> str:
         "deception": f"trained from {level_text(law, low)} to {level_text(law, high)}",
         "imported": "trained elsewhere",
         "dreamwaq": f"trained {contract.trained}",
+        "hinf": f"trained {contract.trained}",
     }.get(contract.method, f"trained at {level_text(law, contract.friction_level)}")
     return f"{contract.method}: {words}"
 

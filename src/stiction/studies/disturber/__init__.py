@@ -1,0 +1,1 @@
+"""A fresh disturber, trained against a policy that does not learn any more."""

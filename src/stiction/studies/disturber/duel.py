@@ -1,0 +1,224 @@
+"""A disturber against one frozen policy: it learns in the training's simulator, then robots walk, disturbed or not.
+
+It maximises the cost of `stiction.rma.hinf` alone (η = 0): no push has a price. All draws depend on the seed, and the
+robots that are judged are the same for everyone who disturbs them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+import torch
+
+from stiction.core.errors import ConfigurationError
+from stiction.core.provenance import stream_seed
+from stiction.core.records import column
+from stiction.deploy.check import robot_of
+from stiction.deploy.policy import Network
+from stiction.evaluate.command import SETTLE, parse_command
+from stiction.evaluate.methods import method_of
+from stiction.formats.bundle import Bundle
+from stiction.formats.contract import Contract
+from stiction.locomotion.config import CommandCfg, RandomizationCfg, TaskCfg
+from stiction.locomotion.disturbance import Disturbance
+from stiction.locomotion.env import LocomotionEnv
+from stiction.locomotion.friction import FrictionCfg
+from stiction.locomotion.rewards import RewardCfg, best_reward
+from stiction.rma.disturber import Disturber, LearningDisturber, make_disturber
+from stiction.rma.hinf import cost
+from stiction.rma.hinf_config import DisturberName, HinfCfg
+from stiction.rma.phase import one_torch_thread
+from stiction.robots.physics import FAST
+
+Progress = Callable[[float], None]
+Who = Literal["nobody", "random", "learned"]
+
+GAMMA, LAMBDA, EPOCHS, BATCHES = 0.99, 0.95, 4, 4
+"""Discount and λ of the disturber's advantages, passes over a rollout and steps of each, as of a training."""
+
+RANDOM: dict[str, DisturberName] = {"force": "random", "friction": "random-friction"}
+"""Disturber that learns -> the one that draws, within the same limit."""
+
+
+@dataclass(frozen=True)
+class DuelCfg:
+    """What a policy is put through."""
+
+    disturber: Literal["force", "friction"] = "force"
+    """`force`: pushes the base. `friction`: a torque on each joint, bounded by its friction."""
+    limit: float | None = None
+    """Largest disturbance, a share of the robot's weight or of each joint's friction. None: 0.5 and 1."""
+    friction_level: float = 0.0
+    """Dry friction of every joint, a fraction of its torque limit [-]; `friction` needs some."""
+    command: str = "vx=0.5"
+    """Commanded velocity, forward or sideways."""
+    iterations: int = 100
+    """Rollouts from which the disturber learns."""
+    steps: int = 24
+    """Control steps of one rollout."""
+    num_envs: int = 256
+    """Robots side by side."""
+    seconds: float = 20.0
+    """Time for which robots are judged [s]; its first 2 s do not count."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no duel."""
+        if self.disturber not in RANDOM:
+            raise ConfigurationError(f"disturber {self.disturber!r} does not learn; expected force or friction")
+        if self.disturber == "friction" and not self.friction_level > 0:
+            raise ConfigurationError(
+                "the disturber 'friction' is bounded by the joints' friction, and there is none; say --friction-level"
+            )
+        if not parse_command(self.command).is_linear:
+            raise ConfigurationError(f"command {self.command!r}: expected a velocity forward or sideways, as vx=0.5")
+        whole = min(self.iterations, self.steps, self.num_envs)
+        if whole < 1 or self.num_envs * self.steps < BATCHES or not SETTLE < self.seconds <= 3600.0:
+            raise ConfigurationError(
+                f"{self.iterations} iterations of {self.steps} steps, {self.num_envs} robots, {self.seconds} s: "
+                f"expected at least one of each, {BATCHES} samples a rollout, and from {SETTLE:g} to 3600 s"
+            )
+        if not self.adversary.learns:
+            raise ConfigurationError(f"with a limit of {self.limit:g} nobody disturbs; use more, or leave --limit out")
+
+    @property
+    def adversary(self) -> HinfCfg:
+        """The disturber that learns."""
+        return HinfCfg(disturber=self.disturber, limit=self.limit, eta=0.0)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How robots walked; a row of duels.csv."""
+
+    policy: str = field(metadata=column("policy"))
+    """Name of the bundle."""
+    method: str = field(metadata=column("method"))
+    """Its training method."""
+    seed: int = field(metadata=column("seed"))
+    """Of the disturber and of the robots."""
+    disturbed_by: Who = field(metadata=column("disturbed by"))
+    """Nobody, draws, or the disturber that learned."""
+    fall_rate: float = field(metadata=column("falls", "1/s", ".4f"))
+    """Falls of a robot [1/s]."""
+    speed_ratio: float = field(metadata=column("speed ratio", form=".3f"))
+    """Speed along the command over the commanded one [-]."""
+    tracking_error: float = field(metadata=column("tracking error", "m/s", ".3f"))
+    """Mean length of the horizontal velocity's error [m/s]."""
+    cost: float = field(metadata=column("cost", form=".3f"))
+    """Mean share of the best reward that is lost [-]."""
+
+
+def task_for(contract: Contract, cfg: DuelCfg, robot: str | None = None) -> TaskCfg:
+    """Return the task in which a policy is disturbed: the training's, without pushes, at one command and one friction.
+
+    `robot`: as of `robot_of`. Raises `StictionError` where the policy observes what this task does not give, or walks
+    with friction fed forward.
+    """
+    spec, velocity = robot_of(contract, robot), parse_command(cfg.command).velocity
+    forward, sideways, turn = ((speed, speed) for speed in velocity)
+    friction = FrictionCfg("none")
+    if cfg.friction_level > 0:
+        friction = FrictionCfg("direct", level=cfg.friction_level, range=(1.0, 1.0))
+    task = TaskCfg(
+        robot=robot or contract.robot,
+        timestep=contract.physics_timestep,
+        decimation=contract.decimation,
+        friction=friction,
+        physics=FAST,
+        randomization=RandomizationCfg(push_interval=0.0),
+        commands=CommandCfg(forward, sideways, turn, standing_share=0.0),
+        rewards=RewardCfg().for_robot(spec),
+        action_clip=contract.action_clip,
+        history=contract.observation.history_length,
+    )
+    if task.layout(spec) != contract.observation or contract.compensation is not None:
+        raise ConfigurationError(
+            f"the policy for {contract.robot!r} by {contract.method!r} observes other than the task's usual terms, or "
+            "has friction fed forward; expected one of this trainer without --task.known-friction and slow means"
+        )
+    return task
+
+
+class Duel:
+    """One frozen policy and who disturbs it, in one simulation."""
+
+    def __init__(self, bundle: Bundle, cfg: DuelCfg, seed: int, stream: str, threads: int, robot: str | None) -> None:
+        """`stream`: of the robots' draws; others as of `fight`. Raises `StictionError` as `task_for`."""
+        contract = bundle.contract
+        self.cfg, self.adversary = cfg, cfg.adversary
+        self.env = LocomotionEnv(task_for(contract, cfg, robot), cfg.num_envs, stream_seed(seed, stream), threads)
+        self.network = Network(bundle.policy, contract.observation.size, len(contract.joint_names))
+        self.disturbance = Disturbance(self.env.fleet, self.adversary.by_torque, self.adversary.share)
+        self.best = best_reward(self.env.terms) * self.env.cfg.control_period
+
+    def disturber(self, kind: HinfCfg, seed: int) -> Disturber:
+        """Return a new disturber of a kind."""
+        obs, width = self.env.get_observations(), self.disturbance.width
+        found = make_disturber(kind, obs, width, self.env.cfg.control_period, seed, "cpu")
+        assert found is not None
+        return found
+
+    def step(self, values: torch.Tensor | None) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Take one control step; return cost, ends of episodes and time-outs, each (N,)."""
+        if values is not None:
+            self.disturbance.apply(values)
+        history = self.env.get_observations()["history"].numpy()
+        _, reward, dones, extras = self.env.step(torch.from_numpy(self.network(history)))
+        return cost(reward, self.best), dones, extras["time_outs"]
+
+    def learn(self, learner: LearningDisturber, progress: Progress) -> None:
+        """Let the disturber learn."""
+        for iteration in range(self.cfg.iterations):
+            for _ in range(self.cfg.steps):
+                found, dones, time_outs = self.step(learner.act(self.env.get_observations()))
+                learner.record(found, 0.0, dones, time_outs)
+            learner.finish(self.env.get_observations(), GAMMA, LAMBDA)
+            learner.update(EPOCHS, BATCHES)
+            progress((iteration + 1) / self.cfg.iterations)
+
+    def judge(self, act: Callable[[Any], torch.Tensor] | None) -> dict[str, float]:
+        """Return how the robots walk while `act` disturbs them, given observations; None: nobody does."""
+        env, settle = self.env, round(SETTLE / self.env.cfg.control_period)
+        target = torch.tensor(parse_command(self.cfg.command).velocity[:2])
+        sums = np.zeros(4)
+        steps = round(self.cfg.seconds / env.cfg.control_period)
+        for step in range(steps):
+            found, dones, time_outs = self.step(None if act is None else act(env.get_observations()))
+            if step < settle:
+                continue
+            velocity = env.linear_velocity[:, :2]
+            fell = (dones.float() - time_outs).mean() / env.cfg.control_period
+            ratio = (velocity @ target).mean() / target.square().sum()
+            sums += [float(x) for x in (fell, ratio, (velocity - target).norm(dim=-1).mean(), found.mean())]
+        return dict(zip(("fall_rate", "speed_ratio", "tracking_error", "cost"), sums / (steps - settle), strict=True))
+
+
+def fight(
+    bundle: Bundle,
+    cfg: DuelCfg,
+    seed: int,
+    threads: int = 1,
+    progress: Progress = lambda share: None,
+    robot: str | None = None,
+) -> list[dict[str, Any]]:
+    """Train a disturber against a policy; return the outcomes with nobody, draws and the disturber, as plain data.
+
+    `seed`: of everything random; `progress`: called with the share of the learning that is done. Raises `StictionError`
+    where the policy does not fit the task.
+    """
+    with one_torch_thread():
+        arena = Duel(bundle, cfg, seed, "learning", threads, robot)
+        learner = arena.disturber(arena.adversary, stream_seed(seed, "disturber"))
+        assert isinstance(learner, LearningDisturber)
+        arena.learn(learner, progress)
+        draws = arena.disturber(HinfCfg(disturber=RANDOM[cfg.disturber], limit=cfg.limit), stream_seed(seed, "draws"))
+        sides: dict[Who, Callable[[Any], torch.Tensor] | None]
+        sides = {"nobody": None, "random": draws.act, "learned": learner.mean}
+        rows = []
+        for who, act in sides.items():
+            found = Duel(bundle, cfg, seed, "judging", threads, robot).judge(act)
+            rows.append(asdict(Outcome(bundle.name, method_of(bundle.contract), seed, who, **found)))
+    return rows

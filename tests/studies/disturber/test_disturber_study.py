@@ -1,0 +1,118 @@
+"""The fresh disturber: its options, its task, a small duel that can be repeated, and what its page says."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import pytest
+
+from stiction.cli.main import main
+from stiction.core.errors import ConfigurationError
+from stiction.deploy.check import check_bundle
+from stiction.formats.bundle import Bundle, find_bundle
+from stiction.formats.contract import Contract
+from stiction.studies.disturber import duel
+from stiction.studies.disturber.duel import DuelCfg, Outcome, fight, task_for
+from stiction.studies.disturber.study import gains, report
+from stiction.studies.study import write_report
+
+SMALL = DuelCfg(iterations=1, steps=4, num_envs=4, seconds=2.2)
+
+
+@pytest.fixture(scope="module")
+def bundle() -> Bundle:
+    """A shipped policy."""
+    return check_bundle(find_bundle(Path("saturn_lite-flat-deception-0.2"))).bundle
+
+
+def test_a_duel_is_repeated_bit_for_bit(bundle: Bundle) -> None:
+    """By its seed alone; three sides, and a push that is felt."""
+    rows = fight(bundle, SMALL, 3)
+    assert rows == fight(bundle, SMALL, 3)
+    assert [row["disturbed_by"] for row in rows] == ["nobody", "random", "learned"]
+    assert len({row["tracking_error"] for row in rows}) == 3
+    assert all(row["fall_rate"] >= 0.0 and row["cost"] >= 0.0 for row in rows)
+
+
+def test_the_friction_adversary_needs_friction(bundle: Bundle) -> None:
+    """Without it is refused; with it, the joints have exactly what was said."""
+    with pytest.raises(ConfigurationError, match="say --friction-level"):
+        DuelCfg(disturber="friction")
+    rows = fight(bundle, replace(SMALL, disturber="friction", friction_level=0.1), 0)
+    assert len({row["tracking_error"] for row in rows}) == 3
+    task = task_for(bundle.contract, replace(SMALL, friction_level=0.1))
+    assert task.friction.level == 0.1 and task.friction.last.range == (1.0, 1.0)
+
+
+def test_the_task_is_the_trainings_without_pushes(bundle: Bundle) -> None:
+    """At one command; a policy that observes something else is refused."""
+    task = task_for(bundle.contract, replace(SMALL, command="vx=-0.5"))
+    assert task.commands.forward == (-0.5, -0.5) and task.commands.sideways == (0.0, 0.0)
+    assert task.randomization.push_interval == 0.0 and task.randomization.armature == (0.8, 1.2)
+    other: Contract = replace(bundle.contract, compensation=(0.01,) * 18, compensation_width=0.01)
+    with pytest.raises(ConfigurationError, match="friction fed forward"):
+        task_for(other, SMALL)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"command": "stand"}, "expected a velocity forward or sideways"),
+        ({"disturber": "random"}, "does not learn"),
+        ({"iterations": 0}, "expected at least one of each"),
+        ({"seconds": 1.0}, "from 2 to 3600 s"),
+        ({"limit": 0.7}, "from 0 to 0.5"),
+        ({"limit": 0.0}, "nobody disturbs"),
+    ],
+)
+def test_what_is_no_duel_is_refused(changes: dict, said: str) -> None:
+    """In one line, before anything is simulated."""
+    with pytest.raises(ConfigurationError, match=said):
+        replace(SMALL, **changes)
+
+
+ROWS = [
+    Outcome("some", "none", seed, who, falls, ratio, 0.1, lost)
+    for seed, worse in ((0, 0.1), (1, 0.3))
+    for who, falls, ratio, lost in (
+        ("nobody", 0.0, 1.0, 0.2),
+        ("random", 0.01, 0.9, 0.25),
+        ("learned", 0.2, 0.5, 0.2 + worse),
+    )
+]
+
+
+def test_gains_by_hand() -> None:
+    """Against nobody, seed by seed: 0.1 and 0.3 are 0.2 in the mean."""
+    random, learned = gains(ROWS)
+    assert (random.disturbed_by, random.seeds) == ("random", 2) and random.cost == pytest.approx(0.05)
+    assert learned.cost == pytest.approx(0.2) and (learned.least, learned.most) == pytest.approx((0.1, 0.3))
+    assert learned.falls == pytest.approx(0.2) and learned.speed_ratio == pytest.approx(-0.5)
+
+
+def test_the_page_says_what_was_lost(tmp_path: Path) -> None:
+    """Both tables, the answer, and that it is a lower bound."""
+    made = {"command": "stiction study disturber some", "revision": "abc", "machine": {"cpu": "p"}, "warnings": []}
+    write_report(tmp_path, report(ROWS, {}), made)
+    page = (tmp_path / "report.html").read_text()
+    assert "some +0.200 (+0.050 by draws)" in page and "a lower bound" in page
+    assert {"duels.csv", "gains.csv"} <= {file.name for file in tmp_path.iterdir()}
+
+
+def test_a_rerun_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, undrawn: None) -> None:
+    """What was fought once is read: the command of before, stopped or not, and one seed more."""
+    fought: list[int] = []
+
+    def fight(bundle: Bundle, cfg: DuelCfg, seed: int, *_: object) -> list[dict]:
+        fought.append(seed)
+        return [asdict(replace(row, policy=bundle.name, seed=seed)) for row in ROWS[:3]]
+
+    monkeypatch.setattr(duel, "fight", fight)
+    words = ["study", "disturber", "saturn_lite-flat-deception-0.2", "--out", str(tmp_path / "out"), "--seeds"]
+    assert main([*words, "0"]) == 0 and fought == [0]
+    assert main([*words, "0"]) == 0 and fought == [0]
+    assert main([*words, "0", "1", "--overwrite"]) == 0 and fought == [0, 1]
+    found = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert found["settings"]["iterations"] == 100
