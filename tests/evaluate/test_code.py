@@ -47,7 +47,8 @@ BENCHES = {
 
 TRAINING = {
     *(f"locomotion/{name}.py" for name in ("commands", "device", "env", "gait")),
-    *(f"rma/{name}.py" for name in ("config", "figures", "health", "phase", "ppo", "quick", "run", "symmetry")),
+    *(f"rma/{name}.py" for name in ("config", "figures", "health", "hinf_config", "phase", "ppo", "quick", "run")),
+    *("rma/symmetry.py", "deploy/vendor.py"),
     *(*CHECKING, "deploy/pilot.py", "deploy/policy.py", "virtual/sensors.py", "evaluate/golden.py"),
 }
 """Code that trained, exports and drives, which the modules around a run's policies import: weights and settings are in
