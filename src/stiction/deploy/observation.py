@@ -95,7 +95,6 @@ class ObservationBuilder:
         names = {term.name for term in layout.terms}
         self._measured = {name: term for name, term in MEASURED.items() if name in names}
         self._zeros = {term.name: np.zeros((*batch, term.size)) for term in layout.terms if term.name in PLACEHOLDERS}
-        self._told = TERM in names
         self._scale = np.concatenate([term.scales for term in layout.terms])
         self._clip = np.concatenate([term.clips for term in layout.terms])
         self._history = np.zeros((*batch, layout.depth, layout.frame_size))
@@ -138,7 +137,7 @@ class ObservationBuilder:
             raw |= self._clock.terms()
         if self._known is not None:
             raw[TERM] = self._known
-        elif self._told:
+        elif self.layout.has(TERM):
             raise PolicyError(
                 "this policy is told the friction of its joints, and nobody said what it is: export its bundle again, "
                 "with --joints for what a bench identified, or give known_friction"

@@ -159,7 +159,7 @@ class Policy:
         A policy that runs every 20 ms and sleeps in between is several times slower without. Arguments: as of `step`.
         """
         self._builder.frame(sensors, command, self._last_action)
-        self._network(np.zeros((max(1, math.prod(self._batch)), self.contract.observation.size), np.float32))
+        self._network(np.zeros((math.prod(self._batch), self.contract.observation.size), np.float32))
 
     def advance(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
         """Do as `step` does with a reading that was checked."""

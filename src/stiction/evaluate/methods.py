@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stiction.formats.contract import Contract
-from stiction.formats.contract_rules import IMPORTED
+from stiction.formats.contract_rules import IMPORTED, JOINT_DISTURBERS
 from stiction.joints.compensation import SHARES, By, Compensation
 
 FORWARD = "+forward"
@@ -62,6 +62,8 @@ HINF = {
 WITH_FRICTION = "-friction"
 """Behind the names of those of `HINF` that need no friction in training and had some."""
 
+_PUSHED = [names for kind, names in HINF.items() if kind not in JOINT_DISTURBERS]
+
 METHODS = {
     "none": "conventional randomisation, without friction",
     FED: "the same policy, the friction that was identified fed forward in the joint controllers at 500 Hz",
@@ -80,9 +82,9 @@ METHODS = {
     DREAMWAQ: "DreamWaQ: a code of the history in place of teacher and student; conventional randomisation, without "
     "friction",
     DREAMWAQ_FRICTION: "DreamWaQ, with friction in training, drawn from the range that was named",
-    **{name: f"{text}; without friction" for name, text in HINF.values() if "joints" not in name},
-    **{f"{name}{WITH_FRICTION}": f"{text}; with friction" for name, text in HINF.values() if "joints" not in name},
-    **{name: f"{text}, with friction" for name, text in HINF.values() if "joints" in name},
+    **{name: f"{text}; without friction" for name, text in _PUSHED},
+    **{f"{name}{WITH_FRICTION}": f"{text}; with friction" for name, text in _PUSHED},
+    **{HINF[kind][0]: f"{HINF[kind][1]}, with friction" for kind in JOINT_DISTURBERS},
     IMPORTED: "trained elsewhere: what friction it met is not known",
 }
 """Training method -> what it is."""
@@ -99,7 +101,7 @@ def method_of(contract: Contract) -> str:
     low, high = contract.friction_range
     if contract.method == "hinf":
         name = HINF[contract.disturber][0]
-        return f"{name}{WITH_FRICTION}" if high > 0.0 and "joints" not in name else name
+        return f"{name}{WITH_FRICTION}" if high > 0.0 and contract.disturber not in JOINT_DISTURBERS else name
     if contract.method == DREAMWAQ and high > 0.0:
         return DREAMWAQ_FRICTION
     return "point" if contract.method == "direct" and low == high else contract.method

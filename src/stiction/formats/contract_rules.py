@@ -142,6 +142,9 @@ METHODS = {
 DISTURBERS = ("force", "friction", "random", "random-friction")
 """Who may disturb robots while they learn."""
 
+JOINT_DISTURBERS = ("friction", "random-friction")
+"""Those of them that disturb joints, which need friction to be bounded by, and not the base."""
+
 SCHEMA_VERSION = 2
 """Version of contract.json. Version 1 is read as well; any other is refused."""
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 from typing import Literal, get_args
 
 from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.formats.contract_rules import JOINT_DISTURBERS
 
 DisturberName = Literal["none", "random", "random-friction", "force", "friction"]
 """Who disturbs, see `HinfCfg.disturber`."""
@@ -82,7 +83,7 @@ class HinfCfg:
     @property
     def by_torque(self) -> bool:
         """Whether joints are disturbed, and not the base."""
-        return self.disturber in ("friction", "random-friction")
+        return self.disturber in JOINT_DISTURBERS
 
     @property
     def most(self) -> float:
