@@ -19,7 +19,7 @@ from stiction.core.lock import output_folder, replaced_folder
 from stiction.formats.joints import read_training
 from stiction.locomotion.friction import FrictionMethod
 from stiction.rma.config import TrainCfg
-from stiction.rma.config import preset as preset_of
+from stiction.rma.presets import preset as preset_of
 
 Watch = Callable[..., Any]
 """Called after every iteration; see `stiction.rma.phase.Progress`."""
@@ -75,7 +75,7 @@ def train(
     friction_from: Identified | str | Path | None = None,
     joints: str | Path | None = None,
     joint_map: Sequence[str] = (),
-    preset: Literal["full", "quick", "two-phase", "paper"] = "full",
+    preset: Literal["full", "quick", "two-phase", "paper", "literal"] = "full",
     config: TrainCfg | None = None,
     seed: int = 0,
     device: Literal["cpu", "cuda", "warp-cpu"] = "cpu",

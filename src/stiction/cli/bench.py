@@ -75,7 +75,7 @@ def main(arguments: list[str]) -> int:
     from stiction.evaluate.throughput import bench_cfg, measure_parts, measure_training, parts_summary
     from stiction.formats.actuator import read_actuator
     from stiction.report.terminal import Terminal
-    from stiction.rma.config import preset
+    from stiction.rma.presets import preset
 
     note, origin = Terminal(stderr=True, quiet=options.json), Origin.now()
     note.print("task against bare simulator ...")

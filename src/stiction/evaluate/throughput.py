@@ -26,7 +26,6 @@ from stiction.deploy.plausibility import command_range
 from stiction.deploy.robot_policy import load_robot_policy
 from stiction.formats.bundle import read_bundle
 from stiction.joints.net import ActuatorNet
-from stiction.locomotion.device import find_device
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionMethod
 from stiction.rma.config import TrainCfg
@@ -34,6 +33,7 @@ from stiction.rma.figures import Board
 from stiction.rma.phase import PhaseRunner, one_torch_thread
 from stiction.rma.run import RunDirectory
 from stiction.rma.runner import multiply_adds, ppo_cfg
+from stiction.rma.simulator import find_simulator
 from stiction.robots.mjcf import build
 from stiction.robots.model import Robot
 from stiction.robots.physics import EXACT, FAST, PhysicsCfg
@@ -110,7 +110,7 @@ def _timed_replay(env: LocomotionEnv, states: list[dict[str, np.ndarray]]) -> fl
 def _teacher_runner(cfg: TrainCfg, folder: Path, actuator: ActuatorNet | None) -> PhaseRunner:
     """Return a teacher's runner on a task of its own; nothing is written but what it logs, to `folder`."""
     torch.manual_seed(stream_seed(cfg.seed, "bench"))
-    device, seed = find_device(cfg.device, cfg.contacts), stream_seed(cfg.seed, "environment")
+    device, seed = find_simulator(cfg), stream_seed(cfg.seed, "environment")
     env = LocomotionEnv(cfg.task, cfg.num_envs, seed, num_threads(), device=device, actuator=actuator)
     runner = PhaseRunner("teacher", env, RunDirectory(folder), ppo_cfg(cfg), 10**6, (10**6, 0), cfg.stop, Board(folder))
     runner.alg.train_mode()

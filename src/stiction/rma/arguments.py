@@ -9,7 +9,8 @@ from typing import Annotated, Literal
 import tyro
 
 from stiction.core.options import read_options
-from stiction.rma.config import PRESETS, TrainCfg, preset
+from stiction.rma.config import TrainCfg
+from stiction.rma.presets import PRESETS, preset
 
 DESCRIPTION = """Train a policy that walks on what the robot measures, with or without friction in its joints.
 
@@ -40,7 +41,7 @@ it is finished, summary.json. Next: `stiction export runs/deception`."""
 GROUPS = {
     "usually needed": ("--robot", "--method", "--friction-level", "--friction-from", "--preset", "--out", "--seed"),
     "the joints": ("--joints", "--joint-map", "--actuator", "--friction-law"),
-    "ground and physics": ("--terrain", "--physics", "--symmetry"),
+    "ground and physics": ("--terrain", "--physics", "--engine", "--symmetry"),
     "how it runs": ("--num-envs", "--device", "--resume", "--stop-at-tracking-error", "--video-every", "--json"),
 }
 """The options that people use."""
@@ -52,10 +53,11 @@ class Train:
 
     config: Annotated[TrainCfg, tyro.conf.arg(name="")] = field(default_factory=TrainCfg)
     """The whole configuration."""
-    preset: Literal["full", "quick", "two-phase", "paper"] = "full"
+    preset: Literal["full", "quick", "two-phase", "paper", "literal"] = "full"
     """Defaults for everything else. `quick`: one phase of 440 iterations, some ten minutes of one core. `full`: 1000 of
     them. `two-phase`: a teacher (350 iterations), then its student (80), as the claims of the paper were judged.
-    `paper`: 700 and 240, and randomises the paper's table and no more."""
+    `paper`: 700 and 240, and randomises the paper's table and no more. `literal`: the same to the letter: L_ada through
+    both encoders, friction of 1 % drawn for each joint."""
     out: Path = Path("runs/train")
     """Folder of the run."""
     joint_map: tuple[str, ...] = ()
@@ -93,7 +95,8 @@ def _named(arguments: list[str], flag: str) -> str | None:
 
 
 def _defaults(arguments: list[str]) -> TrainCfg:
-    """Find preset, device and method first: they change the defaults that the parser then shows."""
+    """Find preset, device, engine and method first: they change the defaults that the parser then shows."""
     name, method = _named(arguments, "--preset"), _named(arguments, "--method")
     method = method or _named(arguments, "--task.friction.method")
-    return preset(name if name in PRESETS else "full", _named(arguments, "--device") or "cpu", method)
+    device, engine = _named(arguments, "--device") or "cpu", _named(arguments, "--engine") or "mujoco"
+    return preset(name if name in PRESETS else "full", device, method, engine)

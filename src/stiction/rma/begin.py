@@ -13,12 +13,12 @@ from stiction.core.records import from_plain
 from stiction.formats.joint_map import mapped, refuse_alone
 from stiction.formats.joints import load_joints
 from stiction.joints.friction import has_coefficient
-from stiction.locomotion.device import find_device
 from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.load_law import load_warnings, take_coefficients
 from stiction.locomotion.randomization import identified_joints
 from stiction.rma.config import TrainCfg
 from stiction.rma.run import RunDirectory
+from stiction.rma.simulator import find_simulator
 from stiction.robots.catalog import find_robot
 from stiction.robots.mirror import robot_mirror
 from stiction.sim.fleet import Fleet
@@ -48,7 +48,7 @@ def begin_run(
     cfg.task.randomization.check_robot(robot)
     cfg.check_memory(robot)
     cfg = replace(cfg, task=replace(cfg.task, rewards=cfg.task.rewards.for_robot(robot)))
-    find_device(cfg.device, cfg.contacts)
+    find_simulator(cfg)
     if cfg.symmetry != "none":
         robot_mirror(robot)
     refuse_alone(joint_map, cfg.joints)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Annotated, Literal, get_args
 
 from tyro.conf import arg
@@ -15,7 +15,6 @@ from stiction.joints.friction import has_coefficient
 from stiction.locomotion.config import RandomizationCfg, TaskCfg
 from stiction.rma.hinf_config import HinfCfg
 from stiction.robots.model import Robot
-from stiction.robots.physics import EXACT, FAST
 from stiction.sim.protocol import DeviceName
 
 MOST_COUNTS = {
@@ -47,6 +46,9 @@ Saturn Lite: 376 MB (16 robots, 24 steps, 11 frames), 422 (512, 4, 11), 548 (512
 
 STD_RANGE = (0.05, 2.0)
 """Bounds of the actions' standard deviation."""
+
+EngineName = Literal["mujoco", "physx", "ode", "ode-webots"]
+"""Engines in which a policy can be trained: the shipped ones, for a run's configuration names no code."""
 
 SymmetryName = Literal["none", "batches", "half", "network"]
 
@@ -246,6 +248,9 @@ class TrainCfg:
     device: DeviceName = "cpu"
     """`cpu`: MuJoCo on all cores. `cuda`: MuJoCo Warp and the networks on a GPU; wants thousands of robots. `warp-cpu`:
     MuJoCo Warp on the processor, many times slower than `cpu`, to try it where there is no GPU."""
+    engine: EngineName = "mujoco"
+    """The physics engine of the training. All but `mujoco` take a robot at a time, ten times slower and more, on flat
+    ground: `--num-envs 256`. A run that goes on there begins with its robots at rest where they were."""
     contacts: int = 32
     """Contacts for which MuJoCo Warp has room, a robot. More than that stop the run."""
     video_every: int = 0
@@ -255,13 +260,7 @@ class TrainCfg:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be run, before any folder is made."""
-        if self.device not in get_args(DeviceName):
-            raise ConfigurationError(unknown_name("device", self.device, get_args(DeviceName)))
-        if self.device != "cpu" and self.task.physics.plastic:
-            raise ConfigurationError(
-                f"MuJoCo Warp has no joints that yield, and --physics plastic needs them; use --device cpu in place of "
-                f"{self.device}, or --physics rows"
-            )
+        self._check_simulator()
         if self.symmetry not in get_args(SymmetryName):
             raise ConfigurationError(unknown_name("symmetry", self.symmetry, get_args(SymmetryName)))
         if self.symmetry == "half" and self.teacher.epochs % 2:
@@ -280,6 +279,32 @@ class TrainCfg:
         self._check_phases()
         if self.stop.terrain_level is not None and self.task.terrain.kind == "flat":
             raise ConfigurationError("stop.terrain_level is set, but flat ground has no terrain levels; leave it out")
+
+    def _check_simulator(self) -> None:
+        """Refuse devices and engines that there are not, and what they cannot simulate."""
+        for what, names in {"device": DeviceName, "engine": EngineName}.items():
+            if getattr(self, what) not in get_args(names):
+                raise ConfigurationError(unknown_name(what, getattr(self, what), get_args(names)))
+        if self.device != "cpu" and self.task.physics.plastic:
+            raise ConfigurationError(
+                f"MuJoCo Warp has no joints that yield, and --physics plastic needs them; use --device cpu in place of "
+                f"{self.device}, or --physics rows"
+            )
+        if self.engine == "mujoco":
+            return
+        contact_time = self.task.randomization.contact_time
+        lacking = {
+            f"--device {self.device}": self.device != "cpu",
+            "--physics plastic": self.task.physics.plastic,
+            f"--terrain {self.task.terrain.kind}": self.task.terrain.kind != "flat",
+            "friction that grows with load": self.task.friction.loaded,
+            "--method hinf": self.is_disturbed,
+            "--task.randomization.contact-time": contact_time != RandomizationCfg().contact_time,
+        }
+        for name in (name for name, asked in lacking.items() if asked):
+            raise ConfigurationError(
+                f"--engine {self.engine} cannot train with {name}; use --engine mujoco, or leave it out"
+            )
 
     @property
     def has_context(self) -> bool:
@@ -447,42 +472,3 @@ class TrainCfg:
             f"a rollout of {self.num_envs} robots over {samples // self.num_envs} steps",
             "use fewer --num-envs, fewer steps, or a shorter history",
         )
-
-
-_SHOWN = TrainCfg(task=TaskCfg(physics=FAST), video_every=100)
-
-_ONE_PHASE = replace(
-    _SHOWN,
-    task=replace(_SHOWN.task, estimated_friction=True),
-    teacher=TeacherCfg(latent="history", iterations=1000, final_std=0.2, velocity_weight=10.0),
-    student=StudentCfg(iterations=0),
-    network=NetworkCfg(estimator_frame=32, estimator=(128, 64)),
-    symmetry="network",
-)
-
-PRESETS = {
-    "full": _ONE_PHASE,
-    "quick": replace(_ONE_PHASE, teacher=replace(_ONE_PHASE.teacher, iterations=440)),
-    "two-phase": replace(
-        _SHOWN, teacher=replace(TeacherCfg(), iterations=350), student=replace(StudentCfg(), iterations=80)
-    ),
-    "paper": replace(_SHOWN, task=TaskCfg(randomization=RandomizationCfg.literal())),
-}
-"""`full` and `quick` are one phase: what walks is what will be deployed, on its own z* and its own estimate of velocity
-and friction, with little noise in the end. `two-phase` is the paper's teacher and student at the budget with which its
-claims were judged; `paper` has more of it, and randomises the paper's table and no more. All make clips. All but
-`paper` simulate joint friction by yielding springs, which is faster than the solver's rows; see results/speed."""
-
-
-def preset(name: str, device: str = "cpu", method: str | None = None) -> TrainCfg:
-    """Return a preset; off the processor, where there are no sliders, with rows.
-
-    For the method `dreamwaq` without what its context takes the place of; the method itself is not set.
-    """
-    cfg = PRESETS[name]
-    if method == "dreamwaq":
-        usual = NetworkCfg()
-        network = replace(cfg.network, **{name: getattr(usual, name) for name in REPLACED})
-        teacher = replace(cfg.teacher, velocity_weight=TeacherCfg().velocity_weight)
-        cfg = replace(cfg, task=replace(cfg.task, estimated_friction=False), network=network, teacher=teacher)
-    return cfg if device == "cpu" else replace(cfg, task=replace(cfg.task, physics=EXACT))

@@ -13,7 +13,6 @@ from rsl_rl.utils import resolve_class
 
 from stiction.core.errors import TrainingError
 from stiction.core.provenance import num_threads, stream_seed
-from stiction.locomotion.device import find_device
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.symmetry import task_mirror
 from stiction.rma.config import STD_RANGE, TrainCfg
@@ -22,6 +21,7 @@ from stiction.rma.figures import Board
 from stiction.rma.models import ELEVATION, GROUPS, RMAActor, StudentPolicy
 from stiction.rma.phase import Film, PhaseRunner, Progress
 from stiction.rma.run import BROKEN, RunDirectory, latest_checkpoint, load_checkpoint
+from stiction.rma.simulator import find_simulator
 from stiction.robots.catalog import find_robot
 
 QUIET_FROM = 0.75
@@ -123,7 +123,7 @@ def train(
     threads = num_threads()
     torch.set_num_threads(threads)
     torch.manual_seed(stream_seed(cfg.seed, "training"))
-    device, seed = find_device(cfg.device, cfg.contacts), stream_seed(cfg.seed, "environment")
+    device, seed = find_simulator(cfg), stream_seed(cfg.seed, "environment")
     env = LocomotionEnv(cfg.task, cfg.num_envs, seed, threads, identified, device, run.actuator())
 
     def phase(name: str, rl_cfg: dict[str, Any], iterations: int) -> PhaseRunner:

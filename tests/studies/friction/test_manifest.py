@@ -9,7 +9,8 @@ import pytest
 
 from stiction.core.errors import StictionError
 from stiction.rma.arguments import parse
-from stiction.rma.config import PRESETS, TrainCfg
+from stiction.rma.config import TrainCfg
+from stiction.rma.presets import PRESETS
 from stiction.robots.catalog import find_robot
 from stiction.robots.physics import EXACT
 from stiction.studies.friction.evaluation import training_mean
@@ -65,6 +66,19 @@ def test_budget_is_the_same_unless_it_is_the_question() -> None:
         assert cfg.teacher.iterations == factor * budget.teacher.iterations, name
         assert cfg.student.iterations == student * budget.student.iterations, name
         assert (cfg.num_envs, cfg.teacher.steps) == (budget.num_envs, budget.teacher.steps), name
+
+
+def test_the_literal_rows_are_the_preset_at_the_budget_of_all() -> None:
+    """If this failed, the row would be of something else than `--preset literal`."""
+    literal, budget = PRESETS["literal"], PRESETS["two-phase"]
+    phases = {
+        "teacher": replace(literal.teacher, iterations=budget.teacher.iterations),
+        "student": replace(literal.student, iterations=budget.student.iterations),
+    }
+    expected = replace(literal, **phases, video_every=0)
+    assert configured()["literal01-mujoco"] == expected
+    assert configured()["literal01-physx"] == replace(expected, engine="physx")
+    assert expected.teacher.both_ways and expected.task.friction.per == "joint" and expected.task.friction.level == 0.01
 
 
 def test_what_is_varied_is_what_the_purpose_says() -> None:

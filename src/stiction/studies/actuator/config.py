@@ -12,7 +12,8 @@ from stiction.core.errors import ConfigurationError
 from stiction.joints.net import ActuatorCfg
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.friction import FrictionCfg
-from stiction.rma.config import PRESETS, TrainCfg
+from stiction.rma.config import TrainCfg
+from stiction.rma.presets import PRESETS
 
 BACKWARD = ("vx=-0.2", "vx=-0.35", "vx=-0.5", "vx=-0.65")
 """Commands of the paper's log: its robot walked backward only. Four speeds, so that runs differ."""

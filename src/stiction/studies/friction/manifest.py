@@ -48,6 +48,7 @@ PARTS = {
     "6": "A quadruped, which can fall",
     "gait": "The gait rewards, without friction",
     "history": "Longer histories for the student",
+    "literal": "The paper to the letter, trained in two engines",
 }
 """Part -> what it is about, in the order in which the parts are worth their time."""
 
@@ -140,6 +141,13 @@ LONG_STUDENT = ("--student.iterations", "240")
 LONG = ("--teacher.iterations", "1050", *LONG_STUDENT)
 """Options of three times the budget."""
 
+LITERAL = (
+    *("--method", "deception", "--friction-level", "0.01", "--task.friction.per", "joint", "--teacher.both-ways"),
+    *("--task.randomization.action-delay", "0", "0", "--task.randomization.encoder-offset", "0", "0"),
+    *("--physics", "rows"),
+)
+"""Options by which the preset `two-phase` becomes the preset `literal` with the budget of all conditions."""
+
 NO_TROT, NO_UNSYNC = ("--task.rewards.trot", "0"), ("--task.rewards.unsync", "0")
 
 MANIFEST: tuple[Condition, ...] = (
@@ -171,6 +179,12 @@ MANIFEST: tuple[Condition, ...] = (
     *_robots("kp2", "saturn_lite@kp=2"),
     *_robots("torque2", "saturn_lite@torque=2", LEVEL / 2),
     *(_load(coefficient, method) for coefficient in LOAD_COEFFICIENTS for method in ("direct", "deception")),
+    *(
+        Condition(
+            f"literal01-{engine}", "literal", f"the paper to the letter, in {engine}", (*LITERAL, "--engine", engine)
+        )
+        for engine in ("mujoco", "physx")
+    ),
     Condition(
         *("effort442-direct", "5", "the paper's number as a coefficient of the motor's torque"),
         ("--method", "direct", "--friction-law", "effort", "--friction-level", "0.442"),
@@ -224,9 +238,10 @@ EVALUATED: tuple[State, ...] = ("exported", "finished")
 """States of runs that have rows."""
 
 
-STEP_SECONDS = {"rows": 2.34e-4, "sliders": 1.21e-4}
+STEP_SECONDS = {"rows": 2.34e-4, "sliders": 1.21e-4, "physx": 1.2e-3}
 """Processor time of a training for each control step of each robot [s], with friction as rows and as sliders: 2.88 and
-1.49 s an iteration of 512 robots and 24 steps (results/speed, two busy AMD cores; machines differ by two)."""
+1.49 s an iteration of 512 robots and 24 steps (results/speed, two busy AMD cores; machines differ by two). In PhysX, a
+robot at a time, 15 s."""
 
 
 @dataclass(frozen=True)
@@ -262,6 +277,7 @@ class PlannedRun:
     def minutes(self) -> float:
         """Return the processor time that its training takes from the beginning, by `STEP_SECONDS` [min]."""
         cfg, physics = self.cfg, "sliders" if self.cfg.task.physics.plastic else "rows"
+        physics = physics if cfg.engine == "mujoco" else cfg.engine
         steps = cfg.num_envs * sum(phase.iterations * phase.steps for phase in (cfg.teacher, cfg.student))
         return steps * STEP_SECONDS[physics] / 60.0
 

@@ -1,0 +1,26 @@
+"""What a training simulates with: MuJoCo's batch on some device, or robots of another engine one after the other."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from stiction.core.errors import EngineError
+from stiction.engines.batch import EngineBatch
+from stiction.engines.catalog import what_is_missing
+from stiction.locomotion.device import Device, find_device
+from stiction.rma.config import TrainCfg
+from stiction.robots.catalog import find_robot
+
+
+def find_simulator(cfg: TrainCfg) -> Device:
+    """Return the simulator of a training, and where its tensors are.
+
+    Raises `StictionError` where this machine has no such device or engine, `ModuleNotFoundError` without the extra of
+    the device.
+    """
+    if cfg.engine == "mujoco":
+        return find_device(cfg.device, cfg.contacts)
+    robot = find_robot(cfg.task.robot)
+    if why := what_is_missing(cfg.engine, robot):
+        raise EngineError(why)
+    return Device("cpu", partial(EngineBatch, cfg.engine, robot))
