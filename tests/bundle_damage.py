@@ -167,6 +167,7 @@ def contract_cases() -> Iterator[tuple[str, Change]]:
         "seed": [-1, 2**70, "0", 1.5, True, HUGE],
         "phases": [0, 3, True, "1"],
         "disturber": ["wind", "none", 1, True],
+        "torque_source": ["motor", "none", 1, True],
         "decimation": [0, -1, 10**6, 4.0, "4", True, HUGE, 8],
         "physics_timestep": [0, 4e-9, 1e9, -0.005, None, 0.01],
         "control_period": [0, 4e-9, 0.04, -0.02, "0.02", 1e300],

@@ -96,7 +96,7 @@ def test_a_training_that_fails_stops_nobody(tmp_path: Path, monkeypatch: pytest.
     found = train_all(ReplicateOptions(preset="full", runs=tmp_path), 1, lambda *share: None, said.append)
     assert not isinstance(found, int)
     folders, failed = found
-    assert set(failed) == {*broken, "coulomb20-actuator-s2"}
+    assert set(failed) == {*broken, "coulomb20-actuator-s2", "coulomb20-actuator-output-s2"}
     assert failed["coulomb20-actuator-s2"].startswith("coulomb20-none-s2 failed")
     names = {folder.name for folder in folders}
     assert {"stairs-none-s0", "coulomb20-actuator-s1", "coulomb20-direct-s2"} <= names

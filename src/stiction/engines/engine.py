@@ -131,5 +131,16 @@ class Pushable(Protocol):
         """Add a velocity, x and y in the world [m/s], shape (2,), to the whole robot's; its joints go on as before."""
 
 
+@runtime_checkable
+class FrictionSensing(Protocol):
+    """An engine that says what its dry friction did; `mujoco` and `physx` are such."""
+
+    def friction_torque(self) -> np.ndarray:
+        """Return the torque that dry friction put on each joint in the last step, with its sign [N m], shape (J,).
+
+        Zero right after a reset.
+        """
+
+
 Make = Callable[[Body, Ground, float], Engine]
 """Makes an engine: body, ground, timestep [s]."""

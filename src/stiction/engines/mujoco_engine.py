@@ -83,6 +83,13 @@ class MujocoEngine:
         if not self.body.fixed:
             self._data.qvel[:2] += velocity
 
+    def friction_torque(self) -> np.ndarray:
+        """Return the forces of the solver's rows of dry friction; see `FrictionSensing`."""
+        data, torque = self._data, np.zeros(self._joints)
+        rows = data.efc_type == mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF
+        torque[data.efc_id[rows] - self._free] = data.efc_force[rows]
+        return torque
+
     def motion(self, loads: bool = True) -> Motion:
         """Return what the robot does now; see `Motion`."""
         data, feet = self._data, self._legs

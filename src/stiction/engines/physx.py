@@ -201,6 +201,14 @@ class PhysxEngine:
             speed = self._robot.get_root_linear_velocity() + np.array([*velocity, 0.0])
             self._robot.set_root_linear_velocity(speed.astype(np.float32))
 
+    def friction_torque(self) -> np.ndarray:
+        """Return what the drive did that is dry friction; see `FrictionSensing`.
+
+        PhysX takes it from the velocity at the end of the step, as is done here.
+        """
+        velocity = self._robot.get_qvel()[self._order].astype(float)
+        return -np.clip(BRAKE * velocity, -self._friction, self._friction)
+
     def motion(self, loads: bool = True) -> Motion:
         """Return what the robot does now; see `Motion`."""
         robot = self._robot

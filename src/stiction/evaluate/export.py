@@ -104,11 +104,16 @@ def write_card(contract: Contract) -> str:
         period=contract.control_period,
         identification=_file_text(used) if used else "none",
         told=_known_friction_line(contract),
-        torque=f"Actuator Net {_file_text(net)}" if net else "PD law with the gains of the contract",
+        torque=f"Actuator Net{_side(contract)} {_file_text(net)}" if net else "PD law with the gains of the contract",
         seed=contract.seed,
         revision=contract.revision,
         command=contract.command,
     )
+
+
+def _side(contract: Contract) -> str:
+    """Return where the torque of a contract's Actuator Net was measured, in the words of the card."""
+    return f" of {contract.torque_source.replace('_', '-')} torque" if contract.torque_source else ""
 
 
 def _more_friction(contract: Contract) -> str:
@@ -231,7 +236,7 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
 
     Args:
         cfg: configuration of the run.
-        header: `command`, `revision`, `identified` and, where there is one, `actuator` of the run, as in its
+        header: `command`, `revision`, `identified`, and of a run with a net `actuator` and `torque_source`, as in its
             config.json.
 
     """
@@ -283,6 +288,7 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         revision=str(header["revision"]),
         command=_without_folders(str(header["command"])),
         actuator=header.get("actuator"),
+        torque_source=header.get("torque_source"),
         joints_file={"name": identified["file"], "sha256": identified["sha256"]} if identified else None,
     )
     if not contract.observes_friction:

@@ -64,13 +64,17 @@ WITH_FRICTION = "-friction"
 
 _PUSHED = [names for kind, names in HINF.items() if kind not in JOINT_DISTURBERS]
 
+BEHIND_GEAR = "actuator-output"
+"""Method of policies trained through an Actuator Net of torque behind the gear, as in the paper."""
+
 METHODS = {
     "none": "conventional randomisation, without friction",
     FED: "the same policy, the friction that was identified fed forward in the joint controllers at 500 Hz",
     FED_BY_REFERENCE: f"the same, {SHARES['reference']:g} of it, by the target's speed, and by the error while stuck",
     FED_BY_MEASURED: f"the same, {SHARES['measured']:g} of it, by the measured speed, and by the error while stuck",
-    "actuator": "Actuator Net: without friction, through a net of the torque that the motors of a robot of this kind "
-    "logged while `none` walked backward",
+    BEHIND_GEAR: "Actuator Net: without friction of its own, through a net of the torque behind the gears, friction in "
+    "it, that a robot of this kind logged while `none` walked backward",
+    "actuator": "its control: the same with the torque that the motors logged, which no friction is in",
     "deception": "friction-aware: friction from none to 1.2 of the nominal one",
     "identified": "friction-aware, around each joint's friction as identified on the bench of a robot of the same kind",
     KNOWN_FRICTION: "friction-aware, and told the friction of each kind of joint, as a bench identifies it",
@@ -93,7 +97,7 @@ METHODS = {
 def method_of(contract: Contract) -> str:
     """Return the training method of a policy, one of `METHODS`."""
     if contract.actuator is not None:
-        return "actuator"
+        return BEHIND_GEAR if contract.torque_source == "output_side" else "actuator"
     if contract.observes_friction:
         return KNOWN_FRICTION
     if contract.method == "deception" and contract.joints_file is not None:

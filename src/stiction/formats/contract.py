@@ -43,7 +43,7 @@ MOST_JOINTS = 256
 
 _SINCE_2 = (
     *("stribeck", "actuator", "known_friction", "known_friction_file", "phases", "anatomy", "command_range"),
-    *("imported", "friction_load", "friction_spread", "disturber"),
+    *("imported", "friction_load", "friction_spread", "disturber", "torque_source"),
 )
 
 LATER = {"compensation": 1, "compensation_width": 1} | dict.fromkeys(_SINCE_2, 2)
@@ -110,6 +110,9 @@ class Contract:
     """`name` and `sha256` of the joints.json that set the nominal joints, or None."""
     actuator: Mapping[str, str] | None = None
     """`name` and `sha256` of the Actuator Net that gave the torque in training in place of kp and kd, or None."""
+    torque_source: str | None = None
+    """Where the torque was measured that this net gives: `motor_side`, or `output_side`, behind the gear; None without
+    a net, and in older contracts."""
     action_offset: str = "standing"
     """What the scaled action is added to; only `standing` is known."""
     quaternion_order: str = "wxyz"

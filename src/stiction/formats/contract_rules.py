@@ -157,6 +157,7 @@ RULES: dict[str, Rule] = {
     "seed": _integer(0, 2**63 - 1),
     "phases": one_of(1, 2, None),
     "disturber": one_of(*DISTURBERS, None),
+    "torque_source": one_of("motor_side", "output_side", None),
     # From 2 kHz to 5 Hz; a physics step under 10 µs would take days for a minute of walking.
     "control_period": _between(5e-4, 0.2, " s"),
     "decimation": _integer(1, 200),

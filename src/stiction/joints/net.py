@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -154,7 +154,8 @@ def _number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
-TORQUE_SOURCES = ("motor_side", "output_side")
+TorqueSource = Literal["motor_side", "output_side"]
+TORQUE_SOURCES: tuple[TorqueSource, ...] = get_args(TorqueSource)
 
 ROWS = 3072
 """Rows that go through the layers at once, so that they stay in the processor's cache."""

@@ -181,10 +181,11 @@ class RunDirectory:
         run, robot = cls(path), find_robot(cfg.task.robot)
         header = {"command": command, "revision": git_revision(), "seed": cfg.seed, "identified": identified}
         if cfg.actuator is not None:
-            cfg.task.check_net(read_actuator(Path(cfg.actuator)), robot)
+            net = read_actuator(Path(cfg.actuator))
+            cfg.task.check_net(net, robot)
             file = actuator_file(Path(cfg.actuator))
             name = file.resolve().parent.name if file.name == FILE else file.name
-            header["actuator"] = {"name": name, "sha256": digest_of(file)}
+            header |= {"actuator": {"name": name, "sha256": digest_of(file)}, "torque_source": net.torque_source}
         with output_folder(path):
             if (path / "config.json").exists():
                 raise TrainingError(HOLDS_ONE.format(path))

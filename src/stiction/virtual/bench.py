@@ -35,6 +35,7 @@ from stiction.formats.walk import WalkHeader, WalkLog
 from stiction.identify.excite.task import Pattern
 from stiction.identify.pipeline import REFUSED, identify_log
 from stiction.identify.proposal import write_proposal
+from stiction.joints.net import TorqueSource
 from stiction.robots.model import Robot
 from stiction.virtual.cases import Case
 from stiction.virtual.robot import VirtualRobot
@@ -196,11 +197,18 @@ def write_found(joints: JointsFile, folder: Path) -> None:
     write_proposal(folder, joints)
 
 
-def walk_log(steps: Sequence[ControlStep], bundle: Bundle, spec: Robot, recorded_in: str, command: str = "") -> WalkLog:
+def walk_log(
+    steps: Sequence[ControlStep],
+    bundle: Bundle,
+    spec: Robot,
+    recorded_in: str,
+    command: str = "",
+    torque_source: TorqueSource = "motor_side",
+) -> WalkLog:
     """Return the log of a walk, with nothing of the robot's hidden truth.
 
     steps: of the pilot, T control periods, at least one; spec: the data sheet; recorded_in: name of the engine;
-    command: its label, where it did not change: `vx=0.5`.
+    command: its label, where it did not change: `vx=0.5`; torque_source: as of the `World` that it walked in.
     """
     contract = bundle.contract
     each = len(steps[0].readings)
@@ -218,7 +226,7 @@ def walk_log(steps: Sequence[ControlStep], bundle: Bundle, spec: Robot, recorded
         kp=contract.kp,
         kd=contract.kd,
         torque_limit=contract.torque_limit,
-        torque_source="motor_side",
+        torque_source=torque_source,
         recorded_in=recorded_in,
         policy=bundle.name,
         command=command,

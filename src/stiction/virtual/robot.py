@@ -29,9 +29,10 @@ from stiction.core.names import kind_of
 from stiction.core.rotation import UPRIGHT
 from stiction.deploy.observation import Sensors
 from stiction.deploy.pilot import JointCommand, Reading
-from stiction.engines.engine import Engine, Motion
+from stiction.engines.engine import Engine, FrictionSensing, Motion
 from stiction.engines.friction import JointFriction
 from stiction.joints.compensation import FrictionController
+from stiction.joints.net import TorqueSource
 from stiction.virtual.gears import Gears
 from stiction.virtual.hidden import Hidden
 from stiction.virtual.motor import Drive, commanded_torque
@@ -161,6 +162,7 @@ class VirtualRobot:
         period: float = PERIOD,
         wear: Wear | None = None,
         loads: bool = True,
+        torque_source: TorqueSource = "motor_side",
     ) -> None:
         """Build the robot around an engine.
 
@@ -171,10 +173,13 @@ class VirtualRobot:
             generator: of the noise of its sensors.
             period: between two readings [s], whole physics steps.
             wear: how friction changes from when the robot is put in place.
+            torque_source: where its joints' torque is measured: at the motor, or behind the gear, where dry and viscous
+                friction are in it and the rotor's inertia is put back, as in the logs of the training's simulator.
             loads: whether the ground truth says what joints transmit, even where their friction does not depend on it.
 
         Raises:
-            StictionError: the period is not made of whole physics steps, or a joint that wears does not exist.
+            StictionError: the period is not made of whole physics steps, a joint that wears does not exist, or the
+                engine does not say what friction did and the torque is to be measured behind the gear.
 
         """
         self._steps = whole_steps(period, engine.timestep)
@@ -182,6 +187,14 @@ class VirtualRobot:
             raise ConfigurationError(
                 f"readings every {period} s from physics of {engine.timestep} s: expected whole physics steps"
             )
+        self._behind_gear: FrictionSensing | None = None
+        if torque_source == "output_side":
+            if not isinstance(engine, FrictionSensing):
+                raise ConfigurationError(
+                    f"the engine {engine.name!r} does not say what dry friction did, so that nothing can measure "
+                    "torque behind the gear; use 'physx' or 'mujoco', or torque of the motor's side"
+                )
+            self._behind_gear = engine
         spec = engine.body.spec
         self._engine, self._hidden, self._friction, self._wear = engine, hidden, friction, wear
         self._names, self._limit = spec.joint_names, spec.joint_values("torque_limit")
@@ -254,10 +267,14 @@ class VirtualRobot:
         self._given, reported = self._drive.torque(commanded, self._gears.velocity)  # 3
         wear = 1.0 if self._wear is None else np.where(self._worn, self._wear.factor(self._time), 1.0)
         self._bound = self._friction.bound(self._motion, last, wear)
-        self._engine.step(self._gears.transmit(self._given), self._bound)  # 4 and 5
+        transmitted = self._gears.transmit(self._given)
+        self._engine.step(transmitted, self._bound)  # 4 and 5
         self._motion, self._tick = self._engine.motion(self._loads), self._tick + 1
         self._gears.follow(self._given, self._motion.joint_position, self._motion.joint_velocity)  # 6
         self._encoders.follow(self._gears.angle, self._gears.velocity)
+        if self._behind_gear is not None:
+            viscous = self._engine.body.damping * self._motion.joint_velocity
+            reported = transmitted + self._behind_gear.friction_torque() - viscous
         self._samples.push(self._measure(reported))
 
     def _measure(self, reported: np.ndarray) -> Reading:

@@ -19,6 +19,7 @@ from stiction.engines.ground import Ground, flat
 from stiction.formats.bundle import Bundle
 from stiction.formats.walk import Recording
 from stiction.joints.compensation import BY_ERROR, Compensation
+from stiction.joints.net import TorqueSource
 from stiction.locomotion.config import NoiseCfg
 from stiction.robots.model import Robot, leans_too_far, too_low
 from stiction.virtual.hidden import Hidden, draw
@@ -119,6 +120,8 @@ class World:
     """Time between two readings [s]; logs for an Actuator Net need that of the training's physics."""
     noise: NoiseCfg | None = None
     """Sensor noise of the training, for robots whose own sensors are perfect."""
+    torque_source: TorqueSource = "motor_side"
+    """Where the joints' torque is measured, see `VirtualRobot`."""
 
     def height(self, place: np.ndarray) -> float:
         """Return the height of the ground at x, y [m], shape (2,)."""
@@ -146,7 +149,7 @@ class World:
         real = case.robot(hidden)
         engine = self.make(real.body(spec, fixed), self.ground, self.timestep)
         friction = case.friction(hidden, spec, self.timestep)
-        return VirtualRobot(engine, real, friction, generator, self.period, wear, loads=fixed)
+        return VirtualRobot(engine, real, friction, generator, self.period, wear, fixed, self.torque_source)
 
 
 @dataclass(frozen=True)

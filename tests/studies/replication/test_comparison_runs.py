@@ -1,6 +1,7 @@
 """The policies of the comparison: one a training method and seed, no ablation among them."""
 
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from stiction.evaluate.methods import method_of
 from stiction.formats.bundle import Bundle, read_bundle
 from stiction.robots.catalog import find_robot
 from stiction.studies.replication.plan import (
+    ACTUATOR_RUNS,
     LOOP_SEEDS,
     actuator_run,
     comparison_runs,
@@ -44,8 +46,8 @@ def test_every_way_has_seeds_enough_for_a_verdict() -> None:
 def test_the_second_policy_of_the_loop_is_trained_as_the_first_was() -> None:
     """Another seed or preset would be a difference that the net is not to blame for."""
     runs = {run.name: run for run in comparison_runs(Path("joints.json"))}
-    for seed in LOOP_SEEDS:
-        second, first = actuator_run(Path("net"), seed), runs[first_policy(seed)]
+    for seed, side in product(LOOP_SEEDS, ACTUATOR_RUNS):
+        second, first = actuator_run(Path("net"), seed, side), runs[first_policy(seed)]
         assert set(second.arguments) - set(first.arguments) == {"--actuator", "net"}
 
 

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from stiction.evaluate.methods import BEHIND_GEAR
 from stiction.evaluate.samples import Condition, Evidence, Row
 from stiction.formats.results import DIRECTIONS
 from stiction.studies.claims import Finding
@@ -86,7 +87,7 @@ def test_one_seed_carries_no_verdict() -> None:
 
 def test_who_is_best_without_friction() -> None:
     """None at 0.98 is nearer than deception at 1.3 and actuator at 0.5; deception at 0.99 would be nearer."""
-    none, actuator = rows("none", PHYSX, 0.95), rows("actuator", PHYSX, 0.5)
+    none, actuator = rows("none", PHYSX, 0.95), rows(BEHIND_GEAR, PHYSX, 0.5)
     (e1,) = (claim for claim in CLAIMS if claim.id == "E1")
     best = e1.judge
     assert judged(best, none, actuator, rows("deception", PHYSX, 1.3)).outcome == "reproduces"
@@ -354,12 +355,12 @@ def test_where_friction_would_have_shown_is_said_level_by_level() -> None:
 def test_the_rows_behind_a_verdict_are_named() -> None:
     """A reader who takes them from the file must come to the same number."""
     evidence = Evidence.of(
-        row for part in (rows("none", PHYSX, 1.0), rows("actuator", PHYSX, 0.0, -0.1)) for row in part
+        row for part in (rows("none", PHYSX, 1.0), rows(BEHIND_GEAR, PHYSX, 0.0, -0.1)) for row in part
     )
     _, read = judge_all(evidence)
     own = [row for row in read if row.claim == "E2b"]
     assert {(row.method, row.engine, row.command, row.column) for row in own} == {
-        ("actuator", "physx", command, column)
+        (BEHIND_GEAR, "physx", command, column)
         for command in ("vx=0.5", "vx=-0.5")
         for column in ("speed_ratio", "fall_rate")
     }

@@ -17,6 +17,7 @@ pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is
 pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to fit a net")
 
 from stiction.locomotion.config import TaskCfg
+from stiction.locomotion.friction import FrictionCfg
 from stiction.studies.replication import net as module
 from stiction.studies.replication.net import WalkedNet, make_net
 from stiction.studies.replication.plan import KNOWN_CASE
@@ -29,21 +30,24 @@ def walked(tmp_path_factory: pytest.TempPathFactory) -> WalkedNet:
     """A robot that stands for a second at a time, and a net that is fitted in one."""
     contract = make_contract()
     bundle = make_bundle(tmp_path_factory.mktemp("b") / "still", contract, make_network(contract, gain=1e-3))
-    return WalkedNet("mujoco", KNOWN_CASE, SPEC, read_bundle(bundle), 1.0, ActuatorCfg(epochs=1, hidden=(4,)))
+    cfg = ActuatorCfg(epochs=1, hidden=(4,))
+    return WalkedNet("mujoco", KNOWN_CASE, SPEC, read_bundle(bundle), "output_side", 1.0, cfg)
 
 
-def test_the_net_is_fitted_to_what_the_motors_said_backward(
-    walked: WalkedNet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("side", ["output_side", "motor_side"])
+def test_the_net_is_fitted_to_walks_backward(
+    walked: WalkedNet, side: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Friction of the joint is not in it, and training can use it at once; a second time nothing walks."""
+    """Logs and net say on which side torque was measured, training can use it at once; a second time nothing walks."""
+    walked = replace(walked, torque_source=side)  # type: ignore[arg-type]
     make_net(walked, tmp_path / "net", "test")
     logs = [read_walk(file) for file in sorted((tmp_path / "net/logs").glob("*.npz"))]
     assert len(logs) == 12 and {float(log.header.command[3:]) for log in logs} == {-0.2, -0.35, -0.5, -0.65}
-    assert {log.header.torque_source for log in logs} == {"motor_side"}
+    assert {log.header.torque_source for log in logs} == {side}
     assert {(log.header.period, len(log)) for log in logs} == {(0.005, 200)}
     net = read_actuator(tmp_path / "net")
-    assert net.torque_source == "motor_side"
-    TaskCfg().check_net(net, SPEC)
+    assert net.torque_source == side
+    TaskCfg(friction=FrictionCfg(method="none")).check_net(net, SPEC)
     monkeypatch.setattr(module, "spread", lambda *rest: pytest.fail("walked again"))
     make_net(walked, tmp_path / "net", "test")
     with pytest.raises(pytest.fail.Exception):

@@ -1,6 +1,7 @@
 """The parts of the comparison: whether what they walk is what the sentences ask about."""
 
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,7 @@ from stiction.studies.friction.manifest import Run
 from stiction.studies.replication.claims import judge_all
 from stiction.studies.replication.criteria import HALF
 from stiction.studies.replication.plan import (
+    ACTUATOR_RUNS,
     FRICTION_CELL,
     LOOP_SEEDS,
     NOMINAL_CELL,
@@ -51,7 +53,8 @@ JOINTS = {"name": "joints.json", "sha256": "0" * 64}
 def bundles(tmp_path_factory: pytest.TempPathFactory) -> list[Bundle]:
     """The policies that the preset `full` trains, and those of the Actuator Net's loop."""
     still = read_bundle(make_bundle(tmp_path_factory.mktemp("b") / "still", make_contract()))
-    runs = [*comparison_runs(Path("joints.json")), *(actuator_run(Path("net"), seed) for seed in LOOP_SEEDS)]
+    loops = [actuator_run(Path("net"), *which) for which in product(LOOP_SEEDS, ACTUATOR_RUNS)]
+    runs = [*comparison_runs(Path("joints.json")), *loops]
     return [
         replace(still, name=run.name, contract=replace(still.contract, seed=run.seed, **trained_as(run)))
         for run in runs
@@ -67,7 +70,8 @@ def trained_as(run: Run) -> dict:
 
     same = {"friction_range": (0.2, 0.2)} if "--task.friction.range" in words else {}
     joints = {"joints_file": JOINTS} if "--joints" in words else {}
-    net = {"actuator": NET} if "--actuator" in words else {}
+    side = {name: side for side, name in ACTUATOR_RUNS.items()}.get(run.condition.name)
+    net = {"actuator": NET, "torque_source": side} if side else {}
     return {"method": after("--method", "none"), "terrain": after("--terrain", "flat"), **same, **joints, **net}
 
 

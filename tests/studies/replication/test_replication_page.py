@@ -232,7 +232,7 @@ def test_a_verdict_that_changed_says_what_was_asked_before(tmp_path: Path) -> No
 
 def test_a_missing_method_and_a_single_seed_are_said() -> None:
     """The paper compares three methods."""
-    assert any("actuator, deception" in text for text in warnings(RESULT))
+    assert any("actuator-output, deception" in text for text in warnings(RESULT))
     assert warnings(RESULT)[0] == "Not trained, and left out: p-s1. it diverged"
     assert lead(RESULT).endswith("\nOf 1 sentences and explanations of the paper, 1 were not tested.")
     stairs = replace(RESULT.samples[0], terrain="stairs=0.1", seeds="0")

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from stiction.evaluate.grid import REAL
-from stiction.evaluate.methods import FED, FED_BY_MEASURED
+from stiction.evaluate.methods import BEHIND_GEAR, FED, FED_BY_MEASURED
 from stiction.evaluate.samples import Condition, Evidence, each_seed
 from stiction.formats.following import SLOW
 from stiction.formats.results import DIRECTIONS
@@ -42,22 +42,22 @@ CLAIMS: tuple[Claim[Evidence], ...] = (
     Claim(
         "E1",
         "in Sim2Sim the robot achieved the best performance using domain randomization without static friction",
-        "other engines, no friction: mean |speed ratio - 1| of none is below that of deception, and of actuator",
-        each(*(elsewhere(other, criteria.farther_than("none")) for other in ("deception", "actuator"))),
+        f"other engines, no friction: mean |speed ratio - 1| of none is below that of deception, and of {BEHIND_GEAR}",
+        each(*(elsewhere(other, criteria.farther_than("none")) for other in ("deception", BEHIND_GEAR))),
     ),
     Claim(
         "E2a",
         "using Actuator Net, the robot exhibited significant abnormal behavior [in Sim2Sim]",
-        f"actuator, other engines, no friction: joint accelerations {TIMES} none while both walk, or "
+        f"{BEHIND_GEAR}, other engines, no friction: joint accelerations {TIMES} none while both walk, or "
         "falls in more than a third of walks, both directions together",
-        elsewhere("actuator", criteria.unsteady("none", *DIRECTIONS)),
+        elsewhere(BEHIND_GEAR, criteria.unsteady("none", *DIRECTIONS)),
     ),
     Claim(
         "E2b",
         "eventually leading to system failure",
-        f"actuator, other engines, no friction: {HARDLY} of the command in the slower direction, or at least half of "
-        "the walks in a direction end in a fall",
-        elsewhere("actuator", criteria.fails),
+        f"{BEHIND_GEAR}, other engines, no friction: {HARDLY} of the command in the slower direction, or at least half "
+        "of the walks in a direction end in a fall",
+        elsewhere(BEHIND_GEAR, criteria.fails),
     ),
     Claim(
         "E3",
@@ -93,22 +93,22 @@ CLAIMS: tuple[Claim[Evidence], ...] = (
     Claim(
         "E8a",
         "using Actuator Net allowed the robot to walk forward",
-        f"actuator, virtual robot: at least {100 * HALF:g} % of the command forward, at each level",
-        on_robot("actuator", criteria.walks(FORWARD)),
+        f"{BEHIND_GEAR}, virtual robot: at least {100 * HALF:g} % of the command forward, at each level",
+        on_robot(BEHIND_GEAR, criteria.walks(FORWARD)),
     ),
     Claim(
         "E8b",
         "albeit unsteadily",
-        f"actuator, virtual robot, forward: joint accelerations {TIMES} deception while both walk, or "
+        f"{BEHIND_GEAR}, virtual robot, forward: joint accelerations {TIMES} deception while both walk, or "
         "falls in more than a third of walks, at each level",
-        on_robot("actuator", criteria.unsteady("deception", FORWARD)),
+        on_robot(BEHIND_GEAR, criteria.unsteady("deception", FORWARD)),
     ),
     Claim(
         "E9",
         "and it was unable to climb stairs",
-        f"actuator trained on stairs, virtual robot, level {STICKY.level:g}: {HARDLY} of crossings, at each height; no "
-        "preset trains such a policy: judged only where some are given",
-        criteria.under("actuator", STICKY, criteria.climbs_not),
+        f"{BEHIND_GEAR} trained on stairs, virtual robot, level {STICKY.level:g}: {HARDLY} of crossings, at each "
+        "height; no preset trains such a policy: judged only where some are given",
+        criteria.under(BEHIND_GEAR, STICKY, criteria.climbs_not),
     ),
     Claim(
         "E10",

@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from stiction.evaluate.methods import method_of
+from stiction.evaluate.methods import BEHIND_GEAR, method_of
 from stiction.formats.bundle import Bundle
 from stiction.report.page import Section, file_uri, paragraph, picture, row
 from stiction.robots.model import Robot
 from stiction.virtual.cases import FIRST_REPORTED
 
-METHODS = ("none", "actuator", "direct", "deception")
+METHODS = ("none", BEHIND_GEAR, "actuator", "direct", "deception")
 """Training methods that are shown."""
 
 LEVEL, COMMAND = 0.2, "vx=0.5"

@@ -1,9 +1,9 @@
 """The Actuator Net of the comparison: fitted to what the motors of one virtual robot report while it walks.
 
 As in the paper the conventional policy f0 walks on the robot, backward only, and its log trains f_motor; f1 is then
-trained with that net in place of the PD law. The torque is a motor current times a constant, which is what such a robot
-logs: friction of the joints, behind the motor, is not in it. `stiction study actuator` compares it with a sensor behind
-the gear.
+trained with that net in place of the PD law. The torque is that of a sensor behind the gear, which has the joints'
+friction in it. The control has a motor current times a constant, which is what most robots log and which cannot know
+the friction.
 
 The folder has the logs and the net; it is an entry of `core.cache`.
 """
@@ -27,7 +27,7 @@ from stiction.evaluate.run import command_source
 from stiction.evaluate.walk_logs import SHORTEST
 from stiction.formats.bundle import Bundle
 from stiction.formats.walk import write_walk
-from stiction.joints.net import ActuatorCfg
+from stiction.joints.net import ActuatorCfg, TorqueSource
 from stiction.robots.model import Robot
 from stiction.studies.actuator.config import BACKWARD, RUNS
 from stiction.virtual.bench import walk_log
@@ -52,19 +52,23 @@ class WalkedNet:
     spec: Robot
     policy: Bundle
     """f0, which walks."""
+    torque_source: TorqueSource = "output_side"
+    """Where the torque is measured that it learns."""
     seconds: float = 10.0
     """Length of each of its `RUNS` walks [s]."""
     cfg: ActuatorCfg = field(default_factory=ActuatorCfg)
 
     @property
     def label(self) -> str:
-        """Name for people, of robot and policy."""
-        return f"{self.spec.name}--{self.engine}--{self.case.label}--{self.policy.name}"
+        """Name for people, of robot, policy and torque."""
+        side = self.torque_source.replace("_", "-")
+        return f"{self.spec.name}--{self.engine}--{self.case.label}--{self.policy.name}--{side}"
 
     @property
     def key(self) -> str:
-        """Digest of robot, engine, policy, settings and code."""
-        return key_of([self.engine, self.case, self.spec, self.policy.digest, self.seconds, self.cfg], *MAKING)
+        """Digest of robot, engine, torque, policy, settings and code."""
+        robot = (self.engine, self.case, self.spec, self.torque_source)
+        return key_of([*robot, self.policy.digest, self.seconds, self.cfg], *MAKING)
 
 
 def make_net(
@@ -115,10 +119,12 @@ def log_walk(walked: WalkedNet, command: str, episode: int, logs: Path) -> None:
     It is logged at the training's physics rate, at which the net will run.
     """
     contract = walked.policy.contract
-    world = World(partial(make_engine, walked.engine), period=contract.physics_timestep)
+    world = World(
+        partial(make_engine, walked.engine), period=contract.physics_timestep, torque_source=walked.torque_source
+    )
     order = command_source(parse_command(command), FLAT)
     steps = round(walked.seconds / contract.control_period)
     trial = walk(walked.policy, walked.case, world, order, steps, episode, spec=walked.spec)
     if len(trial.steps) * contract.control_period >= SHORTEST:
-        log = walk_log(trial.steps, walked.policy, walked.spec, walked.engine, command)
+        log = walk_log(trial.steps, walked.policy, walked.spec, walked.engine, command, walked.torque_source)
         write_walk(logs / f"{command}--{episode}.npz", log)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from stiction.evaluate.methods import FED, FED_BY
+from stiction.evaluate.methods import BEHIND_GEAR, FED, FED_BY
 from stiction.evaluate.table import BOTH, Sample
 from stiction.formats.following import BAND, FAST, SLOW, Following
 from stiction.joints.friction import has_coefficient, level_axis, level_number, level_text
@@ -486,6 +486,6 @@ def warnings(result: Replication) -> list[str]:
     if kept := [f"{part.title} ({part.kept})" for part in result.parts if part.kept]:
         found.append(f"Not walked by this command: {'; '.join(kept)}.")
     found += [f"{part.title}. {warning}" for part in result.parts for warning in part.warnings]
-    if missing := [method for method in ("none", "actuator", "deception") if method not in result.methods]:
+    if missing := [method for method in ("none", BEHIND_GEAR, "deception") if method not in result.methods]:
         found.append(f"Of the paper's three methods there is no policy here for: {', '.join(missing)}.")
     return found

@@ -12,6 +12,7 @@ from stiction.evaluate.grid import BATCH, GridCfg
 from stiction.evaluate.methods import method_of
 from stiction.formats.contract import Contract
 from stiction.formats.results import DIRECTIONS
+from stiction.joints.net import TorqueSource
 from stiction.robots.model import Robot
 from stiction.studies.friction.manifest import MANIFEST, Condition, Run
 from stiction.studies.replication.records import CAUSES
@@ -194,11 +195,21 @@ def first_policy(seed: int) -> str:
     return f"coulomb20-none-s{seed}"
 
 
-def actuator_run(net: Path, seed: int) -> Run:
-    """Return the run of f1, trained as f0 of the same seed was but for its motors; net: of the walks of that f0."""
+ACTUATOR_RUNS: dict[TorqueSource, str] = {
+    "output_side": "coulomb20-actuator-output",
+    "motor_side": "coulomb20-actuator",
+}
+"""Side of the gear on which the net's torque was measured -> condition of f1: the paper's way, and its control."""
+
+
+def actuator_run(net: Path, seed: int, torque_source: TorqueSource) -> Run:
+    """Return the run of f1, trained as f0 of the same seed was but for its motors.
+
+    net: of the walks of that f0; torque_source: of the net.
+    """
     options = ("--method", "none", "--friction-level", "0.2", "--actuator", str(net))
-    what = "conventional, an Actuator Net of the robot's walk in place of the PD law"
-    return Run(Condition("coulomb20-actuator", "comparison", what, options), seed)
+    what = f"conventional, an Actuator Net of the robot's walk, {torque_source}, in place of the PD law"
+    return Run(Condition(ACTUATOR_RUNS[torque_source], "comparison", what, options), seed)
 
 
 def identified_conditions(joints: Path) -> tuple[Condition, Condition]:

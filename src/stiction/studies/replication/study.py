@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from stiction.formats.bundle import Bundle
+    from stiction.joints.net import TorqueSource
     from stiction.studies.friction.manifest import Run
 
 DESCRIPTION = """The paper's comparison as one command, resumable: conventional, Actuator Net and friction-aware
@@ -53,7 +55,7 @@ class ReplicateOptions(ParallelOptions):
     """Walk and train nothing: judge what --out has by today's criteria, and draw its page anew, with the clips of those
     --policies that walked."""
     clips: bool = True
-    """Render clips: of four methods one each in the simulator of the training, and one on a virtual robot."""
+    """Render clips: of five methods one each in the simulator of the training, and one on a virtual robot."""
     free: ClassVar[tuple[str, ...]] = ("parts", "clips")
     """Options that do more of the same."""
     out: Path | None = None  # type: ignore[assignment]
@@ -182,16 +184,16 @@ def train_all(
 
 def loop_runs(runs: Path, failed: dict[str, str], jobs: int, progress: Callable[[str, float], None]) -> list[Run]:
     """Return the runs with an Actuator Net, and add to `failed` why one has no net: its f0 failed, or does not walk."""
-    from stiction.studies.replication.plan import LOOP_SEEDS, actuator_run, first_policy
+    from stiction.studies.replication.plan import ACTUATOR_RUNS, LOOP_SEEDS, actuator_run, first_policy
 
     found = []
-    for seed in LOOP_SEEDS:
-        first, name = first_policy(seed), actuator_run(runs, seed).name
+    for seed, side in product(LOOP_SEEDS, ACTUATOR_RUNS):
+        first, name = first_policy(seed), actuator_run(runs, seed, side).name
         if first in failed:
             failed[name] = f"{first} failed, whose walk its Actuator Net is of"
             continue
         try:
-            found.append(actuator_run(known_net(runs, runs / first, jobs, progress), seed))
+            found.append(actuator_run(known_net(runs, runs / first, side, jobs, progress), seed, side))
         except StictionError as error:
             failed[name] = str(error)
     return found
@@ -209,10 +211,12 @@ def known_joints(runs: Path, jobs: int, progress: Callable[[str, float], None]) 
     return runs / "bench" / bench.label / JOINTS
 
 
-def known_net(runs: Path, conventional: Path, jobs: int, progress: Callable[[str, float], None]) -> Path:
+def known_net(
+    runs: Path, conventional: Path, torque_source: TorqueSource, jobs: int, progress: Callable[[str, float], None]
+) -> Path:
     """Return the folder of the Actuator Net of that robot, fitted to its walks where that is not done yet.
 
-    conventional: the run of f0, which walks.
+    conventional: the run of f0, which walks; torque_source: where its joints' torque is measured.
     """
     from stiction.deploy.check import check_bundle
     from stiction.robots.catalog import find_robot
@@ -220,7 +224,7 @@ def known_net(runs: Path, conventional: Path, jobs: int, progress: Callable[[str
     from stiction.studies.replication.plan import known_bench
 
     bench, policy = known_bench(find_robot(ROBOT)), check_bundle(exported(conventional, runs)).bundle
-    walked = WalkedNet(bench.engine, bench.case, bench.spec, policy)
+    walked = WalkedNet(bench.engine, bench.case, bench.spec, policy, torque_source)
     folder = runs / "nets" / walked.label
     make_net(walked, folder, "stiction replicate --preset full", jobs, progress)
     return folder
