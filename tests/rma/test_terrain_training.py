@@ -6,9 +6,11 @@ from pathlib import Path
 import pytest
 import torch
 
+from actuators import pd_net
 from rollouts import check_ratio, phase_runner, rollout
 from stiction.core.errors import StictionError
 from stiction.locomotion.config import TaskCfg
+from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.terrain import TerrainCfg
 from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
@@ -129,3 +131,15 @@ def test_a_run_from_before_terrain_goes_on_and_another_state_is_one_line(tmp_pat
     save_checkpoint(path, tree)
     with pytest.raises(StictionError, match=r"cannot be restored.*'history'.*train again$"):
         train(cfg, run)
+
+
+def test_an_actuator_net_walks_on_stairs() -> None:
+    """Its torques drive the robots on their courses, and it forgets those that begin anew."""
+    task = TaskCfg(terrain=TerrainCfg(kind="stairs"), friction=FrictionCfg("none"), episode=0.2)
+    env = LocomotionEnv(task, 4, seed=0, actuator=pd_net())
+    rest = torch.zeros(4, env.num_actions)
+    observation = env.get_observations()
+    for _ in range(12):
+        observation, *_ = env.step(rest)
+    assert "elevation" in observation and all(torch.isfinite(group).all() for group in observation.values())
+    assert env.motors is not None and env.fleet.torque.any() and not env.fleet.friction.any()
