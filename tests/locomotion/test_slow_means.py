@@ -11,6 +11,8 @@ import pytest
 import torch
 
 from stiction.core.errors import StictionError
+from stiction.deploy import observation
+from stiction.locomotion import observations as means
 from stiction.locomotion.config import NoiseCfg, RandomizationCfg, TaskCfg
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
@@ -55,6 +57,20 @@ def test_they_tell_the_friction_of_single_joints() -> None:
     _, speed, power = np.split(slow / np.repeat([term.scale for term in env.layout.terms[-3:]], 12), 3, axis=1)
     share = fleet.nominal_kp * power / speed / fleet.torque_limit
     np.testing.assert_allclose(share[:12] - share[12], level[:12] - level[12], atol=0.004)
+
+
+def test_they_are_those_of_the_robot_after_a_reading_that_no_walk_has() -> None:
+    """In float32 a mean would go on from the rounding of 10,000 rad²/s, and a replay would differ from its export."""
+    generator, fresh = np.random.default_rng(0), np.ones(1, bool)
+    trained, deployed = means.SlowMeans(1, 12, math.exp(-0.02)), observation.SlowMeans((1, 12), math.exp(-0.02))
+    for size in (100.0, 100.0, 0.1, 0.1, 0.1):
+        error, velocity = (size * generator.standard_normal((1, 12)) for _ in range(2))
+        seen = trained.push(torch.from_numpy(error), torch.from_numpy(velocity), torch.from_numpy(fresh))
+        deployed.step(error, velocity, fresh)
+        fresh = np.zeros(1, bool)
+        for name, values in deployed.terms().items():
+            assert seen[name].dtype == torch.float32
+            np.testing.assert_array_equal(seen[name].numpy(), values.astype(np.float32))
 
 
 def test_a_checkpoint_holds_them(tmp_path: Path) -> None:

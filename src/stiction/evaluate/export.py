@@ -433,8 +433,12 @@ class TrainedPolicy:
         }
         contract = self._contract
         if self._slow is not None:
-            error = self._standing + self._scale * self._last_action - raw["joint_position"]
-            raw |= self._slow.push(error, raw["joint_velocity"], self._fresh)
+            position, velocity = (
+                torch.from_numpy(getattr(sensors, f"joint_{name}")) for name in ("position", "velocity")
+            )
+            standing = torch.from_numpy(contract.array("standing"))
+            error = standing + torch.as_tensor(contract.scale) * self._last_action.double() - position
+            raw |= self._slow.push(error, velocity, self._fresh)
         observation = self._history.push(self._frames(raw), self._fresh)
         self._fresh = torch.zeros_like(self._fresh)
         action = self._module(observation).clamp(-contract.action_clip, contract.action_clip)

@@ -57,13 +57,14 @@ class SlowMeans:
     def __init__(self, num_envs: int, num_joints: int, decay: float) -> None:
         """Start with nothing; `decay`: see `ObservationLayout.slow_kept`."""
         self.decay = decay
-        self.sums = torch.zeros(num_envs, len(SLOW_TERMS), num_joints)
+        # In float64, as on the robot: a mean goes on from its own rounding, and x_i may be large once.
+        self.sums = torch.zeros(num_envs, len(SLOW_TERMS), num_joints, dtype=torch.float64)
         """Σ k^(t-i) x_i."""
-        self.weight = torch.zeros(num_envs, 1)
+        self.weight = torch.zeros(num_envs, 1, dtype=torch.float64)
         """Σ k^(t-i)."""
 
     def push(self, error: torch.Tensor, velocity: torch.Tensor, fresh: torch.Tensor) -> dict[str, torch.Tensor]:
-        """Take in a frame and return the means by term, each (N, joints).
+        """Take in a frame and return the means by term, each (N, joints), float32.
 
         `error`: of the last target [rad], `velocity` [rad/s], (N, joints); where `fresh`, (N,) bool, what was before is
         forgotten.
@@ -71,4 +72,4 @@ class SlowMeans:
         products = torch.stack((error.abs(), velocity.abs(), error * velocity), 1)
         self.sums = products + torch.where(fresh[:, None, None], 0.0, self.decay * self.sums)
         self.weight = 1.0 + torch.where(fresh[:, None], 0.0, self.decay * self.weight)
-        return dict(zip(SLOW_TERMS, (self.sums / self.weight[..., None]).unbind(1), strict=True))
+        return dict(zip(SLOW_TERMS, (self.sums / self.weight[..., None]).float().unbind(1), strict=True))
