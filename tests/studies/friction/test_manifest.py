@@ -60,7 +60,8 @@ def test_part_one_is_the_runs_that_were_begun_by_hand() -> None:
 def test_budget_is_the_same_unless_it_is_the_question() -> None:
     """If this failed, a method would win by training longer."""
     budget = PRESETS["two-phase"]
-    for name, cfg in configured().items():
+    two_phase = {condition.name for condition in MANIFEST if condition.runs[0].preset == "two-phase"}
+    for name, cfg in ((name, cfg) for name, cfg in configured().items() if name in two_phase):
         factor = 3 if name.endswith("-long") else 1
         student = 3 if name == "coulomb20-deception-student240" else factor
         assert cfg.teacher.iterations == factor * budget.teacher.iterations, name
@@ -118,13 +119,27 @@ def test_parts_come_in_order_and_unknown_ones_are_named() -> None:
         runs_of(["7"])
 
 
-def test_one_phase_has_the_first_part_alone() -> None:
-    """The other parts name phases: with one phase they would be trained as something that nobody meant."""
+def test_every_part_has_the_presets_that_its_options_were_written_for() -> None:
+    """A part that names phases would with one phase be trained as something that nobody meant, and the other way."""
     runs = runs_of((), "quick")
-    assert [run.name for run in runs] == [run.name for run in runs_of(["1"])]
+    assert [run.name for run in runs if run.condition.part == "1"] == [run.name for run in runs_of(["1"])]
+    assert {run.condition.part for run in runs} == {"1", "designs", "methods"}
     assert all(run.arguments[:2] == ("--preset", "quick") for run in runs)
     with pytest.raises(StictionError, match="part 2 is not trained with the preset 'quick'"):
         runs_of(["1", "2"], "quick")
+    with pytest.raises(StictionError, match="part designs is not trained with the preset 'two-phase'"):
+        runs_of(["designs"])
+    own = {run.name for run in runs_of(())} | {run.name for run in runs}
+    assert own == {run.name for condition in MANIFEST for run in condition.runs}
+
+
+def test_designs_have_one_budget() -> None:
+    """If this failed, a design would win by training longer: 440 iterations, however they are divided."""
+    for condition in MANIFEST:
+        if condition.part in ("designs", "methods"):
+            cfg = configured()[condition.name]
+            assert cfg.teacher.iterations + cfg.student.iterations == 440, condition.name
+            assert (cfg.num_envs, cfg.teacher.steps) == (512, 24), condition.name
 
 
 def test_the_cost_of_a_run_is_that_of_its_control_steps() -> None:

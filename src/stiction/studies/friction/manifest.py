@@ -2,7 +2,8 @@
 
 All conditions have one preset, without its clips: the same budget, no early stop. Three ask what three times as much
 would do. They differ from `stiction train --preset PRESET --video-every 0` in the options that stand here and nothing
-else. The first part is trained with any preset, the others with `TWO_PHASE` alone, whose phases they name.
+else. The first part is trained with any preset, `designs` and `methods` with those of one phase, all others with
+`TWO_PHASE` alone, whose phases they name.
 
 The paper explains frozen training by friction that filters early actions. The first actions of saturn_lite ask for
 kp · action scale · σ = 100 N m/rad · 0.25 rad · 0.8 = 20 N m, one standard deviation, against 5 N m (hip, thigh) and
@@ -37,7 +38,10 @@ LOAD_COEFFICIENTS = (0.05, 0.2, 0.442)
 law, and the number of the paper's Table III read as one."""
 
 TWO_PHASE = "two-phase"
-"""Preset of `stiction train` with which all parts are trained; the first part also with those of one phase."""
+"""Preset of `stiction train` with which most parts are trained."""
+
+ONE_PHASE = "quick"
+"""Preset of the others; with `full` they have more of the same."""
 
 PARTS = {
     "1": "The training methods, five seeds",
@@ -49,8 +53,21 @@ PARTS = {
     "gait": "The gait rewards, without friction",
     "history": "Longer histories for the student",
     "literal": "The paper to the letter, trained in two engines",
+    "designs": "How a student learns, at equal processor time",
+    "methods": "Other papers' methods, friction with load, joints that differ",
 }
 """Part -> what it is about, in the order in which the parts are worth their time."""
+
+
+ONE_PHASE_PARTS = ("1", "designs", "methods")
+"""Parts that presets of one phase train; all but the last two of them are trained with `TWO_PHASE`."""
+
+
+def parts_of(preset: str) -> list[str]:
+    """Return the parts that are trained with a preset, in their order."""
+    return [
+        part for part in PARTS if (part in ONE_PHASE_PARTS if preset != TWO_PHASE else part not in ONE_PHASE_PARTS[1:])
+    ]
 
 
 @dataclass(frozen=True)
@@ -70,8 +87,9 @@ class Condition:
 
     @property
     def runs(self) -> tuple[Run, ...]:
-        """One run a seed."""
-        return tuple(Run(self, seed) for seed in self.seeds)
+        """One run a seed, with the first preset that trains it."""
+        preset = TWO_PHASE if self.part not in ONE_PHASE_PARTS[1:] else ONE_PHASE
+        return tuple(Run(self, seed, preset) for seed in self.seeds)
 
 
 @dataclass(frozen=True)
@@ -141,6 +159,25 @@ LONG_STUDENT = ("--student.iterations", "240")
 LONG = ("--teacher.iterations", "1050", *LONG_STUDENT)
 """Options of three times the budget."""
 
+DESIGN_SEEDS, METHOD_SEEDS = (0, 1, 2, 3, 4), (0, 1)
+
+
+def _design(name: str, purpose: str, *options: str) -> Condition:
+    """Return a way for a student to learn, with `deception`; its iterations are as many as those of one phase."""
+    return replace(_coulomb(name, "designs", purpose, "deception", *options), seeds=DESIGN_SEEDS)
+
+
+def _method(name: str, purpose: str, method: str, *options: str) -> Condition:
+    """Return another method of one phase, or another friction."""
+    return replace(_coulomb(name, "methods", purpose, method, *options), seeds=METHOD_SEEDS)
+
+
+PHASES = ("--teacher.latent", "alternate", "--teacher.iterations", "360", "--student.iterations", "80")
+"""Options of teacher and student in the budget of one phase."""
+
+WIDE = ("--task.friction.range", "0", "1.2")
+"""Options that give a method the friction of `deception`."""
+
 LITERAL = (
     *("--method", "deception", "--friction-level", "0.01", "--task.friction.per", "joint", "--teacher.both-ways"),
     *("--task.randomization.action-delay", "0", "0", "--task.randomization.encoder-offset", "0", "0"),
@@ -204,6 +241,45 @@ MANIFEST: tuple[Condition, ...] = (
     _coulomb("none-notrot", "gait", "without r_trot", "none", *NO_TROT),
     _coulomb("none-nounsync", "gait", "without r_unsync", "none", *NO_UNSYNC),
     _coulomb("none-nogait", "gait", "without both", "none", *NO_TROT, *NO_UNSYNC),
+    _design("known", "one phase, told its joints' friction", "--task.known-friction"),
+    _design("slow-means", "one phase, means over a second as inputs", "--task.slow-means", "1"),
+    _design("recurrent", "one phase, a recurrent encoder", "--network.recurrent", "--symmetry", "half"),
+    _design("groups", "teacher and student side by side, one actor", "--teacher.latent", "groups"),
+    _design("alternate", "the paper's two phases in the budget of one", *PHASES),
+    _design("both-ways", "the same, L_ada through both encoders", *PHASES, "--teacher.both-ways"),
+    _design(
+        "half-noise", "the same, half of the student's robots walk without noise", *PHASES, "--student.noise", "half"
+    ),
+    _design("drawn-noise", "the same, each robot with noise of its own", *PHASES, "--student.noise", "drawn"),
+    _design(
+        *("ppo-student", "two phases, PPO in the second on the student's own z*", "--teacher.latent", "alternate"),
+        *("--teacher.iterations", "300", "--student.algorithm", "ppo", "--student.iterations", "140"),
+    ),
+    _method("dreamwaq", "DreamWaQ as in its paper, without dry friction", "dreamwaq"),
+    _method("dreamwaq-friction", "DreamWaQ with the friction of deception", "dreamwaq", *WIDE),
+    *(
+        _method(f"dreamwaq-beta{beta}", f"the same, beta {beta}", "dreamwaq", *WIDE, "--dreamwaq.beta", beta)
+        for beta in ("0", "0.1", "1")
+    ),
+    *(
+        _method(f"hinf-{name}", purpose, "hinf", *WIDE, *options)
+        for name, purpose, *options in (
+            ("force", "H∞ beside a disturber that pushes the base"),
+            ("joints", "H∞ beside a disturber that adds to friction", "--hinf.disturber", "friction"),
+            ("random", "PPO under random pushes", "--hinf.disturber", "random"),
+            ("random-joints", "PPO under random torques of friction's size", "--hinf.disturber", "random-friction"),
+            ("curriculum", "H∞, the push grows over half of the training", "--hinf.curriculum", "0.5"),
+            ("eta0", "H∞, every cost counts", "--hinf.eta", "0"),
+            ("nobody", "PPO as H∞ has it, and nobody disturbs", "--hinf.disturber", "none"),
+        )
+    ),
+    _method(
+        "spread", "joints differ by half about their robot's mean", "deception", "--task.friction.spread", "0.5", "1.5"
+    ),
+    _method(
+        *("with-load", "up to 10 % of the limit, and beside it up to 0.1 of the load", "deception"),
+        *("--task.friction.range", "0", "0.5", "--task.friction.load", "0", "0.1"),
+    ),
     # The set that runs from t - H to t has H + 1 frames.
     _coulomb("deception-history20", "history", "H = 20 in place of 10", "deception", "--task.history", "21"),
     _coulomb("deception-history50", "history", "H = 50", "deception", "--task.history", "51"),
@@ -220,11 +296,11 @@ def runs_of(parts: Collection[str], preset: str = TWO_PHASE) -> list[Run]:
     order = list(PARTS)
     if unknown := [part for part in parts if part not in order]:
         raise ConfigurationError(unknown_name("part", unknown[0], order))
-    own = order if preset == TWO_PHASE else order[:1]
+    own = parts_of(preset)
     if others := [part for part in parts if part not in own]:
         raise ConfigurationError(
-            f"part {others[0]} is not trained with the preset {preset!r}; expected part {own[0]} alone, or --preset "
-            f"{TWO_PHASE}"
+            f"part {others[0]} is not trained with the preset {preset!r}; expected parts of {', '.join(own)}, or "
+            f"--preset {ONE_PHASE if preset == TWO_PHASE else TWO_PHASE}"
         )
     asked = parts or own
     chosen = [replace(run, preset=preset) for one in MANIFEST if one.part in asked for run in one.runs]

@@ -28,7 +28,8 @@ class FrictionOptions(ParallelOptions):
     """Options of `stiction study friction`."""
 
     preset: Literal["two-phase", "quick", "full"] = "two-phase"
-    """How the runs are trained. The first part alone has presets of one phase, and then no teacher."""
+    """How the runs are trained. The first part has presets of one phase too, and then no teacher; `designs` and
+    `methods` have them alone."""
     runs: Path = Path("runs")
     """Folder of the training runs, one folder each."""
     policies: Path | None = None
@@ -43,7 +44,8 @@ class FrictionOptions(ParallelOptions):
     """Folder of results.csv, intervals.csv, following.csv, curves.csv, summary.json, tables.md, figures,
     report.html."""
     parts: tuple[str, ...] = ()
-    """Parts of the experiment: 1 to 6, gait, history; all of them by default."""
+    """Parts of the experiment: 1 to 6, gait, history, literal, and in one phase 1, designs, methods; by default all
+    that the preset has."""
     train: bool = False
     """First train what is missing."""
     cache: Path | None = None
