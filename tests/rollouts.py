@@ -10,18 +10,21 @@ from stiction.locomotion.env import LocomotionEnv
 from stiction.rma.config import TrainCfg
 from stiction.rma.figures import Board
 from stiction.rma.phase import PhaseRunner
+from stiction.rma.ranks import ALONE, Ranks
 from stiction.rma.run import RunDirectory
 from stiction.rma.runner import ppo_cfg, student_cfg
 
 
-def phase_runner(cfg: TrainCfg, folder: Path, name: str = "teacher", env: LocomotionEnv | None = None) -> PhaseRunner:
+def phase_runner(
+    cfg: TrainCfg, folder: Path, name: str = "teacher", env: LocomotionEnv | None = None, ranks: Ranks = ALONE
+) -> PhaseRunner:
     """Return the runner of a phase, `teacher` or `student`, of four iterations; `env`: a new one by default."""
     torch.manual_seed(0)
     run = RunDirectory(folder)
     run.checkpoints.mkdir(parents=True, exist_ok=True)
     task = LocomotionEnv(cfg.task, cfg.num_envs, seed=0) if env is None else env
     settings = ppo_cfg(cfg) if name == "teacher" else student_cfg(cfg)
-    return PhaseRunner(name, task, run, settings, 4, (100, 0), cfg.stop, Board(folder / "tb"))
+    return PhaseRunner(name, task, run, settings, 4, (100, 0), cfg.stop, Board(folder / "tb"), ranks=ranks)
 
 
 def rollout(runner: PhaseRunner) -> None:

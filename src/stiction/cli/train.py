@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shlex
 import sys
 import warnings
@@ -11,7 +12,7 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stiction.core.errors import ConfigurationError
+from stiction.core.errors import ConfigurationError, StictionError
 from stiction.core.extras import require
 from stiction.rma.arguments import Train, parse
 from stiction.rma.config import TrainCfg
@@ -55,6 +56,8 @@ def _only_resume(arguments: list[str]) -> None:
 
 def main(arguments: list[str]) -> int:
     """Run the verb."""
+    if os.environ.get("RANK", "0") != "0":
+        return _follow(arguments)
     options = parse(arguments)
     if options.view:
         require("view")
@@ -63,15 +66,46 @@ def main(arguments: list[str]) -> int:
     return _run(options, *_begin(options, arguments))
 
 
+def _follow(arguments: list[str]) -> int:
+    """Train as one of several processes that torchrun has started; the first of them speaks for all."""
+    from stiction.report.terminal import stop_requests
+    from stiction.rma.phase import Interrupted
+    from stiction.rma.ranks import PeerGone, named_ranks
+    from stiction.rma.run import RunDirectory, identified_values
+    from stiction.rma.runner import train
+
+    try:
+        options, ranks = parse(arguments), named_ranks()
+        run = RunDirectory(options.out if options.resume is None else options.resume)
+        if options.resume is not None and run.finished:
+            return 0
+        ranks.join(options.config.device)
+        ranks.begin()
+        cfg = run.config_to_train(options.config.task.rewards.own)
+    except (StictionError, SystemExit, KeyboardInterrupt):
+        return 1
+    with stop_requests(lambda line: None, "this iteration") as asked:
+        try:
+            train(cfg, run, identified_values(run.header()), interrupted=asked, ranks=ranks)
+        except PeerGone:
+            raise
+        except Interrupted:
+            return asked.status
+        except StictionError:
+            return 1
+    return 0
+
+
 def _begin(options: Train, arguments: list[str]) -> tuple[RunDirectory, TrainCfg]:
     """Make the folder of a new run."""
     from stiction.rma.begin import begin_run
+    from stiction.rma.ranks import named_ranks
 
     cfg = options.config
     if options.friction_from is not None:
         cfg = _friction_from(options.friction_from, cfg, arguments)
     command = shlex.join(["stiction", "train", *arguments])
-    return begin_run(options.out, cfg, command, options.joint_map, _say)
+    return begin_run(options.out, cfg, command, options.joint_map, _say, named_ranks())
 
 
 def _say(line: str) -> None:
@@ -105,9 +139,12 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
     from stiction.evaluate.film import ClipRecorder
     from stiction.report.terminal import stop_requests
     from stiction.rma.phase import Interrupted
+    from stiction.rma.ranks import named_ranks
     from stiction.rma.run import identified_values
     from stiction.rma.runner import train
 
+    ranks = named_ranks()
+    run.check_processes(ranks.size)
     if cfg.device != "cpu":
         print("stiction train: in its first run MuJoCo Warp compiles its kernels, for minutes", file=sys.stderr)
     with (
@@ -121,7 +158,9 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
         warnings.showwarning = lambda message, *_: display.say(f"stiction train: warning: {message}")
         crew = ClipRecorder(run.path, display.say)
         try:
-            summary = train(cfg, run, identified_values(run.header()), display, asked, crew)
+            ranks.join(cfg.device)
+            ranks.begin()
+            summary = train(cfg, run, identified_values(run.header()), display, asked, crew, ranks)
             crew.finish()
         except Interrupted as stop:
             display.say(f"stiction train: {stop}")

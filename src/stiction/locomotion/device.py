@@ -27,8 +27,9 @@ class Device:
 CPU = Device()
 
 
-def find_device(name: DeviceName, contacts: int) -> Device:
-    """Return a device by its name on the command line; `contacts`: room for them, a robot, where it must be fixed.
+def find_device(name: DeviceName, contacts: int, gpu: int = 0) -> Device:
+    """Return a device by its name on the command line; `contacts`: room for them, a robot, where it must be fixed;
+    `gpu`: its number.
 
     Raises `StictionError` where this machine has no such device, `ModuleNotFoundError` without the extra `gpu`.
     """
@@ -38,7 +39,7 @@ def find_device(name: DeviceName, contacts: int) -> Device:
 
     if name == "warp-cpu":
         return Device("cpu", partial(WarpSimulation, contacts=contacts))
-    device = cuda_device()
+    device = cuda_device(gpu)
     if not torch.cuda.is_available():
         raise EngineError(
             f"torch {torch.__version__} finds no CUDA device, though MuJoCo Warp does; install a build of torch for "

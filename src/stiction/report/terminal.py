@@ -108,8 +108,11 @@ class StopRequest:
 
     @property
     def status(self) -> int:
-        """Exit status of a program that a signal ended: 130 for Ctrl-C, 143 for SIGTERM, 129 for SIGHUP."""
-        return 128 + self.signal
+        """Exit status of a program that a signal ended: 130 for Ctrl-C, 143 for SIGTERM, 129 for SIGHUP.
+
+        143 too where another process of the same work was asked.
+        """
+        return 128 + (self.signal or signal.SIGTERM)
 
     def receive(self, number: int, _: FrameType | None) -> None:
         """Take a signal. Raises `KeyboardInterrupt` at the second."""

@@ -17,6 +17,7 @@ from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.load_law import load_warnings, take_coefficients
 from stiction.locomotion.randomization import identified_joints
 from stiction.rma.config import TrainCfg
+from stiction.rma.ranks import ALONE, Ranks
 from stiction.rma.run import RunDirectory
 from stiction.rma.simulator import find_simulator
 from stiction.robots.catalog import find_robot
@@ -28,12 +29,17 @@ Say = Callable[[str], None]
 
 
 def begin_run(
-    out: Path, cfg: TrainCfg, command: str, joint_map: tuple[str, ...] = (), say: Say = lambda line: None
+    out: Path,
+    cfg: TrainCfg,
+    command: str,
+    joint_map: tuple[str, ...] = (),
+    say: Say = lambda line: None,
+    ranks: Ranks = ALONE,
 ) -> tuple[RunDirectory, TrainCfg]:
     """Make the folder of a new run; return it with the configuration that it trains.
 
-    command: by which the run was asked for; joint_map: RECORDED=JOINT pairs for `cfg.joints`. Raises `StictionError`
-    for whatever cannot be trained, before the folder is made.
+    command: by which the run was asked for; joint_map: RECORDED=JOINT pairs for `cfg.joints`; ranks: the processes that
+    will train it. Raises `StictionError` for whatever cannot be trained, before the folder is made.
     """
     if cfg.task.friction.has_friction and cfg.task.friction.level == 0.0:
         raise ConfigurationError(
@@ -48,12 +54,15 @@ def begin_run(
     cfg.task.randomization.check_robot(robot)
     cfg.check_memory(robot)
     cfg = replace(cfg, task=replace(cfg.task, rewards=cfg.task.rewards.for_robot(robot)))
-    find_simulator(cfg)
+    find_simulator(cfg, ranks.local)
+    ranks.share(cfg.num_envs)
+    if not ranks.alone and (cfg.has_context or cfg.is_disturbed):
+        raise ConfigurationError(f"--method {cfg.task.friction.method} trains in one process; leave torchrun out")
     if cfg.symmetry != "none":
         robot_mirror(robot)
     refuse_alone(joint_map, cfg.joints)
     identified = nominal_of(cfg.joints, cfg.task.robot, joint_map, cfg.task.friction, say)
-    return RunDirectory.create(out, cfg, command, identified), cfg
+    return RunDirectory.create(out, cfg, command, identified, ranks.size), cfg
 
 
 def with_friction(cfg: TrainCfg, training: Mapping[str, Any], where: str) -> TrainCfg:

@@ -12,6 +12,7 @@ from torch import nn
 from stiction.rma.config import StudentCfg
 from stiction.rma.models import RMAActor
 from stiction.rma.quick import take_rows
+from stiction.rma.ranks import ALONE, Ranks
 from stiction.rma.symmetry import MirroredBatches
 
 
@@ -26,6 +27,8 @@ class StudentDistillation(Distillation):
     teacher: RMAActor
     symmetry: MirroredBatches | None = None
     """What mirrors samples, if anything does; `make_symmetric` sets it."""
+    ranks: Ranks = ALONE
+    """The processes that take the same steps; the runner sets them."""
 
     def __init__(self, *args: Any, settings: StudentCfg, velocity_weight: float = 1.0, **kwargs: Any) -> None:
         """Add the supervised losses to `Distillation`, whose other arguments are `args` and `kwargs`.
@@ -76,6 +79,7 @@ class StudentDistillation(Distillation):
                     loss = loss + settings.adaptation_weight * losses["terrain"]
                 self.optimizer.zero_grad()
                 loss.backward()
+                self.ranks.average(self.student.parameters())
                 if self.max_grad_norm is not None:
                     nn.utils.clip_grad_norm_(self.student.parameters(), self.max_grad_norm)
                 self.optimizer.step()

@@ -23,6 +23,7 @@ from stiction.rma.figures import Board, RolloutFigures, adaptation_figures, fric
 from stiction.rma.health import EarlyStop, Health
 from stiction.rma.ppo import AdaptationPPO
 from stiction.rma.quick import quicken
+from stiction.rma.ranks import ALONE, Ranks
 from stiction.rma.run import BROKEN, RunDirectory, keep_newest, latest_checkpoint, load_checkpoint, save_checkpoint
 from stiction.rma.symmetry import make_symmetric
 
@@ -85,6 +86,8 @@ class PhaseRunner(OnPolicyRunner):
     interrupted: Callable[[], bool] = lambda: False
     """Asked after every iteration: is the run to stop?"""
     film: Film = lambda *_: None
+    ranks: Ranks = ALONE
+    """The processes of the training."""
     stopped: dict[str, float] | None = None
     """The means with which the phase reached its target and ended early."""
 
@@ -92,6 +95,7 @@ class PhaseRunner(OnPolicyRunner):
         """Build the algorithm; rsl_rl prints its networks to standard output, which belongs to --json."""
         with contextlib.redirect_stdout(io.StringIO()):
             super().__init__(self.env, self.rl_cfg, log_dir=None, device=self.env.device)
+        self.alg.ranks = self.ranks
         quicken(self.alg)
         make_symmetric(self.alg, self.rl_cfg["symmetry"], self.env)
         if self.alg.symmetry is not None and isinstance(self.alg, AdaptationPPO):
@@ -100,6 +104,14 @@ class PhaseRunner(OnPolicyRunner):
         self.health = Health(self.env.num_envs, self.rl_cfg["algorithm"].get("desired_kl", 0.01))
         steady = self.alg.least_noise_from if isinstance(self.alg, AdaptationPPO) else 0
         self.early_stop = EarlyStop(self.stop, len(self.env.cfg.friction.schedule) - 1, steady)
+
+    def _configure_multi_gpu(self) -> None:
+        """Tell rsl_rl of the processes; by itself it would read the environment, and wants GPUs."""
+        ranks = self.ranks
+        self.gpu_world_size, self.gpu_global_rank, self.gpu_local_rank = ranks.size, ranks.number, ranks.local
+        self.is_distributed = not ranks.alone
+        known = {"global_rank": ranks.number, "local_rank": ranks.local, "world_size": ranks.size}
+        self.cfg["multi_gpu"] = known if self.is_distributed else None
 
     @property
     def finished(self) -> bool:
@@ -116,15 +128,18 @@ class PhaseRunner(OnPolicyRunner):
             self.env.episode_length_buf = torch.randint(
                 0, self.env.max_episode_length, (self.env.num_envs,), generator=self.env.generator
             )
-        while not self.finished:
-            start = time.perf_counter()
-            self._enter_stage()
-            figures = self.iterate()
-            seconds = time.perf_counter() - start
-            steps = self.cfg["num_steps_per_env"] * self.env.num_envs
-            self.current_learning_iteration += 1
-            self._report(figures | {"seconds": seconds, "env_steps_per_second": steps / seconds})
-            self._preserve()
+        with self.ranks.together():
+            if not self.ranks.alone:
+                self.alg.broadcast_parameters()
+            while not self.finished:
+                start = time.perf_counter()
+                self._enter_stage()
+                figures = self.ranks.figures(self.iterate())
+                seconds = time.perf_counter() - start
+                steps = self.cfg["num_steps_per_env"] * self.env.num_envs * self.ranks.size
+                self.current_learning_iteration += 1
+                self._report(figures | {"seconds": seconds, "env_steps_per_second": steps / seconds})
+                self._preserve()
 
     def _enter_stage(self) -> None:
         """Go over to the friction that the schedule has for this iteration."""
@@ -178,6 +193,8 @@ class PhaseRunner(OnPolicyRunner):
                 f"{diagnosis.advice}"
             )
         self.stopped = self.early_stop.check(row, it)
+        if not self.ranks.leads:
+            return
         self.run.log({"phase": self.phase, "iteration": it, **row})
         self.board.add(it, figures)
         self.progress(self.phase, it, self.iterations, figures)
@@ -188,25 +205,28 @@ class PhaseRunner(OnPolicyRunner):
         Raises `Interrupted` after it where the run was asked to stop.
         """
         it, last, healthy = self.current_learning_iteration, self.finished, not self.health.suspicious
-        stop = self.interrupted() and not (last and self.phase == "student")
+        stop = self.ranks.any(self.interrupted()) and not (last and self.phase == "student")
         checkpoint_every, video_every = self.every
         due = film_due(it, video_every, last)
         if last or stop or (healthy and (due or it % checkpoint_every == 0)):
             self.save()
-        if due and healthy:
+        if due and healthy and self.ranks.leads:
             self.film(self.phase, it, self._file())
         if stop:
             raise Interrupted(
                 f"stopped after iteration {it} of {self.iterations} of the {self.phase}, nothing is lost; "
-                f"go on with `stiction train --resume {self.run.path}`"
+                f"go on with `{self.ranks.program} train --resume {self.run.path}`"
             )
 
     def _file(self) -> Path:
         """Return the checkpoint's path of the iteration that was made last."""
-        return self.run.checkpoints / f"{self.phase}_{self.current_learning_iteration:06d}.safetensors"
+        return self.run.robots_of(self.ranks.number) / f"{self.phase}_{self.current_learning_iteration:06d}.safetensors"
 
     def save(self, path: str = "", infos: dict | None = None) -> None:
-        """Write a checkpoint that a resumed run continues from bit by bit."""
+        """Write a checkpoint that a resumed run continues from bit by bit.
+
+        Rank 0 writes its own when all others have theirs: where it is, they are.
+        """
         tree = {
             "algorithm": self.alg.save(),
             "environment": self.env.state(),
@@ -218,6 +238,12 @@ class PhaseRunner(OnPolicyRunner):
         }
         if self.env.device == "cuda":
             tree["random_cuda"] = torch.cuda.get_rng_state()
+        if not self.ranks.leads:
+            save_checkpoint(self._file(), tree)
+            keep_newest(self._file().parent, self.phase)
+        self.ranks.wait()
+        if not self.ranks.leads:
+            return
         self.run.flush()
         self.board.flush()
         tree["run"] = self.run.origin()
@@ -225,7 +251,11 @@ class PhaseRunner(OnPolicyRunner):
         keep_newest(self.run.checkpoints, self.phase)
 
     def restore(self, path: Path) -> None:
-        """Continue from a checkpoint of this phase. Raises `StictionError` where it holds another version's state."""
+        """Continue from a checkpoint of this phase, or from this process's own beside it.
+
+        Raises `StictionError` where it holds another version's state.
+        """
+        path = self.run.robots_of(self.ranks.number) / path.name
         tree = load_checkpoint(path)
         try:
             self._restore(path, tree)

@@ -16,6 +16,7 @@ from torch import nn
 from stiction.rma.config import STD_RANGE, TeacherCfg
 from stiction.rma.models import RMAActor
 from stiction.rma.quick import take_rows
+from stiction.rma.ranks import ALONE, Ranks
 from stiction.rma.symmetry import MirroredBatches
 
 REMEMBERED = ("estimate", "guess", "walks_blind")
@@ -38,6 +39,9 @@ class AdaptationPPO(PPO):
     actor: RMAActor
     symmetry: MirroredBatches | None
     """What mirrors samples, if anything does; `make_symmetric` sets it."""
+
+    ranks: Ranks = ALONE
+    """The processes that take the same steps; the runner sets them."""
 
     targets: Mapping[str, str | None] = MappingProxyType({})
     """Stored groups that the supervised losses need beside the task's -> the group by whose rule each is mirrored, or
@@ -89,6 +93,12 @@ class AdaptationPPO(PPO):
     def act(self, obs: TensorDict) -> torch.Tensor:
         """Sample actions; store, with the observations, what PPO holds fixed."""
         return super().act(obs.clone(recurse=False).update(self.fixed | self.actor.remembered(obs)))
+
+    def compute_returns(self, obs: TensorDict) -> None:
+        """Compute returns and advantages, the latter in units of their spread over the robots of all processes."""
+        super().compute_returns(obs)
+        if not self.ranks.alone:
+            self.storage.advantages = self.ranks.standardized(self.storage.returns - self.storage.values)
 
     def update(self) -> dict[str, float]:
         """Update the policy, then adaptation and estimator; prepare the next rollout."""
@@ -149,6 +159,7 @@ class AdaptationPPO(PPO):
                 losses = self.actor.supervised_losses(batch, self.settings.velocity_weight, self.settings.both_ways)
                 self.adaptation_optimizer.zero_grad()
                 torch.stack(list(losses.values())).sum().backward()
+                self.ranks.average(self._supervised_parameters())
                 nn.utils.clip_grad_norm_(self._supervised_parameters(), self.max_grad_norm)
                 self.adaptation_optimizer.step()
                 for name, value in losses.items():

@@ -171,8 +171,12 @@ class RunDirectory:
         self.metrics = path / "metrics.jsonl"
 
     @classmethod
-    def create(cls, path: Path, cfg: TrainCfg, command: str, identified: dict[str, Any] | None) -> RunDirectory:
+    def create(
+        cls, path: Path, cfg: TrainCfg, command: str, identified: dict[str, Any] | None, processes: int = 1
+    ) -> RunDirectory:
         """Start a run in an empty or new folder, with copies of its Actuator Net and of a robot that is not shipped.
+
+        `processes`: among which its robots are shared.
 
         Raises `StictionError` where a run is there already, or the net cannot be read or does not fit the task.
         """
@@ -180,6 +184,8 @@ class RunDirectory:
             raise TrainingError(HOLDS_ONE.format(path))
         run, robot = cls(path), find_robot(cfg.task.robot)
         header = {"command": command, "revision": git_revision(), "seed": cfg.seed, "identified": identified}
+        if processes > 1:
+            header["processes"] = processes
         if cfg.actuator is not None:
             net = read_actuator(Path(cfg.actuator))
             cfg.task.check_net(net, robot)
@@ -201,6 +207,19 @@ class RunDirectory:
                     f"the run's folder {path} cannot be made: {error.strerror}; name another --out"
                 ) from error
         return run
+
+    def check_processes(self, processes: int) -> None:
+        """Raise `StictionError` unless the run was begun in as many processes: each has robots of its own in it."""
+        begun = self.header().get("processes", 1)
+        if begun != processes:
+            raise TrainingError(
+                f"the run {self.path} was begun in {begun} processes, and there are {processes}; go on with as many: "
+                f"torchrun --nproc-per-node {begun} -m stiction train --resume {self.path}"
+            )
+
+    def robots_of(self, rank: int) -> Path:
+        """Return the folder of the checkpoints of a process: of rank 0 the run's, which have the networks."""
+        return self.checkpoints / f"rank{rank}" if rank else self.checkpoints
 
     def actuator(self) -> ActuatorNet | None:
         """Return the run's Actuator Net, None where it has none.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from stiction.rma.equivariant import make_dense, make_equivariant
 from stiction.rma.figures import Board
 from stiction.rma.models import ELEVATION, GROUPS, RMAActor, StudentPolicy
 from stiction.rma.phase import Film, PhaseRunner, Progress
+from stiction.rma.ranks import ALONE, Ranks
 from stiction.rma.run import BROKEN, RunDirectory, latest_checkpoint, load_checkpoint
 from stiction.rma.simulator import find_simulator
 from stiction.robots.catalog import find_robot
@@ -111,30 +113,38 @@ def train(
     progress: Progress = lambda *_: None,
     interrupted: Callable[[], bool] = lambda: False,
     film: Film = lambda *_: None,
+    ranks: Ranks = ALONE,
 ) -> dict[str, Any]:
     """Train teacher and student in the run directory, from its newest checkpoint if it has any; return the summary.
 
     `identified`: nominal joints, see `nominal_joints`; `progress`, `film`: see their types; `interrupted`: asked after
-    every iteration whether to stop. Raises `StictionError` where training has diverged or the run's folder cannot be
-    written, and `Interrupted`, after a checkpoint, where it was asked to stop.
+    every iteration whether to stop; `ranks`: the processes that train it together, which have met. Raises
+    `StictionError` where training has diverged, another process is gone, or the run's folder cannot be written, and
+    `Interrupted`, after a checkpoint, where it was asked to stop.
     """
     cfg.check_memory(find_robot(cfg.task.robot))
+    run.check_processes(ranks.size)
     run.check_checkpoints()
     threads = num_threads()
     torch.set_num_threads(threads)
-    torch.manual_seed(stream_seed(cfg.seed, "training"))
-    device, seed = find_simulator(cfg), stream_seed(cfg.seed, "environment")
-    env = LocomotionEnv(cfg.task, cfg.num_envs, seed, threads, identified, device, run.actuator())
+    torch.manual_seed(stream_seed(cfg.seed, ranks.named("training")))
+    device, seed = find_simulator(cfg, ranks.local), stream_seed(cfg.seed, ranks.named("environment"))
+    num = ranks.share(cfg.num_envs)
+    env = LocomotionEnv(cfg.task, num, seed, threads, identified, device, run.actuator())
+    ranks.begin()
 
     def phase(name: str, rl_cfg: dict[str, Any], iterations: int) -> PhaseRunner:
         board = Board(run.path / "tensorboard" / name)
         every = (cfg.checkpoint_every, cfg.video_every)
-        return PhaseRunner(name, env, run, rl_cfg, iterations, every, cfg.stop, board, progress, interrupted, film)
+        hooks = (progress, interrupted, film)
+        return PhaseRunner(name, env, run, rl_cfg, iterations, every, cfg.stop, board, *hooks, ranks)
 
-    with run.writing():
+    with run.writing() if ranks.leads else nullcontext():
         teacher = phase("teacher", ppo_cfg(cfg), cfg.teacher.iterations)
         student = _train_phases(run, teacher, lambda: phase("student", student_cfg(cfg), cfg.student.iterations))
-        run.finish(_summary(cfg, run, teacher, student) | {"threads": threads})
+        if ranks.leads:
+            run.finish(_summary(cfg, run, teacher, student) | {"threads": threads})
+    ranks.wait()
     return run.summary()
 
 
@@ -147,8 +157,7 @@ def _train_phases(run: RunDirectory, teacher: PhaseRunner, build_student: Callab
     student_checkpoint = latest_checkpoint(run.checkpoints, "student")
     if teacher_checkpoint is not None:
         teacher.restore(teacher_checkpoint)
-    if student_checkpoint is None:
-        run.forget_after("teacher", teacher.current_learning_iteration)
+    _forget_after(run, teacher, student_checkpoint is None)
     teacher.learn(init_at_random_ep_len=True)
     teacher.board.close()
 
@@ -157,12 +166,19 @@ def _train_phases(run: RunDirectory, teacher: PhaseRunner, build_student: Callab
     student.alg.warm_start(*trained)
     if student_checkpoint is not None:
         student.restore(student_checkpoint)
-        run.forget_after("student", student.current_learning_iteration)
+        _forget_after(run, student)
     student.learn()
     if student_checkpoint is None and not student.iterations:
         student.save()
     student.board.close()
     return student
+
+
+def _forget_after(run: RunDirectory, phase: PhaseRunner, due: bool = True) -> None:
+    """Drop the figures of iterations that a phase will make again, when every process has read them."""
+    phase.ranks.wait()
+    if due and phase.ranks.leads:
+        run.forget_after(phase.phase, phase.current_learning_iteration)
 
 
 def _summary(cfg: TrainCfg, run: RunDirectory, teacher: PhaseRunner, student: PhaseRunner) -> dict[str, Any]:

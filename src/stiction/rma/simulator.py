@@ -12,14 +12,14 @@ from stiction.rma.config import TrainCfg
 from stiction.robots.catalog import find_robot
 
 
-def find_simulator(cfg: TrainCfg) -> Device:
-    """Return the simulator of a training, and where its tensors are.
+def find_simulator(cfg: TrainCfg, gpu: int = 0) -> Device:
+    """Return the simulator of a training, and where its tensors are; `gpu`: number of the one to use, if any.
 
     Raises `StictionError` where this machine has no such device or engine, `ModuleNotFoundError` without the extra of
     the device.
     """
     if cfg.engine == "mujoco":
-        return find_device(cfg.device, cfg.contacts)
+        return find_device(cfg.device, cfg.contacts, gpu)
     robot = find_robot(cfg.task.robot)
     if why := what_is_missing(cfg.engine, robot):
         raise EngineError(why)

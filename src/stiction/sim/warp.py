@@ -110,14 +110,16 @@ def rows_per_contact(model: mujoco.MjModel) -> int:
     return max(1, 2 * (largest - 1)) if model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL else largest
 
 
-def cuda_device() -> str:
-    """Return the name of Warp's first CUDA device. Raises `StictionError` where it has none."""
+def cuda_device(number: int = 0) -> str:
+    """Return the name of one of Warp's CUDA devices. Raises `StictionError` where it has none of that number."""
     if not wp.is_cuda_available():
         raise EngineError(
             "MuJoCo Warp finds no CUDA device (no NVIDIA driver, or none that this machine lets it see); "
             "train with --device cpu"
         )
-    return "cuda:0"
+    if number >= wp.get_cuda_device_count():
+        raise EngineError(f"there is no GPU {number} here, only {wp.get_cuda_device_count()}; start fewer processes")
+    return f"cuda:{number}"
 
 
 # Warp greets on standard output, and says there which kernels it compiles; that belongs to --json.

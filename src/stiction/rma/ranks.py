@@ -1,0 +1,189 @@
+"""Training in several processes at once: each walks a share of the robots, and all have the same networks.
+
+`torchrun --nproc-per-node 2 -m stiction train ...` starts them and names each by its rank; they meet over gloo, on GPUs
+over nccl. After every backward pass gradients are averaged, so that every process takes the same step; advantages, the
+KL divergence, figures and decisions are those of all robots together. Rank 0, which leads, writes the run; the others
+keep their own robots beside its checkpoints. All need the same file system.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import Any
+
+import torch
+from rsl_rl.utils import reduce_gradients_in_buckets
+from torch import distributed
+
+from stiction.core.errors import ConfigurationError, TrainingError
+
+PATIENCE = timedelta(seconds=25)
+"""How long a process waits for the others, which take the same steps."""
+
+BEGINNING = timedelta(minutes=30)
+"""How long until all have begun: a simulator on a GPU compiles for minutes."""
+
+BUCKET = 25.0
+"""Size of the buffers in which gradients travel [MB]."""
+
+COUNTED = ("walk/blown_up",)
+"""Figures that are counts, and add up."""
+
+
+class PeerGone(TrainingError):
+    """Another process of the training has ended, or does not answer."""
+
+
+@dataclass(frozen=True)
+class Ranks:
+    """The processes of a training, as one of them sees them."""
+
+    number: int = 0
+    """Of this process."""
+    size: int = 1
+    """How many there are."""
+    local: int = 0
+    """Number on this machine, and of its GPU."""
+
+    @property
+    def alone(self) -> bool:
+        """Whether there is no other process."""
+        return self.size == 1
+
+    @property
+    def leads(self) -> bool:
+        """Whether this process writes the run and speaks for all."""
+        return self.number == 0
+
+    @property
+    def program(self) -> str:
+        """The words by which such a training is started."""
+        return "stiction" if self.alone else f"torchrun --nproc-per-node {self.size} -m stiction"
+
+    def share(self, robots: int) -> int:
+        """Return how many of a training's robots walk here. Raises `StictionError` where they cannot be shared."""
+        if robots % self.size:
+            raise ConfigurationError(
+                f"{robots} robots in {self.size} processes: expected as many in each; use --num-envs "
+                f"{max(1, round(robots / self.size)) * self.size}"
+            )
+        return robots // self.size
+
+    def named(self, name: str) -> str:
+        """Return the name of this process's own stream of random numbers."""
+        return name if self.leads else f"{name} {self.number}"
+
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """Turn the loss of another process into one line."""
+        try:
+            yield
+        except (distributed.DistError, RuntimeError) as error:
+            if self.alone or not (isinstance(error, distributed.DistError) or "gloo" in str(error).lower()):
+                raise
+            raise PeerGone(
+                f"another of the {self.size} processes of this training is gone, or has not answered for "
+                f"{PATIENCE.seconds} s; go on from the last checkpoint with `{self.program} train --resume RUN`"
+            ) from error
+
+    def join(self, device: str) -> None:
+        """Meet the others, once; `device`: of the networks."""
+        if self.alone or distributed.is_initialized():
+            return
+        if os.environ.get("MASTER_ADDR") in ("localhost", "127.0.0.1") and (names := _loopback()):
+            os.environ.setdefault("GLOO_SOCKET_IFNAME", names)
+        with self.together():
+            if device == "cuda":
+                torch.cuda.set_device(self.local)
+            distributed.init_process_group("cpu:gloo,cuda:nccl" if device == "cuda" else "gloo", timeout=PATIENCE)
+
+    def begin(self) -> None:
+        """Wait until all processes have come as far as this."""
+        if not self.alone:
+            with self.together():
+                distributed.monitored_barrier(timeout=BEGINNING, wait_all_ranks=True)
+
+    def wait(self) -> None:
+        """Wait for the others."""
+        if not self.alone:
+            with self.together():
+                distributed.barrier()
+
+    def any(self, flag: bool) -> bool:
+        """Return whether a flag is set in any process."""
+        if self.alone:
+            return flag
+        return any(self._gathered(flag))
+
+    def figures(self, own: Mapping[str, float]) -> dict[str, float]:
+        """Return the figures of all robots: means over the processes that have them, and sums of counts."""
+        if self.alone:
+            return dict(own)
+        every = self._gathered(dict(own))
+        names = dict.fromkeys(name for figures in every for name in figures)
+        values = {name: [figures[name] for figures in every if name in figures] for name in names}
+        return {name: sum(own) / (1 if name in COUNTED else len(own)) for name, own in values.items()}
+
+    def average(self, parameters: Iterable[torch.nn.Parameter]) -> None:
+        """Put the mean of all processes' gradients in the place of this one's."""
+        if not self.alone:
+            with self.together():
+                reduce_gradients_in_buckets(parameters, self.size, BUCKET)
+
+    def standardized(self, values: torch.Tensor) -> torch.Tensor:
+        """Return values less their mean, over their standard deviation, both of all processes; any shape."""
+        count = values.numel() * self.size
+        mean = self._sum(values.sum()) / count
+        return (values - mean) / ((self._sum((values - mean).square().sum()) / (count - 1)).sqrt() + 1e-8)
+
+    def _sum(self, value: torch.Tensor) -> torch.Tensor:
+        """Return the sum of a scalar over all processes."""
+        if not self.alone:
+            with self.together():
+                distributed.all_reduce(value)
+        return value
+
+    def _gathered(self, value: object) -> list[Any]:
+        """Return a value of every process, in their order. It travels as JSON: nothing is unpickled."""
+        own = torch.frombuffer(bytearray(json.dumps(value).encode()), dtype=torch.uint8)
+        with self.together():
+            sizes = [torch.zeros(1, dtype=torch.long) for _ in range(self.size)]
+            distributed.all_gather(sizes, torch.tensor([len(own)]))
+            room = torch.zeros(int(torch.stack(sizes).max()), dtype=torch.uint8)
+            found = [room.clone() for _ in range(self.size)]
+            room[: len(own)] = own
+            distributed.all_gather(found, room)
+        texts = [bytes(one[:size].tolist()) for one, size in zip(found, map(int, sizes), strict=True)]
+        return [json.loads(text) for text in texts]
+
+
+ALONE = Ranks()
+"""A training in one process."""
+
+
+def _loopback() -> str | None:
+    """Return the name of this machine's loopback interface; gloo would else listen where the host's name points to."""
+    return next((name for _, name in socket.if_nameindex() if name in ("lo", "lo0")), None)
+
+
+def named_ranks() -> Ranks:
+    """Return the processes that torchrun has started, this one alone without it.
+
+    Raises `StictionError` where the environment names none that there can be.
+    """
+    words = {name: os.environ.get(name, default) for name, default in (("RANK", "0"), ("WORLD_SIZE", "1"))}
+    words["LOCAL_RANK"] = os.environ.get("LOCAL_RANK", words["RANK"])
+    try:
+        number, size, local = map(int, words.values())
+    except ValueError:
+        number, size, local = -1, 0, -1
+    if not 0 <= number < size <= 4096 or local < 0:
+        found = ", ".join(f"{name}={value}" for name, value in words.items())
+        raise ConfigurationError(f"{found}: expected what torchrun sets, or none of them")
+    return Ranks(number, size, local)
