@@ -32,7 +32,8 @@ policy at 0.5 m/s appears in clips/ every 100 iterations; --view lets the newest
 
 Stop it: Ctrl-C or SIGTERM ends it after the iteration, with a checkpoint and exit status 130 or 143; kill -9 costs the
 iterations since the last checkpoint. `stiction train --resume runs/deception` goes on to the same parameters, bit for
-bit. `torchrun --nproc-per-node 2 -m stiction train ...` shares the robots among processes. A run that diverges ends with status 1 and says what it saw, since when, and what to try.
+bit. A run that diverges ends with status 1 and says what it saw, since when, and what to try. `torchrun
+--nproc-per-node 2 -m stiction train ...` shares the robots among processes.
 
 The run holds config.json, metrics.jsonl (a line an iteration), tensorboard/, checkpoints/, clips/, curves.png and, when
 it is finished, summary.json. Next: `stiction export runs/deception`."""
