@@ -43,7 +43,7 @@ def test_no_log_that_contradicts_itself_is_taken(tmp_path: Path) -> None:
 
 def test_attacks_by_chance_end_in_one_line_or_the_truth(tmp_path: Path) -> None:
     """Whatever a disk, an editor or a stranger does to one file of a run."""
-    found = attacked(tmp_path, "random", str(count(100, 2000)), "0")
+    found = attacked(tmp_path, "random", str(count(50, 2000)), "0")
     assert found["wrong"] == []
-    assert min(found["refused"], found["taken"]) > 10
+    assert min(found["refused"], found["taken"]) > 5
     assert found["growth"] < run_log_attacks.MEMORY

@@ -111,7 +111,7 @@ def test_the_robot_of_a_clip_stands_on_the_level_that_was_reached() -> None:
 
 @pytest.mark.slow
 def test_a_training_run_leaves_clips_that_move(tmp_path: Path) -> None:
-    """The whole way: a checkpoint of each phase, another process, OpenGL, a file."""
+    """The whole way: a checkpoint, another process, OpenGL, a file."""
     from stiction.rma.run import RunDirectory
     from stiction.rma.runner import train
 
@@ -119,7 +119,7 @@ def test_a_training_run_leaves_clips_that_move(tmp_path: Path) -> None:
         task=TaskCfg(robot="go1"),
         network=NetworkCfg(actor=(8,), critic=(8,), privileged=(8,), history_frame=4, history=(8,), latent=3),
         teacher=TeacherCfg(iterations=1, steps=4, epochs=1, mini_batches=2),
-        student=StudentCfg(iterations=1, steps=4, epochs=1, mini_batches=2),
+        student=StudentCfg(iterations=0, steps=4, epochs=1, mini_batches=2),
         num_envs=2,
         video_every=1,
     )
@@ -130,9 +130,8 @@ def test_a_training_run_leaves_clips_that_move(tmp_path: Path) -> None:
     crew.finish()
     if said:
         pytest.skip(f"this machine cannot render: {said[0]}")
-    for name in ("teacher_000001.webp", "student_000001.webp"):
-        with image.open(run.path / "clips" / name) as clip:
-            assert clip.format == "WEBP" and clip.n_frames > 50
-            first = clip.convert("RGB").tobytes()
-            clip.seek(clip.n_frames - 1)
-            assert clip.convert("RGB").tobytes() != first
+    with image.open(run.path / "clips" / "teacher_000001.webp") as clip:
+        assert clip.format == "WEBP" and clip.n_frames > 50
+        first = clip.convert("RGB").tobytes()
+        clip.seek(clip.n_frames - 1)
+        assert clip.convert("RGB").tobytes() != first

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from counts import count
 from stiction.cli.main import main
 from stiction.core.errors import StictionError
 from stiction.exchange.physics import joint_physics
@@ -160,13 +161,16 @@ def test_no_training_file_is_written_and_an_old_one_goes(tmp_path: Path, capsys:
 
 @pytest.mark.slow
 def test_no_answer_is_confident_and_wrong() -> None:
-    """The whole suite of results/identification: what is stated is right, or rests on what nothing in the log shows."""
+    """The suite of results/identification: what is stated is right, or rests on what nothing in the log shows.
+
+    Every day a third of its cases, of each kind some; all of them with STICTION_FULL=1.
+    """
     folder = os.environ.get("STICTION_DATA")
     if not folder:
         pytest.skip("the measured records are not here: set STICTION_DATA to a folder with emps and go2")
-    rows = [outcome(case) for case in all_cases(Path(folder))]
+    rows = [outcome(case) for case in list(all_cases(Path(folder)))[:: count(3, 1)]]
     assert [row for row in rows if row.confident or row.false_alarm] == []
-    assert sum(bool(row.caught) for row in rows if row.mistake != RIGHT) >= 80
+    assert sum(bool(row.caught) for row in rows if row.mistake != RIGHT) >= count(26, 80)
 
 
 def test_a_target_of_its_own_lateness_is_no_other_gain() -> None:

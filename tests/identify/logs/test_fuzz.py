@@ -26,7 +26,7 @@ from stiction.core.errors import StictionError
 from stiction.formats.log import LogSetup, read_setup
 from stiction.identify.logs import open_log
 
-EACH = count(200, 650)
+EACH = count(100, 650)
 """Injuries a kind of file; there are eighteen kinds."""
 
 TESTS = Path(__file__).parents[2]
