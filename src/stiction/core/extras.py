@@ -24,6 +24,7 @@ EXTRAS = {
     "logs": ("pyarrow", "mcap", "mcap_ros2", "lz4", "zstandard"),
     "engines": (*SIM, "sapien"),
     "unitree": ("cyclonedds",),
+    "cluster": ("ray",),
     "view": (*SIM, "viser", "mjviser"),
 }
 """Extra -> the packages that it brings, by the names under which they are imported; the smallest that has one first."""

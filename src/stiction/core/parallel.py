@@ -12,6 +12,7 @@ from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
 from stiction.core import lifeline
+from stiction.core.cluster import current_cluster
 from stiction.core.errors import StictionError
 from stiction.core.isolation import isolate_workers, main_unseen
 from stiction.core.memory import check_memory
@@ -25,7 +26,8 @@ PROCESS = 150e6
 def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: int) -> Iterator[tuple[int, Result]]:
     """Call `work` with the arguments of each task, and yield a task's number and result as it ends.
 
-    jobs: processes at once; with one, or a single task, this process does it. Raises `StictionError` where a process
+    jobs: processes at once; with one, or a single task, this process does it. Where the work goes to a cluster
+    (`core.cluster`), its nodes do it in their stead. Raises `StictionError` where a process
     was killed, and whatever `work` raises; what was not begun by then is not done. The processes end with this one,
     whatever ends it, and at once where this process is interrupted or wants no more results.
 
@@ -33,6 +35,9 @@ def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: 
     no `if __name__ == "__main__"` is needed, unless `work` or an argument is defined there. A worker of somebody else's
     pool, which may not start processes, does the tasks itself.
     """
+    if (cluster := current_cluster()) is not None and tasks:
+        yield from cluster.spread(work, tasks, jobs)
+        return
     if jobs == 1 or len(tasks) < 2 or multiprocessing.current_process().daemon:
         for number, task in enumerate(tasks):
             yield number, work(*task)

@@ -17,7 +17,7 @@ from stiction.formats.plain import read_object
 SETTINGS = "settings.json"
 """The file in a folder of results."""
 
-FREE = ("out", "json", "overwrite", "jobs", "memory_limit", "report", "advice", "judge_again")
+FREE = ("out", "json", "overwrite", "jobs", "cluster", "memory_limit", "report", "advice", "judge_again")
 """Options on which results do not depend; options of a kind may name more of them in a `free` of their own."""
 
 SAID = 3

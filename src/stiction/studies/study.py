@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from stiction.core.cache import cached, key_of
+from stiction.core.cluster import use_cluster
 from stiction.core.files import write_text
 from stiction.core.lock import output_folder
 from stiction.core.options import read_options
@@ -68,6 +69,9 @@ class ParallelOptions(Options):
 
     jobs: int | None = None
     """Tasks at once, each on one thread; by default as many as there are cores (STICTION_THREADS)."""
+    cluster: str | None = None
+    """Do the tasks on a Ray cluster (extra cluster): HOST:PORT of its head node, or `auto` on one of its nodes. Every
+    node needs the same installation and sees --out at the same place; --jobs is then all of its processors."""
 
 
 class UsageError(Exception):
@@ -102,12 +106,17 @@ class Work:
     def begin(self) -> Path:
         """Make and return the study's folder: call it when the options are checked, before the work begins.
 
+        From then on the work goes to the cluster, if one is named.
+
         Raises `StictionError` where it cannot be written, or another process writes it; it is this one's to the end.
         """
         if getattr(self._options, "judge_again", False):
             self._stack.enter_context(output_folder(self.out))
         else:
             self._stack.enter_context(results_folder(self.out, self.verb, self._options))
+        cluster = self._stack.enter_context(use_cluster(getattr(self._options, "cluster", None), self.out))
+        if cluster is not None and getattr(self._options, "jobs", None) is None:
+            self.jobs = cluster.processors
         self._start = time.perf_counter()
         return self.out
 

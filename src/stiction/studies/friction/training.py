@@ -7,7 +7,10 @@ import subprocess
 import time
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
+from stiction.core.cluster import Cluster, current_cluster
+from stiction.core.errors import StictionError
 from stiction.core.isolation import isolated_environment, python_module
 from stiction.core.lifeline import tied
 from stiction.core.provenance import THREADS_VARIABLE
@@ -38,12 +41,72 @@ def train_command(run: PlannedRun) -> list[str]:
     return python_module("stiction", ["train", *run.run.arguments, "--out", run.path])
 
 
+class Process(Protocol):
+    """A process, here or on a node; as `subprocess.Popen`."""
+
+    def poll(self) -> int | None:
+        """Return its exit status, None while it runs."""
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for its end; return its exit status. Raises `subprocess.TimeoutExpired`."""
+
+    def send_signal(self, number: int) -> None:
+        """Send it a signal."""
+
+    def kill(self) -> None:
+        """End it at once."""
+
+
+class RemoteProcess:
+    """A training on a node of a cluster. One whose node is lost goes on from its checkpoint on another one."""
+
+    def __init__(self, cluster: Cluster, run: PlannedRun) -> None:
+        """Begin, or go on with, a run."""
+        self._cluster, self._task = cluster, cluster.start(train_on_node, run)
+
+    def poll(self) -> int | None:
+        """Return 0 for a training that has ended, 1 for one whose task is lost, None while it goes on."""
+        if not self._cluster.finished(self._task):
+            return None
+        try:
+            self._cluster.result(self._task)
+        except (StictionError, KeyboardInterrupt):
+            return 1
+        return 0
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait as `Process.wait`."""
+        end = time.monotonic() + (timeout or 1e9)
+        while (status := self.poll()) is None:
+            if time.monotonic() > end:
+                raise subprocess.TimeoutExpired("stiction train", timeout or 0.0)
+            time.sleep(POLL)
+        return status
+
+    def send_signal(self, number: int) -> None:
+        """Ask the training to end with a checkpoint, whatever the signal."""
+        self._cluster.cancel(self._task)
+
+    def kill(self) -> None:
+        """End it at once."""
+        self._cluster.cancel(self._task, force=True)
+
+
+def train_on_node(run: PlannedRun) -> None:
+    """Train a run to its end, in a process of its own; where this is interrupted, that ends with a checkpoint."""
+    job = Job(run, start_here(run))
+    try:
+        job.process.wait()
+    finally:
+        stop([job])
+
+
 @dataclass
 class Job:
     """A run in training."""
 
     run: PlannedRun
-    process: subprocess.Popen
+    process: Process
 
     def last_line(self) -> str:
         """Return the last line that the run printed: of one that failed, the reason."""
@@ -52,6 +115,12 @@ class Job:
 
 
 def start(run: PlannedRun, command: Callable[[PlannedRun], list[str]] = train_command) -> Job:
+    """Start the training of a run, on a node where the work goes to a cluster."""
+    cluster = current_cluster()
+    return Job(run, start_here(run, command) if cluster is None else RemoteProcess(cluster, run))
+
+
+def start_here(run: PlannedRun, command: Callable[[PlannedRun], list[str]] = train_command) -> subprocess.Popen:
     """Start the training of a run on one thread, by this very code.
 
     It ends itself where another process writes the run's folder; and, with a checkpoint, where this one is killed.
@@ -59,14 +128,13 @@ def start(run: PlannedRun, command: Callable[[PlannedRun], list[str]] = train_co
     run.path.mkdir(parents=True, exist_ok=True)
     with (run.path / LOG).open("a") as log:
         # In a session of its own, so that Ctrl-C reaches it once, from `stop`: a second one would not wait.
-        process = subprocess.Popen(
+        return subprocess.Popen(
             command(run),
             stdout=log,
             stderr=log,
             **tied(isolated_environment(**{THREADS_VARIABLE: "1"})),
             start_new_session=True,
         )
-    return Job(run, process)
 
 
 def train_missing(
@@ -118,7 +186,8 @@ def train(planned: Sequence[PlannedRun], jobs: int, progress: Progress, say: Cal
 def stop(running: Sequence[Job]) -> None:
     """Ask every run to end as Ctrl-C does, and wait; one that does not end is killed: its checkpoints are whole."""
     for job in running:
-        job.process.send_signal(signal.SIGINT)
+        if job.process.poll() is None:
+            job.process.send_signal(signal.SIGINT)
     for job in running:
         try:
             job.process.wait(PATIENCE)

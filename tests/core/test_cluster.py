@@ -1,0 +1,105 @@
+"""Work on a Ray cluster: two nodes on this machine, one of which is lost, and what is refused before any work."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import cluster_tasks
+from stiction.core import cluster as module
+from stiction.core.cluster import ClusterError, use_cluster
+from stiction.core.errors import StictionError
+from stiction.core.parallel import spread
+
+pytest.importorskip("ray", reason="the package ray, of the extra 'cluster', is needed for a cluster")
+
+pytestmark = pytest.mark.slow
+
+TESTS = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    """A head that does no work, and one node that does."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", os.pathsep.join((str(TESTS), str(TESTS.parent / "src"))))
+        patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+        from ray.cluster_utils import Cluster
+
+        small = {"object_store_memory": 80 * 2**20, "include_dashboard": False}
+        found = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, **small})
+        try:
+            found.add_node(num_cpus=1, object_store_memory=80 * 2**20)
+            yield found
+        finally:
+            found.shutdown()
+
+
+def test_a_lost_node_costs_its_tasks_and_no_result(cluster: Any, tmp_path: Path) -> None:
+    """Each task is done at least once and told once; what was on the lost node is done again elsewhere."""
+    lost = cluster.add_node(num_cpus=1, object_store_memory=80 * 2**20)
+    with use_cluster(cluster.address, tmp_path) as used:
+        assert used is not None and used.processors == 2
+        tasks = [(number, str(tmp_path)) for number in range(12)]
+        found = []
+        for number, result in spread(cluster_tasks.square, tasks, used.processors):
+            found.append((number, result))
+            if len(found) == 3:
+                cluster.remove_node(lost, allow_graceful=False)
+        assert sorted(found) == [(number, number**2) for number in range(12)]
+        begun = sorted(path.name.partition("-")[0] for path in tmp_path.glob("*-begun-*"))
+        assert set(begun) == {str(number) for number in range(12)}
+    assert module.current_cluster() is None and not list(tmp_path.glob(".cluster-*"))
+
+
+def test_what_a_task_raises_comes_home(cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As it is, and not a second time; relative paths are those of who asked."""
+    monkeypatch.chdir(tmp_path)
+    with use_cluster(cluster.address, tmp_path) as used:
+        assert used is not None
+        with pytest.raises(StictionError, match="no walk of 3"):
+            list(spread(cluster_tasks.refuse, [(3,)], 1))
+        assert Path("refused-3").read_text() == "x"
+        task = used.start(cluster_tasks.wait_for_the_end, "stopped")
+        while not Path("waiting").exists():
+            time.sleep(0.05)
+        assert not used.finished(task)
+        used.cancel(task)
+        while not used.finished(task):
+            time.sleep(0.05)
+        assert Path("stopped").read_text() == "asked"
+
+
+def test_a_node_with_other_code_is_refused(cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its results would stand beside those of this one as if they were the same; one that comes later is found too."""
+    with use_cluster(cluster.address, tmp_path) as used:
+        assert used is not None
+        other = replace(used, code="0" * 64)
+        with pytest.raises(ClusterError, match="has other code"):
+            list(other.spread(cluster_tasks.square, [(1, str(tmp_path))], 1))
+    monkeypatch.setattr(module, "code_digest", lambda: "0" * 64)
+    with (
+        pytest.raises(ClusterError, match=r"has other code of stiction; install the same"),
+        use_cluster(cluster.address, tmp_path),
+    ):
+        pass
+    assert module._look("x", tmp_path / "nothing", str(tmp_path)) == (False, False)
+
+
+def test_no_cluster_is_one_line(tmp_path: Path) -> None:
+    """A wrong address is not waited for."""
+    with (
+        pytest.raises(ClusterError, match=r"no Ray cluster at '127.0.0.1:9'.*ray start --head"),
+        use_cluster("127.0.0.1:9", tmp_path),
+    ):
+        pass
+    with pytest.raises(ClusterError, match="no Ray cluster at 'nowhere'"), use_cluster("nowhere", tmp_path):
+        pass
+    with use_cluster(None, tmp_path) as nothing:
+        assert nothing is None
