@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -140,7 +141,8 @@ def use_cluster(address: str | None, folder: Path) -> Iterator[Cluster | None]:
         raise ClusterError(
             f"there is no Ray cluster at {address!r} ({cause}); start one with `ray start --head`, and name HOST:PORT"
         ) from error
-    signal.signal(signal.SIGTERM, ends)  # Ray's own would end this process without a word
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, ends)  # Ray's own would end this process without a word
     try:
         nodes = [node for node in ray.nodes() if node["Alive"] and node["Resources"].get("CPU", 0) >= 1]
         code = code_digest()
