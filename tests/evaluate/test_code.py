@@ -15,7 +15,15 @@ BY_FILE = {name: path for path, name in NAMES.items()}
 
 READING = {
     *("core/cache.py", "core/errors.py", "core/gemm.py", "core/isolation.py", "core/statistics.py"),
-    *("core/lifeline.py", "core/lock.py", "core/memory.py", "core/scratch.py", "formats/dialect.py", "formats/text.py"),
+    *(
+        "core/cluster.py",
+        "core/lifeline.py",
+        "core/lock.py",
+        "core/memory.py",
+        "core/scratch.py",
+        "formats/dialect.py",
+        "formats/text.py",
+    ),
     *(f"formats/{name}.py" for name in ("actuator", "bundle", "contract_rules", "following", "golden", "joint_map")),
     *(f"formats/{name}.py" for name in ("joints", "log", "plain", "results", "signature", "tables")),
     *(
@@ -48,7 +56,7 @@ BENCHES = {
 TRAINING = {
     *(f"locomotion/{name}.py" for name in ("commands", "device", "env", "gait")),
     *(f"rma/{name}.py" for name in ("config", "figures", "health", "hinf_config", "phase", "ppo", "quick", "run")),
-    *("rma/simulator.py", "rma/symmetry.py", "deploy/vendor.py"),
+    *("rma/ranks.py", "rma/simulator.py", "rma/symmetry.py", "deploy/vendor.py"),
     *(name for name in NAMES.values() if name.startswith("engines/")),
     *(*CHECKING, "deploy/pilot.py", "deploy/policy.py", "virtual/sensors.py", "evaluate/golden.py"),
 }
