@@ -79,6 +79,29 @@ def test_what_a_task_raises_comes_home(cluster: Any, tmp_path: Path, monkeypatch
         assert Path("stopped").read_text() == "asked"
 
 
+def test_a_training_is_a_task(cluster: Any, tmp_path: Path) -> None:
+    """`study friction --train --cluster`: the node trains in the run's own folder, and says how it ended."""
+    pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed for training")
+    from stiction.studies.friction.manifest import Condition, PlannedRun, Run
+    from stiction.studies.friction.training import train_missing
+
+    small = (
+        *("--robot", "go1", "--num-envs", "4", "--method", "deception", "--friction-level", "0.2"),
+        *("--teacher.iterations", "1", "--teacher.steps", "4", "--teacher.mini-batches", "2"),
+        *("--student.iterations", "1", "--student.steps", "4", "--student.mini-batches", "2"),
+    )
+    bad = (*small, "--task.randomization.payload", "-1000", "0")
+    runs = [
+        PlannedRun.of(Run(Condition(name, "1", "a test", words), 0), tmp_path / "runs")
+        for name, words in (("good", small), ("bad", bad))
+    ]
+    with use_cluster(cluster.address, tmp_path) as used:
+        assert used is not None
+        failed = train_missing(runs, used.processors, poll=0.1)
+    assert [run.state() for run in runs] == ["finished", "missing"]
+    assert list(failed) == ["bad-s0"] and "leaves no mass" in failed["bad-s0"]
+
+
 def test_a_node_with_other_code_is_refused(cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its results would stand beside those of this one as if they were the same; one that comes later is found too."""
     with use_cluster(cluster.address, tmp_path) as used:
