@@ -263,6 +263,11 @@ class TrainCfg:
         self._check_simulator()
         if self.symmetry not in get_args(SymmetryName):
             raise ConfigurationError(unknown_name("symmetry", self.symmetry, get_args(SymmetryName)))
+        if self.symmetry == "network" and self.network.recurrent:
+            raise ConfigurationError(
+                "a recurrent encoder has no rule for --symmetry network, which the presets of one phase have; add "
+                "--symmetry half"
+            )
         if self.symmetry == "half" and self.teacher.epochs % 2:
             raise ConfigurationError(
                 f"symmetry 'half' makes half of {self.teacher.epochs} passes; use an even number of --teacher.epochs"

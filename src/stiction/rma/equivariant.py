@@ -135,8 +135,7 @@ def _actor(actor: RMAActor, rows: dict[str, Rows]) -> None:
 def _encoder(encoder: nn.Module, rows: dict[str, Rows], out: Rows) -> None:
     """Make an encoder of the history symmetric: every frame is mirrored for itself."""
     assert isinstance(encoder, HistoryEncoder)
-    if encoder.memory is not None:
-        raise ConfigurationError("a recurrent encoder has no rule for --symmetry network; use batches or half")
+    assert encoder.memory is None  # `TrainCfg` refuses it
     width = _last(encoder.embed).out_features
     frames = _first(encoder.mlp).in_features // width
     _mlp(encoder.embed, rows["proprioception"], halves(width))
