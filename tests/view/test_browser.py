@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -29,10 +30,15 @@ def browser(tmp_path: Path) -> Iterator[Browser]:
         yield started
 
 
-def view(*words: object) -> subprocess.Popen:
-    """Start the program."""
+@contextmanager
+def view(*words: object) -> Iterator[subprocess.Popen]:
+    """Run the program; it does not outlive the test, which would else wait for it where Ctrl-C is ignored."""
     command = [sys.executable, "-m", "stiction", "view", *map(str, words)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 def speed(tab: Tab) -> float | None:
