@@ -73,7 +73,7 @@ def test_training_with_a_net_resumes_bit_for_bit(
     assert main(["export", str(tmp_path / "halved"), "--out", str(tmp_path / "bundle")]) == 0
     contract = json.loads((tmp_path / "bundle" / "contract.json").read_text())
     assert contract["actuator"]["name"] == "net" and len(contract["actuator"]["sha256"]) == 64
-    assert "Actuator Net net" in (tmp_path / "bundle" / "card.md").read_text()
+    assert "Actuator Net of motor-side torque net" in (tmp_path / "bundle" / "card.md").read_text()
     (tmp_path / "halved" / FILE).write_bytes((tmp_path / "elsewhere" / FILE).read_bytes() + b"\0")
     with pytest.raises(StictionError, match="not the net that the run was started with"):
         RunDirectory(tmp_path / "halved").actuator()

@@ -58,6 +58,10 @@ def test_a_lost_node_costs_its_tasks_and_no_result(cluster: Any, tmp_path: Path)
         assert sorted(found) == [(number, number**2) for number in range(12)]
         begun = sorted(path.name.partition("-")[0] for path in tmp_path.glob("*-begun-*"))
         assert set(begun) == {str(number) for number in range(12)}
+        # Who begins now finds the lost node among those that the head node still counts.
+        gone = {"NodeID": lost.node_id, "NodeManagerAddress": "a node that was lost"}
+        with pytest.raises(ClusterError, match="no node with a processor"):
+            module._checked([gone], used.code, tmp_path)
     assert module.current_cluster() is None and not list(tmp_path.glob(".cluster-*"))
 
 

@@ -57,9 +57,12 @@ def test_a_missing_gpu_is_one_line(tmp_path, capsys: pytest.CaptureFixture, monk
     assert "no CUDA device" in error and "--device cpu" in error and error.count("\n") == 1
     assert not (tmp_path / "run").exists()
     monkeypatch.setattr(warp, "is_cuda_available", lambda: True)
+    monkeypatch.setattr(warp, "get_cuda_device_count", lambda: 1)
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     with pytest.raises(StictionError, match=f"torch {torch.__version__.partition('+')[0]}.*finds no CUDA device"):
         find_device("cuda", 1)
+    with pytest.raises(StictionError, match="no GPU 1 here, only 1"):
+        find_device("cuda", 1, gpu=1)
 
 
 def test_an_unknown_device_is_refused() -> None:

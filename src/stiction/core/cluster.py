@@ -144,9 +144,9 @@ def use_cluster(address: str | None, folder: Path) -> Iterator[Cluster | None]:
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, ends)  # Ray's own would end this process without a word
     try:
-        nodes = [node for node in ray.nodes() if node["Alive"] and node["Resources"].get("CPU", 0) >= 1]
         code = code_digest()
-        _check_nodes(nodes, code, folder)
+        nodes = [node for node in ray.nodes() if node["Alive"] and node["Resources"].get("CPU", 0) >= 1]
+        nodes = _checked(nodes, code, folder)
         _current = Cluster(int(sum(node["Resources"]["CPU"] for node in nodes)), code)
         yield _current
     finally:
@@ -196,25 +196,29 @@ def _look(code: str, token: Path, folder: str) -> tuple[bool, bool]:
     return code_digest() == code, token.is_file() and Path(folder).is_dir()
 
 
-def _check_nodes(nodes: Sequence[dict[str, Any]], code: str, folder: Path) -> None:
-    """Raise `ClusterError` unless there are nodes, and each of them can do the work."""
+def _checked(nodes: Sequence[dict[str, Any]], code: str, folder: Path) -> list[dict[str, Any]]:
+    """Return the nodes that are there. Raises `ClusterError` where there is none, or one that cannot do the work."""
     ray = _ray()
     from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
-    if not nodes:
-        raise ClusterError("the cluster has no node with a processor; start one with `ray start --address HOST:PORT`")
     token = folder.resolve() / f".cluster-{uuid4().hex}"
     token.touch()
+    there = []
     try:
-        looks = {}
+        looks = []
         for node in nodes:
             on_node = NodeAffinitySchedulingStrategy(node["NodeID"], soft=False)
             remote = ray.remote(num_cpus=0, max_retries=0, scheduling_strategy=on_node)(_look)
-            looks[node["NodeManagerAddress"]] = remote.remote(code, token, str(Path.cwd()))
-        for name, look in looks.items():
+            looks.append(remote.remote(code, token, str(Path.cwd())))
+        for node, look in zip(nodes, looks):
+            name = node["NodeManagerAddress"]
             try:
                 same, seen = ray.get(look, timeout=ANSWER)
+            except (ray.exceptions.NodeDiedError, ray.exceptions.TaskUnschedulableError):
+                continue  # lost a moment ago: the head node counts it as alive for some seconds more
             except ray.exceptions.RayError as error:
+                if not _alive(node):
+                    continue
                 cause = str(getattr(error, "cause", None) or type(error).__name__).splitlines()[0][:200]
                 raise ClusterError(
                     f"the node {name} cannot run stiction ({cause}); install the same version there"
@@ -226,5 +230,14 @@ def _check_nodes(nodes: Sequence[dict[str, Any]], code: str, folder: Path) -> No
                     f"the node {name} does not see {folder.resolve()}, or not {Path.cwd()}; mount them there at the "
                     "same place"
                 )
+            there.append(node)
     finally:
         token.unlink(missing_ok=True)
+    if not there:
+        raise ClusterError("the cluster has no node with a processor; start one with `ray start --address HOST:PORT`")
+    return there
+
+
+def _alive(node: dict[str, Any]) -> bool:
+    """Say whether the head node still counts a node as alive."""
+    return any(other["NodeID"] == node["NodeID"] and other["Alive"] for other in _ray().nodes())

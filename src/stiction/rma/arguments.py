@@ -41,7 +41,7 @@ it is finished, summary.json. Next: `stiction export runs/deception`."""
 
 GROUPS = {
     "usually needed": ("--robot", "--method", "--friction-level", "--friction-from", "--preset", "--out", "--seed"),
-    "the joints": ("--joints", "--joint-map", "--actuator", "--friction-law"),
+    "the joints": ("--joints", "--actuator", "--friction-law"),
     "ground and physics": ("--terrain", "--physics", "--engine", "--symmetry"),
     "how it runs": ("--num-envs", "--device", "--resume", "--stop-at-tracking-error", "--video-every", "--json"),
 }
