@@ -173,8 +173,8 @@ def _method(name: str, purpose: str, method: str, *options: str) -> Condition:
 
 
 DEARER = ("--teacher.iterations", "333")
-"""Options of a design whose update costs twice, at the processor time of 440 iterations: an update is 0.48 of the 1.49 s
-of an iteration (results/speed)."""
+"""Options of a design whose update costs twice, at the processor time of 440 iterations: an update is 0.48 of the 1.49
+seconds of an iteration (results/speed)."""
 
 PHASES = ("--teacher.latent", "alternate", "--teacher.iterations", "360", "--student.iterations", "80")
 """Options of teacher and student in the budget of one phase."""
