@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -120,3 +122,18 @@ def test_every_folder_of_studies_is_a_study(capsys: pytest.CaptureFixture) -> No
     assert all(f"  {name:<12}{find_study(name).question}" in listed for name in study_names())
     assert main(["study", "gayt"]) == 2
     assert "unknown study 'gayt'; did you mean 'gait'?" in capsys.readouterr().err
+
+
+def test_a_study_connects_to_its_cluster_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second connection is refused by Ray: the study would fail when all of its work is done."""
+    used: list[str | None] = []
+
+    @contextmanager
+    def connect(address: str | None, folder: Path) -> Iterator[None]:
+        assert folder.is_dir() and address not in used
+        used.append(address)
+        yield
+
+    monkeypatch.setattr("stiction.studies.study.use_cluster", connect)
+    assert STUDY.main(["--cluster", "somewhere:1", "--out", str(tmp_path / "braking")], "study braking") == 0
+    assert used == ["somewhere:1"] and (tmp_path / "braking" / "braking.csv").exists()

@@ -102,14 +102,18 @@ class Work:
         """Ends with the progress, when the study has run."""
         self._options = options
         self._code, self._stack, self._start = code, stack, time.perf_counter()
+        self._begun = False
 
     def begin(self) -> Path:
         """Make and return the study's folder: call it when the options are checked, before the work begins.
 
-        From then on the work goes to the cluster, if one is named.
+        From then on the work goes to the cluster, if one is named. A second call does nothing.
 
         Raises `StictionError` where it cannot be written, or another process writes it; it is this one's to the end.
         """
+        if self._begun:
+            return self.out
+        self._begun = True
         if getattr(self._options, "judge_again", False):
             self._stack.enter_context(output_folder(self.out))
         else:
