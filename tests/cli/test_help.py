@@ -55,6 +55,15 @@ def test_training_is_explained_on_one_screen(capsys: pytest.CaptureFixture, monk
     assert 15 <= len(named) <= 25 and len(everything) > 100 and set(named) < set(everything)
 
 
+@pytest.mark.parametrize("verb", VERBS)
+def test_no_help_scrolls_far(capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch, verb: str) -> None:
+    """`doctor --help` had 222 lines, of which a reader needed nine; of `study` it had no example."""
+    monkeypatch.setenv("COLUMNS", "100")
+    text = help_of(capsys, verb, "--help")
+    assert text.count("\n") <= 1.25 * SCREEN
+    assert re.search(r"^  stiction .*$", text, re.MULTILINE)
+
+
 @pytest.mark.parametrize("what", ["all", "robots", "policies", "engines"])
 def test_what_is_shipped_is_listed(capsys: pytest.CaptureFixture, what: str) -> None:
     """If this failed, nobody would know which names a verb takes."""

@@ -110,3 +110,19 @@ def test_rows_of_one_policy_stand_under_its_name() -> None:
     )
     assert block.count('scope="rowgroup">a<') == 1 and block.count('scope="rowgroup">b<') == 1
     assert "policy" not in block and block.count("<tbody>") == 2 and block.count('<th scope="row">') == 3
+
+
+def test_a_long_command_and_many_warnings_leave_the_answer_on_the_first_screen() -> None:
+    """A command of thirteen paths and six warnings stood between the title and what a page is about."""
+    command = "stiction replicate --policies " + " ".join(f"bundles/seed-{number}" for number in range(20))
+    page = render_page("t", [Section("part", ())], "answer", [f"warning {number}" for number in range(6)], command)
+    assert "seed-0" in page and "seed-19" not in page and "…" in page
+    assert "<summary>5 more warnings</summary>" in page
+    few = render_page("t", [], "answer", ["one", "two", "three"], "stiction list")
+    assert "<details" not in few and "<code>stiction list</code>" in few
+
+
+def test_counts_with_words_are_words() -> None:
+    """`7 of 9, 2 too slow`, aligned to the right in a narrow column, was a tower of single words."""
+    block = table(["name", "seeds", "share"], [["a", "7 of 9, 2 too slow", "7 of 9"]])
+    assert block.count('<td class="words">') == 1

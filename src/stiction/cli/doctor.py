@@ -33,9 +33,16 @@ class Doctor:
     """Print the audit as JSON on standard output, and nothing else."""
 
 
+GROUPS = {
+    "usually needed": ("--randomization", "--robot", "--json"),
+    "whose ranges": ("--terrain", "--task.friction.law", "--task.friction.level", "--task.friction.range"),
+}
+"""The options that people use; the others are those of the task, as `stiction train --help-all` has them."""
+
+
 def main(arguments: list[str]) -> int:
     """Run the verb."""
-    options = read_options(Doctor, arguments, "stiction doctor", DESCRIPTION)
+    options = read_options(Doctor, arguments, "stiction doctor", DESCRIPTION, groups=GROUPS)
     from stiction.core.provenance import machine
 
     if not options.randomization:

@@ -68,7 +68,7 @@ class EngineRow:
     here: bool = field(metadata=column("installed"))
     """Whether it can be used now."""
     install: str = field(metadata=column("where not, install"))
-    """The command that installs its extra."""
+    """The command that installs its extra; a dash where it is there."""
 
 
 def main(arguments: list[str]) -> int:
@@ -129,7 +129,8 @@ def engines() -> list[EngineRow]:
     for spec in ENGINES.values():
         here = all(found is not None for found in spec.binaries().values())
         here = here and find_spec(PACKAGES.get(spec.name, "stiction")) is not None
-        rows.append(EngineRow(spec.name, here, install_command(spec.extra, source, program) if spec.extra else "–"))
+        missing = spec.extra and not here
+        rows.append(EngineRow(spec.name, here, install_command(spec.extra, source, program) if missing else "–"))
     return rows
 
 

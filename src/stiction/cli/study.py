@@ -11,7 +11,12 @@ from stiction.core.plugins import find_named
 from stiction.studies.study import Study
 
 USAGE = "usage: stiction study NAME [--help] [options]\n\nstudies:\n"
-EPILOG = "\nOne of your own is `package.module:STUDY`, anywhere on the Python path.\n"
+EPILOG = """
+Example:
+  stiction study gait saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out gait
+
+One of your own is `package.module:STUDY`, anywhere on the Python path.
+"""
 
 
 def study_names() -> list[str]:
@@ -34,7 +39,7 @@ def find_study(name: str) -> Study:
 
 def overview() -> str:
     """Return the text of `stiction study --help`."""
-    return USAGE + "".join(f"  {name:<12}{find_study(name).question}\n" for name in study_names()) + EPILOG
+    return USAGE + "".join(f"  {name:<13}{find_study(name).question}\n" for name in study_names()) + EPILOG
 
 
 def main(arguments: list[str]) -> int:

@@ -93,9 +93,9 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "
     return _block("table", header[1:], groups, words[1:], caption)
 
 
-def row_table(rows: Sequence[Any], caption: str = "") -> Markup:
-    """Return records of one kind, at least one, as a table of the columns that their fields describe."""
-    return table(records.header(rows[0]), map(records.texts, rows), caption)
+def row_table(rows: Sequence[Any], caption: str = "", grouped: bool = False) -> Markup:
+    """Return records of one kind, at least one, as a table of the columns that their fields describe, as `table`."""
+    return table(records.header(rows[0]), map(records.texts, rows), caption, grouped)
 
 
 BLANKS = ("", "-", "–", "none", "not known")
@@ -103,8 +103,9 @@ BLANKS = ("", "-", "–", "none", "not known")
 
 
 def _is_word(cell: str) -> bool:
-    """Return whether a cell is text: not blank, and not begun by a digit, a sign or a decimal point."""
-    return cell not in BLANKS and not (cell[0].isdigit() or cell[0] in "+-−.")
+    """Return whether a cell is text: not blank, not begun by a digit, a sign or a decimal point, or more than that."""
+    begun = cell[:1].isdigit() or cell[:1] in "+-−."
+    return cell not in BLANKS and (not begun or re.search(r"\b(too|fell|follows)\b", cell) is not None)
 
 
 def picture(uri: str, caption: str = "") -> Markup:
@@ -256,6 +257,12 @@ def figure_block(figure: Figure, caption: str) -> Markup:
 FEWEST_LISTED = 3
 """Sections from which on a page begins with a list of them."""
 
+MOST_WARNINGS = 3
+"""Warnings that stand above the contents; of more, all but the first are folded under it."""
+
+LONGEST_COMMAND = 160
+"""Characters of the command that are shown on top of a page: the whole of a longer one is in its last section."""
+
 
 def render_page(
     title: str,
@@ -271,6 +278,8 @@ def render_page(
     date: of the page, by default today.
     """
     lines = [lead] if isinstance(lead, str) else list(lead)
+    shown = 1 if len(warnings) > MOST_WARNINGS else len(warnings)
+    short = command if len(command) <= LONGEST_COMMAND else f"{command[:LONGEST_COMMAND].rsplit(' ', 1)[0]} …"
     drawn = f"Drawn on {date or datetime.now().astimezone().date().isoformat()}"
     return (
         _environment()
@@ -280,9 +289,10 @@ def render_page(
             sections=sections,
             anchors=anchors([section.title for section in sections]),
             listed=len(sections) >= FEWEST_LISTED,
-            made=drawn + (f"; what it shows was made by `{command}`." if command else "."),
+            made=drawn + (f"; what it shows was made by `{short}`." if command else "."),
             lead=[line for line in lines if line],
-            warnings=warnings,
+            warnings=warnings[:shown],
+            more=warnings[shown:],
             version=__version__,
         )
     )

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from stiction.core.cache import cached, key_of
 from stiction.core.cluster import use_cluster
+from stiction.core.errors import FileError
 from stiction.core.files import write_text
 from stiction.core.lock import output_folder
 from stiction.core.options import read_options
@@ -72,6 +73,30 @@ class ParallelOptions(Options):
     cluster: str | None = None
     """Do the tasks on a Ray cluster (extra cluster): HOST:PORT of its head node, or `auto` on one of its nodes. Every
     node needs the same installation and sees --out at the same place; --jobs is then all of its processors."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RedrawnOptions(Options):
+    """Options of a study whose page can be drawn anew from its files."""
+
+    judge_again: bool = False
+    """Run nothing: judge what --out has by today's criteria, and draw its page anew."""
+
+
+def recorded(out: Path, work: Work, names: Sequence[str] = ()) -> dict[str, Any]:
+    """Return the summary that a folder has, for `--judge-again`: its `judged` is by what it is judged now.
+
+    names: what it must have. Raises `FileError` where it is none of this study.
+    """
+    from stiction.formats.results import read_summary
+
+    path = out / "summary.json"
+    before = read_summary(path)
+    for name in names:
+        if name not in before:
+            raise FileError(f"{path} is none of `stiction {work.verb}`: no {name!r}")
+    kept = {name: value for name, value in before.items() if name not in ("schema_version", "claims")}
+    return {"warnings": []} | kept | {"judged": work.provenance}
 
 
 class UsageError(Exception):

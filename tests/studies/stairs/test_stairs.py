@@ -32,7 +32,7 @@ def test_a_height_counts_only_if_all_lower_ones_do() -> None:
     """A lucky height above one that most robots fail would be reported."""
     assert highest_climbed([row(0.08, 85), row(0.04, 99), row(0.06, 70)]).step_height == 0.04
     assert highest_climbed([row(0.02, 79)]) is None
-    assert "climbs 4 cm: 80 of 100" in answers([row(0.04, 80), row(0.06, 10)])[0]
+    assert "climbs steps of 4 cm (80 of 100" in answers([row(0.04, 80), row(0.06, 10)])[0]
     assert "climbs none" in answers([row(0.04, 79)])[0]
 
 
@@ -88,7 +88,7 @@ def test_the_study_writes_its_page(tmp_path: Path, capsys: pytest.CaptureFixture
     policy = "saturn_lite-flat-none-0.2"
     options = ["--step-heights", "0.01", "--friction-levels", "0", "--trials", "2", "--out", str(out)]
     assert main(["study", "stairs", policy, *options]) == 0
-    assert "climbs 1 cm: 2 of 2" in capsys.readouterr().out
+    assert "climbs steps of 1 cm (2 of 2" in capsys.readouterr().out
     assert {file.name for file in out.iterdir()} == {
         *("stairs.csv", "summary.json", "stairs.png", "settings.json", "report.html"),
     }

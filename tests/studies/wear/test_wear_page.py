@@ -103,9 +103,16 @@ def test_one_sentence_says_from_and_up_to_which_wear_each_policy_follows() -> No
     never = {"friction_level": "0.3", "mean": None, "ends": {"too slow from the start": 3}}
     groups = [GROUP, GROUP | never, GROUP | later | {"policy": "q"}]
     assert lead(groups, grown) == (
-        "While friction grows from x0.3 to x3 of level 0.1, p follows up to x1.50; "
-        "q follows from x1.57 on, to the end at x3 on 2 of 3 robots; of level 0.3, p never follows."
+        "While dry friction grows from 3 % to 30 % of the torque limit, p follows up to 15 %; "
+        "q follows from 15.7 % on, to the end on 2 of 3 robots. "
+        "While dry friction grows from 9 % to 90 % of the torque limit, p never follows."
     )
+
+
+def test_wear_of_what_a_bench_found_stays_a_factor() -> None:
+    """What a bench found is another friction for every joint: there is no share of the torque limit to name."""
+    said = lead([GROUP | {"friction_level": "bench"}], {"start": 0.3, "end": 3.0})
+    assert said == "While dry friction grows from x0.30 to x3.00 of bench, p follows up to x1.50."
 
 
 def test_robots_that_are_too_fast_at_first_are_said_to_be(tmp_path: Path) -> None:

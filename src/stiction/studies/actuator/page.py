@@ -30,8 +30,8 @@ def report(found: dict[str, Any]) -> Report:
     header, means = mean_table(rows, [robot["name"] for robot in found["robots"][1:]])
     lines = [f"{name}: {', '.join(map(' '.join, zip(header[1:], line, strict=True)))}" for name, *line in means]
     return Report(
-        title="Actuator Net: f0, log, f_motor, f1",
-        lead=lines[0],
+        title="What does an Actuator Net learn from a walk?",
+        lead="\n".join(lead(means)),
         tables={"results": [ResultRow(**_named_by_robot(row)) for row in rows]},
         sections=(
             Section("What was found", (table([header[0], *units(header[1:])], means), paragraph(NO_VERDICT))),
@@ -44,6 +44,20 @@ def report(found: dict[str, Any]) -> Report:
         figures={"speed": figure},
         answer=lines,
     )
+
+
+def lead(means: Sequence[Sequence[str]]) -> list[str]:
+    """Return what the first policy reaches, and what those trained through a net do. means: lines of `mean_table`."""
+    (first, own, _, drawn, _, free, _), *others = means
+    said = [
+        f"{first}, trained without joint friction, reaches {own} of the commanded speed on the robot that was logged, "
+        f"{drawn} on other robots with friction, and {free} on one without."
+    ]
+    said += [
+        f"{name}, trained through an Actuator Net, reaches {own}, {drawn} and {free}."
+        for name, own, _, drawn, _, free, _ in others
+    ]
+    return said
 
 
 def _named_by_robot(row: Row) -> Row:
@@ -99,7 +113,7 @@ def speed_table(rows: Sequence[Row]) -> Any:
     ]
     header = ["policy", "robot", "friction [of τ_max]", "command", "speed ratio [1]", "error [m/s]"]
     header += ["falls [% of walks]", "jitter [rad/s²]", "episodes"]
-    return table(header, cells)
+    return table(header, cells, grouped=True)
 
 
 def net_table(nets: dict[str, Any]) -> Any:

@@ -9,7 +9,7 @@ from typing import Annotated
 import tyro
 
 from stiction.studies.actuator.config import LoopCfg
-from stiction.studies.study import Options, Report, Study, Work
+from stiction.studies.study import RedrawnOptions, Report, Study, Work, recorded
 
 DESCRIPTION = """The paper's loop with an Actuator Net: a policy f0 trained without joint friction walks on a robot that
 has it, its log trains an Actuator Net, and a second policy f1 is trained with that net in the loop. The log is of
@@ -19,7 +19,7 @@ Stop it at any time; the same command goes on where it stood."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class ActuatorOptions(Options):
+class ActuatorOptions(RedrawnOptions):
     """Options of `stiction study actuator`."""
 
     config: Annotated[LoopCfg, tyro.conf.arg(name="")] = field(default_factory=LoopCfg)
@@ -34,6 +34,8 @@ def run(options: ActuatorOptions, work: Work) -> Report:
     from stiction.studies.actuator.page import report
     from stiction.studies.actuator.run import ActuatorLoop
 
+    if options.judge_again:
+        return report(recorded(options.out, work, ("rows", "nets", "cross", "robots", "policies")))
     found = ActuatorLoop(options.out, options.config, work.command, work.progress).run()
 
     def write_nets(out: Path) -> None:

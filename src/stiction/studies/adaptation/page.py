@@ -169,13 +169,30 @@ def answers(summary: dict[str, Any]) -> list[str]:
     return lines
 
 
+def lead(summary: dict[str, Any]) -> list[str]:
+    """Return how much of the friction can be read, as a sentence for each training."""
+    lines = []
+    for method, one in summary["methods"].items():
+        runs = [summary["runs"][name] for name in one["runs"]]
+        probes = one["probes"] if len(runs) > 1 else runs[0]["probes"]
+        told = {(p["input"], p["per"]): p["mean"] for p in probes if p["row"] == "walk" and not p["shuffled"]}
+        seeds = f"{len(runs)} training seeds" if len(runs) > 1 else "one training seed"
+        robot, joint = told["latent", "robot"], told["latent", "joint"]
+        lines.append(
+            f"{method}, {seeds}: over a walk, the latent z* tells how rough the robot is with R² {robot:.2f}, and each "
+            f"joint's friction with R² {joint:.2f}; the moments of what it is made of, {told['moments', 'robot']:.2f} "
+            f"and {told['moments', 'joint']:.2f}."
+        )
+    return lines
+
+
 def report(found: dict[str, Any]) -> Report:
     """Return the report of the study, from what summary.json has of it."""
     effects, probes = draw_effects(found["methods"], LATENT), draw_probes(found["methods"], INPUT, TARGET)
     lines = answers(found)
     return Report(
         title="What does adaptation do?",
-        lead="\n".join(lines),
+        lead="\n".join(lead(found)),
         tables={"results": [ResultRow(**row) for run in found["runs"].values() for row in run["latents"]["rows"]]},
         sections=sections(found, effects, probes),
         summary=found,

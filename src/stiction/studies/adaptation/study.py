@@ -9,11 +9,11 @@ from typing import Annotated
 import tyro
 
 from stiction.core.records import part_of
-from stiction.studies.study import Options, Report, Study, UsageError, Work
+from stiction.studies.study import RedrawnOptions, Report, Study, UsageError, Work, recorded
 
 
 @dataclass(frozen=True, kw_only=True)
-class AdaptationOptions(Options):
+class AdaptationOptions(RedrawnOptions):
     """Options of `stiction study adaptation`."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
@@ -38,6 +38,10 @@ class AdaptationOptions(Options):
 
 def run(options: AdaptationOptions, work: Work) -> Report:
     """Study the runs."""
+    if options.judge_again:
+        from stiction.studies.adaptation.page import report
+
+        return report(recorded(options.out, work, ("methods", "runs", "threshold")))
     if not options.runs:
         raise UsageError("no run given")
     from stiction.evaluate.evaluate import EvaluationCfg

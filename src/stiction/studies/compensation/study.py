@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from stiction.joints.compensation import parse_compensation
 from stiction.report.terminal import RobotSeeds
-from stiction.studies.study import ParallelOptions, Report, Study, UsageError, Work
+from stiction.studies.study import ParallelOptions, RedrawnOptions, Report, Study, UsageError, Work, recorded
 
 if TYPE_CHECKING:
     from stiction.studies.compensation.standing import Standing
@@ -37,7 +36,7 @@ STANDING = ("error", "error=1.3", "reference", "reference=0.975", "measured", "m
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompensationOptions(ParallelOptions):
+class CompensationOptions(ParallelOptions, RedrawnOptions):
     """Options of `stiction study compensation`."""
 
     policies: Annotated[tuple[Path, ...], tyro.conf.Positional]
@@ -67,7 +66,9 @@ class CompensationOptions(ParallelOptions):
 
 
 def run(options: CompensationOptions, work: Work) -> Report:
-    """Walk in every way, then stand still."""
+    """Walk in every way, then stand still; or draw the page of what did anew."""
+    if options.judge_again:
+        return redrawn(options.out, work)
     if not options.policies:
         raise UsageError("no bundle given")
     from functools import partial
@@ -78,6 +79,7 @@ def run(options: CompensationOptions, work: Work) -> Report:
     from stiction.evaluate.evaluate import EvaluationCfg
     from stiction.evaluate.methods import method_of
     from stiction.evaluate.summary import describe
+    from stiction.studies.compensation.page import report
     from stiction.studies.compensation.standing import stand_by
     from stiction.studies.compensation.walking import walk_by
     from stiction.virtual.cases import parse_levels, warnings_on
@@ -121,29 +123,16 @@ def run(options: CompensationOptions, work: Work) -> Report:
     )
 
 
-def report(
-    walks: Sequence[Mapping[str, Any]], stood: Sequence[Standing], summary: Mapping[str, Any], warnings: Sequence[str]
-) -> Report:
-    """Return the tables and the page."""
-    from stiction.core.records import from_plain
-    from stiction.formats.results import ResultRow
-    from stiction.report.page import Section, row_table
-    from stiction.studies.compensation.walking import followed
+def redrawn(out: Path, work: Work) -> Report:
+    """Return the report of the walks that a folder has."""
+    from stiction.core.records import read_rows
+    from stiction.formats.results import read_results
+    from stiction.studies.compensation.page import report
+    from stiction.studies.compensation.standing import Standing
 
-    rows = [from_plain(ResultRow, dict(row), "a walk of before") for row in walks]
-    who = followed(rows)
-    ok = sum(one.follows == "follows" and not one.fall_rate for one in who)
-    sections = [Section("Who follows", (row_table(who),))]
-    if stood:
-        sections.append(Section("Standing still on a virtual robot", (row_table(stood),)))
-    return Report(
-        title="Friction fed forward, as users of motors do it",
-        lead=f"{ok} of {len(who)} pairs of a policy and a friction follow in both directions, and nobody falls.",
-        tables={"walks": rows, "following": who, "standing": stood},
-        sections=sections,
-        summary=summary,
-        warnings=warnings,
-    )
+    before, file = recorded(out, work, ("settings", "policies", "engine")), out / "standing.csv"
+    stood = read_rows(file, Standing) if file.exists() else []
+    return report([asdict(row) for row in read_results(out / "walks.csv")], stood, before, ())
 
 
 STUDY = Study(

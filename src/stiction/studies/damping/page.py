@@ -76,6 +76,10 @@ PANELS = (
 """Cases and horizontal axis of each panel."""
 
 
+TABLES: dict[str, Any] = {"swaps": SwapRow, "nets": NetRow, "draws": DrawRow, "robots": RobotRow}
+"""Name of a CSV -> its rows."""
+
+
 @dataclass(frozen=True)
 class DampingResult:
     """All that the study found."""
@@ -90,7 +94,7 @@ def report(result: DampingResult, settings: dict[str, Any]) -> Report:
     """Return the report of the study. settings: `study`, `walk`, `seconds`."""
     figure, answer, study = draw_swaps(result.swaps), lead(result), settings["study"]
     return Report(
-        title="B and k·kd: one number?",
+        title="Are viscous friction and derivative gain one number?",
         lead=answer,
         tables=vars(result),
         sections=sections(result, figure, study),
@@ -133,9 +137,10 @@ def lead(result: DampingResult) -> str:
     )
     joint, free, limited = map(angle_text, differences)
     return (
-        f"Largest difference of an angle after a swap between B and kd at equal B + k·kd: {joint} rad for the exactly "
-        f"simulated joint with dry friction up to {max(row.level for row in friction):.0%} of the torque limit; {free} "
-        f"rad for whole robots whose motors stay under their limits, {limited} rad for those that reach one."
+        "Damping moved from the derivative gain kd to the viscous friction B, at the same B + k·kd, changes an angle "
+        f"by at most {joint} rad in one exactly simulated joint with dry friction up to "
+        f"{100 * max(row.level for row in friction):g} % of the torque limit, {free} rad in whole robots whose motors "
+        f"stay under their limits, and {limited} rad in those that reach one."
     )
 
 

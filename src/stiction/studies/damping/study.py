@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from stiction.core.records import part_of
-from stiction.studies.study import Options, Report, Study, Work
+from stiction.core.records import part_of, read_rows
+from stiction.studies.study import RedrawnOptions, Report, Study, Work, recorded
 
 DESCRIPTION = (
     "Move damping between viscous friction B and derivative gain kd at equal B + k·kd, and measure how the motion "
@@ -19,7 +19,7 @@ AIR_LEVELS = (0.0, 0.1)
 
 
 @dataclass(frozen=True, kw_only=True)
-class DampingOptions(Options):
+class DampingOptions(RedrawnOptions):
     """Options of `stiction study damping`."""
 
     bundles: tuple[Path, ...] | None = None
@@ -46,9 +46,13 @@ def run(options: DampingOptions, work: Work) -> Report:
     from functools import partial
 
     from stiction.studies.damping.joint import DampingCfg, draw_rows, net_rows, swap_rows
-    from stiction.studies.damping.page import DampingResult, report
+    from stiction.studies.damping.page import TABLES, DampingResult, report
     from stiction.studies.damping.robot import WalkCfg, air_row, walk_rows
 
+    if options.judge_again:
+        found = recorded(options.out, work, ("study", "walk", *TABLES))
+        rows = {name: tuple(read_rows(options.out / f"{name}.csv", kind)) for name, kind in TABLES.items()}
+        return report(DampingResult(**rows), found)
     cfg = DampingCfg(options.robots, joint=options.joint, draws=options.draws, seed=options.seed)
     walk = part_of(WalkCfg, options)
     bundles = work.bundles(options.bundles)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from statistics import fmean
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,8 @@ from stiction.report.page import (
     INK,
     Section,
     figure_uri,
+    file_uri,
+    fold,
     labelled,
     legend,
     new_figure,
@@ -189,7 +192,9 @@ def walk_table(rows: Sequence[WalkRow], cell: Callable[[WalkRow], str], caption:
         [policy, f"{level:.0%}", command, *(found.get(name, "–") for name in names)]
         for (policy, level, command), found in lines.items()
     ]
-    return table(["policy", "friction", "command", *names], body, caption)
+    return table(
+        ["policy", "friction [of τ_max]", "command", *(f"{name} [1]" for name in names)], body, caption, grouped=True
+    )
 
 
 def _speeds(row: WalkRow) -> str:
@@ -251,8 +256,8 @@ class EnginesResult:
     """How policies walked; none where they were left out."""
     episodes: Sequence[EpisodeRow]
     """Each of their walks."""
-    motions: Traces
-    """To be drawn."""
+    motions: Traces | Path
+    """To be drawn; or the file of what was drawn before."""
     missing: dict[str, str]
     """Engines that cannot be had here -> why, and how to get them."""
 
@@ -263,16 +268,18 @@ def report(result: EnginesResult, settings: dict[str, Any]) -> Report:
     missing = [f"{name} was not tested: {line}." for name, line in result.missing.items()]
     answers = [*conformance_lines(result.conformance), *missing]
     rows: dict[str, Sequence[Any]] = {"conformance": result.conformance, "pace": result.pace, "walks": result.walks}
-    figures = {
-        "motions": draw_motions(result.motions),
-        "walks": draw_walks(result.walks, result.episodes) if result.walks else None,
-    }
+    figures = {"walks": draw_walks(result.walks, result.episodes) if result.walks else None}
+    if isinstance(result.motions, Path):
+        motions = file_uri(result.motions)
+    else:
+        figures["motions"] = drawn = draw_motions(result.motions)
+        motions = figure_uri(drawn)
     found = {"failures": len(failed), "answers": answers, "missing": result.missing}
     return Report(
-        title="Physics engines",
-        lead="\n".join(conformance_lines(result.conformance)),
+        title="What does each physics engine do with a joint, a foot, a walk?",
+        lead="\n".join(lead(result)),
         tables=rows | {"episodes": result.episodes},
-        sections=sections(result, figures, settings["robot"]),
+        sections=sections(result, motions, figures["walks"], settings["robot"]),
         run=run_blocks(settings),
         summary=settings | found | {name: [asdict(row) for row in some] for name, some in rows.items()},
         notes=[*map(failure, failed), *missing],
@@ -280,6 +287,23 @@ def report(result: EnginesResult, settings: dict[str, Any]) -> Report:
         answer=(*printed_tables(result), *answers),
         status=1 if failed else 0,
     )
+
+
+def lead(result: EnginesResult) -> list[str]:
+    """Return how many figures each engine passes at each timestep, and how far walks differ between simulators."""
+    rows, lines = result.conformance, []
+    for step in dict.fromkeys(row.timestep for row in rows):
+        counts: dict[str, list[bool]] = {}
+        for row in rows:
+            if row.timestep == step:
+                counts.setdefault(row.engine, []).append(row.passed)
+        said = ", ".join(f"{engine} {sum(passed)} of {len(passed)}" for engine, passed in counts.items())
+        lines.append(f"At steps of {1000 * step:g} ms, figures within their bounds: {said}.")
+    apart = {
+        name: distance(result.walks, name, MUJOCO) for name in dict.fromkeys(row.simulator for row in result.walks)
+    }
+    said = ", ".join(f"{name} {100 * by:.0f} %" for name, by in apart.items() if name != MUJOCO and by is not None)
+    return [*lines, *([f"The same walks differ from {MUJOCO}'s by, of the commanded speed: {said}."] if said else [])]
 
 
 def failure(row: FigureRow) -> str:
@@ -306,25 +330,31 @@ def printed_tables(result: EnginesResult) -> list[rich.table.Table]:
     return tables
 
 
-def sections(result: EnginesResult, figures: dict[str, Figure | None], robot: str) -> list[Section]:
-    """Return the sections of the page."""
+def sections(result: EnginesResult, motions: str, walks: Figure | None, robot: str) -> list[Section]:
+    """Return the sections of the page. motions: URI of the figure of one joint; walks: None where nobody walked."""
     timesteps = list(dict.fromkeys(row.timestep for row in result.conformance))
     drawn = (
         f"Steps of {1000 * timesteps[0]:g} ms. A shank with dry friction under a torque that holds it, breaks it away "
         "and lets it go, against its exact motion; and a flight under torques at all joints, against MuJoCo at steps "
         f"of {1000 * flight.FINE:g} ms."
     )
-    tables = [table(*figure_table(result.conformance, step), f"Steps of {1000 * step:g} ms.") for step in timesteps]
-    uris = {name: figure_uri(figure) for name, figure in figures.items() if figure is not None}
+    tables = [
+        fold(
+            f"Every figure at steps of {1000 * step:g} ms",
+            [table(*figure_table(result.conformance, step), grouped=True)],
+        )
+        for step in timesteps
+    ]
     found = [
-        Section("One joint and a free flight", (picture(uris["motions"], drawn),)),
+        Section("One joint and a free flight", (picture(motions, drawn),)),
         Section("Conformance", (paragraph(f"The robot is {robot}. {HOW_FIGURES}"), *tables)),
         Section("Pace", (paragraph(PACE), row_table(result.pace))),
     ]
-    if result.walks:
+    if walks is not None:
         caption = f"Bars: means; points: episodes; grey: the commanded speed ±{CLOSE:.0%}."
-        blocks = (picture(uris["walks"], caption), table(*simulator_table(result.walks)), paragraph(HOW_WALKS))
-        cells = (walk_table(result.walks, _speeds, SPEEDS), walk_table(result.walks, _verdicts, VERDICTS))
+        blocks = (picture(figure_uri(walks), caption), table(*simulator_table(result.walks)), paragraph(HOW_WALKS))
+        every = [walk_table(result.walks, _speeds, SPEEDS), walk_table(result.walks, _verdicts, VERDICTS)]
+        cells = (fold("Every policy, friction and command, simulators side by side", every),)
         found.append(Section("The same policies in every simulator", (*blocks, *cells)))
     return found
 

@@ -7,8 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stiction.core.records import make_folder, part_of
-from stiction.studies.study import ParallelOptions, Report, Study, Work
+from stiction.core.records import make_folder, part_of, read_rows
+from stiction.studies.study import ParallelOptions, RedrawnOptions, Report, Study, Work, recorded
 
 if TYPE_CHECKING:
     from stiction.studies.engines.run import FigureRow
@@ -23,7 +23,7 @@ DESCRIPTION = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class EnginesOptions(ParallelOptions):
+class EnginesOptions(ParallelOptions, RedrawnOptions):
     """Options of `stiction study engines`."""
 
     engines: tuple[str, ...] | None = None
@@ -53,7 +53,9 @@ class EnginesOptions(ParallelOptions):
 
 
 def run(options: EnginesOptions, work: Work) -> Report:
-    """Run suite and walks."""
+    """Run suite and walks; or draw the page of those of a folder anew."""
+    if options.judge_again:
+        return redrawn(options.out, work)
     from stiction.evaluate.evaluate import EvaluationCfg
     from stiction.evaluate.summary import describe
     from stiction.robots.catalog import find_robot
@@ -91,6 +93,25 @@ def run(options: EnginesOptions, work: Work) -> Report:
         "seconds": work.seconds,
     }
     return report(result, settings)
+
+
+def redrawn(out: Path, work: Work) -> Report:
+    """Return the report of what a folder has, with the figure of one joint that was drawn of it."""
+    from stiction.studies.engines.page import EnginesResult, report
+    from stiction.studies.engines.run import FigureRow, PaceRow
+    from stiction.studies.engines.walks import EpisodeRow, WalkRow
+
+    before = recorded(out, work, ("engines", "evaluation", "policies", "conformance"))
+    walked = (out / "walks.csv").exists()
+    result = EnginesResult(
+        read_rows(out / "conformance.csv", FigureRow),
+        read_rows(out / "pace.csv", PaceRow),
+        read_rows(out / "walks.csv", WalkRow) if walked else [],
+        read_rows(out / "episodes.csv", EpisodeRow) if walked else [],
+        out / "motions.png",
+        before["missing"],
+    )
+    return report(result, {"robot": EnginesOptions.robot} | before)
 
 
 STUDY = Study(

@@ -25,6 +25,11 @@ SENTENCES = {
 """What the paper says, in its order."""
 
 
+def words(number: str) -> str:
+    """Return a field of `GaitRow` in words."""
+    return number.replace("_", " ")
+
+
 def gait_claim(
     id: str, number: str, threshold: float, gait: str, without: str, prevented_by: str | None = None
 ) -> Claim[Sequence[GaitRow]]:
@@ -34,7 +39,7 @@ def gait_claim(
     gait: that gait in words. without: variant that should show the gait. prevented_by: variant that should not; None
     where the sentence is about the first alone.
     """
-    criterion = f"{number} at least {threshold:g} ({gait}) with {VARIANTS[without]}"
+    criterion = f"{words(number)} at least {threshold:g} ({gait}) with {VARIANTS[without]}"
 
     def judge(rows: Sequence[GaitRow]) -> Finding:
         shown = within(*_measured(rows, without, number), threshold, np.inf)
@@ -87,4 +92,4 @@ def _measured(rows: Sequence[GaitRow], variant: str, number: str) -> Labelled:
     seeds = seed_means(rows, variant, number)
     stood = sorted({row.seed for row in rows if row.variant == variant} - set(seeds))
     still = f", standing still: seed {', '.join(map(str, stood))}," if stood else ""
-    return f"{number} with {VARIANTS[variant]}{still}", Measurement(seeds)
+    return f"{words(number)} with {VARIANTS[variant]}{still}", Measurement(seeds)

@@ -7,9 +7,10 @@ contact group stands while the other is lifted; in *three-legged hopping* one co
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -38,6 +39,9 @@ PRONK = 0.5
 
 HOP = 0.5
 """A gait is a hop where one-sidedness is at least this: one group's feet are down three times as often [-]."""
+
+NO_GAIT = "none of these"
+"""What a walk is called that has no gait of a name."""
 
 TRIPOD = 0.5
 """A gait is a tripod where exactly one group is on the ground in at least this share of moving steps [-]."""
@@ -76,7 +80,7 @@ class Gait:
             return "hop on one group"
         if self.tripod_share is not None and self.tripod_share >= TRIPOD:
             return "tripod"
-        return "none of these"
+        return NO_GAIT
 
 
 def measure_gait(contact: np.ndarray, moving: np.ndarray, groups: np.ndarray, period: float) -> Gait:
@@ -272,8 +276,8 @@ def trained_variant(command: str) -> str:
     return (BOTH if unsync else NO_UNSYNC) if trot else (NO_TROT if unsync else NEITHER)
 
 
-def trained_alike(bundles: Sequence[Bundle]) -> bool:
-    """Return whether policies have the same robot, ground and friction in training, by their contracts."""
+def trained_alike(policies: Sequence[Mapping[str, Any]]) -> bool:
+    """Return whether policies have the same robot, ground and friction in training, by what contracts say of them."""
     names = (
         "robot",
         "terrain",
@@ -284,8 +288,7 @@ def trained_alike(bundles: Sequence[Bundle]) -> bool:
         "joints_file",
         "actuator",
     )
-    first = bundles[0].contract
-    return all(getattr(bundle.contract, name) == getattr(first, name) for bundle in bundles for name in names)
+    return all(policy.get(name) == policies[0].get(name) for policy in policies for name in names)
 
 
 @dataclass(frozen=True)

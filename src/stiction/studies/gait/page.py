@@ -13,10 +13,21 @@ from markupsafe import Markup
 
 from stiction.evaluate.metrics import MOVING_SPEED
 from stiction.formats.tables import publish_npz
-from stiction.report.page import COLORS, Section, figure_uri, new_figure, paragraph, picture, row_table, table
+from stiction.report.page import (
+    COLORS,
+    Section,
+    figure_uri,
+    file_uri,
+    new_figure,
+    paragraph,
+    picture,
+    row_table,
+    table,
+)
 from stiction.studies.claims import Verdict
 from stiction.studies.gait.measure import (
     HOP,
+    NO_GAIT,
     PRONK,
     SHORTEST,
     SIMULTANEOUS,
@@ -32,6 +43,9 @@ from stiction.studies.study import Report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+NAMED = {NO_GAIT: "no clear gait"}
+"""What the lead calls a gait that has no name."""
 
 SHOWN = 3.0
 """How much of a walk the diagram shows [s]."""
@@ -67,10 +81,21 @@ DEFINITIONS = (
 """What the columns mean."""
 
 
-def report(walked: Sequence[Walked], claims: Sequence[Verdict], settings: dict[str, Any]) -> Report:
-    """Return the report of the study. settings: `evaluation`, `seconds`, and `policies` with their variants."""
-    gaits, feet = [one.row for one in walked], [foot for one in walked for foot in one.feet]
-    figure, answer = draw_gaits(walked), lead(gaits)
+def report(
+    gaits: Sequence[GaitRow],
+    feet: Sequence[FootRow],
+    claims: Sequence[Verdict],
+    settings: dict[str, Any],
+    walked: Sequence[Walked] = (),
+    drawn: Path | None = None,
+) -> Report:
+    """Return the report of the study.
+
+    settings: `evaluation`, `seconds`, and `policies` with their variants. walked: what is drawn, or drawn: the file of
+    a diagram of before, where contacts were not kept.
+    """
+    figure, answer = draw_gaits(walked) if walked else None, lead(gaits)
+    diagram = figure_uri(figure) if figure is not None else file_uri(drawn) if drawn is not None else ""
 
     def write_contacts(out: Path) -> None:
         arrays = {f"{one.row.policy} {one.row.command}": one.contact for one in walked}
@@ -78,23 +103,23 @@ def report(walked: Sequence[Walked], claims: Sequence[Verdict], settings: dict[s
 
     caption = (
         f"Which feet are on the ground, {SHOWN:g} s of the first episode of each policy and command, from the end of "
-        "the settling time on. Blue: contact group 0 (FL, MR, RL of a hexapod), orange: group 1."
+        "the settling time on. Blue: the first contact group (FL, MR, RL of a hexapod), orange: the second."
     )
     return Report(
-        title="Gait",
+        title="Which of the two gait rewards makes the tripod?",
         lead=answer,
         tables={"gaits": gaits, "feet": feet},
         claims=claims,
         judged=JUDGED,
         sections=(
-            Section("Gait diagram", (picture(figure_uri(figure), caption),)),
-            Section("Shares", (row_table(gaits), table(["column", "meaning"], DEFINITIONS))),
+            Section("Gait diagram", (picture(diagram, caption),) if diagram else ()),
+            Section("Shares", (row_table(gaits, grouped=True), table(["column", "meaning"], DEFINITIONS))),
             Section("Feet", (feet_table(feet),)),
         ),
         run=run_blocks(settings),
         summary=settings | {"lead": answer, "gaits": list(map(asdict, gaits)), "feet": list(map(asdict, feet))},
-        figures={"gait": figure},
-        files=write_contacts,
+        figures={} if figure is None else {"gait": figure},
+        files=write_contacts if walked else None,
     )
 
 
@@ -122,13 +147,14 @@ def bars(contact: np.ndarray, period: float) -> list[tuple[float, float]]:
 
 
 def lead(rows: Sequence[GaitRow]) -> str:
-    """Return the gaits of each variant's policies and commands, counted."""
-    counts = {variant: Counter(row.gait for row in rows if row.variant == variant) for variant in VARIANTS}
-    return " ".join(
-        f"Trained with {VARIANTS[variant]}: {', '.join(f'{number} {gait}' for gait, number in found.items())}."
-        for variant, found in counts.items()
-        if found
-    )
+    """Return which gait the policies of each variant have, as a sentence."""
+    said = []
+    for variant, trained in VARIANTS.items():
+        own = [row for row in rows if row.variant == variant]
+        counts = Counter(row.gait for row in own).most_common()
+        walks = " and ".join(f"{NAMED.get(gait, gait)} in {number} of {len(own)} walks" for gait, number in counts)
+        said += [f"with {trained}: {walks}"] if own else []
+    return f"Trained {'; '.join(said)}."
 
 
 JUDGED = (
@@ -148,7 +174,7 @@ def feet_table(rows: Sequence[FootRow]) -> Markup:
         cells.setdefault((row.policy, row.command), {})[row.foot] = text
     lines = [[policy, command, *(feet.get(name, "") for name in names)] for (policy, command), feet in cells.items()]
     caption = "Duty factor (share of moving steps on the ground), and touch-downs per second of moving."
-    return table(["policy", "command", *(f"{name} [%, Hz]" for name in names)], lines, caption)
+    return table(["policy", "command", *(f"{name} [%, Hz]" for name in names)], lines, caption, grouped=True)
 
 
 def run_blocks(settings: dict[str, Any]) -> tuple[Markup, ...]:

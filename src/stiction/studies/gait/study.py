@@ -9,8 +9,8 @@ from typing import Annotated, Literal
 import tyro
 
 from stiction.core.errors import ConfigurationError
-from stiction.core.records import part_of
-from stiction.studies.study import Options, Report, Study, UsageError, Work
+from stiction.core.records import part_of, read_rows
+from stiction.studies.study import RedrawnOptions, Report, Study, UsageError, Work, recorded
 
 DESCRIPTION = (
     "Drive policies over commands and show which feet are on the ground when: gait diagram, shares of each contact "
@@ -22,7 +22,7 @@ DESCRIPTION = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class GaitOptions(Options):
+class GaitOptions(RedrawnOptions):
     """Options of `stiction study gait`."""
 
     policies: Annotated[tuple[Path, ...], tyro.conf.Positional]
@@ -46,7 +46,9 @@ class GaitOptions(Options):
 
 
 def run(options: GaitOptions, work: Work) -> Report:
-    """Check and drive the policies, judge what they do."""
+    """Check and drive the policies, judge what they do; or judge what a folder has."""
+    if options.judge_again:
+        return redrawn(options.out, work)
     if not options.policies:
         raise UsageError("no bundle given")
     if options.variants and len(options.variants) != len(options.policies):
@@ -73,13 +75,26 @@ def run(options: GaitOptions, work: Work) -> Report:
         progress = partial(work.progress, bundle.name)
         walked += walk_gaits(bundle, variant, cfg, options.robot, work.threads, progress)
     gaits = [one.row for one in walked]
+    alike = trained_alike([describe(bundle) | {"terrain": bundle.contract.terrain} for bundle in bundles])
     named = zip(bundles, variants, strict=True)
     settings = {
         "evaluation": asdict(cfg),
         "seconds": work.seconds,
         "policies": {bundle.name: describe(bundle) | {"variant": variant} for bundle, variant in named},
     }
-    return report(walked, judge(gaits, trained_alike(bundles)), settings)
+    return report(gaits, [foot for one in walked for foot in one.feet], judge(gaits, alike), settings, walked)
+
+
+def redrawn(out: Path, work: Work) -> Report:
+    """Return the report of the walks that a folder has, with the gait diagram that was drawn of them."""
+    from stiction.studies.gait.claims import judge
+    from stiction.studies.gait.measure import FootRow, GaitRow, trained_alike
+    from stiction.studies.gait.page import report
+
+    before = recorded(out, work, ("policies", "evaluation", "gaits"))
+    gaits, feet = read_rows(out / "gaits.csv", GaitRow), read_rows(out / "feet.csv", FootRow)
+    alike = trained_alike(list(before["policies"].values()))
+    return report(gaits, feet, judge(gaits, alike), before, drawn=out / "gait.png")
 
 
 def _exported(path: Path, out: Path) -> Path:

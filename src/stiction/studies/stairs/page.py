@@ -36,15 +36,20 @@ def report(rows: Sequence[Climb], settings: dict[str, Any]) -> Report:
     """Return the report of the study. settings: `settings` and `policies`."""
     figure, found = draw_stairs(rows), answers(rows)
     ends = [wilson(row.successes, row.trials) for row in rows]
-    lines = [[*records.texts(row), f"{low:.0%} to {high:.0%}"] for row, (low, high) in zip(rows, ends, strict=True)]
-    caption = f"Share of trials that succeed, with Wilson's 95 % interval; the line is {ENOUGH:.0%}."
+    lines = [
+        [*records.texts(row), f"{100 * low:.0f} to {100 * high:.0f}"]
+        for row, (low, high) in zip(rows, ends, strict=True)
+    ]
+    header = (*records.header(Climb), "95 % of succeed [% of trials]")
+    counted = f"dashed: the {100 * ENOUGH:g} % that count as climbed"
+    caption = f"Share of trials that succeed, with Wilson's 95 % interval; {counted}."
     return Report(
-        title="Stairs",
+        title="Stairs, climbed blind",
         lead="\n".join(found),
         tables={"stairs": rows},
         sections=(
             Section("Success over step height", (picture(figure_uri(figure), caption),)),
-            Section("Every height", (table((*records.header(Climb), "95 % of succeed [% of trials]"), lines),)),
+            Section("Every height", (table(header, lines, grouped=True),)),
         ),
         run=(paragraph(WHAT),),
         summary=settings | {"rows": list(map(asdict, rows))},
@@ -62,17 +67,26 @@ WHAT = (
 
 
 def answers(rows: Sequence[Climb]) -> list[str]:
-    """Return the greatest height that enough trials climb, a line for each policy and level."""
-    lines = []
-    for name, mine in _by_policy(rows).items():
-        best = highest_climbed(mine)
-        if best is None:
-            lines.append(f"{name} climbs none of the tested heights in {ENOUGH:.0%} of the trials.")
-            continue
-        low, high = wilson(best.successes, best.trials)
-        share = f"{best.successes} of {best.trials} trials, {low:.0%} to {high:.0%}"
-        lines.append(f"{name} climbs {100 * best.step_height:g} cm: {share}.")
-    return lines
+    """Return the greatest height that enough trials climb, a sentence for each policy."""
+    found: dict[str, list[str]] = {}
+    for mine in _by_policy(rows).values():
+        found.setdefault(mine[0].policy, []).append(f"{_height(mine)} {_friction(mine[0].friction_level)}")
+    return [f"{policy} climbs {', and '.join(heights)}." for policy, heights in found.items()]
+
+
+def _height(rows: Sequence[Climb]) -> str:
+    """Return the greatest height that one policy climbs at one level, and in how many trials, in words."""
+    best = highest_climbed(rows)
+    if best is None:
+        return "none of the tested steps"
+    low, high = wilson(best.successes, best.trials)
+    share = f"{best.successes} of {best.trials} trials, 95 % interval {100 * low:.0f} to {100 * high:.0f} %"
+    return f"steps of {100 * best.step_height:g} cm ({share})"
+
+
+def _friction(level: float) -> str:
+    """Return friction as the end of a sentence."""
+    return f"with {100 * level:g} % joint friction" if level else "without joint friction"
 
 
 def draw_stairs(rows: Sequence[Climb]) -> Figure:
@@ -96,5 +110,5 @@ def _by_policy(rows: Sequence[Climb]) -> dict[str, list[Climb]]:
     """Return the rows of each policy and level by its name, from low steps to high."""
     found: dict[str, list[Climb]] = {}
     for row in rows:
-        found.setdefault(f"{row.policy} at {100 * row.friction_level:g} % friction", []).append(row)
+        found.setdefault(f"{row.policy} {_friction(row.friction_level)}", []).append(row)
     return {name: sorted(mine, key=lambda row: row.step_height) for name, mine in found.items()}

@@ -9,8 +9,9 @@ from typing import Annotated
 
 import tyro
 
+from stiction.core.records import read_rows
 from stiction.studies.stairs.config import ClimbCfg
-from stiction.studies.study import Options, Report, Study, Work
+from stiction.studies.study import RedrawnOptions, Report, Study, UsageError, Work, recorded
 
 DESCRIPTION = """Drive policy bundles over stairs: up, a landing, down, height by height, at levels of joint friction.
 
@@ -19,7 +20,7 @@ Example:
 
 
 @dataclass(frozen=True, kw_only=True)
-class StairsOptions(Options):
+class StairsOptions(RedrawnOptions):
     """Options of `stiction study stairs`."""
 
     bundles: Annotated[tuple[Path, ...], tyro.conf.Positional]
@@ -33,9 +34,14 @@ class StairsOptions(Options):
 def run(options: StairsOptions, work: Work) -> Report:
     """Drive the bundles over every height at every level."""
     from stiction.evaluate.summary import describe
-    from stiction.studies.stairs.climb import climb
+    from stiction.studies.stairs.climb import Climb, climb
     from stiction.studies.stairs.page import report
 
+    if options.judge_again:
+        found = recorded(options.out, work, ("settings", "policies"))
+        return report(read_rows(options.out / "stairs.csv", Climb), found)
+    if not options.bundles:
+        raise UsageError("no bundle given")
     bundles, rows = work.bundles(options.bundles), []
     work.begin()
     for bundle in bundles:

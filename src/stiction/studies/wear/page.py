@@ -26,6 +26,7 @@ from stiction.report.page import (
 )
 from stiction.studies.study import Report
 from stiction.studies.wear.lifetimes import NEVER, SIGNALS, Lifetime, Reading, Window, factor_text
+from stiction.virtual.cases import BENCH
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -116,14 +117,14 @@ def report(
     joints = ", ".join(settings["settings"]["wear"]["joints"]) or "all joints"
     over_seeds = Section("Training methods, over their seeds", (method_table(methods), paragraph(METHODS)))
     return Report(
-        title="Wear",
-        lead="\n".join(lines),
+        title="How long does a policy follow while friction grows?",
+        lead=lines[0],
         tables={"lives": lifetimes, "windows": windows, "readings": readings},
         sections=(
             Section("Speed while friction grows", (picture(figure_uri(ratios), SPEED),)),
             Section("Every policy", (group_table(groups), paragraph(ENDS))),
             *([over_seeds] if methods else []),
-            Section("Every robot", (row_table(worn),)),
+            Section("Every robot", (row_table(worn, grouped=True),)),
             Section("Does the monitor notice?", (shown, paragraph(MONITOR))),
             Section("Where nothing grew", control_blocks(groups)),
         ),
@@ -191,20 +192,33 @@ def lead(groups: Sequence[dict[str, Any]], wear: dict[str, Any]) -> str:
     """Return in one sentence from and up to which wear each policy follows. wear: `start` and `end` of its growth."""
     lives: dict[str, list[str]] = {}
     for one in groups:
-        lives.setdefault(one["friction_level"], []).append(f"{one['policy']} {_life(one, wear['end'])}")
-    said = "; ".join(f"of level {level}, {'; '.join(own)}" for level, own in lives.items())
-    return f"While friction grows from x{wear['start']:g} to x{wear['end']:g} {said}."
+        lives.setdefault(one["friction_level"], []).append(f"{one['policy']} {_life(one)}")
+    said = [
+        f"While dry friction grows from {friction_of(level, wear['start'])} to {friction_of(level, wear['end'])} "
+        f"of {level if level == BENCH else 'the torque limit'}, {'; '.join(own)}."
+        for level, own in lives.items()
+    ]
+    return " ".join(said)
 
 
-def _life(group: dict[str, Any], end: float) -> str:
-    """Return from and up to which wear the robots of one policy and level follow. end: the greatest wear."""
+def friction_of(level: str, factor: float | None) -> str:
+    """Return the friction of worn joints of a level in words: of the torque limit, or the factor on a bench's."""
+    try:
+        return "–" if factor is None else f"{100 * float(level) * factor:.3g} %"
+    except ValueError:
+        return factor_text(factor)
+
+
+def _life(group: dict[str, Any]) -> str:
+    """Return from and up to which wear the robots of one policy and level follow."""
     if all(what.endswith(NEVER) for what in group["ends"]):
         return "never follows"
     later = group["begin"] is not None and not group["first"].get("follows")
-    begin = f"from {factor_text(group['begin'])} on, " if later else ""
+    level = group["friction_level"]
+    begin = f"from {friction_of(level, group['begin'])} on, " if later else ""
     if group["mean"] is not None:
-        return f"follows {begin}up to {factor_text(group['mean'])}"
-    return f"follows {begin}to the end at x{end:g} on {group['ends'].get('alive', 0)} of {group['robots']} robots"
+        return f"follows {begin}up to {friction_of(level, group['mean'])}"
+    return f"follows {begin}to the end on {group['ends'].get('alive', 0)} of {group['robots']} robots"
 
 
 def answers(groups: Sequence[dict[str, Any]], methods: Sequence[dict[str, Any]] = ()) -> list[str]:
@@ -248,7 +262,9 @@ def group_table(groups: Sequence[dict[str, Any]]) -> Markup:
         held = "–" if one["held"] is None else f"{one['held']:.0%}"
         named = [one["policy"], one["friction_level"], str(one["robots"])]
         rows.append([*named, _counts(one["first"]), factor_text(one["begin"]), *ends, *noticed, held])
-    return table((*header, "unusual reading", "growth detected", "95 % intervals hold [% of readings]"), rows)
+    return table(
+        (*header, "unusual reading", "growth detected", "95 % intervals hold [% of readings]"), rows, grouped=True
+    )
 
 
 def method_table(methods: Sequence[dict[str, Any]]) -> Markup:

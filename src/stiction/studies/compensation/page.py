@@ -1,0 +1,99 @@
+"""The page on friction fed forward: in which way, and with which share, a policy follows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from stiction.core.records import from_plain
+from stiction.formats.following import DEFINITION
+from stiction.formats.results import ResultRow
+from stiction.joints.compensation import parse_compensation
+from stiction.report.page import Section, fold, paragraph, row_table, table
+from stiction.studies.compensation.standing import Standing
+from stiction.studies.compensation.walking import Followed, followed
+from stiction.studies.study import Report
+
+WAYS = {
+    "error": "by the position error",
+    "reference": "by the target's speed",
+    "measured": "by the measured speed",
+    "measured-motor": "by the speed that the motor measures",
+}
+"""A way to feed friction forward, in words."""
+
+AS_IS = "nothing fed forward"
+
+
+def report(
+    walks: Sequence[Mapping[str, Any]], stood: Sequence[Standing], summary: Mapping[str, Any], warnings: Sequence[str]
+) -> Report:
+    """Return the tables and the page. walks: rows of results.csv; summary: what summary.json has beside the rows."""
+    rows = [from_plain(ResultRow, dict(row), "a walk of before") for row in walks]
+    who = followed(rows)
+    note = f"Speed reached over commanded, forward / backward; * it follows. {DEFINITION}"
+    sections = [
+        Section("Who follows", (level_table(who), paragraph(note))),
+        Section("Every pair of a policy and a friction", (fold("Every row", [row_table(who, grouped=True)]),)),
+    ]
+    if stood:
+        sections.append(Section("Standing still on a virtual robot", (row_table(stood),)))
+    return Report(
+        title="Is it enough to feed friction forward in the motors?",
+        lead="\n".join(lead(who)),
+        tables={"walks": rows, "following": who, "standing": stood},
+        sections=sections,
+        summary=summary,
+        warnings=warnings,
+    )
+
+
+def way_of(policy: str) -> tuple[str, str]:
+    """Return the bundle's name, and in words how friction was fed forward. policy: `NAME+measured=0.7`."""
+    name, plus, label = policy.partition("+")
+    if not plus:
+        return name, AS_IS
+    how = parse_compensation(label.replace("forward", "error"))
+    return name, f"{WAYS[how.by]}, share {how.share:g}"
+
+
+def follows(row: Followed) -> bool:
+    """Return whether a policy follows both ways, and nobody falls."""
+    return row.follows == "follows" and not row.fall_rate
+
+
+def level_table(rows: Sequence[Followed]) -> Any:
+    """Return the speeds of each policy and way, a column for each friction."""
+    levels = sorted({row.friction_level for row in rows})
+    cells: dict[tuple[str, str], dict[float, str]] = {}
+    for row in rows:
+        text = f"{row.forward:.2f} / {row.backward:.2f}{' *' if follows(row) else ''}"
+        cells.setdefault(way_of(row.policy), {})[row.friction_level] = text
+    lines = [[*way, *(found.get(level, "–") for level in levels)] for way, found in cells.items()]
+    header = ["policy", "friction fed forward", *(f"{100 * level:g} % friction [1]" for level in levels)]
+    return table(header, lines, grouped=True)
+
+
+def lead(rows: Sequence[Followed]) -> list[str]:
+    """Return at which frictions each policy follows, as it is and with the ways of most frictions."""
+    lines = []
+    for name in dict.fromkeys(way_of(row.policy)[0] for row in rows):
+        found: dict[str, list[str]] = {}
+        for row in rows:
+            if way_of(row.policy)[0] == name:
+                reached = found.setdefault(way_of(row.policy)[1], [])
+                reached += [f"{100 * row.friction_level:g} %"] if follows(row) else []
+        own, fed = found.pop(AS_IS, None), found
+        said = [] if own is None else [f"{name} follows {_where(own)} as it is"]
+        if fed:
+            most = max(map(len, fed.values()))
+            best = [way for way, reached in fed.items() if len(reached) == most]
+            shown = f"{'; '.join(best[:3])}{f' and {len(best) - 3} more ways' if best[3:] else ''}"
+            said.append(f"with friction fed forward at best {_where(fed[best[0]])} ({shown})")
+        lines.append(f"{', and '.join(said)}.")
+    return lines
+
+
+def _where(frictions: Sequence[str]) -> str:
+    """Return at which frictions something follows, in words."""
+    return f"at {', '.join(frictions)} friction" if frictions else "at no friction"
