@@ -19,7 +19,7 @@ from stiction.identify.back_emf import VISCOUS
 from stiction.identify.checks import coupled_text, unit_warnings
 from stiction.identify.consistency import LARGEST_SIGMAS, beyond_chance
 from stiction.identify.prepare import make_rows, prepare
-from stiction.identify.record import Evidence
+from stiction.identify.record import JointFits
 from stiction.identify.regression import FEWEST_ROWS, INVERSE_STRENGTH, fit_rows
 from stiction.identify.runs import Run, hanging
 
@@ -58,23 +58,23 @@ EXCITE = "`stiction excite` designs the motion"
 """Where a better log comes from."""
 
 
-def find_objections(evidence: Evidence, record: JointRecord, moving: Sequence[str] = ()) -> tuple[Objection, ...]:
+def find_objections(fits: JointFits, record: JointRecord, moving: Sequence[str] = ()) -> tuple[Objection, ...]:
     """Return what makes the fit invalid, the plainest first: units and flags, then the model, then the excitation.
 
     moving: other joints that moved in the log.
     """
-    run = evidence.run
+    run = fits.run
     found = [
         *_units(run, record),
         *_clipped(run),
-        *_controller(evidence),
+        *_controller(fits),
         *_hangs(run),
         *_weight(run, record),
-        *_coupled([*_position(record), *_negative(evidence), *_rest(record)], moving),
+        *_coupled([*_position(record), *_negative(fits), *_rest(record)], moving),
         *_estimators(record),
-        *_cutoff(evidence),
+        *_cutoff(fits),
     ]
-    friction = evidence.symmetric()["coulomb_friction"]
+    friction = fits.symmetric()["coulomb_friction"]
     shown = record.coulomb_friction or record.combinations.get("f/k") or friction
     return (*found, *no_friction_shown(shown, "N m" if record.axis == "rotary" else "N"))
 
@@ -121,17 +121,17 @@ def _units(run: Run, record: JointRecord) -> list[Objection]:
     return found
 
 
-def _controller(evidence: Evidence) -> list[Objection]:
+def _controller(fits: JointFits) -> list[Objection]:
     """Object to a logged torque that is another multiple of the position's error, or speed, than the gains say."""
-    scales = evidence.loop.scales
-    if scales is None or evidence.loop.mismatch is None:
+    scales = fits.loop.scales
+    if scales is None or fits.loop.mismatch is None:
         return []
     spring, damper = scales
     if _gap(spring) <= LARGEST_SCALE and _gap(damper) <= LARGEST_DAMPING_SCALE:
         return []
     seen = (
         f"the logged torque is {spring:.3g} times kp (target − position) less {damper:.3g} times kd velocity, and is "
-        f"off by {evidence.loop.mismatch:.0%}: torque, angles or stamps are in another unit, belong to another joint, "
+        f"off by {fits.loop.mismatch:.0%}: torque, angles or stamps are in another unit, belong to another joint, "
         "or the gains are not as declared"
     )
     degrees = abs(spring * 180 / np.pi - 1) < SERIOUS and abs(damper * 180 / np.pi - 1) < SERIOUS
@@ -213,19 +213,19 @@ def follows_position(follows: dict[str, Any] | None, least: float) -> str | None
     return worst if worst is not None and abs(changes[worst]) > least else None
 
 
-def _negative(evidence: Evidence) -> list[Objection]:
+def _negative(fits: JointFits) -> list[Objection]:
     """Object to friction that would drive the joint, where no other law is in its place."""
-    if evidence.chosen is not evidence.base:
+    if fits.chosen is not fits.base:
         return []
     for name in ("coulomb_friction", "viscous_friction"):
-        low, high = _with_brake(evidence, name).interval95
+        low, high = _with_brake(fits, name).interval95
         if high < 0:
             cause = (
                 "check --kt, --ke, --resistance and the supply's voltage: more was taken off for the motor's own brake "
                 "than there is"
-                if evidence.braking is not None and name == VISCOUS
+                if fits.braking is not None and name == VISCOUS
                 else "check that the log was made at these gains (--kp, --kd) and this rate"
-                if not evidence.run.measured
+                if not fits.run.measured
                 else "check --torque-scale and the columns; log this joint alone, in the air, with --gravity if a link "
                 "hangs on it"
             )
@@ -240,10 +240,10 @@ def _negative(evidence: Evidence) -> list[Objection]:
     return []
 
 
-def _with_brake(evidence: Evidence, name: str) -> Estimate:
+def _with_brake(fits: JointFits, name: str) -> Estimate:
     """Return an estimate whose interval admits what is not known of a motor's brake."""
-    found = evidence.symmetric()[name]
-    return found if evidence.braking is None else evidence.braking.widened(name, found)
+    found = fits.symmetric()[name]
+    return found if fits.braking is None else fits.braking.widened(name, found)
 
 
 def _weight(run: Run, record: JointRecord) -> list[Objection]:
@@ -302,12 +302,12 @@ def _rest(record: JointRecord) -> list[Objection]:
     ]
 
 
-def _cutoff(evidence: Evidence) -> list[Objection]:
+def _cutoff(fits: JointFits) -> list[Objection]:
     """Object where a filter of half the corner finds another friction: then the filter decides, and not the joint.
 
     In the records of results/identification it moves dry friction by 0.1 to 2.7 %.
     """
-    run, base = evidence.run, evidence.base
+    run, base = fits.run, fits.base
     if not run.measured or base.rows is not run.rows or INVERSE_STRENGTH in base.names:
         return []
     other = prepare(run.signals, run.torque, run.prepared.cutoff / 2)
