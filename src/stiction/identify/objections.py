@@ -24,9 +24,8 @@ from stiction.identify.regression import FEWEST_ROWS, INVERSE_STRENGTH, fit_rows
 from stiction.identify.runs import Run, hanging
 
 LARGEST_REST = 0.3
-"""Share of the torque that may go unexplained, |residual| / |torque|. With right flags the measured joints of
-results/identification leave 2 to 6 %, by the law that was chosen; beyond 30 % what is missing is as large as dry
-friction usually is, and takes any share of it."""
+"""Share of the torque that may go unexplained, |residual| / |torque|: several times what the measured joints of
+results/identification leave with right flags. Beyond it what is missing is as large as dry friction usually is."""
 
 SERIOUS = 0.1
 """Relative change of a parameter, by another reading of the same log, from which on there is no answer. Less is lost in
@@ -34,11 +33,11 @@ a level, rounded up to a whole per cent and doubled where the joint was not load
 
 LARGEST_SCALE = SERIOUS
 """Relative gap, either way, between kp (target − position) and the logged torque, lateness apart, beyond which one of
-the two is wrong. Of two virtual robots with delays and biases, with and without friction, it was at most 6 %."""
+the two is wrong: above what delays and biases of virtual robots make of right gains."""
 
 LARGEST_DAMPING_SCALE = 0.3
-"""The same of kd velocity, whose noise, filter and backlash make it vaguer: there up to 12 %. A torque in another unit
-shows in both, and dry friction that was found from measured torque does not depend on kd."""
+"""The same of kd velocity, whose noise, filter and backlash make it vaguer. A torque in another unit shows in both,
+and dry friction that was found from measured torque does not depend on kd."""
 
 LARGEST_EXCESS = 1.05
 """Logged torque over torque limit that noise of the current sensor still explains."""
@@ -303,10 +302,7 @@ def _rest(record: JointRecord) -> list[Objection]:
 
 
 def _cutoff(fits: JointFits) -> list[Objection]:
-    """Object where a filter of half the corner finds another friction: then the filter decides, and not the joint.
-
-    In the records of results/identification it moves dry friction by 0.1 to 2.7 %.
-    """
+    """Object where a filter of half the corner finds another friction: then the filter decides, not the joint."""
     run, base = fits.run, fits.base
     if not run.measured or base.rows is not run.rows or INVERSE_STRENGTH in base.names:
         return []
