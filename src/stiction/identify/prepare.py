@@ -130,7 +130,7 @@ def low_pass(values: np.ndarray, cutoff: float, step: float) -> np.ndarray:
 
 @lru_cache(maxsize=256)
 def _butterworth(corner: float) -> np.ndarray:
-    """Return the filter's sections for a corner over half the sampling rate, kept: to design them takes long."""
+    """Return the filter's sections for a corner over half the sampling rate, cached: designing them is slow."""
     return butter(ORDER, corner, output="sos")
 
 
@@ -190,7 +190,7 @@ def _clear_samples(
 
 
 def _decimation(cutoff: float, step: float) -> int:
-    """Return of how many samples one is kept: twice the corner [Hz] is sampled; step [s]."""
+    """Return the factor of decimation, to about twice the corner [Hz]; step [s]."""
     return max(1, int(1 / (2 * cutoff * step)))
 
 

@@ -351,7 +351,7 @@ def sampling(run: Run) -> dict[str, Any]:
 
 
 def _diagnostics(fits: JointFits, strength: Strength) -> dict[str, Any]:
-    """Return the numbers behind the fit."""
+    """Return the diagnostics of a joint's record."""
     run, base, rows, loop = fits.run, fits.base, fits.rows, fits.loop
     alone = rows is run.rows
     return {

@@ -188,7 +188,7 @@ class ContextPPO(AdaptationPPO):
         return losses
 
     def save(self) -> dict:
-        """Return what a checkpoint holds: who is fed what, and the returns that decide it, too."""
+        """Return what a checkpoint holds, with the bootstrapping: what robots get, and the returns that decide it."""
         drawn = {"bootstrapped": self.bootstrapped, "probability": self.probability}
         return super().save() | {"bootstrapping": drawn | vars(self.returns)}
 

@@ -47,7 +47,7 @@ class PolicyProcess:
         _warm_up(self._policy, bundle)
 
     def rehearse(self) -> None:
-        """Compute once more what the last step saw, for nothing, shortly before the next one; see `Policy.rehearse`."""
+        """Repeat the last step and discard the result, to warm up the next one; see `Policy.rehearse`."""
         if self._running and self._seen is not None:
             self._policy.rehearse(*self._seen)
 
@@ -75,7 +75,7 @@ class PolicyProcess:
         return alive
 
     def _watch(self, step: PolicyStep) -> None:
-        """Look for wear, which nobody waits for: an estimate goes out with the next answer."""
+        """Estimate wear between two steps: the estimate goes out with the next answer."""
         if self._wear is None or (found := self._wear.step(step.observation)) is None:
             return
         low, high = np.where(self._told, found.interval95, np.nan)

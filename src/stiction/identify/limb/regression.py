@@ -111,7 +111,7 @@ class LimbFit:
         return found
 
     def inflation(self, rows: JointRows) -> dict[str, float]:
-        """Return how many times longer each of a joint's own columns is than what its other own ones leave of it.
+        """Return the norm of each of a joint's own columns over that of its part orthogonal to its other own ones.
 
         Errors of the links, which a prior bounds, cannot hide a parameter: its interval admits them.
         """
