@@ -70,9 +70,9 @@ class Prepared:
         """How many samples of how many are left, and where the others went."""
         slow = int(np.count_nonzero(np.abs(self.velocity) < self.threshold))
         turns = int(np.count_nonzero(np.diff(np.sign(self.velocity))))
-        kept = len(range(0, len(self.velocity), _decimation(self.cutoff, self.step)))
+        independent = len(range(0, len(self.velocity), _decimation(self.cutoff, self.step)))
         parts = [
-            f"of {len(self.velocity)} in the log {kept} are independent below the filter's corner of "
+            f"of {len(self.velocity)} in the log {independent} are independent below the filter's corner of "
             f"{self.cutoff:.3g} Hz"
         ]
         parts.append(f"{slow / len(self.velocity):.0%} are slower than {self.threshold:.3g}")

@@ -236,9 +236,9 @@ class _Loop:
             self._ran_since = now
         fault = self._injected.due(now - self._ran_since, self._policy) if running else 0
         sensors = {name: getattr(state.sensors, name) for name in SENSORS}
-        told = {"velocity": self._supervisor.velocity, "robot_time": state.time, "fault": float(fault)}
+        inputs = {"velocity": self._supervisor.velocity, "robot_time": state.time, "fault": float(fault)}
         mode = RUNNING if running else IDLE
-        if not self._channel.send(now, sensors | told | {"mode": mode}):
+        if not self._channel.send(now, sensors | inputs | {"mode": mode}):
             self._emit(self._supervisor.policy_failed("policy gone", self._last_words(), time.monotonic()), None)
 
     def _answered(self) -> None:
