@@ -11,7 +11,7 @@ from stiction.core.errors import StictionError
 from stiction.formats.advice import TRAINING, TRANSFER, FrictionEffect, Source
 from stiction.formats.joints import Estimate, JointRecord, Objection
 from stiction.identify.advice import shipped
-from stiction.identify.verdict import Thresholds, Verdict, is_leg, judge
+from stiction.identify.verdict import Thresholds, TrainingNeed, is_leg, judge
 
 FRICTION = Estimate(1.0, 0.1, (0.8, 1.2))
 
@@ -28,7 +28,7 @@ def verdict(
     condition: str | None,
     axis: str = "rotary",
     sources: dict[str, Source] | None = None,
-) -> Verdict:
+) -> TrainingNeed:
     """Judge a joint of which only this is known."""
     record = JointRecord(
         coulomb_friction=coulomb, friction_ratio=ratio, dead_band=dead_band, test_condition=condition, axis=axis

@@ -11,10 +11,10 @@ import numpy as np
 from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.core.records import from_plain
 
-Kind = TypeVar("Kind")
+Options = TypeVar("Options")
 
 
-def options_of(kind: type[Kind], given: Mapping[str, Any], where: str) -> Kind:
+def options_of(kind: type[Options], given: Mapping[str, Any], where: str) -> Options:
     """Return a dataclass of options from keyword arguments.
 
     where: the function, for messages. Raises `ConfigurationError` for a name that is none, with the nearest, and for a

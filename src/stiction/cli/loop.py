@@ -186,8 +186,8 @@ def report_of(out: Path) -> dict[str, Any]:
     expected = "what deploy writes"
     report = read_object(file, expected)
     times = [report.get(name) for name in ("probe_ms", "lateness_ms")]
-    told = all(isinstance(found, dict) and is_number(found.get("p99")) for found in times)
-    if not told or not isinstance(report.get("stop", ""), dict | None):
+    timed = all(isinstance(found, dict) and is_number(found.get("p99")) for found in times)
+    if not timed or not isinstance(report.get("stop", ""), dict | None):
         raise FileError(f"{file}: no lateness or no reason of the end in it; expected {expected}")
     return report
 

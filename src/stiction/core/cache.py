@@ -34,7 +34,7 @@ def key_of(made_from: Any, *code: str) -> str:
 
 
 def entry_file(folder: Path, name: str, key: str, suffix: str) -> Path:
-    """Return the file of an entry: a readable `name`, and the begin of its key."""
+    """Return the file of an entry: a readable `name` and the first twelve digits of its key."""
     return folder / f"{name}-{key[:12]}{suffix}"
 
 

@@ -168,7 +168,7 @@ def code_digest() -> str:
 
 
 def _ray() -> Any:
-    """Return the package ray, told not to tell its maker who uses it."""
+    """Return the package ray, with its usage reports switched off."""
     os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
     import ray
 

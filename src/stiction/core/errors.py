@@ -37,7 +37,7 @@ class FileError(StictionError):
 
 
 class UnwrittenError(FileError):
-    """Raised for a file or folder that cannot be written: what was there is as it was."""
+    """Raised for a file or folder that cannot be written; what it held before is unchanged."""
 
 
 class LogError(FileError):

@@ -123,7 +123,7 @@ def _requirement(extra: str, origin: dict[str, Any] | None) -> tuple[str, str, s
 
 
 def missing_extra(error: ModuleNotFoundError, what: str) -> str | None:
-    """Return what to install for the package that is missing; None where no extra has it. what: that which needs it."""
+    """Return what to install for a missing package; None where no extra has it. what: the feature that needs it."""
     extra = extra_of((error.name or "").split(".")[0])
     if extra is None:
         return None

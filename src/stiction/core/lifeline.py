@@ -40,7 +40,7 @@ def follow_parent(ending: signal.Signals = signal.SIGKILL) -> None:
 
 
 def watch(read_end: int, ending: signal.Signals = signal.SIGKILL) -> None:
-    """Send this process a signal once nobody holds the other end of a pipe.
+    """Send this process a signal once the other end of a pipe is closed, by the last process that had it.
 
     read_end: its file descriptor, which stays open. A signal that can be handled comes once, from the pipe: the second
     one of a person who asks to stop does not wait.

@@ -45,7 +45,7 @@ def output_folder(out: Path, option: str = "--out") -> Iterator[None]:
 
 @contextmanager
 def replaced_folder(out: Path, option: str = "--out") -> Iterator[None]:
-    """Be the only one who replaces a folder as a whole: its lock lies beside it.
+    """Hold the lock beside a folder while the folder is replaced as a whole.
 
     Raises `StictionError` as `output_folder`.
     """
@@ -133,7 +133,7 @@ def _take(file: Path, folder: Path, option: str) -> int:
 
 
 def _who() -> str:
-    """Return what a lock says of this process."""
+    """Return the text by which a lock names this process."""
     program = Path(sys.argv[0])
     words = [program.parent.name if program.name == "__main__.py" else program.name, *sys.argv[1:]]
     since = datetime.now().astimezone().isoformat(timespec="seconds")

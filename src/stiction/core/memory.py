@@ -50,7 +50,7 @@ def claim(source: str, size: int, what: str, error: type[FileError]) -> None:
 
 
 def check_ratio(source: str, packed: int, inflated: int, error: type[FileError]) -> None:
-    """Raise `error` where so few bytes inflate to so many that nothing measured can be in them."""
+    """Raise `error` where data inflate by a factor that no measurement compresses by."""
     if inflated > max(HARMLESS, LARGEST_RATIO * packed):
         raise error(f"{source}: {packed} bytes would inflate to {inflated} or more; no log shrinks that far")
 

@@ -83,7 +83,7 @@ def refuse(program: str, what: str) -> NoReturn:
 
 
 def _parser(kind: type[Any], program: str, extra: dict[str, Any]) -> argparse.ArgumentParser:
-    """Return the options as argparse has them: the one form in which tyro tells others of them."""
+    """Return the options as an argparse parser, the only form in which tyro exposes them."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
         parser: Any = tyro.extras.get_parser(kind, prog=program, **extra)
@@ -91,7 +91,7 @@ def _parser(kind: type[Any], program: str, extra: dict[str, Any]) -> argparse.Ar
 
 
 def _repeated(kind: type[Any], arguments: Sequence[str], program: str, extra: dict[str, Any]) -> str | None:
-    """Return which option is given twice: one of the two would be ignored, and nobody would say which."""
+    """Return the option that is given twice, of which tyro would silently ignore one; None without any."""
     names = [word.partition("=")[0].replace("_", "-") for word in arguments if word.startswith("--")]
     own: Mapping[str, str] = {}
     if any("." in name for name in names):
@@ -143,7 +143,7 @@ def _wrong(parser: argparse.ArgumentParser, arguments: Sequence[str], said: str)
 
 
 def _plain(said: str) -> str:
-    """Return what an error of tyro says, without its title, its box and the hints behind it."""
+    """Return the message of an error of tyro, without its title, its box and the hints after it."""
     lines: list[str] = []
     for line in said.splitlines()[1:]:
         bare = line.strip().strip("│|").strip()
@@ -254,7 +254,7 @@ def _told(action: argparse.Action) -> tuple[str, str]:
 
 
 def _sentence(text: str) -> str:
-    """Return the first sentence of a text, or what stands before a semicolon that is in no brackets."""
+    """Return the first sentence of a text, up to a full stop or to a semicolon outside brackets."""
     whole = " ".join(text.split())
     first = re.split(r"(?<=[^.][.;])\s", whole, maxsplit=1)[0].rstrip(";")
     return first if first.count("[") == first.count("]") else re.split(r"(?<=[^.][.])\s", whole, maxsplit=1)[0]

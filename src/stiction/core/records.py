@@ -60,8 +60,8 @@ def markdown(titles: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in cells)
 
 
-def write_rows(path: Path, rows: Sequence[Any]) -> None:
-    """Write flat dataclass records of one kind, floats with nine digits.
+def write_rows(path: Path, rows: Sequence[Any], form: str = ".9g") -> None:
+    """Write flat dataclass records of one kind; form: of floats, as of `format`, empty for digits that read back.
 
     Raises `StictionError` where there is no row, or a number is not finite.
     """
@@ -71,15 +71,15 @@ def write_rows(path: Path, rows: Sequence[Any]) -> None:
     with publish(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(names)
-        writer.writerows([_cell(path, name, value) for name, value in asdict(row).items()] for row in rows)
+        writer.writerows([_cell(path, name, value, form) for name, value in asdict(row).items()] for row in rows)
 
 
-def _cell(path: Path, name: str, value: Any) -> str:
+def _cell(path: Path, name: str, value: Any, form: str) -> str:
     """Return one cell."""
     if isinstance(value, float):
         if not math.isfinite(value):
             raise FileError(f"{path.name}: {name} is {value}; expected a finite number")
-        return f"{value:.9g}"
+        return format(value, form)
     return "" if value is None else str(value)
 
 
@@ -90,33 +90,46 @@ def read_rows(path: Path, kind: type[Row]) -> list[Row]:
     `StictionError` where the file cannot be read, or has other records.
     """
     types = get_type_hints(kind)
-    names = list(types)
     try:
         with open_text(path) as file:
             lines = list(csv.reader(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise FileError(f"{path} cannot be read: {error}") from error
-    if not lines or lines[0] != names:
-        raise FileError(f"{path}: its first line must be {','.join(names)}; move it away, or give another --out")
-    try:
-        return [
-            kind(**{name: _value(cell, types[name]) for name, cell in zip(names, cells, strict=True)})
-            for cells in lines[1:]
-        ]
-    except ValueError as error:
-        raise FileError(f"{path}: {error}; move it away, or give another --out") from error
+    if not lines or lines[0] != list(types):
+        raise FileError(f"{path}: its first line must be {','.join(types)}; move it away, or give another --out")
+    found = []
+    for number, cells in enumerate(lines[1:], start=2):
+        if len(cells) != len(types):
+            raise FileError(f"{path}, line {number}: {len(cells)} cells; expected {len(types)}")
+        row = {}
+        for name, cell in zip(types, cells, strict=True):
+            try:
+                row[name] = _value(cell, types[name])
+            except ValueError as error:
+                raise FileError(
+                    f"{path}, line {number}: {name} is {cell!r}; {error}; move the file away, or give another --out"
+                ) from error
+        found.append(kind(**row))
+    return found
 
 
 def _value(cell: str, kind: Any) -> str | int | float | None:
-    """Return the value of a cell; raise `ValueError` where it is not of its kind."""
+    """Return the value of a cell; raise `ValueError`, with what was expected, where it is not of its kind."""
     kinds = get_args(kind) or (kind,)
     if cell == "" and type(None) in kinds:
         return None
     if bool in kinds:
         if cell not in ("True", "False"):
-            raise ValueError(f"{cell!r} is neither True nor False")
+            raise ValueError("expected True or False")
         return cell == "True"
-    return next(one for one in (int, float, str) if one in kinds)(cell)
+    one = next(one for one in (int, float, str) if one in kinds)
+    try:
+        value = one(cell)
+    except ValueError as error:
+        raise ValueError("expected a whole number" if one is int else "expected a number") from error
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ValueError("expected a finite number")
+    return value
 
 
 T = TypeVar("T")

@@ -17,10 +17,11 @@ from stiction.core.errors import BundleError
 from stiction.deploy.network_file import FLOAT, INT64, NetworkFile, Node
 
 MOST_ENTRIES = 2**20
-"""Numbers that one node may put out for one robot: the largest of our networks has some 800."""
+"""Numbers that one node may put out for one robot: far more than the shipped networks need."""
 
 MOST_WORK = 2**26
-"""Work of one step of one robot, in multiplications: some 20 ms of one core. Ours take 4e5."""
+"""Work of one step of one robot, in multiplications: far more than the shipped policies need, and still
+within a control period."""
 
 OVERHEAD = 5000
 """Work of a node beside its numbers: calling it takes as long as some thousands of multiplications."""
@@ -232,7 +233,7 @@ def _gemm(node: Node, inputs: Sequence[Value]) -> list[Value]:
 
 
 def _reshape(node: Node, inputs: Sequence[Value]) -> list[Value]:
-    """-1 stands for what is left, 0 for the size as it was."""
+    """Return the reshaped value: size -1 is what is left, 0 the input's own size on that axis."""
     value, sizes = inputs[0], _known(inputs[1])
     _floats(inputs[:1], 1, 1)
     if node.attributes.get("allowzero", 0) == 0:

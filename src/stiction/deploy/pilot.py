@@ -67,7 +67,7 @@ class Port(Protocol):
 
 
 class DrivingPolicy(Protocol):
-    """What a pilot drives one robot with: `Policy`, or what computes the same in another way."""
+    """The policy interface of a pilot: `Policy`, or another implementation of the same computation."""
 
     @property
     def contract(self) -> Contract:

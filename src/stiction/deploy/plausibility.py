@@ -401,12 +401,12 @@ class _Good:
 
     def _add(self, before: _Good, elapsed: float) -> None:
         """Add up rates and velocities over the time since the reading before [s]; what is older is forgotten slowly."""
-        kept = max(0.0, 1.0 - elapsed / ATTITUDE_TIME)
-        a, b, c = (u + kept * (t - u) for u, t in zip(before.up, before.turned, strict=True))
+        remaining = max(0.0, 1.0 - elapsed / ATTITUDE_TIME)
+        a, b, c = (u + remaining * (t - u) for u, t in zip(before.up, before.turned, strict=True))
         p, q, r = (0.5 * elapsed * (old + new) for old, new in zip(before.rate, self.rate, strict=True))
         self.turned = [a + b * r - c * q, b + c * p - a * r, c + a * q - b * p]
-        kept = max(0.0, 1.0 - elapsed / ANGLE_TIME)
-        self.moved = before.position + kept * (before.moved - before.position)
+        remaining = max(0.0, 1.0 - elapsed / ANGLE_TIME)
+        self.moved = before.position + remaining * (before.moved - before.position)
         self.moved += 0.5 * elapsed * (before.velocity + self.velocity)
 
 
@@ -420,7 +420,6 @@ def compare_drive(
     kp: np.ndarray | None = None,
     kd: np.ndarray | None = None,
     torque_limit: np.ndarray | None = None,
-    limits: Mapping[str, float] | None = None,
 ) -> list[Violation]:
     """Return by joint where the drives have other gains and limits than the contract: those that a policy learned with.
 
@@ -430,11 +429,10 @@ def compare_drive(
             transport cannot read it.
         kd: the same [N m s/rad].
         torque_limit: the same [N m].
-        limits: as of `ReadingGuard`: the share by which each may differ.
 
     Raises `PolicyError` for another number of joints.
     """
-    allowed, found = limits_of(limits or {}), []
+    allowed, found = limits_of({}), []
     for name, unit, given in (
         ("kp", "N m/rad", kp),
         ("kd", "N m s/rad", kd),

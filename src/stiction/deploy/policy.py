@@ -135,7 +135,7 @@ class Policy:
         self._last_action = np.where(chosen[..., None], np.float32(0.0), self._last_action)
 
     def take_over(self, last_action: np.ndarray) -> None:
-        """Go on as if the last step's action had been `last_action`, clipped, shape (*batch, J)."""
+        """Replace the last step's action in the history by `last_action`, clipped, shape (*batch, J)."""
         self._last_action = np.array(last_action, dtype=np.float32).reshape(self._last_action.shape)
 
     def step(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:

@@ -137,7 +137,7 @@ class RobotPolicy:
         self.reset()
 
     def reset(self) -> None:
-        """Start anew: the robot stands, what it measured before and what it was told to do say nothing any more."""
+        """Reset to a standing robot: earlier readings and commands no longer count."""
         self._policy.reset()
         self.guard.reset()
         self._time: float | None = None

@@ -213,7 +213,7 @@ def _standard(model: WearModel, mean: np.ndarray) -> np.ndarray:
 
 
 def _untold(model: WearModel, unusual: bool, value: float, width: float) -> str | None:
-    """Return why a target's friction is not told by a window: its value [-] and the width of its interval [-]."""
+    """Return why a window does not show a target's friction: its value [-] and the width of its interval [-]."""
     if not math.isfinite(value):
         return "the map does not estimate it: a walk hardly depends on it"
     if unusual:

@@ -108,7 +108,7 @@ class EngineBatch(Simulation):
         return self._fields.get(name, np.asarray(getattr(self.model, name))[None])
 
     def set_const(self, ids: np.ndarray) -> None:
-        """Do nothing: a robot whose numbers have changed is built anew before its next step."""
+        """Do nothing: a robot whose parameters have changed is rebuilt before its next step."""
 
     def reset(self, ids: np.ndarray) -> None:
         """Put the robots `ids` into keyframe 0; what follows from a step is what MuJoCo has there."""
@@ -132,7 +132,7 @@ class EngineBatch(Simulation):
         return np.flatnonzero(self._lost)
 
     def _place(self) -> None:
-        """Build robots whose numbers have changed, put those into place that were moved, and push those that were."""
+        """Rebuild robots whose parameters have changed, place those that were moved, and apply pending pushes."""
         qpos, qvel = self._arrays["qpos"], self._arrays["qvel"]
         numbers = self._numbers()
         moved = self._fresh | (qpos != self._seen["qpos"]).any(1)

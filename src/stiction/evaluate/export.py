@@ -355,7 +355,7 @@ def export_network(module: torch.nn.Module, observation_size: int) -> bytes:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Suppress what the exporter prints, logs and warns of: none of it is for the user."""
+    """Suppress the exporter's output, logs and warnings, none of which is meant for the user."""
     logger = logging.getLogger("torch.onnx")
     level = logger.level
     logger.setLevel(logging.ERROR)

@@ -100,7 +100,7 @@ class ClipRecorder:
             self._proceed(TIMEOUT)
 
     def abandon(self) -> None:
-        """Leave what is not done."""
+        """Abandon unfinished clips."""
         if self._filming is not None:
             shot, process, _ = self._filming
             process.kill()

@@ -76,7 +76,7 @@ def parse_simulator(text: str) -> Simulator:
 
 @dataclass(frozen=True)
 class GridCfg:
-    """What the policies are put through."""
+    """The conditions under which every policy is evaluated."""
 
     base: EvaluationCfg = field(default_factory=EvaluationCfg)
     """Friction levels and law, commands, episodes from 0 on, seconds, seed. Its terrain is not read."""

@@ -22,7 +22,7 @@ FED_BY: dict[By, str] = {"error": FED, "reference": FED_BY_REFERENCE, "measured"
 
 
 def fed_suffix(compensation: Compensation) -> str:
-    """Return what stands behind the names of policy and method where friction is fed forward: `+reference=0.8`."""
+    """Return the suffix of policy and method where friction is fed forward: `+reference=0.8`."""
     return f"+{compensation.label.replace('error', FORWARD[1:])}"
 
 

@@ -40,7 +40,7 @@ class OwnPolicy(Bundle):
 
 
 class FunctionDriver:
-    """Drives N robots with a function of sensors, commands and who starts anew."""
+    """Drives N robots with a function of sensors, commands and the robots that were reset."""
 
     def __init__(self, policy: OwnPolicy, num: int) -> None:
         """Take the function, or find it by its name; raise `StictionError` where there is none."""

@@ -104,7 +104,7 @@ class Evidence:
         return cls(cells)
 
     def afresh(self) -> Self:
-        """Return the same rows with nothing recorded as read."""
+        """Return the same rows with an empty record of what was read."""
         return replace(self, reads={})
 
     def column(self, cell: Cell, column: str) -> SeedValues:

@@ -123,9 +123,6 @@ class LatentPolicy(nn.Module):
 CALIBRATION_SEED = 1_000_003
 """Added to the evaluation's seed for the walk from which the mean latent is taken: other noise, same conditions."""
 
-Progress = Callable[[float], None]
-"""Called with the share that is done [-]."""
-
 
 def walk_run(
     run: Path,
@@ -133,7 +130,6 @@ def walk_run(
     cfg: EvaluationCfg,
     latent: Latent = "own",
     threads: int = 1,
-    progress: Progress = lambda share: None,
 ) -> Evaluation:
     """Evaluate a run's teacher or student as `evaluate_bundle` does a bundle.
 
@@ -146,7 +142,6 @@ def walk_run(
         latent: what the actor is given. `mean` is the mean over all robots and all measured steps of the same
             evaluation with another seed, walked on the policy's own latents.
         threads: threads of the simulator; they do not change the result.
-        progress: called with the share that is done [-].
 
     Raises:
         StictionError: not a run, a phase that is not finished, a teacher that sees the ground, or too few levels or
@@ -167,19 +162,19 @@ def walk_run(
     if who == "teacher":
         privileged = privileged_of(directory, actor, contract, spec, friction_share(cfg.law.name, friction, spec))
 
-    def walk(module: LatentPolicy, name: str, cfg: EvaluationCfg, progress: Progress) -> Evaluation:
+    def walk(module: LatentPolicy, name: str, cfg: EvaluationCfg) -> Evaluation:
         driver = TrainedPolicy(module, contract, cfg.num_robots, known)
-        return judge(drive(driver, contract, spec, cfg, threads, progress), contract, name, cfg)
+        return judge(drive(driver, contract, spec, cfg, threads), contract, name, cfg)
 
     name = f"{run.resolve().name}/{who}" + ("" if latent == "own" else f"+{latent}")
     if latent == "mean":
         mean = LatentMean(skip=round(cfg.settle / contract.control_period))
         other = replace(cfg, seed=cfg.seed + CALIBRATION_SEED)
-        walk(LatentPolicy(actor, privileged, watch=mean), name, other, lambda share: progress(share / 2))
+        walk(LatentPolicy(actor, privileged, watch=mean), name, other)
         frozen = LatentPolicy(actor, privileged, frozen=mean.value)
-        return walk(frozen, name, cfg, lambda share: progress((1 + share) / 2))
+        return walk(frozen, name, cfg)
     sources = latent_sources(latent, len(cfg.friction_levels), len(cfg.commands), cfg.episodes)
-    return walk(LatentPolicy(actor, privileged, torch.from_numpy(sources)), name, cfg, progress)
+    return walk(LatentPolicy(actor, privileged, torch.from_numpy(sources)), name, cfg)
 
 
 def privileged_of(

@@ -114,7 +114,7 @@ def _table(recipe: Recipe, factor: float) -> list[str]:
 
 
 def _apart(recipe: Recipe, where: str) -> list[str]:
-    """Say that one random number for all joints of a robot cannot be had."""
+    """Return the trap that a framework cannot draw one number for all joints of a robot."""
     if not recipe.together or len(recipe.ranges) == 1:
         return []
     return [f"proposed is one random number a robot; {where} draws one a term: joints of other limits get another one"]

@@ -29,7 +29,7 @@ Edit = tuple[int, int, bytes]
 
 @dataclass(frozen=True)
 class Tag:
-    """An element, by where its start tag stands."""
+    """An element, with the byte offset of its start tag."""
 
     name: str
     """Such as `joint`."""

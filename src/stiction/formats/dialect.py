@@ -93,27 +93,27 @@ def parse_stamp(cell: str) -> datetime | None:
 
 def find_dialect(lines: list[str]) -> Dialect | None:
     """Return how a file is written that begins with these lines; None where they hold nothing."""
-    kept = [index for index, line in enumerate(lines) if line.strip() and not is_comment(line)]
-    if not kept:
+    numbers = [index for index, line in enumerate(lines) if line.strip() and not is_comment(line)]
+    if not numbers:
         return None
-    texts = [lines[index] for index in kept]
+    texts = [lines[index] for index in numbers]
     separator = max(SEPARATORS, key=lambda mark: _fitness(texts, mark))
     rows = split_lines(texts, separator)
     width = _usual_width(rows)
     start = _start(rows, width, separator != ",")
     notes = [f"{start} lines before the header are no table and were left out"] if start else []
-    rows, kept = rows[start:], kept[start:]
+    rows, numbers = rows[start:], numbers[start:]
     comma = separator != "," and any(DECIMAL_COMMA.fullmatch(cell) for row in rows[1:] or rows for cell in row)
     if _is_sample(rows, comma):
-        names, begin = _names_of_comments(lines[: kept[0]], width), kept[0]
+        names, begin = _names_of_comments(lines[: numbers[0]], width), numbers[0]
         if not names:
             names = [str(index) for index in range(width)]
             notes.append(f"nobody named the {width} columns: they are called 0 to {width - 1}")
     else:
-        names, begin = _padded(rows, width), kept[1] if len(kept) > 1 else len(lines)
+        names, begin = _padded(rows, width), numbers[1] if len(numbers) > 1 else len(lines)
         if len(rows) > 2 and _is_units(rows[1], rows[2], comma):
             notes.append(f"the line of units, {', '.join(filter(None, rows[1]))[:80]}, is left out: SI is expected")
-            begin = kept[2]
+            begin = numbers[2]
     names = [name or str(index) for index, name in enumerate(names)]
     return Dialect(separator, comma, tuple(names), begin, tuple(notes))
 

@@ -93,7 +93,7 @@ def counts_text(cells: Sequence[Following]) -> str:
 
 
 def count(cell: tuple[str, str, str, float], seeds: Iterable[Mapping[str, ResultRow]]) -> Following | None:
-    """Return who follows of the seeds of one cell; None where none of them walked in both directions.
+    """Return which seeds of one cell follow; None where none of them walked in both directions.
 
     cell: method, engine, law, level; seeds: command -> row, of each.
     """
@@ -116,7 +116,7 @@ def count(cell: tuple[str, str, str, float], seeds: Iterable[Mapping[str, Result
 
 
 def following(rows: Iterable[ResultRow], method_of: Callable[[ResultRow], str]) -> list[Following]:
-    """Return who follows of every training method, in every engine and under every friction, in the order of the rows.
+    """Return which seeds of every training method follow, in every engine and under every friction, in row order.
 
     method_of: row -> its training method; each of its policies is one training seed.
     """

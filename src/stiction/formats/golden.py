@@ -49,7 +49,7 @@ LIMIT_SLACK = 0.1
 
 OUTSIDE = {"joint_position": 0.05, "target": 0.5}
 """Largest share of a joint's recorded angles, and of its targets, behind its limits: a stop holds the one, while a
-policy may ask for more to push with; ours do so in under 1 % of the steps."""
+policy may ask for more to push with."""
 
 TORQUE_ERROR = 1e-6
 """Largest difference of a recorded torque from that of the contract's gains, as a fraction of the torque limit."""

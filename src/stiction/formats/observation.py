@@ -192,7 +192,7 @@ class ObservationLayout:
     """The points of `height_scan`, where that is a term."""
 
     def __post_init__(self) -> None:
-        """Refuse terms that nobody can compute."""
+        """Refuse terms that the observation builder cannot compute."""
         for term in self.terms:
             if term.name not in TERM_NAMES:
                 raise BundleError(unknown_name("observation term", term.name, TERM_NAMES))

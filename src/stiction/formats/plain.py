@@ -92,7 +92,7 @@ def build(
 
 
 def _value(hint: Any, value: Any, where: str, error: type[FileError]) -> Any:
-    """Return one value as its type says."""
+    """Return one value, converted to its declared type."""
     inner = get_args(hint)
     if type(None) in inner:
         return None if value is None else _value(inner[0], value, where, error)

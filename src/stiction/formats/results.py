@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import csv
 import json
-import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Any
 
 from stiction.core.errors import FileError
-from stiction.core.files import open_regular, open_text, publish, write_text
-from stiction.core.records import column
+from stiction.core.files import open_regular, write_text
+from stiction.core.records import column, read_rows, write_rows
 from stiction.formats.plain import is_integer, is_number, read_object, take_version
 
 SCHEMA_VERSION = 1
@@ -74,56 +72,15 @@ class ResultRow:
 COLUMNS = tuple(item.name for item in fields(ResultRow))
 """Header of results.csv."""
 
-KINDS = get_type_hints(ResultRow)
-"""Column -> the type of its cells; those that may be None may be empty."""
 
-
-def write_results(path: Path, rows: Iterable[ResultRow]) -> None:
-    """Write results.csv, numbers with the digits that read back exactly."""
-    with publish(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        for row in rows:
-            values = (getattr(row, name) for name in COLUMNS)
-            writer.writerow(["" if value is None else value for value in values])
+def write_results(path: Path, rows: Sequence[ResultRow]) -> None:
+    """Write results.csv, numbers with the digits that read back exactly. Errors: `write_rows`."""
+    write_rows(path, rows, form="")
 
 
 def read_results(path: Path) -> list[ResultRow]:
-    """Read results.csv.
-
-    Raises:
-        StictionError: no such file, another header, or a cell that is not what its column holds.
-
-    """
-    try:
-        with open_text(path) as file:
-            lines = list(csv.reader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise FileError(f"{path} cannot be read as results: {error}") from error
-    if not lines or tuple(lines[0]) != COLUMNS:
-        raise FileError(f"{path} is not a results.csv: its first line must be {','.join(COLUMNS)}")
-    return [_parse(path, number, cells) for number, cells in enumerate(lines[1:], start=2)]
-
-
-def _parse(path: Path, number: int, cells: list[str]) -> ResultRow:
-    """Turn one line into a row."""
-    if len(cells) != len(COLUMNS):
-        raise FileError(f"{path}, line {number}: {len(cells)} cells; expected {len(COLUMNS)}")
-    return ResultRow(**{name: _value(f"{path}, line {number}", name, cell) for name, cell in zip(COLUMNS, cells)})
-
-
-def _value(where: str, name: str, cell: str) -> Any:
-    """Return what a cell says."""
-    kinds = get_args(KINDS[name])
-    if cell == "" and kinds:
-        return None
-    try:
-        value = (kinds[0] if kinds else KINDS[name])(cell)
-    except ValueError as error:
-        raise FileError(f"{where}: {name} is {cell!r}; expected a number") from error
-    if isinstance(value, float) and not math.isfinite(value):
-        raise FileError(f"{where}: {name} is {cell!r}; expected a finite number")
-    return value
+    """Read results.csv. Errors: `read_rows`."""
+    return read_rows(path, ResultRow)
 
 
 def write_summary(path: Path, summary: dict[str, Any]) -> None:

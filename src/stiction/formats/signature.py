@@ -127,5 +127,5 @@ MADE = "stiction sign --new-key maker.pem makes maker.pem and maker.pub"
 
 
 def _line(error: Exception) -> str:
-    """Return the beginning of what a library says of a key."""
+    """Return the first words of a library's error about a key."""
     return " ".join(str(error).split())[:80] or type(error).__name__

@@ -130,7 +130,7 @@ class _Column:
     """The first time stamp, of a column of such."""
 
     def take(self, cells: list[str], lines: list[int]) -> None:
-        """Add cells; what is no number becomes a fault, that of the first line in which it stands."""
+        """Add cells; the first cell that is no number is remembered as a fault with its line."""
         if self.first is None:
             try:
                 self.parts.append(_floats(cells))

@@ -24,7 +24,7 @@ VISCOUS = "viscous_friction"
 
 @dataclass(frozen=True)
 class BackEmf:
-    """ke as the data told it."""
+    """ke as the data show it, without the user saying it."""
 
     ke: float
     """[V s/rad]."""
@@ -89,16 +89,16 @@ class Braking:
         return self.source is None
 
 
-def braking(run: Run, told: BackEmf | None) -> Braking | None:
+def braking(run: Run, found: BackEmf | None) -> Braking | None:
     """Return what was done about the brake of a run's motor; None for one that is not driven by voltage."""
     drive = run.setup.drive
     if not drive.by_voltage:
         return None
     if drive.brakes_unseen:
         return Braking(0.0, 0.0, None)
-    if told is not None:
-        reach = told.reach if told.source == "runs" else BACK_EMF_ERROR * drive.brake
-        return Braking(reach, drive.brake, told.source)
+    if found is not None:
+        reach = found.reach if found.source == "runs" else BACK_EMF_ERROR * drive.brake
+        return Braking(reach, drive.brake, found.source)
     return Braking(BACK_EMF_ERROR * drive.brake, drive.brake, "kt" if drive.ke is None else "ke")
 
 

@@ -19,14 +19,13 @@ from stiction.identify.back_emf import VISCOUS
 from stiction.identify.checks import coupled_text, unit_warnings
 from stiction.identify.consistency import LARGEST_SIGMAS, beyond_chance
 from stiction.identify.prepare import make_rows, prepare
-from stiction.identify.record import Evidence
+from stiction.identify.record import JointFits
 from stiction.identify.regression import FEWEST_ROWS, INVERSE_STRENGTH, fit_rows
 from stiction.identify.runs import Run, hanging
 
 LARGEST_REST = 0.3
-"""Share of the torque that may go unexplained, |residual| / |torque|. With right flags the measured joints of
-results/identification leave 2 to 6 %, by the law that was chosen; beyond 30 % what is missing is as large as dry
-friction usually is, and takes any share of it."""
+"""Share of the torque that may go unexplained, |residual| / |torque|: several times what the measured joints of
+results/identification leave with right flags. Beyond it what is missing is as large as dry friction usually is."""
 
 SERIOUS = 0.1
 """Relative change of a parameter, by another reading of the same log, from which on there is no answer. Less is lost in
@@ -34,11 +33,11 @@ a level, rounded up to a whole per cent and doubled where the joint was not load
 
 LARGEST_SCALE = SERIOUS
 """Relative gap, either way, between kp (target − position) and the logged torque, lateness apart, beyond which one of
-the two is wrong. Of two virtual robots with delays and biases, with and without friction, it was at most 6 %."""
+the two is wrong: above what delays and biases of virtual robots make of right gains."""
 
 LARGEST_DAMPING_SCALE = 0.3
-"""The same of kd velocity, whose noise, filter and backlash make it vaguer: there up to 12 %. A torque in another unit
-shows in both, and dry friction that was found from measured torque does not depend on kd."""
+"""The same of kd velocity, whose noise, filter and backlash make it vaguer. A torque in another unit shows in both,
+and dry friction that was found from measured torque does not depend on kd."""
 
 LARGEST_EXCESS = 1.05
 """Logged torque over torque limit that noise of the current sensor still explains."""
@@ -58,23 +57,23 @@ EXCITE = "`stiction excite` designs the motion"
 """Where a better log comes from."""
 
 
-def find_objections(evidence: Evidence, record: JointRecord, moving: Sequence[str] = ()) -> tuple[Objection, ...]:
+def find_objections(fits: JointFits, record: JointRecord, moving: Sequence[str] = ()) -> tuple[Objection, ...]:
     """Return what makes the fit invalid, the plainest first: units and flags, then the model, then the excitation.
 
     moving: other joints that moved in the log.
     """
-    run = evidence.run
+    run = fits.run
     found = [
         *_units(run, record),
         *_clipped(run),
-        *_controller(evidence),
+        *_controller(fits),
         *_hangs(run),
         *_weight(run, record),
-        *_coupled([*_position(record), *_negative(evidence), *_rest(record)], moving),
+        *_coupled([*_position(record), *_negative(fits), *_rest(record)], moving),
         *_estimators(record),
-        *_cutoff(evidence),
+        *_cutoff(fits),
     ]
-    friction = evidence.symmetric()["coulomb_friction"]
+    friction = fits.symmetric()["coulomb_friction"]
     shown = record.coulomb_friction or record.combinations.get("f/k") or friction
     return (*found, *no_friction_shown(shown, "N m" if record.axis == "rotary" else "N"))
 
@@ -121,17 +120,17 @@ def _units(run: Run, record: JointRecord) -> list[Objection]:
     return found
 
 
-def _controller(evidence: Evidence) -> list[Objection]:
+def _controller(fits: JointFits) -> list[Objection]:
     """Object to a logged torque that is another multiple of the position's error, or speed, than the gains say."""
-    scales = evidence.loop.scales
-    if scales is None or evidence.loop.mismatch is None:
+    scales = fits.loop.scales
+    if scales is None or fits.loop.mismatch is None:
         return []
     spring, damper = scales
     if _gap(spring) <= LARGEST_SCALE and _gap(damper) <= LARGEST_DAMPING_SCALE:
         return []
     seen = (
         f"the logged torque is {spring:.3g} times kp (target − position) less {damper:.3g} times kd velocity, and is "
-        f"off by {evidence.loop.mismatch:.0%}: torque, angles or stamps are in another unit, belong to another joint, "
+        f"off by {fits.loop.mismatch:.0%}: torque, angles or stamps are in another unit, belong to another joint, "
         "or the gains are not as declared"
     )
     degrees = abs(spring * 180 / np.pi - 1) < SERIOUS and abs(damper * 180 / np.pi - 1) < SERIOUS
@@ -213,19 +212,19 @@ def follows_position(follows: dict[str, Any] | None, least: float) -> str | None
     return worst if worst is not None and abs(changes[worst]) > least else None
 
 
-def _negative(evidence: Evidence) -> list[Objection]:
+def _negative(fits: JointFits) -> list[Objection]:
     """Object to friction that would drive the joint, where no other law is in its place."""
-    if evidence.chosen is not evidence.base:
+    if fits.chosen is not fits.base:
         return []
     for name in ("coulomb_friction", "viscous_friction"):
-        low, high = _with_brake(evidence, name).interval95
+        low, high = _with_brake(fits, name).interval95
         if high < 0:
             cause = (
                 "check --kt, --ke, --resistance and the supply's voltage: more was taken off for the motor's own brake "
                 "than there is"
-                if evidence.braking is not None and name == VISCOUS
+                if fits.braking is not None and name == VISCOUS
                 else "check that the log was made at these gains (--kp, --kd) and this rate"
-                if not evidence.run.measured
+                if not fits.run.measured
                 else "check --torque-scale and the columns; log this joint alone, in the air, with --gravity if a link "
                 "hangs on it"
             )
@@ -240,10 +239,10 @@ def _negative(evidence: Evidence) -> list[Objection]:
     return []
 
 
-def _with_brake(evidence: Evidence, name: str) -> Estimate:
+def _with_brake(fits: JointFits, name: str) -> Estimate:
     """Return an estimate whose interval admits what is not known of a motor's brake."""
-    found = evidence.symmetric()[name]
-    return found if evidence.braking is None else evidence.braking.widened(name, found)
+    found = fits.symmetric()[name]
+    return found if fits.braking is None else fits.braking.widened(name, found)
 
 
 def _weight(run: Run, record: JointRecord) -> list[Objection]:
@@ -302,12 +301,9 @@ def _rest(record: JointRecord) -> list[Objection]:
     ]
 
 
-def _cutoff(evidence: Evidence) -> list[Objection]:
-    """Object where a filter of half the corner finds another friction: then the filter decides, and not the joint.
-
-    In the records of results/identification it moves dry friction by 0.1 to 2.7 %.
-    """
-    run, base = evidence.run, evidence.base
+def _cutoff(fits: JointFits) -> list[Objection]:
+    """Object where a filter of half the corner finds another friction: then the filter decides, not the joint."""
+    run, base = fits.run, fits.base
     if not run.measured or base.rows is not run.rows or INVERSE_STRENGTH in base.names:
         return []
     other = prepare(run.signals, run.torque, run.prepared.cutoff / 2)

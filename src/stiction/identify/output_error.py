@@ -301,29 +301,29 @@ def unidentified(jacobian: np.ndarray, names: tuple[str, ...]) -> tuple[list[int
     every name that has a share in it along: of inertia over strength one knows the ratio and neither.
     """
     length = np.linalg.norm(jacobian, axis=0)
-    kept = [place for place in range(len(names)) if length[place] > 0]
+    identified = [place for place in range(len(names)) if length[place] > 0]
     lost = {name for place, name in enumerate(names) if length[place] == 0}
-    while kept:
-        _, sizes, directions = np.linalg.svd(np.linalg.qr(jacobian[:, kept] / length[kept], mode="r"))
+    while identified:
+        _, sizes, directions = np.linalg.svd(np.linalg.qr(jacobian[:, identified] / length[identified], mode="r"))
         if sizes[-1] * MAX_CONDITION > sizes[0]:
             break
         parts = np.abs(directions[-1])
-        lost |= {names[kept[place]] for place in np.flatnonzero(parts > MIN_SHARE)}
-        del kept[int(np.argmax(parts))]
-    return kept, lost
+        lost |= {names[identified[place]] for place in np.flatnonzero(parts > MIN_SHARE)}
+        del identified[int(np.argmax(parts))]
+    return identified, lost
 
 
 def _result(search: _Search, values: np.ndarray, velocity: np.ndarray) -> OutputError:
     """Put intervals to the values, and measure how well the simulation follows."""
     response, rows = search.respond(values), search.residuals(values)
     weighted, slopes = search.weighted(values), search.slopes(values)
-    kept, lost = unidentified(slopes, search.names)
+    identified, lost = unidentified(slopes, search.names)
     count = min(block_count(row[search.valid]) for row in rows.values())
     samples, counted = int(search.valid.sum()), np.tile(search.valid, len(rows))
     block = np.tile(np.arange(samples) * count // samples, len(rows))
-    blocks = make_blocks(slopes[counted][:, kept], weighted[counted], block)
-    bounded = with_intervals(values[kept], robust_covariance(blocks), bootstrap_reach(blocks))
-    found = {search.names[place]: estimate for place, estimate in zip(kept, bounded, strict=True)}
+    blocks = make_blocks(slopes[counted][:, identified], weighted[counted], block)
+    bounded = with_intervals(values[identified], robust_covariance(blocks), bootstrap_reach(blocks))
+    found = {search.names[place]: estimate for place, estimate in zip(identified, bounded, strict=True)}
     lost |= {name for name, widest in MAX_STD.items() if name in found and not found[name].std < widest}
     motion = response.motion
     simulated = Trajectory(response.position, motion.velocity, response.torque, motion.phases)

@@ -33,7 +33,7 @@ from stiction.identify.model import GRAVITY, Model
 from stiction.identify.objections import NEGATIVE_FRICTION, find_objections
 from stiction.identify.pooling import compare_runs, pooled_rows
 from stiction.identify.prepare import Rows, make_rows
-from stiction.identify.record import Evidence, make_record, plain
+from stiction.identify.record import JointFits, make_record, plain
 from stiction.identify.regression import (
     INVERSE_STRENGTH,
     MAX_INFLATION,
@@ -108,9 +108,9 @@ def _identify(
     repeats: Sequence[Log],
     more: Sequence[Log],
     moving: tuple[str, ...],
-    told: BackEmf | None = None,
+    found_ke: BackEmf | None = None,
 ) -> Identification:
-    """Identify one joint; arguments as of `identify_joint`. told: ke as the data told it, already in the set-up."""
+    """Identify one joint; arguments as of `identify_joint`. found_ke: ke from the data, already in `setup`."""
     run = make_run(log, joint, setup, alone=not more)
     gravity = choose_gravity(run)
     if gravity is not None:
@@ -122,7 +122,7 @@ def _identify(
     pooling = compare_runs(runs, base) if more else None
     rows, strength_unknown = base.rows, INVERSE_STRENGTH in base.names
     check_fit(run.where, base)
-    drive = find_back_emf(runs, base) if told is None else None
+    drive = find_back_emf(runs, base) if found_ke is None else None
     if drive is not None:
         return _identify(log, joint, replace(setup, ke=drive.ke), repeats, more, moving, drive)
     _check_values(run, base)
@@ -140,13 +140,13 @@ def _identify(
         choice, chosen, loop = choice.without_richer(base, negative), base, replace(loop, chosen=None)
     delay = _found_delay(run, loop)
     if delay is not None:
-        return _identify(log, joint, replace(setup, delay=delay), repeats, more, moving, told)
+        return _identify(log, joint, replace(setup, delay=delay), repeats, more, moving, found_ke)
     unseen = others if rows is run.rows else ()
     comparisons = compare_parts(rows, base) if more else _comparisons(run, base, loop, unseen)
     predictions = (*_predictions(chosen, unseen), *unusable)
-    evidence = Evidence(run, rows, base, chosen, choice, loop, comparisons, gravity, predictions, pooling, told)
-    record = make_record(evidence)
-    record = replace(record, objections=find_objections(evidence, record, moving))
+    fits = JointFits(run, rows, base, chosen, choice, loop, comparisons, gravity, predictions, pooling, found_ke)
+    record = make_record(fits)
+    record = replace(record, objections=find_objections(fits, record, moving))
     if any(one.reason == NEGATIVE_FRICTION for one in record.objections):
         none = {"law": None, "text": "No friction law was chosen: friction comes out below zero, which no joint has."}
         record = replace(record, friction_law=(record.friction_law or {}) | none)
@@ -156,7 +156,7 @@ def _identify(
     if run.joint == UNNAMED and joint is None and record.axis == "rotary":
         warnings += (NAMELESS,)
     warnings += pooling.sentences() if pooling else ()
-    return Identification(run.joint, replace(record, warnings=warnings), _fit_signals(evidence))
+    return Identification(run.joint, replace(record, warnings=warnings), _fit_signals(fits))
 
 
 def _repeats(
@@ -327,17 +327,17 @@ def _predictions(fit: Fit, others: Sequence[Run]) -> tuple[dict[str, Any], ...]:
     return tuple(found)
 
 
-def _fit_signals(evidence: Evidence) -> FitSignals:
+def _fit_signals(fits: JointFits) -> FitSignals:
     """Collect what the page draws."""
-    run, prepared = evidence.run, evidence.run.prepared
+    run, prepared = fits.run, fits.run.prepared
     whole = replace(prepared, used=np.arange(len(prepared.torque)))
     everything = make_rows([whole], [run.setup.payload], run.setup.motor_strength or 1.0)
-    best = evidence.loop.chosen or evidence.loop.symmetric
+    best = fits.loop.chosen or fits.loop.symmetric
     return fit_signals(
         run,
-        predict_torque(evidence.base, everything),
-        predict_torque(evidence.chosen, everything),
-        rigid_torque(evidence.chosen, everything),
+        predict_torque(fits.base, everything),
+        predict_torque(fits.chosen, everything),
+        rigid_torque(fits.chosen, everything),
         best.simulated.position if best else None,
         best.simulated.torque if best and run.measured else None,
     )

@@ -70,9 +70,9 @@ class Prepared:
         """How many samples of how many are left, and where the others went."""
         slow = int(np.count_nonzero(np.abs(self.velocity) < self.threshold))
         turns = int(np.count_nonzero(np.diff(np.sign(self.velocity))))
-        kept = len(range(0, len(self.velocity), _decimation(self.cutoff, self.step)))
+        independent = len(range(0, len(self.velocity), _decimation(self.cutoff, self.step)))
         parts = [
-            f"of {len(self.velocity)} in the log {kept} are independent below the filter's corner of "
+            f"of {len(self.velocity)} in the log {independent} are independent below the filter's corner of "
             f"{self.cutoff:.3g} Hz"
         ]
         parts.append(f"{slow / len(self.velocity):.0%} are slower than {self.threshold:.3g}")
@@ -130,7 +130,7 @@ def low_pass(values: np.ndarray, cutoff: float, step: float) -> np.ndarray:
 
 @lru_cache(maxsize=256)
 def _butterworth(corner: float) -> np.ndarray:
-    """Return the filter's sections for a corner over half the sampling rate, kept: to design them takes long."""
+    """Return the filter's sections for a corner over half the sampling rate, cached: designing them is slow."""
     return butter(ORDER, corner, output="sos")
 
 
@@ -190,7 +190,7 @@ def _clear_samples(
 
 
 def _decimation(cutoff: float, step: float) -> int:
-    """Return of how many samples one is kept: twice the corner [Hz] is sampled; step [s]."""
+    """Return the factor of decimation, to about twice the corner [Hz]; step [s]."""
     return max(1, int(1 / (2 * cutoff * step)))
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from stiction.formats.joints import JointRecord, JointsFile, write_training
 from stiction.identify.reference import CONDITIONS
-from stiction.identify.verdict import TRAINABLE, Verdict, friction_level, judge
+from stiction.identify.verdict import TRAINABLE, TrainingNeed, friction_level, judge
 
 
 def propose(file: JointsFile) -> dict[str, Any]:
@@ -25,7 +25,7 @@ def propose(file: JointsFile) -> dict[str, Any]:
     }
     beyond = [name for name, level in levels.items() if level >= TRAINABLE]
     invalid = [name for name, record in file.joints.items() if record.objections]
-    proposed = Verdict(None, ())
+    proposed = TrainingNeed(None, ())
     if not levels and invalid:
         text = f"the fit of {invalid[0]} is not valid: {file.joints[invalid[0]].objections[0].text}"
     elif not levels:

@@ -88,8 +88,8 @@ def predicted_badly(tried: dict[str, Any], own: float) -> bool:
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """What the estimators left behind."""
+class JointFits:
+    """All fits to the log of one joint, and how they were chosen."""
 
     run: Run
     """The log that was asked about."""
@@ -112,13 +112,13 @@ class Evidence:
     `torque_error` and `simulation_errors`, shares of what was measured [1]."""
     pooling: Pooling | None = None
     """What several runs that were fitted together say one by one."""
-    told: BackEmf | None = None
-    """ke, where the data told it."""
+    back_emf: BackEmf | None = None
+    """ke, where the data show it."""
 
     @property
     def braking(self) -> Braking | None:
         """What was done about the brake of a motor that is driven by voltage."""
-        return braking(self.run, self.told)
+        return braking(self.run, self.back_emf)
 
     @property
     def admitted(self) -> tuple[Comparison, ...]:
@@ -193,18 +193,18 @@ def inertia_known(fit: Fit) -> bool:
     return bool(np.linalg.norm(inertial) > np.linalg.norm(fit.residual))
 
 
-def make_record(evidence: Evidence) -> JointRecord:
+def make_record(fits: JointFits) -> JointRecord:
     """Put everything into the record; objections, verdict and warnings come later."""
-    run, base, setup = evidence.run, evidence.base, evidence.run.setup
+    run, base, setup = fits.run, fits.base, fits.run.setup
     strength = find_strength(base, run.measured, setup.calibrated, setup.motor_strength)
-    estimates = admitting(all_admitting(evidence, evidence.symmetric()), evidence.law())
+    estimates = admitting(all_admitting(fits, fits.symmetric()), fits.law())
     middle = float(run.signals.position.min() + run.signals.position.max()) / 2
     parameters, combinations = combine(base, estimates, strength, kd_assumed(run), middle)
-    scaled = evidence.loop.scaled
+    scaled = fits.loop.scaled
     if scaled is not None:
         strength = Strength(scaled.estimates["motor_strength"], "known_load")
         parameters |= {name: estimate for name, estimate in scaled.estimates.items() if name in base.model.names}
-    brakes = evidence.braking
+    brakes = fits.braking
     if brakes is not None:
         viscous, together = split_viscous(brakes, estimates["viscous_friction"], strength)
         parameters["viscous_friction"] = viscous
@@ -216,12 +216,12 @@ def make_record(evidence: Evidence) -> JointRecord:
     if setup.torque_limit is not None and limited is not None:
         ratio = limited.scaled(friction_ratio(1.0, setup.torque_limit))
     gains_fit = setup.kp is not None and setup.calibrated
-    holding = evidence.law().get("static_friction", level)
+    holding = fits.law().get("static_friction", level)
     band = holding.scaled(dead_band(1.0, setup.kp)) if gains_fit and setup.kp else None
-    law = _law(evidence, strength)
-    if not evidence.by_simulation and not inertia_known(base):
+    law = _law(fits, strength)
+    if not fits.by_simulation and not inertia_known(base):
         parameters["inertia"] = None
-    known = parameters | _law_fields(law, strength) | loop_unknowns(base, evidence.loop, setup.hanging_angle)
+    known = parameters | _law_fields(law, strength) | loop_unknowns(base, fits.loop, setup.hanging_angle)
     record = JointRecord(
         inertia=known["inertia"],
         viscous_friction=known["viscous_friction"],
@@ -246,16 +246,16 @@ def make_record(evidence: Evidence) -> JointRecord:
         kd=setup.kd,
         torque_limit=setup.torque_limit,
     )
-    diagnostics = _diagnostics(evidence, strength)
+    diagnostics = _diagnostics(fits, strength)
     if brakes is not None:
         diagnostics["drive"] = brake_summary(brakes, combinations, strength)
     return replace(record, diagnostics=plain(diagnostics))
 
 
-def all_admitting(evidence: Evidence, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
+def all_admitting(fits: JointFits, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
     """Return estimates whose intervals admit what parts of the log say, and runs that were fitted together."""
-    found = widened(estimates, evidence.admitted)
-    return evidence.pooling.admitted(found) if evidence.pooling else found
+    found = widened(estimates, fits.admitted)
+    return fits.pooling.admitted(found) if fits.pooling else found
 
 
 def plain(value: Any) -> Any:
@@ -272,16 +272,16 @@ def kd_assumed(run: Run) -> float:
     return 0.0 if run.measured else float(run.setup.kd or 0.0)
 
 
-def _law(evidence: Evidence, strength: Strength) -> dict[str, Any]:
+def _law(fits: JointFits, strength: Strength) -> dict[str, Any]:
     """Return the law that was chosen, its parameters, and how the others fared."""
-    fit = evidence.chosen
-    damping, brakes = kd_assumed(evidence.run) if strength.value is None else 0.0, evidence.braking
+    fit = fits.chosen
+    damping, brakes = kd_assumed(fits.run) if strength.value is None else 0.0, fits.braking
     parameters = {}
-    stated = evidence.law()
-    if fit is evidence.base:
-        stated = all_admitting(evidence, stated)
+    stated = fits.law()
+    if fit is fits.base:
+        stated = all_admitting(fits, stated)
     for name, estimate in stated.items():
-        identified = evidence.loop.chosen is not None or fit.inflation.get(name, np.inf) < MAX_INFLATION
+        identified = fits.loop.chosen is not None or fit.inflation.get(name, np.inf) < MAX_INFLATION
         if name not in fit.names or name == INVERSE_STRENGTH or not identified:
             continue
         own = shifted(estimate, damping) if name.startswith("viscous_friction") else estimate
@@ -298,13 +298,13 @@ def _law(evidence: Evidence, strength: Strength) -> dict[str, Any]:
         "over_strength": strength.value is None,
         "drawn": {
             "viscous_friction": fit.by_name.get("viscous_friction", 0.0),
-            "symmetric": evidence.base.by_name["coulomb_friction"],
+            "symmetric": fits.base.by_name["coulomb_friction"],
         },
         "middle": fit.model.middle,
-        "text": evidence.choice.text,
-        "candidates": [asdict(candidate) for candidate in evidence.choice.candidates],
-        "method": "output_error" if evidence.loop.chosen is not None else evidence.method,
-        "relative_torque_error": _relative_error(fit, evidence.rows),
+        "text": fits.choice.text,
+        "candidates": [asdict(candidate) for candidate in fits.choice.candidates],
+        "method": "output_error" if fits.loop.chosen is not None else fits.method,
+        "relative_torque_error": _relative_error(fit, fits.rows),
     }
 
 
@@ -331,11 +331,11 @@ def _simulated(result: OutputError | None) -> dict[str, Any] | None:
     return None if result is None else {**result.estimates, "relative_errors": result.relative_errors}
 
 
-def _disagreement(evidence: Evidence) -> dict[str, dict[str, float]] | None:
+def _disagreement(fits: JointFits) -> dict[str, dict[str, float]] | None:
     """Compare the estimators under the law that was chosen: under another one each errs in its own way."""
-    fit, found = evidence.base, evidence.loop.symmetric
-    if evidence.loop.chosen is not None:
-        fit, found = evidence.chosen, evidence.loop.chosen
+    fit, found = fits.base, fits.loop.symmetric
+    if fits.loop.chosen is not None:
+        fit, found = fits.chosen, fits.loop.chosen
     return None if found is None else disagreement(fit, found.estimates)
 
 
@@ -350,12 +350,12 @@ def sampling(run: Run) -> dict[str, Any]:
     }
 
 
-def _diagnostics(evidence: Evidence, strength: Strength) -> dict[str, Any]:
-    """Return the numbers behind the fit."""
-    run, base, rows, loop = evidence.run, evidence.base, evidence.rows, evidence.loop
+def _diagnostics(fits: JointFits, strength: Strength) -> dict[str, Any]:
+    """Return the diagnostics of a joint's record."""
+    run, base, rows, loop = fits.run, fits.base, fits.rows, fits.loop
     alone = rows is run.rows
     return {
-        "method": evidence.method,
+        "method": fits.method,
         "seen": base.estimates(),
         "strength": {
             "source": strength.source,
@@ -371,18 +371,18 @@ def _diagnostics(evidence: Evidence, strength: Strength) -> dict[str, Any]:
         "whiteness": whiteness(base.residual),
         "blocks": base.blocks.count,
         "position_torque": None if run.setup.fits_gravity or run.setup.payload else position_torque(rows, base),
-        "comparisons": [comparison.to_dict() for comparison in evidence.comparisons],
-        "predictions": evidence.predictions,
-        "contradicted": contradicted(widened(evidence.symmetric(), evidence.admitted), evidence.law()),
-        "inertia_known": evidence.by_simulation or inertia_known(base),
-        "gravity": evidence.gravity and evidence.gravity.text,
+        "comparisons": [comparison.to_dict() for comparison in fits.comparisons],
+        "predictions": fits.predictions,
+        "contradicted": contradicted(widened(fits.symmetric(), fits.admitted), fits.law()),
+        "inertia_known": fits.by_simulation or inertia_known(base),
+        "gravity": fits.gravity and fits.gravity.text,
         "drift": find_drift(rows, base) if alone else Drift(None, "several logs were fitted together"),
         "controller_mismatch": loop.mismatch,
         "torque_unit": torque_unit(run),
         "closed_loop": loop.reason,
         "output_error": _simulated(loop.symmetric),
         "output_error_law": _simulated(loop.chosen),
-        "disagreement": _disagreement(evidence) if alone else None,
+        "disagreement": _disagreement(fits) if alone else None,
         "instrumental_variable": loop.instrumental and loop.instrumental.estimates(),
-        **({"runs": evidence.pooling.to_dict()} if evidence.pooling else {}),
+        **({"runs": fits.pooling.to_dict()} if fits.pooling else {}),
     }

@@ -77,7 +77,7 @@ class Fit:
 
     @cached_property
     def inflation(self) -> dict[str, float]:
-        """How many times longer each column is than what the others leave of it; 1 is best, 1e12 a copy of another."""
+        """Norm of each column over the norm of its part orthogonal to the others; 1 is best, 1e12 a copy of another."""
         scaled = self.jacobian / np.linalg.norm(self.jacobian, axis=0).clip(1e-300)
         _, sizes, directions = np.linalg.svd(np.linalg.qr(scaled, mode="r"))
         lengths = np.linalg.norm(directions / sizes.clip(1e-12)[:, None], axis=0)

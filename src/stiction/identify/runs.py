@@ -145,7 +145,7 @@ weight into an offset."""
 
 
 def driven_signals(log: Log, name: str, setup: IdentifySetup) -> tuple[IdentifySetup, Uniform, np.ndarray, np.ndarray]:
-    """Return a joint's set-up with its sidecar, its checked signals, what drove it, and the samples where nobody knows.
+    """Return a joint's set-up with its sidecar, its checked signals, what drove it, and the samples of unknown drive.
 
     Torque in N m, or the torque column's unit, and a mask, shape (num_samples,) each. Raises `StictionError`.
     """

@@ -184,8 +184,8 @@ def what_if(record: JointRecord, thresholds: Thresholds, legs: bool = True) -> t
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """What the friction of one joint means for training."""
+class TrainingNeed:
+    """What the friction of one joint asks of a training."""
 
     level: float | None
     """Friction that a training has to cover, as a share of the torque limit: the upper end, with the margin; None
@@ -268,7 +268,7 @@ def is_leg(name: str) -> bool:
     return not LEG_WORDS.isdisjoint(kind_of(name).split("_"))
 
 
-def judge(record: JointRecord, sources: Mapping[str, Source] | None = None, legs: bool = True) -> Verdict:
+def judge(record: JointRecord, sources: Mapping[str, Source] | None = None, legs: bool = True) -> TrainingNeed:
     """Judge a joint by its ratio f/τ_max and its dead band f/kp, with their intervals; newton metres may be null.
 
     A linear axis is not compared with legs, and no training is proposed for it. sources: what the studies found, as of
@@ -284,7 +284,7 @@ def judge(record: JointRecord, sources: Mapping[str, Source] | None = None, legs
     beyond = level is not None and level >= TRAINABLE
     advice = advise(max(ratio.interval95[0], 0.0), level, sources) if level and not beyond and ratio else None
     if record.objections and record.objections[0].reason != FRICTION_REACHES_ZERO:
-        return Verdict(None, _invalid(record))
+        return TrainingNeed(None, _invalid(record))
     placement = _placement(record) if rotary else ()
     details = [*_in_which_unit(record), *(item.text for item in placement)]
     if rotary and legs and ratio is not None:
@@ -296,7 +296,7 @@ def judge(record: JointRecord, sources: Mapping[str, Source] | None = None, legs
         )
     if level is not None and not beyond and legs:
         details.append(_proposal(level, condition, advice))
-    return Verdict(
+    return TrainingNeed(
         None if beyond else level,
         (
             _how_much(record),

@@ -57,7 +57,7 @@ class PushCfg:
 
 @dataclass(frozen=True)
 class Compensation:
-    """A way to feed friction forward, and the share of the friction that is fed."""
+    """How friction is fed forward, and which share of it."""
 
     by: By
     """The way."""
@@ -67,7 +67,7 @@ class Compensation:
     """Of all ways but `error`."""
 
     def __post_init__(self) -> None:
-        """Refuse another way, or a share that is none."""
+        """Refuse an unknown kind of compensation, or a share outside its range."""
         if self.by not in get_args(By):
             raise ConfigurationError(f"compensation: {unknown_name('way', self.by, get_args(By))}")
         if not 0 <= self.share <= LARGEST_SHARE:

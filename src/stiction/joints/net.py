@@ -262,7 +262,7 @@ class ActuatorMemory:
     """
 
     def __init__(self, net: ActuatorNet, num: int) -> None:
-        """Start without a past: the first sample of a robot stands for all that were before it."""
+        """Start with an empty history: a robot's first sample fills it."""
         self.net, self.num = net, num
         self._order = np.array([net.joint_names.index(name) for group in net.groups for name in group])
         self._back = np.argsort(self._order)
@@ -273,7 +273,7 @@ class ActuatorMemory:
         """Robots without a past, shape (N,)."""
 
     def forget(self, ids: np.ndarray) -> None:
-        """Begin anew with the robots `ids`."""
+        """Clear the history of the robots `ids`."""
         self.fresh[ids] = True
 
     def torque(self, target: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:

@@ -397,7 +397,7 @@ class StickSlip:
     def _slide(
         self, index: int, state: State, sign: int, side: int, piece: int, length: int
     ) -> tuple[np.ndarray, int, bool]:
-        """Return the motion ahead, how many samples of it hold, and whether the sample after them leaves the piece."""
+        """Return the motion ahead, how many of its samples are valid, and whether the next one leaves the piece."""
         regime, _, change, excited, slow, fast = self.sliding(sign, side, piece)
         end = index + min(length, regime.longest)
         ahead = regime.stretch(state, change[:, index:end], excited[:, index : end - 1])

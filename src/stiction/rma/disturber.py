@@ -115,7 +115,7 @@ class DisturberNetwork(nn.Module):
     """A normal distribution of disturbances, and the critic's value, from what is seen."""
 
     def __init__(self, seen: int, width: int, cfg: HinfCfg) -> None:
-        """`seen`: size of what is seen; `width`: of a disturbance."""
+        """`seen`: size of the disturber's observation; `width`: of a disturbance."""
         super().__init__()
         self.policy = MLP(seen, width, list(cfg.actor), "elu")
         self.critic = MLP(seen, 1, list(cfg.critic), "elu")
@@ -143,7 +143,7 @@ class LearningDisturber:
 
     @staticmethod
     def _seen(obs: TensorDict) -> torch.Tensor:
-        """Return what is seen, (N, seen)."""
+        """Return the disturber's observation, (N, seen)."""
         return torch.cat([obs[name] for name in SEEN], -1)
 
     def act(self, obs: TensorDict) -> torch.Tensor:
@@ -235,7 +235,7 @@ Disturber = RandomDisturber | LearningDisturber
 def make_disturber(
     cfg: HinfCfg, obs: TensorDict, width: int, control_period: float, seed: int, device: str
 ) -> Disturber | None:
-    """Return who disturbs, None where nobody does. `width`: of a disturbance; `control_period`: between two [s]."""
+    """Return the disturber, None without one. `width`: of a disturbance; `control_period`: between two [s]."""
     if not cfg.disturbs:
         return None
     if cfg.learns:

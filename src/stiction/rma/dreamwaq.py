@@ -108,13 +108,13 @@ def context_figures(actor: ContextActor, rollout: TensorDict, joints: Sequence[s
         kl = torch.stack([divergence(context) for context in steps]).mean((0, 1))
         error = torch.cat(errors, 1).mean(1)
         friction = rollout["privileged"][..., -len(joints) :]
-        told = friction_probe(mean, friction)
+        determination = friction_probe(mean, friction)
     figures = {"code/kl": float(kl.sum()), "code/active": float((kl > ACTIVE).sum())}
     if error.isfinite().all():
         figures |= {"code/reconstruction": float(error[0]), "code/repeat": float(error[1])}
     return figures | {
         f"code/friction/{joint}": float(value)
-        for joint, value in zip(joints, told, strict=True)
+        for joint, value in zip(joints, determination, strict=True)
         if not math.isnan(value)
     }
 
@@ -188,7 +188,7 @@ class ContextPPO(AdaptationPPO):
         return losses
 
     def save(self) -> dict:
-        """Return what a checkpoint holds: who is fed what, and the returns that decide it, too."""
+        """Return what a checkpoint holds, with the bootstrapping: what robots get, and the returns that decide it."""
         drawn = {"bootstrapped": self.bootstrapped, "probability": self.probability}
         return super().save() | {"bootstrapping": drawn | vars(self.returns)}
 

@@ -51,7 +51,7 @@ class RolloutFigures:
 
 
 def adaptation_figures(actor: RMAActor, obs: TensorDict, feet: int) -> dict[str, float]:
-    """Return how well the history tells what only simulation knows, over one step of all robots with `feet` feet.
+    """Return how well the history predicts the privileged quantities, over one step of all robots with `feet` feet.
 
     `latent/explained`: 1 - MSE(z, z*) / Var(z), both summed over the latent's entries; missing where z does not vary,
     and where PPO trains z*. `estimator/velocity_error`: mean length of the velocity's error [m/s];
@@ -96,7 +96,7 @@ class Board:
         self._writer: SummaryWriter | None = None
 
     def add(self, iteration: int, figures: Mapping[str, float]) -> None:
-        """Write one iteration. The first one tells TensorBoard to forget what it has from this iteration on."""
+        """Write one iteration. The first one makes TensorBoard drop its values from this iteration on."""
         if self._writer is None:
             self._writer = SummaryWriter(str(self.folder), purge_step=iteration)
         for name, value in figures.items():

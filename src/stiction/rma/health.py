@@ -85,7 +85,7 @@ def _noise_exploded(row: Row, before: Sequence[Row]) -> str:
 
 
 def _falling(row: Row, _: Sequence[Row]) -> str:
-    """Tell robots that fall as soon as they stand."""
+    """Warn where robots fall as soon as they are placed."""
     falls = row.get("walk/falls", 0.0)
     return f"walk/falls is {falls:.1f}/s: every episode ends after {1 / falls:.2f} s" if falls > FALLS else ""
 

@@ -71,7 +71,7 @@ class HinfPPO(AdaptationPPO):
 
     @staticmethod
     def construct_algorithm(obs: TensorDict, env: VecEnv, cfg: dict, device: str) -> PPO:
-        """Construct the algorithm, and who disturbs the robots of the task.
+        """Construct the algorithm, and the task's disturber.
 
         Raises `StictionError` where no reward could be lost.
         """

@@ -334,7 +334,7 @@ class RunDirectory:
 
     @contextmanager
     def writing(self) -> Iterator[None]:
-        """Be the only writer of the run; turn a full disk, and a folder that is not ours, into one line."""
+        """Lock the run; turn a full disk, and a folder without permission, into one line."""
         try:
             with output_folder(self.path):
                 yield
@@ -360,7 +360,7 @@ class RunDirectory:
             raise FileError(f"{self.metrics} cannot be read: {error.strerror}") from error
 
     def origin(self) -> dict[str, Any]:
-        """Return what a checkpoint says of the run that it belongs to: digests of its settings and of its figures."""
+        """Return what a checkpoint records of its run: digests of its settings and of its figures."""
         header = self.header()
         settings = {name: header.get(name) for name in ("config", "identified", "actuator")}
         robot = self.path / ROBOT

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from stiction.core.errors import RobotError, unknown_name
-from stiction.robots.hold import Place, merge
+from stiction.robots.hold import Frame, merge
 from stiction.robots.model import Body
 from stiction.robots.shapes import Contact, Shape, ShapeKind, Vector
 
@@ -170,7 +170,7 @@ def _part(
 
 def centred(
     model: mujoco.MjModel, data: mujoco.MjData, body: int, frame: tuple[np.ndarray, np.ndarray]
-) -> tuple[Body, Place]:
+) -> tuple[Body, Frame]:
     """Return one body along its principal axes about its centre of mass, and where that is in a frame of the world."""
     place, turn = frame
     x, y, z = (float(moment) for moment in model.body_inertia[body])

@@ -281,7 +281,7 @@ def _order(robot: Robot) -> Iterator[Finding]:
 
 
 def _stands(robot: Robot) -> Iterator[Finding]:
-    """Let the robot stand under its gains."""
+    """Check that the robot stands under its gains in simulation."""
     model = build_model(robot, timestep=0.002)
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)

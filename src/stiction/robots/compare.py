@@ -32,8 +32,8 @@ def check_against(robot: Robot, path: Path) -> int:
     that the robot holds are held in the model too. Raises `RobotError` naming the first joint that differs, in
     what, and by how much; or a model that cannot be read.
     """
-    told = path.suffix.lower() in (".yaml", ".yml")
-    source, base = described_source(path) if told else (read_source(path), None)
+    described = path.suffix.lower() in (".yaml", ".yml")
+    source, base = described_source(path) if described else (read_source(path), None)
     other = _model(robot, source, base)
     missing = [name for name in robot.joint_names if name not in other.joint_names]
     if missing:

@@ -193,7 +193,7 @@ def _kind(name: str, said: Description) -> str:
 
 
 def _armature(model: mujoco.MjModel, number: int, said: Description) -> float:
-    """Return the armature of a joint [kg m²], 0 where nobody states one."""
+    """Return the armature of a joint [kg m²], 0 where neither description nor model states one."""
     given = said.of_joint(model.joint(number).name, "armature")
     return float(model.dof_armature[model.jnt_dofadr[number]] if given is None else given)
 

@@ -110,7 +110,7 @@ def _owners(model: mujoco.MjModel, driven: list[int]) -> list[int]:
 
 
 def _check_base(model: mujoco.MjModel, driven: list[int], owner: list[int], name: str) -> None:
-    """Refuse hinges on more than one body that floats: their bases stand to each other nobody knows how."""
+    """Refuse hinges on more than one floating body: how their bases stand to each other is not in the file."""
     floating = set()
     for joint in driven:
         body = int(model.jnt_bodyid[joint])

@@ -16,7 +16,7 @@ from stiction.core.rotation import quaternion_of
 from stiction.robots.model import Body, HeldJoint, Link, Robot, link_poses
 from stiction.robots.shapes import Shape, vector
 
-Place = tuple[np.ndarray, np.ndarray]
+Frame = tuple[np.ndarray, np.ndarray]
 """A frame in another one: position [m], shape (3,), and rotation, shape (3, 3)."""
 
 
@@ -38,8 +38,8 @@ def hold(robot: Robot, angles: Mapping[str, float]) -> Robot:
         owner.append(driven.index(number) if number in driven else above)
     frames = {-1: np.zeros(3)} | {new: position[old] for new, old in enumerate(driven)}
 
-    def parts(new: int, own: Sequence[Body]) -> list[tuple[Body, Place]]:
-        rigid: list[tuple[Body, Place]] = [(body, (np.zeros(3), np.eye(3))) for body in own]
+    def parts(new: int, own: Sequence[Body]) -> list[tuple[Body, Frame]]:
+        rigid: list[tuple[Body, Frame]] = [(body, (np.zeros(3), np.eye(3))) for body in own]
         return rigid + [
             (link, (position[old] - frames[new], rotation[old]))
             for old, link in enumerate(robot.links)
@@ -89,7 +89,7 @@ def hold(robot: Robot, angles: Mapping[str, float]) -> Robot:
     )
 
 
-def merge(parts: Sequence[tuple[Body, Place]]) -> Body:
+def merge(parts: Sequence[tuple[Body, Frame]]) -> Body:
     """Return bodies that are one, each with the place of its frame in the frame of all."""
     mass = sum(body.mass for body, _ in parts)
     centres = [position + rotation @ np.array(body.com) for body, (position, rotation) in parts]
@@ -110,9 +110,9 @@ def merge(parts: Sequence[tuple[Body, Place]]) -> Body:
     return Body(float(mass), vector(com), (xx, yy, zz, xy, xz, yz), shapes)
 
 
-def _moved(shape: Shape, place: Place) -> Shape:
+def _moved(shape: Shape, frame: Frame) -> Shape:
     """Return a shape of one frame in another."""
-    position, rotation = place
+    position, rotation = frame
     if np.array_equal(rotation, np.eye(3)) and not position.any():
         return shape
     w, x, y, z = quaternion_of(rotation @ shape.rotation)

@@ -26,7 +26,7 @@ MOST_FILES = 20_000
 
 
 def mend_meshes(spec: mujoco.MjSpec, path: Path, urdf: bool) -> tuple[str, ...]:
-    """Find the files of all meshes; leave out those that are only seen and cannot be had.
+    """Find the files of all meshes; leave out those that are only drawn and are missing.
 
     Returns what was left out, or found where the file does not say. Raises `RobotError` naming a mesh that a body's
     mass comes from, and that is missing or cannot be decoded.
@@ -98,7 +98,7 @@ def _weighs(geom: mujoco.MjsGeom) -> bool:
 
 
 def _is_file(path: Path) -> bool:
-    """Return whether a path that a file says is one of a file."""
+    """Return whether a path named in a model file leads to a file."""
     try:
         return path.is_file()
     except OSError:  # A name that is too long, a loop of links.

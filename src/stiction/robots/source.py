@@ -142,7 +142,7 @@ def _roots(spec: mujoco.MjSpec) -> list[mujoco.MjsBody]:
 
 
 def _free_base(spec: mujoco.MjSpec, name: str) -> tuple[str, ...]:
-    """Let the base float where the file has it fixed: a URDF's root would be part of the world, without its mass."""
+    """Let the base float where the file has it fixed: as a part of the world, a URDF's root would lose its mass."""
     roots = _roots(spec)
     if len(roots) != 1:
         found = f"{len(roots)} of them do ({', '.join(repr(body.name) for body in roots)})" if roots else "none does"

@@ -42,7 +42,7 @@ def check_structure(spec: mujoco.MjSpec, name: str) -> None:
 
 
 def num_positions(spec: mujoco.MjSpec) -> int:
-    """Return how many numbers say how a robot stands."""
+    """Return the number of generalised positions of a robot (MuJoCo's nq)."""
     return sum(WIDTH.get(joint.type, 1) for joint in spec.joints)
 
 

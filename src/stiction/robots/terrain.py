@@ -100,7 +100,7 @@ class Terrain:
         self._table = np.zeros((num, *cells), np.float32)
 
     def place(self, ids: np.ndarray, difficulty: np.ndarray, uniform: np.ndarray) -> None:
-        """Lay the courses of the robots `ids` out anew.
+        """Lay out new courses for the robots `ids`.
 
         difficulty: 0 to 1, shape (len(ids),); uniform: random numbers in [0, 1) for rough ground, shape
         (len(ids), SLABS, 4).
@@ -202,7 +202,7 @@ def _place_slope(angle: np.ndarray, half: np.ndarray, uniform: np.ndarray) -> tu
 
 
 def _place_slabs(highest: np.ndarray, half: np.ndarray, uniform: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Strew slabs over the way, each turned and as high as chance wants, up to `highest`."""
+    """Scatter slabs over the course, each at a random angle and of a random height up to `highest`."""
     position, quaternion = np.zeros((len(highest), SLABS, 3)), about(2, np.pi * uniform[..., 3])
     position[..., :2] = np.array(_SPREAD) * (2.0 * uniform[..., :2] - 1.0)
     position[..., 2] = highest[:, None] * uniform[..., 2] - _THICK

@@ -66,7 +66,13 @@ STABLE = 1 / 3
 under it (Wilson: 0.324), however many policies walked on them; so does no fall in twelve walks on the robot of the data
 sheet (0.242), and none in six does not (0.390)."""
 
-FOLLOWING = f"{BAND} both ways by every seed and no fall, and falls shown to be in under a third of walks"
+
+def in_words(share: float) -> str:
+    """Return a share as a criterion says it: `half`, `a third`, else in per cent."""
+    return {1 / 2: "half", 1 / 3: "a third", 1 / 4: "a quarter"}.get(share, f"{100 * share:g} %")
+
+
+FOLLOWING = f"{BAND} both ways by every seed and no fall, and falls shown to be in under {in_words(STABLE)} of walks"
 """What `follows` asks, for criteria."""
 
 

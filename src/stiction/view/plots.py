@@ -84,7 +84,7 @@ class Plots:
             handle.data = self._data(columns)
 
     def _data(self, name: str) -> tuple[np.ndarray, ...]:
-        """Return the columns of a plot; of friction without robots whose walk tells nothing of it."""
+        """Return the columns of a plot; that of friction leaves out robots whose walk does not show it."""
         columns = getattr(self._history, name).columns()
         if name != "friction":
             return tuple(columns)

@@ -106,7 +106,7 @@ def parse_fault(text: str) -> Fault:
 
 
 def operated(operator: OperatorCfg, faults: Sequence[Fault], stop_file: Path) -> OperatorCfg:
-    """Return who may stop or steer a run, such that every fault has something to happen to: what is not named is made.
+    """Return the operators of a run, with those added that the faults need.
 
     stop_file: where a stop file may appear.
     """
@@ -151,7 +151,7 @@ class SecondMachine:
 
 
 class Faults(Injected):
-    """Injects faults into a run when they are due; a context, since some need somebody who speaks until then."""
+    """Injects faults into a run when they are due; a context, since some need an operator that speaks until then."""
 
     obeyed = True
 
@@ -175,7 +175,7 @@ class Faults(Injected):
         """Fault -> when it was injected, on the monotonic clock [s]."""
 
     def __enter__(self) -> Faults:
-        """Let whoever is to fall silent speak."""
+        """Start the operator that a fault will silence."""
         for name, (address, words) in self._speak.items():
             assert address is not None, "see operated"
             self._elsewhere[name] = SecondMachine(address, words)

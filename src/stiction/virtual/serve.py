@@ -32,14 +32,11 @@ from stiction.engines.catalog import make_engine
 from stiction.engines.engine import BlownUp
 from stiction.formats.bundle import read_bundle
 from stiction.formats.plain import parse_object
-from stiction.robots.model import Robot
+from stiction.robots.model import GRAVITY, Robot
 from stiction.virtual.cases import Case, parse_level
 from stiction.virtual.faults import ASK, OF_ROBOT, BrokenState
 from stiction.virtual.robot import PERIOD, VirtualRobot
 from stiction.virtual.trial import World, fallen
-
-GRAVITY = np.array([0.0, 0.0, -9.81])
-"""[m/s²]."""
 
 ROOM_TEMPERATURE = 30.0
 """Of motors that were not modelled [°C]."""
@@ -139,7 +136,7 @@ class RobotProcess:
         change = (motion.base_linear_velocity - self._velocity) / PERIOD
         self._velocity = np.array(motion.base_linear_velocity)
         turn = np.cross(motion.base_angular_velocity, motion.base_linear_velocity)
-        force = change + turn - into_frame(motion.base_quaternion, GRAVITY)
+        force = change + turn - into_frame(motion.base_quaternion, np.array([0.0, 0.0, -GRAVITY]))
         self._last = RobotState(
             number=self._number,
             time=reading.time,

@@ -68,7 +68,7 @@ class Channel:
         """Messages that the other end had no room for."""
 
     def send(self, time: float, vectors: dict[str, object]) -> bool:
-        """Send a message; return False where nobody is at the other end any more. Never waits."""
+        """Send a message; return False where the other process has ended. Never waits."""
         self._number += 1
         return self.send_raw(self._sends.pack(self._number, time, vectors))
 

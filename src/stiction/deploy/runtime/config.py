@@ -13,8 +13,8 @@ class LimitsCfg:
     """How far and how fast targets may go."""
 
     slew: float = 40.0
-    """Largest speed of a joint's target [rad/s]: 0.8 rad in a control period of 20 ms. The shipped policies ask for up
-    to 0.64 rad in one."""
+    """Largest speed of a joint's target [rad/s]: 0.8 rad in a control period of 20 ms, more than the shipped policies
+    ask for."""
     margin: float = 0.02
     """Distance that targets keep from the joint's limits [rad]."""
 

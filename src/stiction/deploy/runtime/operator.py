@@ -80,12 +80,12 @@ class Operator:
                     port.close()
 
     def files(self) -> list[int]:
-        """Return the files that are readable when somebody says something."""
+        """Return the files that become readable when an operator sends something."""
         ports = [port.fileno() for port in (self._heartbeat, self._commands) if port is not None]
         return ports if self._terminal is None else [*ports, self._terminal]
 
     def stop(self, now: float) -> str:
-        """Return who wants the run to stop, in words; empty: nobody."""
+        """Return what asks the run to stop, in words; empty: nothing does."""
         if self._asked:
             return self._asked
         if self._cfg.stop_file is not None and self._cfg.stop_file.exists():

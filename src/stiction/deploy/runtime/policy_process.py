@@ -38,8 +38,7 @@ class PolicyProcess:
         contract = bundle.contract
         self._policy, self._channel, self._faults = load_policy(contract, bundle.policy), channel, faults
         self._wear = None if bundle.wear is None else WearMonitor(contract, bundle.wear)
-        told = (False,) if bundle.wear is None else bundle.wear.told[:-1]
-        self._told = np.array(told)
+        self._told = np.array((False,) if bundle.wear is None else bundle.wear.told[:-1])
         self._sights, self._newest = sight_layout(contract.num_joints), contract.observation.newest()
         self._running, self._sent = False, 0.0
         self._estimate: dict[str, object] = {}
@@ -47,7 +46,7 @@ class PolicyProcess:
         _warm_up(self._policy, bundle)
 
     def rehearse(self) -> None:
-        """Compute once more what the last step saw, for nothing, shortly before the next one; see `Policy.rehearse`."""
+        """Repeat the last step and discard the result, to warm up the next one; see `Policy.rehearse`."""
         if self._running and self._seen is not None:
             self._policy.rehearse(*self._seen)
 
@@ -62,8 +61,8 @@ class PolicyProcess:
         times = {"lateness": lateness, "read": read - begin, "skipped": skipped, "send": self._sent}
         answer: dict[str, object] = {"mode": IDLE, "failed": 0.0}
         step = None
-        if sights and (told := self._sights.vectors(sights[-1]))["mode"][0] == RUNNING:
-            step, answer = self._act(told)
+        if sights and (inputs := self._sights.vectors(sights[-1]))["mode"][0] == RUNNING:
+            step, answer = self._act(inputs)
         elif sights:
             self._running = False
         done = time.monotonic()
@@ -75,28 +74,28 @@ class PolicyProcess:
         return alive
 
     def _watch(self, step: PolicyStep) -> None:
-        """Look for wear, which nobody waits for: an estimate goes out with the next answer."""
+        """Estimate wear between two steps: the estimate goes out with the next answer."""
         if self._wear is None or (found := self._wear.step(step.observation)) is None:
             return
         low, high = np.where(self._told, found.interval95, np.nan)
         value = np.where(self._told, found.friction, np.nan)
         self._estimate = {"wear": value, "wear_low": low, "wear_high": high, "unusual": float(found.unusual)}
 
-    def _act(self, told: dict[str, np.ndarray]) -> tuple[PolicyStep, dict[str, object]]:
+    def _act(self, inputs: dict[str, np.ndarray]) -> tuple[PolicyStep, dict[str, object]]:
         """Return the policy's step on what it sees, and the answer."""
         if not self._running:
             self._policy.reset()
             if self._wear is not None:
                 self._wear.reset()
             self._running, self._estimate = True, {}
-        fault = FAULTS[int(told["fault"][0])] if self._faults else "none"
+        fault = FAULTS[int(inputs["fault"][0])] if self._faults else "none"
         if fault == "policy-hang":
             time.sleep(3600.0)
         if fault == "policy-exit":
             raise SystemExit(3)
         if fault == "policy-exception":
             raise RuntimeError("injected")
-        self._seen = Sensors(*(told[name] for name in SENSORS)), told["velocity"]
+        self._seen = Sensors(*(inputs[name] for name in SENSORS)), inputs["velocity"]
         step = self._policy.step(*self._seen)
         target = step.target if fault != "policy-nan" else np.full_like(step.target, np.nan)
         frame = step.observation[self._newest]

@@ -91,7 +91,7 @@ class Parts:
 
 
 def _plain(name: str, values: np.ndarray) -> np.ndarray:
-    """Return a column as it is kept: times in double precision, one number a row without a second axis."""
+    """Return a column as it is stored: times in double precision, one number a row without a second axis."""
     values = values[:, 0] if values.shape[1] == 1 else values
     return values if name == "robot_time" else values.astype(np.float32)
 
@@ -135,12 +135,12 @@ class Rows:
         self._send(END)
 
     def _send(self, data: bytes) -> None:
-        """Send bytes, unless nobody is there any more."""
+        """Send bytes; do nothing where the logger has ended."""
         self.alive = self.alive and self._channel.send_raw(data)
 
 
 def record(folder: Path, end: socket.socket, readings: Layout, steps: Layout, keep: int) -> None:
-    """Write what comes until the end is said or nobody can say it.
+    """Write what comes until the sender ends the log or is gone.
 
     Raises `StictionError` or `OSError` where it cannot be written: the log then ends with what was written before.
     """
@@ -171,7 +171,7 @@ def _take(data: bytes, parts: dict[str, Parts], readings: Layout, steps: Layout)
 
 
 def main(folder: str, number: str, keep: str, feet: str, bundle: str) -> int:
-    """Record until told to end; return the exit status."""
+    """Record until the sender ends the log; return the exit status."""
     follow_parent()
     contract = read_bundle(bundle).contract
     readings, steps = row_layout(contract.num_joints, int(feet)), targets_layout(contract)

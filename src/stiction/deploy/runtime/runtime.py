@@ -140,7 +140,7 @@ def run(
 
 
 class _Loop:
-    """What the supervisor's process does in turns."""
+    """The supervisor's process: reads the robot, asks the policy, sends commands, logs."""
 
     def __init__(
         self,
@@ -213,7 +213,7 @@ class _Loop:
         self._announce()
 
     def _fail(self, error: BaseException) -> None:
-        """Damp the robot before an error of our own goes on its way."""
+        """Damp the robot after an error in this program, before the error is raised again."""
         said = f"{type(error).__name__}: {' '.join(str(error).split())}"
         violation = Violation("policy failed", None, np.nan, np.nan)
         self._emit(self._supervisor.stop(violation, time.monotonic(), f"the supervisor itself: {said}"), None)
@@ -228,7 +228,7 @@ class _Loop:
             self._supervisor.command_velocity(velocity, now, remote=True)
 
     def _show(self, state: RobotState, now: float) -> None:
-        """Show the policy what the robot says."""
+        """Send the policy's process the newest reading."""
         if self._channel is None or self._supervisor.ended:
             return
         running = self._supervisor.stage is Stage.RUN
@@ -236,9 +236,9 @@ class _Loop:
             self._ran_since = now
         fault = self._injected.due(now - self._ran_since, self._policy) if running else 0
         sensors = {name: getattr(state.sensors, name) for name in SENSORS}
-        told = {"velocity": self._supervisor.velocity, "robot_time": state.time, "fault": float(fault)}
+        inputs = {"velocity": self._supervisor.velocity, "robot_time": state.time, "fault": float(fault)}
         mode = RUNNING if running else IDLE
-        if not self._channel.send(now, sensors | told | {"mode": mode}):
+        if not self._channel.send(now, sensors | inputs | {"mode": mode}):
             self._emit(self._supervisor.policy_failed("policy gone", self._last_words(), time.monotonic()), None)
 
     def _answered(self) -> None:
@@ -296,7 +296,7 @@ class _Loop:
         self._rows.reading(at, row(old, state.joint_torque, decided, self._supervisor.velocity))
 
     def _end(self) -> None:
-        """Log the last reading, whose period's torque nobody will say, and that it was the last."""
+        """Log the last reading, without the torque of the period after it, and the end of the run."""
         if self._rows is not None:
             if self._last is not None:
                 at, state, out = self._last
@@ -345,7 +345,7 @@ def row(state: RobotState, torque: np.ndarray, out: Out, velocity: np.ndarray) -
 
 @contextmanager
 def _beside(module: str, words: list[object], place: int) -> Iterator[tuple[socket.socket, subprocess.Popen[bytes]]]:
-    """Start a process of ours with one end of a pair of sockets, whose number is put at a place of its words."""
+    """Start one of our processes with one end of a socket pair; its arguments get the socket's file descriptor."""
     own, other = socket_pair()
     words = [*words[:place], other.fileno(), *words[place:]]
     command = python_module(f"stiction.deploy.runtime.{module}", words)
@@ -385,7 +385,7 @@ class Logger:
         """Why the log ended before the run did, in words; None where it did not."""
 
     def ended_now(self) -> bool:
-        """Return whether it was found only now that nobody takes rows any more. Never waits."""
+        """Return True once: when the logger is first found to have ended. Never waits."""
         if self.rows.alive or self.end is not None:
             return False
         self.end = _last_line(self._process) or "the logger has ended"

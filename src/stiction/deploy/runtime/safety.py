@@ -56,7 +56,7 @@ class Safety:
         self._lost: deque[np.ndarray] = deque(maxlen=1 + max(1, round(LOST_SECONDS / period)))
 
     def reset(self) -> None:
-        """Forget what was seen."""
+        """Forget all earlier readings."""
         self._torques.clear()
         self._squares.clear()
         self._lost.clear()

@@ -169,12 +169,12 @@ class Supervisor:
         self.velocity, self._commanded, self._remote = np.array(velocity, float), now, remote
 
     def sent(self, number: float) -> None:
-        """Be told the number that a command got on its way out."""
+        """Remember the number with which a command was sent."""
         first = number if math.isnan(self._ours[0]) else self._ours[0]
         self._ours = (first, number)
 
     def policy_waits(self, now: float) -> None:
-        """Be told that the policy is there, and idle."""
+        """Note that the policy's process is there and waits for a reading."""
         self.policy_ready, self._answered = True, now
 
     def policy_targets(self, target: np.ndarray, now: float) -> Out | None:
@@ -191,7 +191,7 @@ class Supervisor:
         return None
 
     def policy_failed(self, rule: str, detail: str, now: float) -> Out | None:
-        """Be told that the policy's process failed or is gone."""
+        """Stop, since the policy's process failed or is gone."""
         return self.stop(Violation(rule, None, math.nan, math.nan), now, detail)
 
     def stop(self, violation: Violation, now: float, detail: str = "") -> Out | None:
@@ -367,5 +367,5 @@ class Supervisor:
 
 
 def _said(values: np.ndarray) -> np.ndarray | None:
-    """Return what a robot said; None where it says nothing of the kind."""
+    """Return a value that a robot reported; None where it reports none."""
     return None if np.isnan(values).all() else values

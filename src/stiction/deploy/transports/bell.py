@@ -31,6 +31,6 @@ class Bell:
                 pass
 
     def close(self) -> None:
-        """Close it, once nobody rings any more."""
+        """Close both ends, after the last call of `ring`."""
         self._button.close()
         self._ear.close()

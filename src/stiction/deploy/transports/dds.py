@@ -1,7 +1,7 @@
 """Unitree's two topics over DDS, as bytes: `rt/lowstate` comes, `rt/lowcmd` goes. Needs the extra `unitree`.
 
 Cyclone DDS does discovery and transport; what is in a message, `formats.unitree` knows. Its own way of turning messages
-into Python objects takes 1.2 ms for a state of 35 motors, of which 500 come a second; so bytes go through as they are.
+into Python objects is too slow for a state of 35 motors, of which 500 come a second; so bytes go through as they are.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Bus(Protocol):
         """Return the states that have come, oldest first, each with its writer's time [ns]; never waits."""
 
     def foreign(self) -> bool:
-        """Return whether somebody else has sent a command since this was asked last."""
+        """Return whether another writer has sent a command since the last call."""
 
     def send(self, data: bytes) -> None:
         """Send a command; never waits."""

@@ -53,7 +53,7 @@ class RobotState:
 
 
 class Link(Protocol):
-    """A robot behind a transport. The supervisor alone has one: who has it can move the robot."""
+    """A robot behind a transport. The supervisor alone holds one, since its holder can move the robot."""
 
     joint_names: tuple[str, ...]
     """Order of every vector over joints."""

@@ -62,7 +62,7 @@ class Layout:
         return body + TAIL.pack(zlib.crc32(body))
 
     def unpack(self, data: bytes) -> Message | None:
-        """Return what a message says; None where the bytes are no whole message of this kind."""
+        """Return the fields of a message; None where the bytes are no whole message of this kind."""
         if len(data) != self.bytes:
             return None
         magic, kind, count, number, time = HEAD.unpack_from(data)

@@ -105,7 +105,7 @@ class Translation:
         return message["motor_state"]["q"][: len(self._maker.order)].astype(float)
 
     def state(self, message: np.ndarray, number: int, time: float, command: float) -> RobotState:
-        """Return what a message says; number, time [s], command: as of `RobotState`."""
+        """Return the state in a message; number, time [s], command: as of `RobotState`."""
         motors, imu = message["motor_state"][: len(self._maker.order)], message["imu_state"]
         unknown = np.full(len(self.joint_names), np.nan)
         sensors = Sensors(

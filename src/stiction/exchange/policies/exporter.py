@@ -111,7 +111,7 @@ def expressed(bundle: Bundle, to: Target) -> tuple[Contract, ForeignNetwork, lis
 
 
 def _differences(contract: Contract, layout: ObservationLayout, to: Target) -> list[str]:
-    """Return what the target's runtime does otherwise than ours."""
+    """Return the differences between the target's runtime and ours."""
     notes = []
     if layout.depth > 1 and ZERO_FILL[to] != (layout.fill == "zero"):
         begins = {True: "zeros", False: "the first frame"}

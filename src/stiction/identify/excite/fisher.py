@@ -59,7 +59,7 @@ class LogNoise:
 
 @dataclass(frozen=True)
 class Information:
-    """What a log tells about the parameters."""
+    """Fisher information of a log about the parameters."""
 
     names: tuple[str, ...]
     """Names of the parameters, or of their identifiable combinations."""

@@ -36,7 +36,7 @@ SWEEP = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 
 
 def one_sines(task: Task, amplitude: float) -> tuple[OneSine, ...]:
-    """Return what single sines of the design's amplitude [rad] tell, those that fit and move the joint."""
+    """Return the information in single sines of the design's amplitude [rad], of those that fit and move the joint."""
     found = []
     task = task.without_gravity()
     extremes = task.extremes()

@@ -34,7 +34,7 @@ class LinkTorques:
 def link_torques(
     mechanism: Mechanism, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
 ) -> LinkTorques:
-    """Return what the links ask of the joints, and what each error of theirs changes of it.
+    """Return the torques that the links' motion needs at the joints, and their sensitivity to each link parameter.
 
     position, velocity, acceleration: of all joints [rad, rad/s, rad/s²], shape (T, J) each.
     """
@@ -145,7 +145,7 @@ def _turns(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
 
 
 def _torques(mechanism: Mechanism, motions: list[_Motion], number: int, parameters: Parameters) -> np.ndarray:
-    """Return what moving link `number` asks of each joint, had it these parameters [N m], shape (T, J)."""
+    """Return the joint torques that move link `number` with these parameters [N m], shape (T, J)."""
     found = np.zeros((len(motions[0].origin), mechanism.num_joints))
     if any(np.any(part) for part in parameters):
         force, moment = _wrench(motions[number], *parameters)

@@ -69,7 +69,7 @@ def identify_limb(
 
 
 def _scale(names: tuple[str, ...], prior: np.ndarray, rows: tuple[JointRows, ...]) -> Estimate | None:
-    """Return the scale of the torques by the links, None where they ask for none, as of joints that stand upright."""
+    """Return the scale of the torques by the links' weight; None where no joint bears any, as with upright axes."""
     try:
         return fit_scale(names, prior, rows)
     except np.linalg.LinAlgError:

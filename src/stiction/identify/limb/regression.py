@@ -111,7 +111,7 @@ class LimbFit:
         return found
 
     def inflation(self, rows: JointRows) -> dict[str, float]:
-        """Return how many times longer each of a joint's own columns is than what its other own ones leave of it.
+        """Return the norm of each of a joint's own columns over that of its part orthogonal to its other own ones.
 
         Errors of the links, which a prior bounds, cannot hide a parameter: its interval admits them.
         """
@@ -127,13 +127,13 @@ def limb_rows(run: LimbRun, setup: LimbSetup) -> tuple[tuple[str, ...], np.ndarr
     used = np.unique(np.concatenate([joint.run.prepared.used for joint in run.joints]))
     links = link_torques(run.mechanism, run.position[used], run.velocity[used], run.acceleration[used])
     moved = sorted({joint.number for joint in run.joints})
-    felt = [
+    relevant = [
         (number, mode)
         for number in range(run.mechanism.num_joints)
         for mode in range(len(MODES))
         if np.any(links.modes[number, mode][:, moved])
     ]
-    errors = [f"{MODES[mode]}.{run.mechanism.joint_names[number]}" for number, mode in felt]
+    errors = [f"{MODES[mode]}.{run.mechanism.joint_names[number]}" for number, mode in relevant]
     own = [f"{name}.{joint.run.joint}" for joint in run.joints for name in OWN]
     step = run.joints[0].run.prepared.step
     prior = np.array([np.inf] * len(own) + [setup.model_error] * len(errors) + [setup.timing_error * step])
@@ -145,7 +145,7 @@ def limb_rows(run: LimbRun, setup: LimbSetup) -> tuple[tuple[str, ...], np.ndarr
         signals = (prepared.acceleration, prepared.velocity, prepared.direction, np.ones_like(prepared.torque))
         for column, signal in enumerate(signals):
             regressor[:, len(OWN) * place + column] = signal[mine]
-        for column, (number, mode) in enumerate(felt, len(own)):
+        for column, (number, mode) in enumerate(relevant, len(own)):
             regressor[:, column] = links.modes[number, mode][place_of, joint.number]
         regressor[:, -1] = -np.gradient(prepared.torque - prepared.outside, prepared.step)[mine]
         torque = prepared.torque[mine] - links.nominal[place_of, joint.number]

@@ -86,23 +86,23 @@ def cut(log: Log, begin: float | None, end: float | None) -> Log:
         return log
     since = log.time - np.nanmin(log.time)
     first, last = (begin if begin is not None else 0.0), (end if end is not None else np.inf)
-    kept = (since >= first) & (since <= last)
-    if not kept.any():
+    rows = (since >= first) & (since <= last)
+    if not rows.any():
         raise LogError(
             f"{log.source}: nothing between {first:g} and {last:g} s; the log goes from 0 to {np.nanmax(since):.6g} s"
         )
-    note = f"{int(kept.sum())} of {len(kept)} samples are used, from {first:g} to {min(last, np.nanmax(since)):.6g} s"
-    return take(log, kept, (note,))
+    note = f"{int(rows.sum())} of {len(rows)} samples are used, from {first:g} to {min(last, np.nanmax(since)):.6g} s"
+    return take(log, rows, (note,))
 
 
-def take(log: Log, kept: np.ndarray, notes: tuple[str, ...] = ()) -> Log:
+def take(log: Log, rows: np.ndarray, notes: tuple[str, ...] = ()) -> Log:
     """Return some samples of a log."""
     joints = {
-        name: JointSignals(**{role: None if values is None else values[kept] for role, values in vars(signals).items()})
+        name: JointSignals(**{role: None if values is None else values[rows] for role, values in vars(signals).items()})
         for name, signals in log.joints.items()
     }
-    body = None if log.body is None else log.body.each(lambda values: values[kept])
-    return replace(log, time=log.time[kept], joints=joints, notes=(*log.notes, *notes), body=body)
+    body = None if log.body is None else log.body.each(lambda values: values[rows])
+    return replace(log, time=log.time[rows], joints=joints, notes=(*log.notes, *notes), body=body)
 
 
 def complete_rows(log: Log) -> Log:

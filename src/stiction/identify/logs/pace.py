@@ -62,7 +62,7 @@ class Storage:
 
 @dataclass(frozen=True)
 class Tensor:
-    """A view on a storage; nothing of it is checked yet."""
+    """A view on a storage, as the file declares it: not yet checked."""
 
     storage: Storage
     """Its numbers."""

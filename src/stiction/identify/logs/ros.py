@@ -230,15 +230,15 @@ class Collected:
         self.received.append(received)
         self.stamps.append(stamp)
         for name, numbers in values.items():
-            kept = self.values.setdefault(name, array("d"))
+            stored = self.values.setdefault(name, array("d"))
             if len(numbers):
                 self.filled.add(name)
-            width = len(self.names) or len(kept) // max(1, len(self.received) - 1)
+            width = len(self.names) or len(stored) // max(1, len(self.received) - 1)
             if len(numbers) != width and (self.names or len(self.received) > 1):
                 said = f"{name} of message {len(self.received)} has {len(numbers)} values for {width} joints"
                 self.wrong.setdefault(name, said)
             else:
-                kept.extend(numbers if order is None else [numbers[place] for place in order])
+                stored.extend(numbers if order is None else [numbers[place] for place in order])
         taken = 16 * len(self.received) + sum(8 * len(kept) for kept in self.values.values())
         claim(self.source, taken, f"{len(self.received)} messages or more take", LogError)
 

@@ -224,7 +224,7 @@ def _column(signals: list[JointSignals], name: str) -> np.ndarray:
 
 
 def _header(source: str, spec: Robot, setups: list[IdentifySetup], step: float) -> WalkHeader:
-    """Return what the signals cannot say; gains that nobody declared are 0."""
+    """Return what the signals do not contain; gains that were not declared are 0."""
     limits = spec.joint_values("torque_limit").tolist()
     sources = {own.torque_source for own in setups}
     if len(sources) > 1:

@@ -192,7 +192,7 @@ def _check_force(source: str, force: np.ndarray, quaternion: np.ndarray | None) 
     if abs(size / GRAVITY - 1) > UNIT_ERROR / 2:
         if abs(size - 1) > UNIT_ERROR / 2:
             raise LogError(
-                f"{source}: the accelerometer's mean over the walk is {size:.3g}; expected 9.81 m/s², upward"
+                f"{source}: the accelerometer's mean over the walk is {size:.3g}; expected {GRAVITY} m/s², upward"
                 + (": gravity was taken off; log the raw specific force, or leave it out" if size < 0.5 else "")
             )
         scale, said = GRAVITY, ["the accelerometer is in g, by its mean over the walk: converted to m/s²"]
@@ -201,7 +201,7 @@ def _check_force(source: str, force: np.ndarray, quaternion: np.ndarray | None) 
             f"{source}: over the walk the accelerometer points {np.degrees(np.arccos(np.clip(along, -1, 1))):.0f}° "
             "away from up"
             + (
-                ": it has the sign of gravity; expected acceleration minus gravity, +9.81 along z at rest"
+                f": it has the sign of gravity; expected acceleration minus gravity, +{GRAVITY} along z at rest"
                 if along < -UPRIGHT
                 else "; expected the axes of the base and of the quaternion, x forward, z up"
             )

@@ -37,7 +37,7 @@ STANDING = 0.2
 
 EDGE = 0.02
 """Time after lift-off and before touch-down in which a foot is looked at by itself [s]: contact that comes late shows
-there alone. In simulated walks a foot that swings bore at most 4 % of the weight then, 6 % with contact by torque."""
+there alone, and a foot that swings bears hardly any weight by then."""
 
 FEWEST_BLOCKS = 4
 """Half seconds, or swings, from which on their spread says something."""
@@ -48,7 +48,7 @@ LATE = 1.5
 
 @dataclass(frozen=True)
 class WalkChecks:
-    """What a walk says of itself."""
+    """What a walk shows about the declared set-up."""
 
     objections: tuple[Objection, ...]
     """What makes every joint's fit invalid, the plainest first."""

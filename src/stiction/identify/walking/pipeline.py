@@ -93,8 +93,8 @@ def rates_are_known(log: WalkLog) -> bool:
     A torque that jumps with every target is not known between its samples, which looks like viscous friction and rotor:
     the bound of that takes the targets and the gains, and holds at short periods alone.
     """
-    told = bool(np.ptp(log.joint_target - log.joint_position, axis=0).all()) and min(log.header.kp) > 0
-    return told and log.header.period <= 1.001 * COARSE
+    complete = bool(np.ptp(log.joint_target - log.joint_position, axis=0).all()) and min(log.header.kp) > 0
+    return complete and log.header.period <= 1.001 * COARSE
 
 
 def _number(name: str, spec: Robot) -> int:

@@ -72,7 +72,7 @@ class _Body:
 
     arms: np.ndarray
     """G: force and moment on the body per torque of each joint, zero for legs in swing, shape (T, 6, J)."""
-    unfelt: np.ndarray
+    hidden: np.ndarray
     """Force and moment on the body of efforts that no joint feels, shape (T, 6, U)."""
     effort: np.ndarray
     """τ_links [N m], shape (T, J)."""
@@ -98,10 +98,10 @@ def stance_rows(log: WalkLog, motion: WalkMotion, spec: Robot, trunk: Body, setu
         target[:, :, None],
         setup.link_mass_error * heavier[:, :, None],
     )
-    table, unknown = np.concatenate(columns, axis=2), np.concatenate([body.arms * still[:, None], body.unfelt], axis=2)
+    table, unknown = np.concatenate(columns, axis=2), np.concatenate([body.arms * still[:, None], body.hidden], axis=2)
     for moments in (table[:, 3:], unknown[:, 3:]):
         moments /= ARM
-    unusable = still.sum(axis=1) + body.unfelt.any(axis=1).sum(axis=1) > MOST_UNKNOWN
+    unusable = still.sum(axis=1) + body.hidden.any(axis=1).sum(axis=1) > MOST_UNKNOWN
     rows, sample = _reduce(table, unknown, unusable, hann_weights(setup.smoothing, motion.period))
     return StanceRows(regressor=rows[:, :-2].copy(), target=rows[:, -2], links=rows[:, -1], sample=sample)
 
@@ -111,20 +111,20 @@ def _body(log: WalkLog, motion: WalkMotion, spec: Robot, trunk: Body, setup: Wal
     margin = round(setup.swing_margin / motion.period)
     down = np.stack([grow(foot, margin) for foot in feet_down(log, motion, spec, setup).T], axis=1)
     positions = foot_positions(spec, motion.joints.position)
-    arms, unfelt = np.zeros((len(motion), 6, spec.num_joints)), []
+    arms, hidden = np.zeros((len(motion), 6, spec.num_joints)), []
     for leg, jacobians in zip(legs(spec), foot_jacobians(spec, motion.joints.position), strict=True):
         parts = []
         for index, foot in enumerate(leg.feet):
             contact = _contact(spec.feet[foot], positions[:, foot], jacobians[:, index], motion.upward)
             parts.append([part * down[:, foot, None, None] for part in contact])
-        felt, push = (np.concatenate(blocks, axis=2) for blocks in zip(*parts, strict=True))
-        arms[:, :, leg.joints], rest = _solve(felt, push)
-        unfelt.append(rest)
-    left = np.concatenate(unfelt, axis=2)
+        torques, push = (np.concatenate(blocks, axis=2) for blocks in zip(*parts, strict=True))
+        arms[:, :, leg.joints], rest = _solve(torques, push)
+        hidden.append(rest)
+    left = np.concatenate(hidden, axis=2)
     links = link_effort(spec, motion.joints, motion.base)
     return _Body(
         arms=arms,
-        unfelt=left[:, :, left.any(axis=(0, 1))],
+        hidden=left[:, :, left.any(axis=(0, 1))],
         effort=links.torque,
         trunk=trunk_wrench(trunk, motion.base),
         legs=links.wrench,
@@ -139,21 +139,21 @@ def _contact(foot: Foot, middle: np.ndarray, jacobian: np.ndarray, upward: np.nd
     point, shape (T, 6, joints); upward: shape (T, 3).
     """
     below = -foot.radius * upward
-    felt = np.concatenate(
+    torques = np.concatenate(
         [jacobian[:, :3] + np.cross(jacobian[:, 3:], below[:, :, None], axis=1), ARM * jacobian[:, 3:]], axis=1
     )
     push = np.tile(np.diag([1.0, 1.0, 1.0, ARM, ARM, ARM]), (len(middle), 1, 1))
     push[:, 3:, :3] = np.cross((middle + below)[:, :, None], np.eye(3), axis=1)
     count = 3 if foot.is_ball else 6
-    return np.swapaxes(felt[:, :count], 1, 2), push[:, :, :count]
+    return np.swapaxes(torques[:, :count], 1, 2), push[:, :, :count]
 
 
-def _solve(felt: np.ndarray, push: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return force and moment on the base per torque of a leg's joints, (T, 6, joints), of unfelt efforts, (T, 6, D).
+def _solve(torques: np.ndarray, push: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return force and moment on the base per torque of a leg's joints, (T, 6, joints), of hidden efforts, (T, 6, D).
 
-    felt, push: of the efforts on its feet, as `_contact` has them, zero for feet in swing.
+    torques, push: of the efforts on its feet, as `_contact` has them, zero for feet in swing.
     """
-    left, size, right = np.linalg.svd(felt)
+    left, size, right = np.linalg.svd(torques)
     count = size.shape[1]
     solved = size > size[:, :1] / LARGEST_CONDITION
     turned = push @ np.swapaxes(right, 1, 2)

@@ -77,11 +77,11 @@ def run(options: CalibrationOptions, work: Work) -> Report:
     calibration, rows = calibrate(bundle.wear, own, other, options.engine)
     model = replace(bundle.wear, calibration=calibration)
     level = rows[-1]
-    told = sum(row.upper - row.lower < bundle.wear.highest for row in rows[:-1])
+    narrow = sum(row.upper - row.lower < bundle.wear.highest for row in rows[:-1])
     lead = (
         f"On {len(other)} robots that were not calibrated on, the level's own 95 % intervals held the truth in "
         f"{100 * level.held_before:.0f} % of the windows, the calibrated ones in {100 * level.held:.0f} %; of "
-        f"{len(rows) - 1} joints {told} have an interval narrower than what the map was fitted on."
+        f"{len(rows) - 1} joints {narrow} have an interval narrower than what the map was fitted on."
     )
     few = f"{len(own)} calibration robots: the interval is as wide as the largest errors seen, under 95 % of new robots"
     name = f"{bundle.name}-wear.json"

@@ -48,7 +48,7 @@ class Followed:
 
 
 def followed(rows: Sequence[ResultRow]) -> list[Followed]:
-    """Return who follows, of rows of both directions; policies without both are left out."""
+    """Return which policies follow, from rows of both directions; policies without both are left out."""
     cells: dict[tuple[str, float], dict[str, ResultRow]] = {}
     for row in rows:
         cells.setdefault((row.policy, row.friction_level), {})[row.command] = row

@@ -143,7 +143,7 @@ def task_for(contract: Contract, cfg: DuelCfg, robot: str | None = None) -> Task
 
 
 class Duel:
-    """One frozen policy and who disturbs it, in one simulation."""
+    """One frozen policy and its disturber, in one simulation."""
 
     def __init__(self, bundle: Bundle, cfg: DuelCfg, seed: int, stream: str, threads: int, robot: str | None) -> None:
         """`stream`: of the robots' draws; others as of `fight`. Raises `StictionError` as `task_for`."""

@@ -11,6 +11,7 @@ from stiction.identify.example import Excitation
 from stiction.joints.friction import Coulomb
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Gravity, Joint, simulate
+from stiction.robots.model import GRAVITY
 
 SWING = Excitation(amplitudes=(0.9, 0.4), frequencies=(0.4, 1.1), duration=15.0, rate=200.0)
 """Far enough that a pendulum's weight is no line."""
@@ -43,7 +44,7 @@ class Servo:
 
         noise: 1 for an encoder of 14 bits, 1 % of noise on what was logged and none in the loop, 0 for none.
         """
-        weight = mass * 9.81 * length
+        weight = mass * GRAVITY * length
         gravity = Gravity(weight * np.cos(HANGS), -weight * np.sin(HANGS)) if mass else None
         joint = Joint(self.inertia + mass * length**2, self.viscous, Coulomb(self.coulomb), 0.02, gravity)
         time, target = SWING.target()

@@ -69,7 +69,7 @@ LISTS = {
 
 
 def read_experiment(out: Path) -> Experiment:
-    """Return the experiment as it stands in the files of a folder, without means and who follows.
+    """Return the experiment from the files of a folder, without its means and without who follows.
 
     Raises:
         StictionError: the folder has no files of the experiment.

@@ -17,7 +17,7 @@ from stiction.evaluate.methods import BEHIND_GEAR, FED, FED_BY_MEASURED
 from stiction.evaluate.samples import Condition, Evidence, each_seed
 from stiction.formats.following import SLOW
 from stiction.formats.results import DIRECTIONS
-from stiction.studies.claims import FOLLOWING, Claim, Verdict, each
+from stiction.studies.claims import FOLLOWING, STABLE, Claim, Verdict, each, in_words
 from stiction.studies.friction.claims import HARDLY, JITTER, MOVES
 from stiction.studies.replication import criteria
 from stiction.studies.replication.criteria import HALF, JUMPING, NOTICEABLE, elsewhere, on_robot
@@ -49,14 +49,14 @@ CLAIMS: tuple[Claim[Evidence], ...] = (
         "E2a",
         "using Actuator Net, the robot exhibited significant abnormal behavior [in Sim2Sim]",
         f"{BEHIND_GEAR}, other engines, no friction: joint accelerations {TIMES} none while both walk, or "
-        "falls in more than a third of walks, both directions together",
+        f"falls in more than {in_words(STABLE)} of walks, both directions together",
         elsewhere(BEHIND_GEAR, criteria.unsteady("none", *DIRECTIONS)),
     ),
     Claim(
         "E2b",
         "eventually leading to system failure",
-        f"{BEHIND_GEAR}, other engines, no friction: {HARDLY} of the command in the slower direction, or at least half "
-        "of the walks in a direction end in a fall",
+        f"{BEHIND_GEAR}, other engines, no friction: {HARDLY} of the command in the slower direction, or at least "
+        f"{in_words(HALF)} of the walks in a direction end in a fall",
         elsewhere(BEHIND_GEAR, criteria.fails),
     ),
     Claim(
@@ -87,7 +87,7 @@ CLAIMS: tuple[Claim[Evidence], ...] = (
     Claim(
         "E7",
         "but forward walking caused it to fall",
-        "none, virtual robot: at least half of the walks forward end in a fall, at each level",
+        f"none, virtual robot: at least {in_words(HALF)} of the walks forward end in a fall, at each level",
         on_robot("none", criteria.falls(FORWARD)),
     ),
     Claim(
@@ -100,7 +100,7 @@ CLAIMS: tuple[Claim[Evidence], ...] = (
         "E8b",
         "albeit unsteadily",
         f"{BEHIND_GEAR}, virtual robot, forward: joint accelerations {TIMES} deception while both walk, or "
-        "falls in more than a third of walks, at each level",
+        f"falls in more than {in_words(STABLE)} of walks, at each level",
         on_robot(BEHIND_GEAR, criteria.unsteady("deception", FORWARD)),
     ),
     Claim(
@@ -169,8 +169,8 @@ CLAIMS: tuple[Claim[Evidence], ...] = (
     Claim(
         "V8",
         "even making stable standing difficult",
-        f"iterative, virtual robot, told to stand: faster than {MOVES:g} m/s, or more than a third of walks fall, at "
-        "each level",
+        f"iterative, virtual robot, told to stand: faster than {MOVES:g} m/s, or more than {in_words(STABLE)} of walks "
+        "fall, at each level",
         on_robot("iterative", criteria.stands_badly),
     ),
     Claim(

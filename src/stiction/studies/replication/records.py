@@ -142,7 +142,7 @@ class Replication:
 
     @property
     def needs(self) -> tuple[Following, ...]:
-        """Who follows where a user's robot may be, by shares of the torque limit."""
+        """Which methods follow at frictions of a user's robot, by shares of the torque limit."""
         return tuple(one for one in self.following if one.friction_law in SHARES and one.engine not in CAUSES)
 
     @property

@@ -313,7 +313,7 @@ def _settings(part: Part, record: PartRecord) -> dict[str, Any]:
 
 
 def source_of(result: Replication) -> Source:
-    """Return who follows under shares of the torque limit, where a user's robot may be."""
+    """Return which methods follow at shares of the torque limit that a user's robot may have."""
     methods: dict[str, TrainedWith] = {}
     for policy in result.summary["policies"].values():
         level = 0.0 if policy["method"] == "none" else policy["friction_level"]
