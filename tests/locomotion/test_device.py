@@ -40,7 +40,8 @@ def _tensors(env: LocomotionEnv) -> dict:
 
 def test_a_missing_package_is_one_line(tmp_path, capsys: pytest.CaptureFixture, monkeypatch) -> None:
     """It names the extra, and no folder is left behind."""
-    monkeypatch.delitem(sys.modules, "stiction.sim.warp", raising=False)
+    for name in ("warp", "worlds", "torch_fleet"):
+        monkeypatch.delitem(sys.modules, f"stiction.sim.{name}", raising=False)
     monkeypatch.setitem(sys.modules, "mujoco_warp", None)
     assert main(["train", "--device", "warp-cpu", "--out", str(tmp_path / "run")]) == 1
     error = capsys.readouterr().err
