@@ -69,9 +69,7 @@ def measure(device: str, robots: int, times: int = 48) -> dict[str, float]:
     found |= rate("bare", robots, lambda: simulation._launch(steps, lambda: simulation._advance(steps)), times)
     found |= rate("simulator", robots, lambda: simulation.step(steps), times // 4)
     found |= rate("host_task", robots, step, times // 4)
-    del env, simulation, step
-    _, step = walking(device, robots, on_host=False)
-    return found | rate("task", robots, step, times)
+    return found | rate("task", robots, walking(device, robots, on_host=False)[1], times)
 
 
 if __name__ == "__main__":

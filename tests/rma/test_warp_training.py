@@ -26,7 +26,7 @@ SMALL = [
 @pytest.mark.slow
 @pytest.mark.parametrize("ground", ["flat", "slopes"])
 def test_a_run_on_warp_trains_resumes_and_exports(ground: str, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """A checkpoint must hold all that matters, with the task on the device, and with that on the host, which is said."""
+    """A checkpoint must hold all that matters, with the task on the device, and on the host, which is said."""
     whole, resumed = tmp_path / "whole", tmp_path / "resumed"
     settings = [*SMALL, "--terrain", ground, "--device", "warp-cpu"]
     assert main(["train", *settings, "--json", "--out", str(whole)]) == 0

@@ -93,10 +93,10 @@ class TorchFleet(Worlds):
 
     def _undo(self) -> None:
         """Bring the state back to where it was before the first run of some work."""
-        with torch.cuda.device(self.home):
-            for name, value in self._kept.items():
-                self._state[name].copy_(value)
-            torch.cuda.synchronize()
+        wp.synchronize_device(self._device)
+        for name, value in self._kept.items():
+            self._state[name].copy_(value)
+        torch.cuda.synchronize(self.home)
 
     def _run(self, what: str | int, work: Callable[[], None]) -> None:
         """Run Warp's work after what torch has begun, and torch's next after it; the host waits for neither."""
@@ -105,7 +105,7 @@ class TorchFleet(Worlds):
             return
         if what not in self._graphs:
             self._kept = {name: value.clone() for name, value in self._state.items()}
-            torch.cuda.synchronize()
+            torch.cuda.synchronize(self.home)
         ours, theirs = self._device.stream, wp.stream_from_torch(torch.cuda.current_stream(self.home))
         ours.wait_stream(theirs)
         self._launch(what, work)
