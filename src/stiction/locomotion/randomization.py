@@ -148,6 +148,7 @@ class Randomizer:
                 nominal = NominalJoints(nominal.armature, damping=zero, frictionloss=zero)
         self.fleet, self.cfg, self.friction, self.nominal = fleet, cfg, friction, nominal
         self.mixture = friction.schedule[0].mixture
+        self._parts: tuple[Mixture, torch.Tensor] = ((), torch.zeros(0, 3))
         self.home = home = fleet.home
         share = friction_share(friction.law, nominal.frictionloss, fleet.spec)
         self.nominal_share = torch.from_numpy(share).float().to(home)
@@ -190,7 +191,10 @@ class Randomizer:
     def _draw_friction(self, num: int, generator: torch.Generator) -> torch.Tensor:
         """Return multipliers of the nominal friction from the stage's mixture, (num, joints)."""
         size = (num, self.draws.friction.shape[1])
-        weight, low, high = torch.tensor(self.mixture, device=self.home).unbind(-1)
+        if self._parts[0] != self.mixture:
+            # Kept, for on a GPU each new tensor from the host is a wait.
+            self._parts = self.mixture, torch.tensor(self.mixture).to(self.home)
+        weight, low, high = self._parts[1].unbind(-1)
         share = torch.rand(size, generator=generator, device=self.home)
         part = torch.zeros(size, dtype=torch.long, device=self.home)
         if len(weight) > 1:

@@ -59,6 +59,7 @@ class TorchFleet(Worlds):
         self._lacking = torch.zeros(num_envs, dtype=torch.int32, device=self.home)
         self._steps = 0
         self._kept: dict[str, torch.Tensor] = {}
+        self._streams: dict[int, wp.Stream] = {}
         self.reset(torch.ones(num_envs, dtype=torch.bool, device=self.home))
 
     def _tensor(self, array: wp.array) -> torch.Tensor:
@@ -106,7 +107,10 @@ class TorchFleet(Worlds):
         if what not in self._graphs:
             self._kept = {name: value.clone() for name, value in self._state.items()}
             torch.cuda.synchronize(self.home)
-        ours, theirs = self._device.stream, wp.stream_from_torch(torch.cuda.current_stream(self.home))
+        stream = torch.cuda.current_stream(self.home)
+        if stream.cuda_stream not in self._streams:
+            self._streams[stream.cuda_stream] = wp.stream_from_torch(stream)
+        ours, theirs = self._device.stream, self._streams[stream.cuda_stream]
         ours.wait_stream(theirs)
         self._launch(what, work)
         theirs.wait_stream(ours)
