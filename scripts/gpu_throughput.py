@@ -2,8 +2,10 @@
 
     python scripts/gpu_throughput.py cuda 512,2048,4096 >> results/gpu/throughput.jsonl
 
-One JSON line a number of robots: control steps of all robots a second, and milliseconds a control step. The first
-number pays for the compilation of kernels (`first_seconds`). The thread count is that of `STICTION_THREADS`.
+One JSON line a number of robots: control steps of all robots a second, and milliseconds a control step, of `bare`
+physics; of `simulator`, the same with its arrays brought to the host and back; of the task on the host (`host_task`);
+and of that on the device (`task`). The first number pays for the compilation of kernels (`first_seconds`). The thread
+count is that of `STICTION_THREADS`.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from stiction.locomotion.device import find_device
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.config import TrainCfg
+from stiction.sim.warp import WarpSimulation
 
 
 def seconds(work: Callable[[], object], times: int) -> float:
@@ -34,25 +37,39 @@ def seconds(work: Callable[[], object], times: int) -> float:
     return (time.perf_counter() - start) / times
 
 
-def measure(device: str, robots: int, times: int = 50) -> dict[str, float]:
-    """Return the figures of a fleet of `robots` on flat ground with friction up to 24 % of the torque limit."""
+def rate(name: str, robots: int, work: Callable[[], object], times: int) -> dict[str, float]:
+    """Return control steps of all robots a second, and milliseconds a control step, of some work."""
+    each = seconds(work, times)
+    return {f"{name}_per_second": round(robots / each), f"{name}_ms": round(1e3 * each, 2)}
+
+
+def walking(device: str, robots: int, on_host: bool) -> tuple[LocomotionEnv, Callable[[], object]]:
+    """Return robots on flat ground with friction up to 24 % of the torque limit, warmed up, and a control step."""
     task = TaskCfg(friction=FrictionCfg(method="deception", level=0.2))
-    env = LocomotionEnv(task, robots, 0, num_threads(), None, find_device(device, TrainCfg().contacts))
-    simulation, steps = env.fleet.simulation, task.decimation
-    start = time.perf_counter()
+    found = find_device(device, TrainCfg().contacts, on_host=on_host)
+    env = LocomotionEnv(task, robots, 0, num_threads(), None, found)
+    actions = 0.3 * torch.randn(robots, env.num_actions, device=env.device)
+
+    def step() -> object:
+        return env.step(actions)
+
     for _ in range(4):
-        env.step(torch.randn(robots, env.num_actions))
-    first = time.perf_counter() - start
-    parts = {
-        "bare": lambda: simulation._launch(steps, lambda: simulation._advance(steps)),
-        "simulator": lambda: simulation.step(steps),
-        "task": lambda: env.step(0.3 * torch.randn(robots, env.num_actions)),
-    }
-    found: dict[str, float] = {"robots": robots, "threads": num_threads(), "first_seconds": round(first, 1)}
-    for name, work in parts.items():
-        each = seconds(work, times if name == "bare" else times // 4)
-        found |= {f"{name}_per_second": round(robots / each), f"{name}_ms": round(1e3 * each, 2)}
-    return found
+        step()
+    return env, step
+
+
+def measure(device: str, robots: int, times: int = 48) -> dict[str, float]:
+    """Return the figures of a number of robots."""
+    start = time.perf_counter()
+    env, step = walking(device, robots, on_host=True)
+    found: dict[str, float] = {"robots": robots, "threads": num_threads()}
+    found["first_seconds"] = round(time.perf_counter() - start, 1)
+    simulation, steps = env.fleet.simulation, env.cfg.decimation
+    assert isinstance(simulation, WarpSimulation)
+    found |= rate("bare", robots, lambda: simulation._launch(steps, lambda: simulation._advance(steps)), times)
+    found |= rate("simulator", robots, lambda: simulation.step(steps), times // 4)
+    found |= rate("host_task", robots, step, times // 4)
+    return found | rate("task", robots, walking(device, robots, on_host=False)[1], times)
 
 
 if __name__ == "__main__":

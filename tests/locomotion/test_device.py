@@ -8,10 +8,14 @@ import torch
 
 from stiction.cli.main import main
 from stiction.core.errors import StictionError
-from stiction.locomotion.config import TaskCfg
-from stiction.locomotion.device import CPU, Device, find_device
+from stiction.locomotion.config import RandomizationCfg, TaskCfg
+from stiction.locomotion.device import CPU, Device, find_device, why_on_host
 from stiction.locomotion.env import LocomotionEnv
+from stiction.locomotion.friction import FrictionCfg
+from stiction.locomotion.terrain import TerrainCfg
 from stiction.rma.config import TrainCfg
+from stiction.rma.simulator import why_task_on_host
+from stiction.sim.chosen import masked, numbered, put
 from stiction.sim.native import NativeSimulation
 
 
@@ -40,7 +44,8 @@ def _tensors(env: LocomotionEnv) -> dict:
 
 def test_a_missing_package_is_one_line(tmp_path, capsys: pytest.CaptureFixture, monkeypatch) -> None:
     """It names the extra, and no folder is left behind."""
-    monkeypatch.delitem(sys.modules, "stiction.sim.warp", raising=False)
+    for name in ("warp", "worlds", "torch_fleet"):
+        monkeypatch.delitem(sys.modules, f"stiction.sim.{name}", raising=False)
     monkeypatch.setitem(sys.modules, "mujoco_warp", None)
     assert main(["train", "--device", "warp-cpu", "--out", str(tmp_path / "run")]) == 1
     error = capsys.readouterr().err
@@ -69,3 +74,41 @@ def test_an_unknown_device_is_refused() -> None:
     """A configuration file may name any."""
     with pytest.raises(StictionError, match="'tpu'"):
         TrainCfg(device="tpu")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"terrain": TerrainCfg("stairs")}, "terrain 'stairs'"),
+        ({"friction": FrictionCfg(law="stribeck", level=0.1)}, "law 'stribeck'"),
+        ({"friction": FrictionCfg(load=(0.0, 0.1))}, "grows with load"),
+    ],
+)
+def test_what_keeps_the_task_on_the_host_is_named(changes: dict, named: str) -> None:
+    """A task that went to the device without its terrain or its law would train another one, without a word."""
+    cfg = TrainCfg(task=replace(TaskCfg(), **changes), device="warp-cpu")
+    assert named in (why_task_on_host(cfg) or "")
+    assert why_task_on_host(TrainCfg(device="warp-cpu")) is None
+    assert why_on_host(TaskCfg(), disturbed=True) == "the method 'hinf'"
+    assert "Actuator Net" in (why_task_on_host(replace(TrainCfg(device="warp-cpu"), actuator="net")) or "")
+
+
+def test_a_field_that_warp_cannot_vary_is_refused_before_a_folder_is_made() -> None:
+    """It would be found when the robots are built, in a folder that stays behind."""
+    task = replace(TaskCfg(), randomization=replace(RandomizationCfg(), contact_time=(0.01, 0.02)))
+    with pytest.raises(StictionError, match=r"contact-time.*--device cpu"):
+        TrainCfg(task=task, device="warp-cpu")
+
+
+def test_robots_are_chosen_by_number_or_by_mask() -> None:
+    """A mask has a row of values for every robot, numbers have one for each of theirs: the same robots get the same."""
+    values, mask = torch.arange(8.0).view(4, 2), torch.tensor([False, True, False, True])
+    ids = mask.nonzero().flatten()
+    one, other = torch.zeros(4, 2), torch.zeros(4, 2)
+    put(one, mask, values)
+    put(other, ids, values[ids])
+    assert torch.equal(one, other) and one.tolist() == [[0, 0], [2, 3], [0, 0], [6, 7]]
+    assert torch.equal(masked(ids, 4), mask) and masked(mask, 4) is mask
+    assert [value.tolist() for value in numbered(mask, values)] == [[1, 3], [[2, 3], [6, 7]]]
+    put(one, mask, 0)
+    assert not one.any()

@@ -94,7 +94,7 @@ def test_privileged_friction_of_a_coefficient_is_in_tenths_of_the_limit(law: str
     """Of `load` under a leg's share of the weight, of `effort` at full torque: of the size of Coulomb's."""
     env = make(friction=FrictionCfg("deception", level=0.1, law=law, per="joint"))
     typical = env.fleet.torque_limit if law == "effort" else env.spec.weight / 4
-    coefficient = env.randomizer.law.levels[0]
+    coefficient = env.host.law.levels[0]
     assert 0.0 <= coefficient.min() < coefficient.max() <= 0.12 and np.ptp(coefficient, axis=1).min() > 0.01
     expected = coefficient * typical / env.fleet.torque_limit / 0.1
     np.testing.assert_allclose(env.get_observations()["privileged"][:, 26:], expected, atol=1e-5)

@@ -15,8 +15,8 @@ BOTH = FrictionCfg("deception", level=0.1, range=(0.0, 1.0), load=(0.0, 0.1))
 def test_every_robot_has_a_coefficient_of_its_own_beside_its_friction() -> None:
     """Up to 10 % of the limit and a coefficient up to 0.1, drawn apart; all joints of a robot share both."""
     env = make(num_envs=64, friction=BOTH)
-    dry, load = env.randomizer.law.levels
-    assert env.randomizer.law.laws == (Law(), Law("load"))
+    dry, load = env.host.law.levels
+    assert env.host.law.laws == (Law(), Law("load"))
     share = dry / env.fleet.torque_limit
     for drawn, most in ((share, 0.1), (load, 0.1)):
         assert np.ptp(drawn, axis=1).max() < 1e-9
@@ -27,7 +27,7 @@ def test_every_robot_has_a_coefficient_of_its_own_beside_its_friction() -> None:
 def test_the_teacher_sees_both_and_a_bench_would_tell_the_first() -> None:
     """o_priv: f + c m g / feet, over the limit, in tenths; what is told of a bench is f alone."""
     env = make(num_envs=8, friction=BOTH)
-    dry, load = (torch.from_numpy(level).float() for level in env.randomizer.law.levels)
+    dry, load = (torch.from_numpy(level).float() for level in env.host.law.levels)
     limit = torch.from_numpy(env.fleet.torque_limit).float()
     whole = (dry + load * env.spec.weight / 4) / limit
     torch.testing.assert_close(env.randomizer.friction_share(), whole)
@@ -39,7 +39,7 @@ def test_friction_in_the_simulation_grows_with_the_load() -> None:
     """After a step it is above the dry friction wherever a joint transmits something."""
     env = make(num_envs=4, friction=BOTH)
     step = env.step(torch.zeros(4, env.num_actions))
-    dry, load = env.randomizer.law.levels
+    dry, load = env.host.law.levels
     assert (env.fleet.friction[load > 0.01] > dry[load > 0.01]).all()
     assert step[3]["log"]["friction/share"] > 0.0
 

@@ -47,7 +47,7 @@ def test_they_tell_the_friction_of_single_joints() -> None:
     fleet, level = env.fleet, np.full((13, 12), 0.04)
     level[np.arange(12), np.arange(12)] = 0.08
     fleet.reset(np.arange(13))
-    env.randomizer.law.set_level(level * fleet.torque_limit, ids=np.arange(13))
+    env.host.law.set_level(level * fleet.torque_limit, ids=np.arange(13))
     fleet.simulation.expand("opt.gravity")[:] = 0.0
     fleet.base_position[:, 2] = 2.0
     for step in range(500):

@@ -16,7 +16,7 @@ import warp
 warp.config.optimization_level = 0  # Compiling takes longer than all that is computed here.
 
 SMALL = [
-    *("--robot", "go1", "--num-envs", "4", "--terrain", "slopes", "--friction-level", "0.1", "--checkpoint-every", "1"),
+    *("--robot", "go1", "--num-envs", "4", "--friction-level", "0.1", "--checkpoint-every", "1"),
     *("--preset", "two-phase", "--video-every", "0"),
     *("--teacher.iterations", "2", "--teacher.steps", "4", "--teacher.mini-batches", "2"),
     *("--student.iterations", "1", "--student.steps", "4", "--student.mini-batches", "2"),
@@ -24,11 +24,15 @@ SMALL = [
 
 
 @pytest.mark.slow
-def test_a_run_on_warp_trains_resumes_and_exports(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """The protocol's two backends must serve the same task, and a checkpoint of either must hold all that matters."""
+@pytest.mark.parametrize("ground", ["flat", "slopes"])
+def test_a_run_on_warp_trains_resumes_and_exports(ground: str, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """A checkpoint must hold all that matters, with the task on the device, and on the host, which is said."""
     whole, resumed = tmp_path / "whole", tmp_path / "resumed"
-    assert main(["train", *SMALL, "--device", "warp-cpu", "--json", "--out", str(whole)]) == 0
-    assert json.loads(capsys.readouterr().out)["env_steps"] == 3 * 4 * 4
+    settings = [*SMALL, "--terrain", ground, "--device", "warp-cpu"]
+    assert main(["train", *settings, "--json", "--out", str(whole)]) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["env_steps"] == 3 * 4 * 4
+    assert ("stays on the host" in said.err and "terrain 'slopes'" in said.err) == (ground == "slopes")
     shutil.copytree(whole, resumed)
     (resumed / "summary.json").unlink()
     for name in ("teacher_000002", "student_000001"):

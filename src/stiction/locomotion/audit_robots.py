@@ -20,6 +20,7 @@ from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Joint, simulate
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.randomization import Randomizer, nominal_joints
+from stiction.locomotion.task_fleet import HostFleet
 from stiction.robots.model import GRAVITY, Robot
 from stiction.sim.fleet import BASE_DOFS, HELD, Fleet
 
@@ -51,7 +52,9 @@ class Stand:
         """Return `num` robots, nominal but for `draws`."""
         cfg = self.cfg
         fleet = Fleet(self.spec, num, cfg.timestep, cfg.decimation, joint_sensors=cfg.friction.loaded)
-        randomizer = Randomizer(fleet, cfg.randomization, cfg.friction, nominal_joints(fleet, cfg.friction))
+        randomizer = Randomizer(
+            HostFleet(fleet, cfg.friction.laws), cfg.randomization, cfg.friction, nominal_joints(fleet, cfg.friction)
+        )
         for name in ("armature", "damping", "stiffness", "motor_strength", "ground_friction"):
             getattr(randomizer.draws, name)[:] = 1.0
         for name, value in draws.items():

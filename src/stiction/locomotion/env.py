@@ -1,4 +1,4 @@
-"""The task as an rsl_rl `VecEnv`: actions in, observation groups and rewards out. It is computed on the host."""
+"""The task as an rsl_rl `VecEnv`: actions in, observation groups and rewards out, in torch, where the robots are."""
 
 from __future__ import annotations
 
@@ -18,8 +18,10 @@ from stiction.locomotion.gait import UnsyncWindow, exactly_one_group, group_imba
 from stiction.locomotion.observations import FrameBuilder, History, SlowMeans, roll_pitch
 from stiction.locomotion.randomization import FRICTION_UNIT, Randomizer, friction_angle, nominal_joints
 from stiction.locomotion.rewards import Snapshot
+from stiction.locomotion.task_fleet import HostFleet, TaskFleet, to_tensor
 from stiction.locomotion.terrain import SCAN_POINTS, UNDER, Curriculum
 from stiction.robots.catalog import find_robot
+from stiction.sim.chosen import put
 from stiction.sim.fleet import Fleet
 from stiction.sim.net_motors import NetMotors
 
@@ -33,18 +35,15 @@ _BUFFERS = ("episode_length_buf", "last_action", "last_velocity", "air_time", "m
 """The per-robot buffers that a checkpoint holds beside the simulation."""
 
 
-def to_tensor(array: np.ndarray) -> torch.Tensor:
-    """Return a float32 copy of a live float64 array of the simulation."""
-    return torch.from_numpy(array.astype(np.float32))
-
-
 class CommandSampler:
     """The command of every robot: vx, vy [m/s] and yaw rate [rad/s] in the base frame."""
 
-    def __init__(self, cfg: CommandCfg, num_envs: int) -> None:
-        """Start with every robot commanded to stand."""
+    def __init__(self, cfg: CommandCfg, num_envs: int, home: torch.device | None = None) -> None:
+        """Start with every robot commanded to stand; `home`: where the commands are."""
         self.cfg = cfg
-        self.value = torch.zeros(num_envs, 3)
+        self.value = torch.zeros(num_envs, 3, device=home)
+        spans = torch.tensor([cfg.forward, cfg.sideways, cfg.turn], device=home)
+        self._low, self._width = spans[:, 0], spans[:, 1] - spans[:, 0]
 
     @property
     def moving(self) -> torch.Tensor:
@@ -55,16 +54,16 @@ class CommandSampler:
         """Command `value`, (N, 3), to the robots in `mask`, (N,) bool. The tensor is replaced."""
         self.value = torch.where(mask[:, None], value, self.value)
 
-    def draw(self, ids: torch.Tensor, generator: torch.Generator) -> None:
-        """Draw new commands for the robots `ids`. The tensor is replaced: observations keep the old one."""
-        if not len(ids):
+    def draw(self, which: torch.Tensor, generator: torch.Generator) -> None:
+        """Draw commands for the robots `which`, see `sim.chosen`. The tensor is replaced: observations keep theirs."""
+        if not len(which):
             return
-        spans = torch.tensor([self.cfg.forward, self.cfg.sideways, self.cfg.turn])
-        new = spans[:, 0] + (spans[:, 1] - spans[:, 0]) * torch.rand(len(ids), 3, generator=generator)
-        standing = torch.rand(len(ids), 1, generator=generator) < self.cfg.standing_share
+        num, home = len(which), self.value.device
+        new = self._low + self._width * torch.rand(num, 3, generator=generator, device=home)
+        standing = torch.rand(num, 1, generator=generator, device=home) < self.cfg.standing_share
         small = new.norm(dim=-1, keepdim=True) <= self.cfg.moving_above
         value = self.value.clone()
-        value[ids] = torch.where(standing | small, 0.0, new)
+        put(value, which, torch.where(standing | small, 0.0, new))
         self.value = value
 
 
@@ -99,47 +98,84 @@ class LocomotionEnv(VecEnv):
         self.num_actions = self.spec.num_joints
         flat, draws = cfg.terrain.kind == "flat", np.random.default_rng(seed)
         self.course = None if flat else Curriculum(cfg.terrain, num_envs, draws)
-        terrain, sensors = self.course.terrain if self.course else None, cfg.friction.loaded
-        steps = (cfg.timestep, cfg.decimation)
-        self.fleet = Fleet(self.spec, num_envs, *steps, threads, device.backend, terrain, sensors, cfg.physics)
-        self.generator = torch.Generator().manual_seed(seed)
-        nominal = nominal_joints(self.fleet, cfg.friction, identified)
-        if actuator is not None:
-            cfg.check_net(actuator, self.spec)
-        self.motors = None if actuator is None else NetMotors(self.fleet, actuator)
-        self.randomizer = Randomizer(self.fleet, cfg.randomization, cfg.friction, nominal, self.motors)
+        self.robots = self._make_robots(device, threads, actuator)
+        self.home = home = self.robots.home
+        self.by_mask = home.type == "cuda"
+        """Whether robots are chosen by mask, see `sim.chosen`: random numbers are then drawn for all of them."""
+        self.generator = torch.Generator(home).manual_seed(seed)
+        nominal = nominal_joints(self.robots, cfg.friction, identified)
+        self.randomizer = Randomizer(self.robots, cfg.randomization, cfg.friction, nominal)
         extra = friction_angle(cfg.friction, nominal, self.spec)
-        self.compensation = None if extra is None else torch.tensor(extra)
+        self.compensation = None if extra is None else torch.tensor(extra, device=home)
         self.stage = 0
         self.tells_terminal = False
         """Whether a step in which robots time out tells, as `extras["terminal"]`, (N, frame), what they would have
         observed next; `_observe` sees them after their reset."""
-        self.commands = CommandSampler(cfg.commands, num_envs)
+        self.commands = CommandSampler(cfg.commands, num_envs, home)
         self.layout = cfg.layout(self.spec)
-        self.standing = torch.from_numpy(self.fleet.standing).float()
+        self.standing = torch.from_numpy(self.robots.standing).float().to(home)
         scale = self.spec.action_scale
-        self.action_scale = scale if isinstance(scale, float) else torch.from_numpy(scale).float()
-        self.torque_limit = torch.from_numpy(self.fleet.torque_limit).float()
+        self.action_scale = scale if isinstance(scale, float) else torch.from_numpy(scale).float().to(home)
+        self.torque_limit = torch.from_numpy(self.robots.torque_limit).float().to(home)
         groups = self.spec.groups()
-        self.group = None if groups is None else torch.from_numpy(groups)
-        self.sideways = torch.tensor(self.spec.sideways_joints)
+        self.group = None if groups is None else torch.from_numpy(groups).to(home)
+        self.sideways = torch.tensor(self.spec.sideways_joints, device=home)
         self.frames = FrameBuilder(self.layout, self.standing)
-        self.history = History(num_envs, self.layout)
+        self.history = History(num_envs, self.layout, home)
         decay = self.layout.slow_kept
-        self.slow = None if decay is None else SlowMeans(num_envs, self.num_actions, decay)
-        self.unsync = UnsyncWindow(num_envs, len(self.spec.feet))
+        self.slow = None if decay is None else SlowMeans(num_envs, self.num_actions, decay, home)
+        self.unsync = UnsyncWindow(num_envs, len(self.spec.feet), home=home)
         self.terms = cfg.rewards.terms_for(self.spec)
         self.max_episode_length = round(cfg.episode / cfg.control_period)
         self.push_interval = round(cfg.randomization.push_interval / cfg.control_period)
         self.command_interval = round(cfg.commands.interval / cfg.control_period)
-        self.episode_length_buf = torch.zeros(num_envs, dtype=torch.long)
-        self.last_action = torch.zeros(num_envs, self.num_actions)
-        self.last_velocity = torch.zeros(num_envs, self.num_actions)
-        self.air_time = torch.zeros(num_envs, len(self.spec.feet))
-        self.kind_average = torch.from_numpy(kind_average([joint.kind for joint in self.spec.joints])).float()
-        self.bench_error = torch.ones(num_envs, self.kind_average.shape[1])
-        self._reset(torch.arange(num_envs))
-        self._observation = self._observe(torch.ones(num_envs, dtype=torch.bool))
+        self.episode_length_buf = torch.zeros(num_envs, dtype=torch.long, device=home)
+        self.last_action = torch.zeros(num_envs, self.num_actions, device=home)
+        self.last_velocity = torch.zeros(num_envs, self.num_actions, device=home)
+        self.air_time = torch.zeros(num_envs, len(self.spec.feet), device=home)
+        kinds = [joint.kind for joint in self.spec.joints]
+        self.kind_average = torch.from_numpy(kind_average(kinds)).float().to(home)
+        self.bench_error = torch.ones(num_envs, self.kind_average.shape[1], device=home)
+        everyone = torch.ones(num_envs, dtype=torch.bool, device=home)
+        self._reset(self._which(everyone))
+        self._observation = self._observe(everyone)
+
+    def _make_robots(self, device: Device, threads: int, actuator: ActuatorNet | None) -> TaskFleet:
+        """Build the fleet: on a device where it has one of its own, else on the host."""
+        cfg, num = self.cfg, self.num_envs
+        steps = (cfg.timestep, cfg.decimation)
+        if device.fleet is not None:
+            return device.fleet(self.spec, num, *steps, cfg.physics)
+        terrain, sensors = self.course.terrain if self.course else None, cfg.friction.loaded
+        fleet = Fleet(self.spec, num, *steps, threads, device.backend, terrain, sensors, cfg.physics)
+        if actuator is not None:
+            cfg.check_net(actuator, self.spec)
+        return HostFleet(fleet, cfg.friction.laws, None if actuator is None else NetMotors(fleet, actuator))
+
+    @property
+    def host(self) -> HostFleet:
+        """The robots on the host. Raises `TypeError` where they are on a device."""
+        if not isinstance(self.robots, HostFleet):
+            raise TypeError(f"the robots are on {self.home}, and what is asked of them is on the host alone")
+        return self.robots
+
+    @property
+    def fleet(self) -> Fleet:
+        """The NumPy fleet of robots on the host."""
+        return self.host.fleet
+
+    @property
+    def motors(self) -> NetMotors | None:
+        """What gives the joints' torque in place of the PD law."""
+        return self.robots.motors if isinstance(self.robots, HostFleet) else None
+
+    def _which(self, mask: torch.Tensor) -> torch.Tensor:
+        """Return the robots of a mask, (N,) bool, as they are chosen here."""
+        return mask if self.by_mask else mask.nonzero().flatten()
+
+    def _uniform(self, *size: int) -> torch.Tensor:
+        """Draw numbers in [-1, 1), of shape `size`."""
+        return 2 * torch.rand(*size, generator=self.generator, device=self.home) - 1
 
     def get_observations(self) -> TensorDict:
         """Return the current observations."""
@@ -147,17 +183,16 @@ class LocomotionEnv(VecEnv):
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
         """Apply actions, (N, joints), for one control period; reset robots that fell, blew up or timed out."""
-        actions = actions.cpu().clamp(-self.cfg.action_clip, self.cfg.action_clip)
+        actions = actions.to(self.home).clamp(-self.cfg.action_clip, self.cfg.action_clip)
         targets = self.standing + self.action_scale * actions
         if self.compensation is not None:
             targets = compensated(targets, self.measured_position, self.compensation)
-        self.fleet.set_targets((targets - self.randomizer.draws.encoder_offset).numpy())
-        blown_up = torch.zeros(self.num_envs, dtype=torch.bool)
-        blown_up[self.fleet.step()] = True
+        self.robots.set_targets(targets - self.randomizer.draws.encoder_offset)
+        blown_up = self.robots.step()
         self.episode_length_buf = self.episode_length_buf + 1
 
         snapshot = self._snapshot(actions, blown_up)
-        reward = torch.zeros(self.num_envs)
+        reward = torch.zeros(self.num_envs, device=self.home)
         means = {}
         for name, (term, weight) in self.terms.items():
             value = weight * term(snapshot)
@@ -180,7 +215,7 @@ class LocomotionEnv(VecEnv):
         extras: dict[str, Any] = {"time_outs": time_outs.float().to(self.device), "log": log}
         if self.tells_terminal and time_outs.any():
             extras["terminal"] = self._frame_without_reset().to(self.device)
-        self._reset(dones.nonzero().flatten())
+        self._reset(self._which(dones))
         self._push_and_command(dones)
         self._observation = self._observe(dones)
         return self._observation, reward.to(self.device), dones.to(self.device), extras
@@ -192,20 +227,21 @@ class LocomotionEnv(VecEnv):
 
     def _snapshot(self, actions: torch.Tensor, blown_up: torch.Tensor) -> Snapshot:
         """Collect what the rewards see."""
-        fleet = self.fleet
-        velocity = to_tensor(fleet.joint_velocity)
+        fleet, home = self.robots, self.home
+        velocity = fleet.joint_velocity
         acceleration = (velocity - self.last_velocity) / self.cfg.control_period
         self.last_velocity = velocity
-        contact = torch.from_numpy(fleet.foot_contact)
+        contact = fleet.foot_contact
         landed = torch.where(contact, self.air_time, 0.0)
         self.air_time = torch.where(contact, 0.0, self.air_time + self.cfg.control_period)
-        self.linear_velocity = to_tensor(fleet.base_linear_velocity)
+        self.linear_velocity = fleet.base_linear_velocity
         self.contact = contact
-        deviation = to_tensor(fleet.joint_position) - self.standing
-        quaternion = to_tensor(fleet.base_quaternion)
+        deviation = fleet.joint_position - self.standing
+        quaternion = fleet.base_quaternion
         w, x, y, z = quaternion.unbind(-1)
         if self.group is None:
-            one_group, unsync = torch.zeros(self.num_envs, dtype=torch.bool), torch.zeros(self.num_envs)
+            one_group = torch.zeros(self.num_envs, dtype=torch.bool, device=home)
+            unsync = torch.zeros(self.num_envs, device=home)
         else:
             one_group = exactly_one_group(contact, self.group)
             unsync = self.unsync.push(group_imbalance(contact, self.group))
@@ -213,10 +249,10 @@ class LocomotionEnv(VecEnv):
             command=self.commands.value,
             moving=self.commands.moving,
             linear_velocity=self.linear_velocity,
-            angular_velocity=to_tensor(fleet.base_angular_velocity),
+            angular_velocity=fleet.base_angular_velocity,
             up=torch.stack((2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)), -1),
-            height_error=to_tensor(fleet.base_position[:, 2] - fleet.ground) - self.spec.standing_height,
-            torque_share=to_tensor(fleet.torque) / self.torque_limit,
+            height_error=fleet.height - self.spec.standing_height,
+            torque_share=fleet.torque / self.torque_limit,
             joint_deviation=deviation,
             sideways_deviation=deviation[:, self.sideways],
             joint_acceleration=acceleration,
@@ -225,7 +261,7 @@ class LocomotionEnv(VecEnv):
             one_group=one_group,
             unsync=unsync,
             landed_air_time=landed,
-            fallen=torch.from_numpy(fleet.fallen()) & ~blown_up,
+            fallen=fleet.fallen() & ~blown_up,
         )
 
     def _log(self, snapshot: Snapshot, fallen: torch.Tensor, blown_up: torch.Tensor) -> dict[str, torch.Tensor]:
@@ -246,49 +282,44 @@ class LocomotionEnv(VecEnv):
             log["friction/share"] = torch.as_tensor((self.fleet.friction / self.fleet.torque_limit).mean())
         return log
 
-    def _reset(self, ids: torch.Tensor) -> None:
+    def _reset(self, which: torch.Tensor) -> None:
         """Start new episodes with newly drawn robots."""
-        if not len(ids):
+        if not len(which):
             return
-        num, joints = len(ids), self.num_actions
-        self.randomizer.draw(ids, self.generator)
+        num = len(which)
+        self.randomizer.draw(which, self.generator)
         angle, speed = RESET_NOISE
-
-        def symmetric(width: int, size: float) -> np.ndarray:
-            return (size * (2 * torch.rand(num, width, generator=self.generator) - 1)).double().numpy()
-
-        joint_position, heading = self.fleet.standing + symmetric(joints, angle), symmetric(1, np.pi)[:, 0]
-        velocity, start = symmetric(6, speed), None
+        offset, heading = angle * self._uniform(num, self.num_actions), np.pi * self._uniform(num, 1)[:, 0]
+        velocity = speed * self._uniform(num, 6)
         if self.course:
-            difficulty, uniform, start, heading = self.course.begin(ids.numpy())
-            self.fleet.place_terrain(ids.numpy(), difficulty, uniform)
-        self.fleet.reset(ids.numpy(), joint_position, heading, velocity, start)
-        self.commands.draw(ids, self.generator)
+            ids = which.numpy()
+            difficulty, uniform, self.host.start, course = self.course.begin(ids)
+            self.fleet.place_terrain(ids, difficulty, uniform)
+            heading = torch.from_numpy(course)
+        self.robots.reset(which, offset, heading, velocity)
+        self.commands.draw(which, self.generator)
         if self.cfg.known_friction:
             low, high = self.cfg.randomization.known_friction
             size = (num, self.bench_error.shape[1])
-            self.bench_error[ids] = low + (high - low) * torch.rand(size, generator=self.generator)
-        self.unsync.reset(ids)
-        self.episode_length_buf[ids] = 0
-        for buffer in (self.last_action, self.last_velocity, self.air_time):
-            buffer[ids] = 0.0
+            error = low + (high - low) * torch.rand(size, generator=self.generator, device=self.home)
+            put(self.bench_error, which, error)
+        self.unsync.reset(which)
+        for buffer in (self.episode_length_buf, self.last_action, self.last_velocity, self.air_time):
+            put(buffer, which, 0)
 
     def _push_and_command(self, fresh: torch.Tensor) -> None:
         """Push robots and draw new commands where their time has come."""
         age = self.episode_length_buf
         if self.push_interval:
-            ids = ((age % self.push_interval == 0) & ~fresh).nonzero().flatten()
-            bound = self.cfg.randomization.push_velocity
-            push = bound * (2 * torch.rand(len(ids), 2, generator=self.generator) - 1)
-            self.fleet.push(push.double().numpy(), ids.numpy())
-        self.commands.draw(((age % self.command_interval == 0) & ~fresh).nonzero().flatten(), self.generator)
+            which = self._which((age % self.push_interval == 0) & ~fresh)
+            self.robots.push(self.cfg.randomization.push_velocity * self._uniform(len(which), 2), which)
+        self.commands.draw(self._which((age % self.command_interval == 0) & ~fresh), self.generator)
 
     def _observe(self, fresh: torch.Tensor) -> TensorDict:
         """Build every observation group from the state after resets and pushes."""
         elevation = self._look_around() if self.course else {}
         frame = self._frame(fresh)
-        velocity = to_tensor(self.fleet.base_linear_velocity)
-        explicit = [velocity, to_tensor(self.fleet.foot_contact)]
+        explicit = [self.robots.base_linear_velocity, self.robots.foot_contact.float()]
         if self.cfg.estimated_friction:
             explicit.append(self.randomizer.friction_share() @ self.kind_average / FRICTION_UNIT)
         groups = {
@@ -302,15 +333,15 @@ class LocomotionEnv(VecEnv):
 
     def _frame(self, fresh: torch.Tensor) -> torch.Tensor:
         """Measure, with noise, and return one frame of every robot, (N, frame_size); `fresh`: as of `History.push`."""
-        fleet, noise = self.fleet, self.cfg.noise
+        fleet, noise = self.robots, self.cfg.noise
         raw = {
-            "angular_velocity": to_tensor(fleet.base_angular_velocity),
-            "roll_pitch": roll_pitch(to_tensor(fleet.base_quaternion)),
-            "joint_position": to_tensor(fleet.joint_position) + self.randomizer.draws.encoder_offset,
-            "joint_velocity": to_tensor(fleet.joint_velocity),
+            "angular_velocity": fleet.base_angular_velocity,
+            "roll_pitch": roll_pitch(fleet.base_quaternion),
+            "joint_position": fleet.joint_position + self.randomizer.draws.encoder_offset,
+            "joint_velocity": fleet.joint_velocity,
         }
         for name, value in raw.items():
-            raw[name] = value + getattr(noise, name) * (2 * torch.rand(value.shape, generator=self.generator) - 1)
+            raw[name] = value + getattr(noise, name) * self._uniform(*value.shape)
         self.measured_position = raw["joint_position"]
         raw |= {"command": self.commands.value, "last_action": self.last_action}
         if self.cfg.known_friction:
@@ -323,7 +354,7 @@ class LocomotionEnv(VecEnv):
     def _frame_without_reset(self) -> torch.Tensor:
         """Return the frame that every robot would see next if none began anew, (N, frame_size)."""
         kept = None if self.slow is None else (self.slow.sums, self.slow.weight)
-        frame = self._frame(torch.zeros(self.num_envs, dtype=torch.bool))
+        frame = self._frame(torch.zeros(self.num_envs, dtype=torch.bool, device=self.home))
         if self.slow is not None and kept is not None:
             self.slow.sums, self.slow.weight = kept
         return frame
@@ -341,14 +372,15 @@ class LocomotionEnv(VecEnv):
         scan = fleet.ground_around(SCAN_POINTS)
         fleet.ground[:] = scan[:, UNDER].mean(-1)
         below = to_tensor(fleet.base_position[:, 2:3] - self.spec.standing_height - scan)
-        noise = 2 * torch.rand(below.shape, generator=self.generator) - 1
+        noise = self._uniform(*below.shape)
         return {"elevation": ((below + self.cfg.terrain.elevation_noise * noise) / ELEVATION_SCALE).clamp(-5.0, 5.0)}
 
     def state(self) -> dict[str, Any]:
         """Return everything the next step depends on, for a checkpoint."""
-        friction = self.randomizer.law.state()
+        host = self.robots if isinstance(self.robots, HostFleet) else None
+        friction = {} if host is None else host.law.state()
         return ({"friction": friction} if friction else {}) | {
-            "simulation": self.fleet.simulation.state(),
+            "simulation": self.robots.state(),
             "draws": dict(vars(self.randomizer.draws)),
             "buffers": {name: getattr(self, name) for name in _BUFFERS},
             "command": self.commands.value,
@@ -357,10 +389,10 @@ class LocomotionEnv(VecEnv):
             "unsync": {"window": self.unsync.window, "cursor": self.unsync.cursor},
             "observation": dict(self._observation.items()),
             "generator": self.generator.get_state(),
-            "blown_up": self.fleet.blown_up,
+            "blown_up": self.robots.blown_up,
             "stage": self.stage,
             "course": self.course.state() if self.course else None,
-            "ground": self.fleet.ground,
+            "ground": torch.zeros(self.num_envs) if host is None else host.fleet.ground,
             "motors": {} if self.motors is None else self.motors.state() | {"targets": self.fleet.targets.copy()},
         }
 
@@ -369,27 +401,39 @@ class LocomotionEnv(VecEnv):
         # Older states are without schedules, terrain and Actuator Nets.
         state = {"stage": 0, "course": None, "ground": torch.zeros(self.num_envs), "motors": {}} | state
         for name, value in state["draws"].items():
-            setattr(self.randomizer.draws, name, value.clone())
+            setattr(self.randomizer.draws, name, self._own(value))
         self.stage = state["stage"]
         self.randomizer.mixture = self.cfg.friction.schedule[self.stage].mixture
-        self.randomizer.apply(torch.arange(self.num_envs))
+        self.randomizer.apply(torch.arange(self.num_envs, device=self.home))
         if self.course:
             self.course.load_state(state["course"])
             self.fleet.show_terrain(np.arange(self.num_envs))
-        self.fleet.ground[:] = state["ground"].numpy()
-        self.fleet.simulation.load_state({name: value.numpy() for name, value in state["simulation"].items()})
-        self.randomizer.law.load_state({name: value.numpy() for name, value in state.get("friction", {}).items()})
+        self.robots.load_state(state["simulation"])
+        if isinstance(self.robots, HostFleet):
+            self._load_host(state)
+        else:
+            self.robots.blown_up = self._own(state["blown_up"])
         for name, value in state["buffers"].items():
-            setattr(self, name, value.clone())
-        self.commands.value = state["command"].clone()
-        self.history.frames = state["history"].clone()
+            setattr(self, name, self._own(value))
+        self.commands.value = self._own(state["command"])
+        self.history.frames = self._own(state["history"])
         if self.slow is not None:
-            self.slow.sums, self.slow.weight = (state["slow"][name].clone() for name in ("sums", "weight"))
-        self.unsync.window, self.unsync.cursor = state["unsync"]["window"].clone(), state["unsync"]["cursor"]
+            self.slow.sums, self.slow.weight = (self._own(state["slow"][name]) for name in ("sums", "weight"))
+        self.unsync.window, self.unsync.cursor = self._own(state["unsync"]["window"]), state["unsync"]["cursor"]
         self._observation = self._hand_out(state["observation"])
         self.generator.set_state(state["generator"])
-        self.fleet.blown_up[:] = state["blown_up"].numpy()
-        if self.motors is not None:
+
+    def _own(self, value: torch.Tensor) -> torch.Tensor:
+        """Return a copy of a tensor of a checkpoint, where the task is."""
+        return value.to(self.home, copy=True)
+
+    def _load_host(self, state: dict[str, Any]) -> None:
+        """Restore what only robots on the host have."""
+        host, fleet = self.host, self.fleet
+        fleet.ground[:] = state["ground"].numpy()
+        host.law.load_state({name: value.numpy() for name, value in state.get("friction", {}).items()})
+        fleet.blown_up[:] = state["blown_up"].numpy()
+        if host.motors is not None:
             motors = {name: value.numpy() for name, value in state["motors"].items()}
-            self.fleet.targets[...] = motors.pop("targets")
-            self.motors.load_state(motors)
+            fleet.targets[...] = motors.pop("targets")
+            host.motors.load_state(motors)

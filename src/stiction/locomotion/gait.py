@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import torch
 
+from stiction.sim.chosen import put
+
 UNSYNC_HORIZON = 100
 """H of r_unsync in control steps (2 s at 50 Hz)."""
 
@@ -26,9 +28,11 @@ def group_imbalance(contact: torch.Tensor, group: torch.Tensor) -> torch.Tensor:
 class UnsyncWindow:
     """Running sum of the imbalance over the last `horizon` steps: |sum| is r_unsync."""
 
-    def __init__(self, num_envs: int, legs: int, horizon: int = UNSYNC_HORIZON) -> None:
-        """Start with an empty window."""
-        self.window = torch.zeros(horizon, num_envs)
+    def __init__(
+        self, num_envs: int, legs: int, horizon: int = UNSYNC_HORIZON, home: torch.device | None = None
+    ) -> None:
+        """Start with an empty window, at `home`."""
+        self.window = torch.zeros(horizon, num_envs, device=home)
         self.cursor = 0
         self.largest = horizon * (legs / 2)
 
@@ -38,6 +42,6 @@ class UnsyncWindow:
         self.cursor = (self.cursor + 1) % len(self.window)
         return self.window.sum(0).abs() / self.largest
 
-    def reset(self, ids: torch.Tensor) -> None:
-        """Forget the steps of the robots `ids`."""
-        self.window[:, ids] = 0.0
+    def reset(self, which: torch.Tensor) -> None:
+        """Forget the steps of the robots `which`, see `sim.chosen`."""
+        put(self.window.T, which, 0.0)

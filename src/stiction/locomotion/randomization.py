@@ -15,11 +15,11 @@ from stiction.formats.joints import ARMATURE, Estimate, JointRecord, JointsFile
 from stiction.joints.friction import has_coefficient
 from stiction.locomotion.config import RandomizationCfg
 from stiction.locomotion.friction import FrictionCfg, Mixture, friction_share
+from stiction.locomotion.task_fleet import HostFleet, TaskFleet
 from stiction.robots.model import TRUNK_LENGTH, Robot
 from stiction.robots.physics import CONTACT_TIME
+from stiction.sim.chosen import put
 from stiction.sim.fleet import Fleet
-from stiction.sim.friction import JointFriction
-from stiction.sim.net_motors import NetMotors
 
 PAYLOAD_UNIT, MULTIPLIER_UNIT, FRICTION_UNIT = 3.0, 0.2, 0.1
 """What an entry of 1 stands for: 3 kg of payload, a multiplier of 1.2, dry friction of 0.1 of the torque limit."""
@@ -73,7 +73,7 @@ class NominalJoints:
 
 
 def nominal_joints(
-    fleet: Fleet, friction: FrictionCfg, identified: dict[str, np.ndarray] | None = None
+    fleet: Fleet | TaskFleet, friction: FrictionCfg, identified: dict[str, np.ndarray] | None = None
 ) -> NominalJoints:
     """Return the robot's own joints, overridden by an identification, its friction overridden by the level.
 
@@ -81,7 +81,8 @@ def nominal_joints(
     `damping`, `frictionloss`, each (joints,), NaN where not identified; and `load_coefficient` where those are taken.
     Raises `ConfigurationError` for friction by a coefficient that nobody gave.
     """
-    values = {name: fleet.spec.joint_values(name) for name in ("armature", "damping", "frictionloss")}
+    robot = fleet.spec
+    values = {name: robot.joint_values(name) for name in ("armature", "damping", "frictionloss")}
     given = dict(identified or {})
     coefficients = given.pop("load_coefficient", None)
     for name, value in given.items():
@@ -90,9 +91,9 @@ def nominal_joints(
         if friction.level is None and coefficients is None and friction.has_friction:
             raise ConfigurationError(f"the friction law {friction.law!r} has no coefficient; say --friction-level")
         own = 0.0 if coefficients is None else coefficients
-        values["frictionloss"] = np.zeros(fleet.spec.num_joints) + (own if friction.level is None else friction.level)
+        values["frictionloss"] = np.zeros(robot.num_joints) + (own if friction.level is None else friction.level)
     elif friction.level is not None:
-        values["frictionloss"] = friction.level * fleet.torque_limit
+        values["frictionloss"] = friction.level * robot.joint_values("torque_limit")
     return NominalJoints(**values)
 
 
@@ -133,14 +134,13 @@ class Randomizer:
 
     def __init__(
         self,
-        fleet: Fleet,
+        fleet: TaskFleet,
         cfg: RandomizationCfg,
         friction: FrictionCfg,
         nominal: NominalJoints,
-        motors: NetMotors | None = None,
     ) -> None:
-        """Begin with all draws 0, before the first `draw`. `motors`: those of an Actuator Net."""
-        self.motors = motors
+        """Begin with all draws 0, before the first `draw`."""
+        motors = fleet.motors if isinstance(fleet, HostFleet) else None
         if motors is not None:
             cfg = cfg.with_net(motors.holds_friction)
             if motors.holds_friction:
@@ -148,26 +148,30 @@ class Randomizer:
                 nominal = NominalJoints(nominal.armature, damping=zero, frictionloss=zero)
         self.fleet, self.cfg, self.friction, self.nominal = fleet, cfg, friction, nominal
         self.mixture = friction.schedule[0].mixture
-        self.law = JointFriction(fleet, *friction.laws)
+        self._parts: tuple[Mixture, torch.Tensor] = ((), torch.zeros(0, 3))
+        self.home = home = fleet.home
         share = friction_share(friction.law, nominal.frictionloss, fleet.spec)
-        self.nominal_share = torch.from_numpy(share).float()
-        self.load_share = torch.from_numpy(friction_share("load", np.ones_like(share), fleet.spec)).float()
-        self.base_mass, self.base_com = fleet.spec.base.mass, np.array(fleet.spec.base.com)
+        self.nominal_share = torch.from_numpy(share).float().to(home)
+        self.load_share = torch.from_numpy(friction_share("load", np.ones_like(share), fleet.spec)).float().to(home)
+        self.base_mass = fleet.spec.base.mass
+        self.base_com = torch.tensor(fleet.spec.base.com, dtype=torch.float64, device=home)
+        fixed = vars(nominal) | {"kp": fleet.nominal_kp, "kd": fleet.nominal_kd}
+        self._fixed = {name: torch.from_numpy(value).double().to(home) for name, value in fixed.items()}
         cfg.check_robot(fleet.spec)
-        self.com_axes = torch.from_numpy(np.array(fleet.spec.base.size) / TRUNK_LENGTH).float()
+        self.com_axes = torch.from_numpy(np.array(fleet.spec.base.size) / TRUNK_LENGTH).float().to(home)
         num, joints = fleet.num_envs, fleet.spec.num_joints
         single = ("ground_friction", "payload", "contact_time", "load_coefficient", "action_delay")
         widths = {"center_of_mass": 3} | dict.fromkeys(single, 1)
         names = Draws.__dataclass_fields__
-        self.draws = Draws(**{name: torch.zeros(num, widths.get(name, joints)) for name in names})
+        self.draws = Draws(**{name: torch.zeros(num, widths.get(name, joints), device=home) for name in names})
         self.draws.contact_time[:] = cfg.contact_time[0]
 
-    def draw(self, ids: torch.Tensor, generator: torch.Generator) -> None:
-        """Draw every parameter of the robots `ids` and write it into the fleet."""
-        cfg, num = self.cfg, len(ids)
+    def draw(self, which: torch.Tensor, generator: torch.Generator) -> None:
+        """Draw every parameter of the robots `which`, see `sim.chosen`, and write it into the fleet."""
+        cfg, num = self.cfg, len(which)
 
         def uniform(span: tuple[float, float], like: torch.Tensor) -> torch.Tensor:
-            return span[0] + (span[1] - span[0]) * torch.rand(num, like.shape[1], generator=generator)
+            return span[0] + (span[1] - span[0]) * torch.rand(num, like.shape[1], generator=generator, device=self.home)
 
         later = ("friction", "contact_time", "load_coefficient")
         drawn = ((name, value) for name, value in vars(self.draws).items() if name not in later)
@@ -181,15 +185,18 @@ class Randomizer:
         step = self.fleet.timestep
         new["action_delay"] = (new["action_delay"] / step).round() * step
         for name, value in new.items():
-            getattr(self.draws, name)[ids] = value
-        self.apply(ids)
+            put(getattr(self.draws, name), which, value)
+        self.apply(which)
 
     def _draw_friction(self, num: int, generator: torch.Generator) -> torch.Tensor:
         """Return multipliers of the nominal friction from the stage's mixture, (num, joints)."""
         size = (num, self.draws.friction.shape[1])
-        weight, low, high = torch.tensor(self.mixture).unbind(-1)
-        share = torch.rand(size, generator=generator)
-        part = torch.zeros(size, dtype=torch.long)
+        if self._parts[0] != self.mixture:
+            # Kept, for on a GPU each new tensor from the host is a wait.
+            self._parts = self.mixture, torch.tensor(self.mixture).to(self.home)
+        weight, low, high = self._parts[1].unbind(-1)
+        share = torch.rand(size, generator=generator, device=self.home)
+        part = torch.zeros(size, dtype=torch.long, device=self.home)
         if len(weight) > 1:
             part = torch.multinomial(weight, size[0] * size[1], True, generator=generator).view(size)
         multiplier = low[part] + (high - low)[part] * share
@@ -198,36 +205,37 @@ class Randomizer:
         if self.friction.spread is None:
             return multiplier[:, :1].expand(size)
         least, most = self.friction.spread
-        return multiplier[:, :1] * (least + (most - least) * torch.rand(size, generator=generator))
+        factor = torch.rand(size, generator=generator, device=self.home)
+        return multiplier[:, :1] * (least + (most - least) * factor)
 
     def enter(self, mixture: Mixture, generator: torch.Generator) -> None:
         """Begin a stage of the schedule: draw every robot's friction, and nothing else."""
         self.mixture = mixture
         self.draws.friction = self._draw_friction(self.fleet.num_envs, generator).clone()
-        self.apply(torch.arange(self.fleet.num_envs))
+        self.apply(torch.arange(self.fleet.num_envs, device=self.home))
 
-    def apply(self, ids: torch.Tensor) -> None:
-        """Write the draws of the robots `ids` into the fleet and recompute what derives from them."""
-        fleet, nominal, rows = self.fleet, self.nominal, ids.numpy()
-        values = {name: tensor[ids].double().numpy() for name, tensor in vars(self.draws).items()}
-        fleet.armature[rows] = values["armature"] * nominal.armature
-        fleet.damping[rows] = values["damping"] * nominal.damping
-        levels = [values["friction"] * nominal.frictionloss]
+    def apply(self, which: torch.Tensor) -> None:
+        """Write the draws of the robots `which` into the fleet, which recomputes what derives from them."""
+        every = which.dtype == torch.bool
+        drawn = {name: (tensor if every else tensor[which]).double() for name, tensor in vars(self.draws).items()}
+        strength, fixed = drawn["motor_strength"], self._fixed
+        values = {
+            "armature": drawn["armature"] * fixed["armature"],
+            "damping": drawn["damping"] * fixed["damping"],
+            "frictionloss": drawn["friction"] * fixed["frictionloss"],
+            "kp": strength * drawn["stiffness"] * fixed["kp"],
+            "kd": strength * fixed["kd"],
+            "motor_strength": strength,
+            "delay": drawn["action_delay"],
+            "ground_friction": drawn["ground_friction"],
+            "base_mass": self.base_mass + drawn["payload"][:, 0],
+            "base_com": self.base_com + drawn["center_of_mass"],
+        }
         if self.friction.load is not None:
-            levels.append(values["load_coefficient"])
-        self.law.set_level(*levels, ids=rows)
-        strength = values["motor_strength"]
-        if self.motors is None:
-            fleet.set_gains(strength * values["stiffness"] * fleet.nominal_kp, strength * fleet.nominal_kd, rows)
-            fleet.delay[rows] = values["action_delay"]
-        else:
-            self.motors.strength[rows] = strength
-        fleet.set_ground_friction(values["ground_friction"][:, 0], rows)
+            values["load_coefficient"] = drawn["load_coefficient"]
         if self.cfg.contact_time != (CONTACT_TIME, CONTACT_TIME):
-            fleet.set_contact_time(values["contact_time"][:, 0], rows)
-        fleet.base_mass[rows] = self.base_mass + values["payload"][:, 0]
-        fleet.base_com[rows] = self.base_com + values["center_of_mass"]
-        fleet.set_const(rows)
+            values["contact_time"] = drawn["contact_time"]
+        self.fleet.give(values, which)
 
     def friction_share(self) -> torch.Tensor:
         """Return the dry friction of every joint as a fraction of its torque limit, shape (N, joints).

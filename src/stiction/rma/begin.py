@@ -19,7 +19,7 @@ from stiction.locomotion.randomization import identified_joints
 from stiction.rma.config import TrainCfg
 from stiction.rma.ranks import ALONE, Ranks
 from stiction.rma.run import RunDirectory
-from stiction.rma.simulator import find_simulator
+from stiction.rma.simulator import find_simulator, why_task_on_host
 from stiction.robots.catalog import find_robot
 from stiction.robots.mirror import robot_mirror
 from stiction.sim.fleet import Fleet
@@ -55,6 +55,8 @@ def begin_run(
     cfg.check_memory(robot)
     cfg = replace(cfg, task=replace(cfg.task, rewards=cfg.task.rewards.for_robot(robot)))
     find_simulator(cfg, ranks.local)
+    if cfg.device != "cpu" and (why := why_task_on_host(cfg)):
+        say(f"the task of this training stays on the host, only physics and networks are on {cfg.device}: {why}")
     ranks.share(cfg.num_envs)
     if not ranks.alone and (cfg.has_context or cfg.is_disturbed):
         raise ConfigurationError(f"--method {cfg.task.friction.method} trains in one process; leave torchrun out")

@@ -295,9 +295,14 @@ class TrainCfg:
                 f"MuJoCo Warp has no joints that yield, and --physics plastic needs them; use --device cpu in place of "
                 f"{self.device}, or --physics rows"
             )
+        contact_time = self.task.randomization.contact_time
+        if self.device != "cpu" and contact_time != RandomizationCfg().contact_time:
+            raise ConfigurationError(
+                f"MuJoCo Warp has no contact time for each robot, and --task.randomization.contact-time draws one; "
+                f"use --device cpu in place of {self.device}, or leave it out"
+            )
         if self.engine == "mujoco":
             return
-        contact_time = self.task.randomization.contact_time
         lacking = {
             f"--device {self.device}": self.device != "cpu",
             "--physics plastic": self.task.physics.plastic,

@@ -125,8 +125,9 @@ class PhaseRunner(OnPolicyRunner):
         """
         self.alg.train_mode()
         if init_at_random_ep_len and self.current_learning_iteration == 0:
-            self.env.episode_length_buf = torch.randint(
-                0, self.env.max_episode_length, (self.env.num_envs,), generator=self.env.generator
+            env = self.env
+            env.episode_length_buf = torch.randint(
+                0, env.max_episode_length, (env.num_envs,), generator=env.generator, device=env.home
             )
         with self.ranks.together():
             if not self.ranks.alone:
@@ -161,7 +162,7 @@ class PhaseRunner(OnPolicyRunner):
                 obs, reward, dones, extras = self.env.step(actions)
                 self.alg.process_env_step(obs, reward, dones, extras)
                 rollout.add({"reward": reward.mean(), "action": actions.abs().mean(), **extras["log"]})
-                rollout.end(age, dones.cpu())
+                rollout.end(age, dones.to(age.device))
             self.alg.compute_returns(obs)
         seconds = time.perf_counter() - start
         losses = self.alg.update()

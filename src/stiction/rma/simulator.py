@@ -7,9 +7,14 @@ from functools import partial
 from stiction.core.errors import EngineError
 from stiction.engines.batch import EngineBatch
 from stiction.engines.catalog import what_is_missing
-from stiction.locomotion.device import Device, find_device
+from stiction.locomotion.device import Device, find_device, why_on_host
 from stiction.rma.config import TrainCfg
 from stiction.robots.catalog import find_robot
+
+
+def why_task_on_host(cfg: TrainCfg) -> str | None:
+    """Return what keeps the task of a training on the host, see `why_on_host`; None where nothing does."""
+    return why_on_host(cfg.task, cfg.actuator is not None, cfg.is_disturbed)
 
 
 def find_simulator(cfg: TrainCfg, gpu: int = 0) -> Device:
@@ -19,7 +24,7 @@ def find_simulator(cfg: TrainCfg, gpu: int = 0) -> Device:
     the device.
     """
     if cfg.engine == "mujoco":
-        return find_device(cfg.device, cfg.contacts, gpu)
+        return find_device(cfg.device, cfg.contacts, gpu, on_host=why_task_on_host(cfg) is not None)
     robot = find_robot(cfg.task.robot)
     if why := what_is_missing(cfg.engine, robot):
         raise EngineError(why)

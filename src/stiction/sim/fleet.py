@@ -22,6 +22,9 @@ from stiction.sim.protocol import Simulation
 BASE_DOFS = 6
 """Degrees of freedom of the floating base, first in the velocity vector."""
 
+CONTACT_FORCE = 1.0
+"""Load above which a foot counts as standing [N]."""
+
 HELD = 1e6
 """Inertia added to what is held, see `Fleet.clamp` [kg or kg m²]: what it takes is still read from its motion."""
 
@@ -135,7 +138,7 @@ class Fleet:
     @property
     def foot_contact(self) -> np.ndarray:
         """Whether each foot carries load, shape (N, legs); a copy."""
-        return self.foot_force > 1.0
+        return self.foot_force > CONTACT_FORCE
 
     @property
     def joint_load(self) -> np.ndarray:

@@ -1,0 +1,36 @@
+"""Some robots of a fleet, as a tensor: their numbers, or a mask, which nobody has to wait for on a GPU. torch only.
+
+Numbers, (n,) long, come with n rows of values. A mask, (N,) bool, comes with a row for every robot, and those of the
+others are left out: how many there are need not be known on the host.
+"""
+
+from __future__ import annotations
+
+import torch
+
+
+def put(into: torch.Tensor, which: torch.Tensor, values: torch.Tensor | float) -> None:
+    """Write `values`, broadcast to (len(which), ...), over the rows `which` of `into`, (N, ...)."""
+    if isinstance(values, torch.Tensor):
+        values = values.to(into.dtype)
+    if which.dtype == torch.bool:
+        into.copy_(torch.where(which.view(-1, *(1,) * (into.dim() - 1)), values, into))
+    else:
+        into[which] = values
+
+
+def numbered(which: torch.Tensor, *values: torch.Tensor) -> tuple[torch.Tensor, ...]:
+    """Return numbers and their rows of values of what is given either way; on a GPU this waits for it."""
+    if which.dtype != torch.bool:
+        return which, *values
+    ids = which.nonzero().flatten()
+    return ids, *(value[ids] for value in values)
+
+
+def masked(which: torch.Tensor, num: int) -> torch.Tensor:
+    """Return the mask, (num,) bool, of what is given either way."""
+    if which.dtype == torch.bool:
+        return which
+    mask = torch.zeros(num, dtype=torch.bool, device=which.device)
+    mask[which] = True
+    return mask

@@ -1,0 +1,253 @@
+"""A fleet whose every array is a torch tensor on the device of MuJoCo Warp: nothing passes through the host.
+
+It does what training on flat ground asks of `sim.fleet.Fleet` under Coulomb's law, and no more: laws that read loads or
+speeds, courses, Actuator Nets and disturbances are that one's. The tensors are views of Warp's own arrays, float32.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import mujoco
+import torch
+import warp as wp
+
+from stiction.robots.mjcf import build_model, foot_geometries
+from stiction.robots.model import DELAY_SAMPLES, FALLEN_HEIGHT, FALLEN_UP, Robot
+from stiction.robots.physics import EXACT, PhysicsCfg
+from stiction.sim.chosen import masked, put
+from stiction.sim.fleet import BASE_DOFS, CONTACT_FORCE
+from stiction.sim.protocol import STATE
+from stiction.sim.worlds import CONTACTS, Worlds
+
+LOOKED_AT = 32
+"""Control steps after which the host asks whether the contacts had room: each time it waits for the device."""
+
+READ = ("qacc", "actuator_force", "sensordata")
+"""Derived fields that the task reads: right after a reset they are the nominal robot's in the standing pose."""
+
+
+class TorchFleet(Worlds):
+    """`num_envs` robots of one kind on a plane, each with its own joints, masses and ground friction.
+
+    What is read is a copy; robots are chosen as `sim.chosen` says. `blown_up` counts the robots that blew up, (N,).
+    """
+
+    def __init__(
+        self,
+        spec: Robot,
+        num_envs: int,
+        timestep: float,
+        decimation: int,
+        physics: PhysicsCfg = EXACT,
+        device: str = "cpu",
+        contacts: int = CONTACTS,
+    ) -> None:
+        """Build the robots in their standing pose, without dry friction.
+
+        `timestep`: physics step [s]; `decimation`: physics steps in one control period; `device`: of Warp, `cpu` or
+        `cuda:0`; `contacts`: room for them, a robot.
+        """
+        super().__init__(build_model(spec, timestep, physics=physics), num_envs, device, contacts)
+        self.spec, self.num_envs, self.timestep, self.decimation = spec, num_envs, timestep, decimation
+        self.home = torch.device(wp.device_to_torch(self._device))
+        self.standing, self.torque_limit = spec.joint_values("default_position"), spec.joint_values("torque_limit")
+        self.nominal_kp, self.nominal_kd = spec.joint_values("kp"), spec.joint_values("kd")
+        self._bind()
+        self._bind_model()
+        self.blown_up = torch.zeros(num_envs, dtype=torch.long, device=self.home)
+        self._lacking = torch.zeros(num_envs, dtype=torch.int32, device=self.home)
+        self._steps = 0
+        self._kept: dict[str, torch.Tensor] = {}
+        self._streams: dict[int, wp.Stream] = {}
+        self.reset(torch.ones(num_envs, dtype=torch.bool, device=self.home))
+
+    def _tensor(self, array: wp.array) -> torch.Tensor:
+        """Return the tensor over one of Warp's arrays, (N, ...), on the same memory."""
+        return wp.to_torch(array, requires_grad=False)
+
+    def _bind(self) -> None:
+        """Find the views of the data."""
+        fields = {name: getattr(self._d, name) for name in STATE if name != "time"}
+        self._state = {name: self._tensor(field) for name, field in fields.items() if field.size}
+        self._results = {name: self._tensor(getattr(self._d, name)) for name in READ}
+        self._start = {name: torch.tensor(getattr(self._standing, name)).float().to(self.home) for name in READ}
+        self._qpos, self._qvel, self._targets = (self._state[name] for name in ("qpos", "qvel", "ctrl"))
+        joints = self.spec.num_joints
+        self._delayed_targets = self._state["history"].view(self.num, joints, -1)[..., -DELAY_SAMPLES:]
+        self._keys, self._overflow = self._tensor(self._key), self._tensor(self._d.overflow)
+        self._rest = torch.from_numpy(self.standing).to(self.home)
+
+    def _bind_model(self) -> None:
+        """Give each robot the fields that are drawn, and find the views of them."""
+        own = {name: self._tensor(self._differ(f"dof_{name}")) for name in ("armature", "damping", "frictionloss")}
+        self._joints = {name: values[:, BASE_DOFS:] for name, values in own.items()}
+        self._joints["frictionloss"].zero_()
+        self._gain, self._bias, self._delay = (
+            self._tensor(self._differ(f"actuator_{name}")) for name in ("gainprm", "biasprm", "delay")
+        )
+        base = self.model.body("base").id
+        self._base_mass = self._tensor(self._differ("body_mass"))[:, base]
+        self._base_com = self._tensor(self._differ("body_ipos"))[:, base]
+        geometries = self._tensor(self._differ("geom_friction"))
+        self._foot_friction = [geometries[:, self.model.geom(name).id, 0] for name in foot_geometries(self.spec)]
+
+    def _undo(self) -> None:
+        """Bring the state back to where it was before the first run of some work."""
+        wp.synchronize_device(self._device)
+        for name, value in self._kept.items():
+            self._state[name].copy_(value)
+        torch.cuda.synchronize(self.home)
+
+    def _run(self, what: str | int, work: Callable[[], None]) -> None:
+        """Run Warp's work after what torch has begun, and torch's next after it; the host waits for neither."""
+        if not self._device.is_cuda:
+            self._launch(what, work)
+            return
+        if what not in self._graphs:
+            self._kept = {name: value.clone() for name, value in self._state.items()}
+            torch.cuda.synchronize(self.home)
+        stream = torch.cuda.current_stream(self.home)
+        if stream.cuda_stream not in self._streams:
+            self._streams[stream.cuda_stream] = wp.stream_from_torch(stream)
+        ours, theirs = self._device.stream, self._streams[stream.cuda_stream]
+        ours.wait_stream(theirs)
+        self._launch(what, work)
+        theirs.wait_stream(ours)
+
+    def _choose(self, which: torch.Tensor) -> torch.Tensor:
+        """Give the worlds `which` the key 0, all others none; return their mask."""
+        mask = masked(which, self.num)
+        self._keys.copy_(torch.where(mask, 0, -1))
+        return mask
+
+    @property
+    def base_angular_velocity(self) -> torch.Tensor:
+        """Rates of the base in its own frame [rad/s], (N, 3)."""
+        return self._qvel[:, 3:6].clone()
+
+    @property
+    def base_linear_velocity(self) -> torch.Tensor:
+        """Velocity of the base's origin in the base frame [m/s], (N, 3)."""
+        w, axis, velocity = self._qpos[:, 3:4], self._qpos[:, 4:7], self._qvel[:, :3]
+        return velocity + 2.0 * torch.cross(axis, torch.cross(axis, velocity, dim=-1) - w * velocity, dim=-1)
+
+    @property
+    def base_quaternion(self) -> torch.Tensor:
+        """Orientation of the base, w, x, y, z, (N, 4)."""
+        return self._qpos[:, 3:7].clone()
+
+    @property
+    def height(self) -> torch.Tensor:
+        """Height of the base above the ground under it [m], (N,)."""
+        return self._qpos[:, 2].clone()
+
+    @property
+    def joint_position(self) -> torch.Tensor:
+        """Angles of the joints [rad], (N, joints)."""
+        return self._qpos[:, 7:].clone()
+
+    @property
+    def joint_velocity(self) -> torch.Tensor:
+        """Speeds of the joints [rad/s], (N, joints)."""
+        return self._qvel[:, BASE_DOFS:].clone()
+
+    @property
+    def torque(self) -> torch.Tensor:
+        """Torque of the motors [N m], (N, joints), one physics step old."""
+        return self._results["actuator_force"].clone()
+
+    @property
+    def foot_contact(self) -> torch.Tensor:
+        """Whether each foot carries load, (N, feet) bool."""
+        return self._results["sensordata"][:, : len(self.spec.feet)] > CONTACT_FORCE
+
+    def fallen(self) -> torch.Tensor:
+        """Return whether each robot lies or is about to, (N,) bool."""
+        up = 1.0 - 2.0 * self._qpos[:, 4:6].square().sum(-1)
+        return (up < FALLEN_UP) | (self._qpos[:, 2] < FALLEN_HEIGHT * self.spec.standing_height)
+
+    def set_targets(self, targets: torch.Tensor) -> None:
+        """Set the joint targets of every robot [rad], (N, joints)."""
+        self._targets.copy_(targets)
+
+    def push(self, velocity: torch.Tensor, which: torch.Tensor) -> None:
+        """Add `velocity` [m/s] to the horizontal velocity of the bases `which` in the world, (len(which), 2)."""
+        before = self._qvel[:, :2] if which.dtype == torch.bool else self._qvel[which, :2]
+        put(self._qvel[:, :2], which, before + velocity)
+
+    def give(self, values: Mapping[str, torch.Tensor], which: torch.Tensor) -> None:
+        """Give the robots `which` their parameters, and recompute what derives from them.
+
+        `values`: armature [kg m²], damping [N m s/rad], frictionloss [N m], kp, kd, all (len(which), joints); delay [s]
+        and ground_friction, (len(which), 1); base_mass [kg], (len(which),); base_com [m], (len(which), 3).
+        """
+        for name, field in self._joints.items():
+            put(field, which, values[name])
+        put(self._gain[..., 0], which, values["kp"])
+        put(self._bias[..., 1], which, -values["kp"])
+        put(self._bias[..., 2], which, -values["kd"])
+        put(self._delay, which, values["delay"])
+        for foot in self._foot_friction:
+            put(foot, which, values["ground_friction"][:, 0])
+        put(self._base_mass, which, values["base_mass"])
+        put(self._base_com, which, values["base_com"])
+        self._choose(which)
+        self._run("constants", self._derive)
+
+    def reset(
+        self,
+        which: torch.Tensor,
+        offset: torch.Tensor | None = None,
+        heading: torch.Tensor | None = None,
+        velocity: torch.Tensor | None = None,
+    ) -> None:
+        """Stand the robots `which` on the plane at the origin, delay lines filled with the standing pose.
+
+        `offset`: of the joints from it [rad], (len(which), joints); `heading` [rad], (len(which),); `velocity`: initial
+        one of the base, (len(which), 6), linear in the world and angular in the base frame.
+        """
+        mask = self._choose(which)
+        self._run("reset", self._stand)
+        for name, view in self._results.items():
+            put(view, mask, self._start[name])
+        put(self._targets, mask, self._rest)
+        put(self._delayed_targets, mask, self._rest[:, None])
+        if offset is not None:
+            put(self._qpos[:, 7:], which, self._rest + offset.double())
+        if heading is not None:
+            half, zero = heading.double() / 2, torch.zeros_like(heading, dtype=torch.float64)
+            put(self._qpos[:, 3:7], which, torch.stack((half.cos(), zero, zero, half.sin()), -1))
+        if velocity is not None:
+            put(self._qvel[:, :BASE_DOFS], which, velocity)
+
+    def step(self) -> torch.Tensor:
+        """Advance one control period; return which robots blew up, (N,) bool: counted, and reset to standing.
+
+        Raises `StictionError` where a robot had more contacts than there was room for, within `LOOKED_AT` steps.
+        """
+        self._run(self.decimation, lambda: self._advance(self.decimation))
+        self._lacking |= self._overflow
+        self._steps += 1
+        if self._steps % LOOKED_AT == 0:
+            self.check()
+        sizes = [view.abs().sum(-1) for view in (self._qpos, self._qvel, self._results["qacc"])]
+        blown_up = ~(torch.stack(sizes) < mujoco.mjMAXVAL).all(0)
+        self.blown_up += blown_up
+        if blown_up.is_cuda or blown_up.any():
+            self.reset(blown_up)
+        return blown_up
+
+    def check(self) -> None:
+        """Wait for the device; raise `StictionError` where a robot had more contacts than there was room for."""
+        self._check_room(self._lacking.cpu().numpy())
+
+    def state(self) -> dict[str, torch.Tensor]:
+        """Return a copy of everything the next step depends on, for a checkpoint."""
+        self.check()
+        return {name: value.clone() for name, value in self._state.items()}
+
+    def load_state(self, state: Mapping[str, torch.Tensor]) -> None:
+        """Restore what `state` returned."""
+        for name, value in self._state.items():
+            value.copy_(state[name].view(value.shape))
