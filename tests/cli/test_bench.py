@@ -70,8 +70,8 @@ def test_the_replay_leaves_the_task_as_it_was(with_net: bool) -> None:
     cfg, net = TaskCfg(robot="go1", episode=0.3), pd_net("go1") if with_net else None
     replayed, untouched = (LocomotionEnv(cfg, num_envs=4, seed=1, actuator=net) for _ in range(2))
     actions = torch.randn(30, 4, replayed.num_actions, generator=torch.Generator().manual_seed(0))
-    _, states = _timed_rollout(replayed, actions[:20])
-    _timed_rollout(untouched, actions[:20])
+    _, states = _timed_rollout(replayed, actions[:20], True)
+    _timed_rollout(untouched, actions[:20], False)
     before = flat(replayed.state())
     assert _timed_replay(replayed, states) > 0
     after = flat(replayed.state())

@@ -52,6 +52,7 @@ def test_engines_are_listed_with_the_same_command(monkeypatch: pytest.MonkeyPatc
     """`stiction list engines` would send people to an index where the package is not."""
     monkeypatch.setattr("stiction.cli.list.installed_from", lambda: {})
     monkeypatch.setattr("stiction.cli.list.installed_by", lambda: "pip")
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert {row.install for row in engines()} == {extras.install_command(name, {}) for name in ("sim", "engines")}
 
 

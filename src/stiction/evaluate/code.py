@@ -32,6 +32,7 @@ RUN_WALK_CODE = (
     *(*FLEET, "deploy/observation.py"),
     *("rma/models.py", "rma/context.py", "rma/runner.py", "rma/equivariant.py"),
     *("locomotion/observations.py", "locomotion/randomization.py", "locomotion/symmetry.py"),
+    "locomotion/task_fleet.py",
     *("evaluate/export.py", "evaluate/trained.py", "evaluate/methods.py"),
 )
 """The same of the teacher and the student of a run, both in the simulator of the training."""
