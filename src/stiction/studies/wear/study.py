@@ -12,7 +12,7 @@ from stiction.core.errors import FileError
 from stiction.core.records import make_folder, part_of, read_rows
 from stiction.formats.following import FAST, SLOW
 from stiction.report.terminal import RobotSeeds
-from stiction.studies.study import ParallelOptions, Report, Study, UsageError, Work
+from stiction.studies.study import ParallelOptions, Report, Study, UsageError, Work, recorded
 
 DESCRIPTION = f"""Let policies walk on virtual robots whose friction grows from x0.3, seals out, to x3 of a level.
 
@@ -95,11 +95,10 @@ def run(options: WearOptions, work: Work) -> Report:
 
 def judge_recorded(out: Path, work: Work) -> Report:
     """Judge the walks of a folder anew, by the speeds and readings in its files."""
-    from stiction.formats.results import read_summary
     from stiction.studies.wear.lifetimes import Reading, Window, groups, judge_again, over_seeds
     from stiction.studies.wear.page import report
 
-    before = read_summary(out / "summary.json")
+    before = recorded(out, work)
     windows = read_rows(out / "windows.csv", Window)
     file = out / "readings.csv"
     readings = read_rows(file, Reading) if file.exists() else []
@@ -110,8 +109,7 @@ def judge_recorded(out: Path, work: Work) -> Report:
     except KeyError as error:
         raise FileError(f"{out / 'summary.json'} is none of `stiction study wear`: no {error}") from error
     known = [row for row in lifetimes if row.policy in methods]
-    settings = {name: value for name, value in before.items() if name != "schema_version"}
-    settings |= {"judged": work.provenance, "groups": groups(lifetimes), "ways": over_seeds(known, methods, tried)}
+    settings = before | {"groups": groups(lifetimes), "ways": over_seeds(known, methods, tried)}
     return report(lifetimes, windows, readings, settings)
 
 
