@@ -75,7 +75,8 @@ def test_two_processes_take_the_step_of_one(phase: str, tmp_path: Path) -> None:
     torch.save(keep(runner, obs) | {"phase": phase}, tmp_path / "rollout.pt")
     torch.save({name: getattr(runner.alg, name).state_dict() for name in names}, tmp_path / "networks.pt")
     expected = update(runner, obs)
-    assert [status for status, said in both(str(TESTS / "rank_process.py"), str(tmp_path))] == [0, 0]
+    ended = both(str(TESTS / "rank_process.py"), str(tmp_path))
+    assert [status for status, said in ended] == [0, 0], ended
     first, second = (torch.load(tmp_path / f"{number}.pt", weights_only=True) for number in range(2))
     for name, values in expected.items():
         torch.testing.assert_close(first["update"][name], values, atol=1e-6, rtol=0, msg=name)

@@ -8,6 +8,7 @@ keep their own robots beside its checkpoints. All need the same file system.
 
 from __future__ import annotations
 
+import atexit
 import json
 import os
 import socket
@@ -93,7 +94,7 @@ class Ranks:
             ) from error
 
     def join(self, device: str) -> None:
-        """Meet the others, once; `device`: of the networks."""
+        """Meet the others, once, and part from them when this process ends; `device`: of the networks."""
         if self.alone or distributed.is_initialized():
             return
         if os.environ.get("MASTER_ADDR") in ("localhost", "127.0.0.1") and (names := _loopback()):
@@ -102,6 +103,8 @@ class Ranks:
             if device == "cuda":
                 torch.cuda.set_device(self.local)
             distributed.init_process_group("cpu:gloo,cuda:nccl" if device == "cuda" else "gloo", timeout=PATIENCE)
+        # A process that ends with gloo's threads still running is aborted, one in three times, with its work done.
+        atexit.register(distributed.destroy_process_group)
 
     def begin(self) -> None:
         """Wait until all processes have come as far as this."""
