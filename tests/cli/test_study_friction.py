@@ -100,6 +100,8 @@ def test_runs_of_several_machines_make_one_experiment(
     assert json.loads((out / "summary.json").read_text())["runs"] == runs
     assert main(options) == 0
     assert {row.policy for row in read_results(out / "results.csv")} == {"coulomb20-deception-s1/student"}
+    (out / "curves.csv").unlink()
+    assert main([*options, "--add"]) == 0, "a folder whose policies came as bundles has no curves"
     capsys.readouterr()
     assert main(["study", "friction", "--add", "--train", "--runs", "other"]) == 1
     assert "has runs of the preset 'quick', not 'two-phase'" in capsys.readouterr().err
