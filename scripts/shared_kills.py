@@ -61,9 +61,11 @@ def pair(out: Path, temporary: Path) -> list[subprocess.Popen]:
     ]
 
 
-def wait_out(processes: list[subprocess.Popen]) -> list[str]:
-    """Wait for both processes; return what each said."""
-    return [process.communicate(timeout=PATIENCE)[1] for process in processes]
+def whole(processes: list[subprocess.Popen]) -> bool:
+    """Wait for both processes; return whether both came to their ends."""
+    for process in processes:
+        process.communicate(timeout=PATIENCE)
+    return all(process.returncode == 0 for process in processes)
 
 
 def ranks(count: int) -> dict[str, Any]:
@@ -72,7 +74,8 @@ def ranks(count: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         begun = time.monotonic()
-        wait_out(pair(folder / "whole", folder))
+        if not whole(pair(folder / "whole", folder)):
+            return found({}, ["ranks: the undisturbed training failed"], 0.0) | {"count": 0}
         took, reference = time.monotonic() - begun, digest(folder / "whole")
         while killed < count:
             out = folder / f"killed-{rounds}"
@@ -91,11 +94,13 @@ def ranks(count: int) -> dict[str, Any]:
                 killed += 1
                 if "Traceback" in said or len(lines) > 1:
                     wrong.append(f"ranks, kill {killed}: the other process said {said[-200:]!r}")
-            wait_out(processes)
+            ended = whole(processes)
             print(f"ranks: {killed} of {count} kills, {rounds} runs whole", file=sys.stderr)
             if not ran or killed == count:
                 if ran:
-                    wait_out(pair(out, folder))
+                    ended = whole(pair(out, folder))
+                if not ended:
+                    wrong.append(f"ranks, after kill {killed}: a process that was left alone did not end with status 0")
                 if digest(out) != reference:
                     wrong.append(f"ranks, after kill {killed}: other checkpoints than the undisturbed run")
                 rounds += 1
