@@ -147,7 +147,7 @@ def main() -> None:
     rows = []
     for task in asked:
         rows.append(measured(task, cfg.python, cfg.wheel))
-        print(rows[-1])
+        print(rows[-1], flush=True)
     write_rows(cfg.out / "clock.csv", rows, ".1f")
 
 

@@ -234,7 +234,7 @@ def test_a_missing_method_and_a_single_seed_are_said() -> None:
     """The paper compares three methods."""
     assert any("actuator-output, deception" in text for text in warnings(RESULT))
     assert warnings(RESULT)[0] == "Not trained, and left out: p-s1. it diverged"
-    assert lead(RESULT).endswith("\nOf 1 sentences and explanations of the paper, 1 were not tested.")
+    assert lead(RESULT).endswith("\nOf 1 sentences and explanations of the paper, 1 was not tested.")
     stairs = replace(RESULT.samples[0], terrain="stairs=0.1", seeds="0")
     assert any(
         "no verdict: none on stairs." in text for text in warnings(replace(RESULT, samples=[stairs, *RESULT.samples]))
