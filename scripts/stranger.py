@@ -3,7 +3,8 @@
 The commands are those of the front page, and the files of one's own those that its test makes. With `--wheel` each task
 begins with an environment of its own, into which the wheel is installed; without, with the package of `--python`.
 Training is stopped when its first iteration is written. Times are wall-clock seconds; what else the machine did is in
-the load average, of the minute before, and in the processor's seconds, which do not know of it.
+the load average, of the minute before, and in the processor's seconds, which do not know of it. A task that is measured
+again takes the place of its row in clock.csv.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from code_blocks import MADE, blocks_of
 from stiction.core.provenance import git_revision, machine
-from stiction.core.records import make_folder, write_rows
+from stiction.core.records import make_folder, read_rows, write_rows
 
 README = Path(__file__).resolve().parents[1] / "README.md"
 
@@ -144,11 +145,12 @@ def main() -> None:
     asked = [task for task in TASKS if any(word in task.name for word in cfg.tasks)]
     if not asked:
         raise SystemExit(f"no task is called {' '.join(cfg.tasks)}; expected log, demo, ONNX or MJCF")
-    rows = []
+    file = cfg.out / "clock.csv"
+    rows = {row.task: row for row in read_rows(file, Row)} if file.exists() else {}
     for task in asked:
-        rows.append(measured(task, cfg.python, cfg.wheel))
-        print(rows[-1], flush=True)
-    write_rows(cfg.out / "clock.csv", rows, ".1f")
+        rows[task.name] = measured(task, cfg.python, cfg.wheel)
+        print(rows[task.name], flush=True)
+        write_rows(file, list(rows.values()), ".1f")
 
 
 if __name__ == "__main__":
