@@ -108,7 +108,7 @@ def run(words: Sequence[str], folder: Path, until: Path | None) -> None:
             raise SystemExit(f"{' '.join(words)} failed:\n{said.read()}")
 
 
-def measured(task: Task, python: Path, wheel: Path | None) -> Row:
+def measured(task: Task, python: Path, wheel: Path | None, revision: str) -> Row:
     """Do a task in an empty folder."""
     load, install, typed = os.getloadavg()[0], None, commands(task)
     with tempfile.TemporaryDirectory() as scratch:
@@ -130,7 +130,7 @@ def measured(task: Task, python: Path, wheel: Path | None) -> Row:
         seconds, now = time.monotonic() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
     processor = now.ru_utime + now.ru_stime - used.ru_utime - used.ru_stime
     here, count = machine(), len(typed) + 2 * (wheel is not None)
-    return Row(task.name, count, install, seconds, processor, load, here["cores"], here["cpu"], git_revision())
+    return Row(task.name, count, install, seconds, processor, load, here["cores"], here["cpu"], revision)
 
 
 def main() -> None:
@@ -145,10 +145,11 @@ def main() -> None:
     asked = [task for task in TASKS if any(word in task.name for word in cfg.tasks)]
     if not asked:
         raise SystemExit(f"no task is called {' '.join(cfg.tasks)}; expected log, demo, ONNX or MJCF")
-    file = cfg.out / "clock.csv"
+    # Before its own table is written, which is in the repository.
+    file, revision = cfg.out / "clock.csv", git_revision()
     rows = {row.task: row for row in read_rows(file, Row)} if file.exists() else {}
     for task in asked:
-        rows[task.name] = measured(task, cfg.python, cfg.wheel)
+        rows[task.name] = measured(task, cfg.python, cfg.wheel, revision)
         print(rows[task.name], flush=True)
         write_rows(file, list(rows.values()), ".1f")
 
