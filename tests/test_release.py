@@ -21,6 +21,7 @@ def script(name: str):
     spec = importlib.util.spec_from_file_location(f"script_{name}", CHECKOUT / "scripts" / f"{name}.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
     spec.loader.exec_module(module)
     return module
 
@@ -36,6 +37,17 @@ def test_wheel_and_source_distribution_hold_the_same(tmp_path: Path) -> None:
     with tarfile.open(sdist) as file:
         names = {name.partition("/")[2] for name in file.getnames()}
     assert {"README.md", "LICENSE", "pyproject.toml"} <= names and not any(name.startswith("tests/") for name in names)
+
+
+def test_a_stranger_types_what_the_front_page_says() -> None:
+    """The clock would time commands that nobody is told, or none."""
+    tasks = {task.name: script("stranger").commands(task) for task in script("stranger").TASKS}
+    assert {name: [words[1] for words in typed] for name, typed in tasks.items()} == {
+        "own log to verdict": ["identify"],
+        "demo": ["demo"],
+        "own ONNX to evaluated under friction": ["import", "verify", "evaluate"],
+        "own MJCF to first training iteration": ["robot", "train"],
+    }
 
 
 def test_the_workflow_pins_what_it_runs_and_asks_for_little() -> None:

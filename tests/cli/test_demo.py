@@ -64,6 +64,9 @@ def test_the_page_holds_every_stage_and_needs_no_network(
         summary["policies"]["toy-none"]["digest"][:16],
     ):
         assert text in page
+    assert re.search(
+        r"Trained without friction, it (follows|is too|falls)[^.]*( at 0 %| 10 %| 20 %)[^.]* of friction\.", page
+    )
     assert 'src="http' not in page
     assert "<script" not in page
     assert (out / "evaluation" / "results.csv").is_file()

@@ -153,6 +153,7 @@ def test_a_page_is_drawn_anew_from_the_rows_of_its_folder(study: str, tmp_path: 
     summary, page = json.loads((out / "summary.json").read_text()), (out / "report.html").read_text()
     assert summary["command"] == json.loads((RESULTS / REDRAWN[study] / "summary.json").read_text())["command"]
     assert summary["judged"]["command"].startswith(f"stiction study {study} --judge-again")
+    assert ('<img class="white"' in page) == (study in ("engines", "gait"))  # drawn from a file, on white
     assert "Judged and drawn anew, from the same rows" in page and '<nav aria-label="Contents">' in page
 
 

@@ -15,8 +15,9 @@ import pytest
 from stiction.cli.main import main
 from stiction.cli.study import find_study, study_names
 from stiction.core.records import column
+from stiction.formats.bundle import read_bundle, shipped_bundles
 from stiction.studies.claims import Verdict
-from stiction.studies.study import ParallelOptions, Report, Study, UsageError, Work
+from stiction.studies.study import ParallelOptions, Report, Study, UsageError, Work, namesakes
 
 MADE: list[float] = []
 """Levels that were measured, and not read from a file."""
@@ -112,6 +113,15 @@ def test_wrong_calls_of_it_are_told_as_of_any_study(tmp_path: Path, capsys: pyte
         assert main(["study", name]) == 1
         error = capsys.readouterr().err
         assert said in error and error.count("\n") == 1
+
+
+def test_policies_that_the_package_has_replaced_are_named() -> None:
+    """A page of walks of an earlier policy must not look as if it were about the one of that name now."""
+    (name, path), *_ = shipped_bundles().items()
+    told = {"seed": 2, "revision": "441582ac71d4"}
+    (said,) = namesakes({name: told | {"digest": "another"}, "my-own": told | {"digest": "x"}})
+    assert f"{name} (seed 2, revision 441582ac71d4)" in said and "my-own" not in said
+    assert namesakes({name: told | {"digest": read_bundle(path).digest}}) == []
 
 
 def test_every_folder_of_studies_is_a_study(capsys: pytest.CaptureFixture) -> None:

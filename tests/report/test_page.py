@@ -52,7 +52,7 @@ def test_columns_of_words_align_left_and_numbers_right() -> None:
     """A definition that hangs on the right edge cannot be read; a dash does not make a column of numbers words."""
     rows = [["a", "-1.5", "far"], ["b", "–", "12 away"], ["c", "not known", ""]]
     block = table(["name", "number", "meaning"], rows)
-    assert block.count('<td class="words">') == 3 and block.count("<td>") == 3
+    assert block.count('<td class="words short">') == 3 and block.count("<td>") == 3
 
 
 @pytest.mark.parametrize("name", ["$\\frac$", "$x_{1}^$", "_hidden", "a_b^c{d}", "%$#&~\\", "[red]", "\x1b[2J <b>"])

@@ -122,7 +122,14 @@ def test_a_long_command_and_many_warnings_leave_the_answer_on_the_first_screen()
     assert "<details" not in few and "<code>stiction list</code>" in few
 
 
+def test_words_are_no_tower_and_numbers_no_river() -> None:
+    """On a narrow screen a reason of ten words stood in as many lines, and `none of these` in three."""
+    block = table(["name", "gait", "why"], [["a", "none of these", "the information criterion does not support it"]])
+    assert 'class="words short">none of these<' in block and 'class="words long">the information' in block
+    assert '<th scope="row" class="long">' in table(["sentence"], [["r_trot ensures that one contact group is active"]])
+
+
 def test_counts_with_words_are_words() -> None:
     """`7 of 9, 2 too slow`, aligned to the right in a narrow column, was a tower of single words."""
     block = table(["name", "seeds", "share"], [["a", "7 of 9, 2 too slow", "7 of 9"]])
-    assert block.count('<td class="words">') == 1
+    assert block.count('<td class="words"') + block.count('<td class="words short"') == 1

@@ -248,7 +248,7 @@ def _name(action: argparse.Action) -> str:
 
 def _told(action: argparse.Action) -> tuple[str, str]:
     """Return what an option means, and its default."""
-    text = str(action.help or "")
+    text = str(action.help or "").replace("%%", "%")  # argparse would expand a single one
     found = re.search(r"\s*\((?:default: (.*?)|required|optional)\)\s*$", text, re.DOTALL)
     return (text[: found.start()], (found[1] or "").strip()) if found else (text, "")
 

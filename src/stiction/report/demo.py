@@ -14,6 +14,7 @@ from stiction.formats.contract_rules import METHODS
 from stiction.formats.following import BAND, FAST, SLOW, row_pace
 from stiction.formats.joints import JointRecord
 from stiction.formats.results import ResultRow
+from stiction.joints.friction import level_text
 from stiction.report.evaluation import budget_picture, definitions_table, draw_budget, results_table, run_blocks
 from stiction.report.following import paces_text
 from stiction.report.page import Section, file_uri, paragraph, picture, render_page, table
@@ -86,7 +87,7 @@ def render_demo(
     sections = [Section("What is this about?", tuple(map(paragraph, INTRODUCTION))), *map(_joint_section, joints)]
     lead: Sequence[str] = (NO_POLICY,)
     if policies:
-        lead = verdict(policies, rows, clips.level)
+        lead = verdict(policies, rows)
         heading = "Three ways to train, one robot" if len(policies) == 3 else "The policies"
         called = {policy.bundle.name: policy.name for policy in policies}
         rows = [replace(row, policy=called[row.policy]) for row in rows]
@@ -173,21 +174,17 @@ def _policy_blocks(policies: Sequence[DemoPolicy]) -> tuple[Markup, ...]:
     )
 
 
-def verdict(policies: Sequence[DemoPolicy], rows: Sequence[ResultRow], level: float) -> list[str]:
-    """Return a line for each policy: what it does at one level of friction, and at which levels it follows."""
+def verdict(policies: Sequence[DemoPolicy], rows: Sequence[ResultRow]) -> list[str]:
+    """Return a line for each policy: with how much friction it follows both ways, and with how much it does not."""
     lines = []
     for policy in policies:
-        own = [row for row in rows if row.policy == policy.bundle.name and row.speed_ratio is not None]
-        levels = sorted({row.friction_level for row in own})
-        seen = {at: {row_pace(row) or "" for row in own if row.friction_level == at} for at in levels}
-        here = " and ".join(DOES[one] for one in DOES if one in seen.get(level, set())) or "was not tried"
-        held = ", ".join(f"{at:.0%}" for at in levels if seen[at] == {"follows"}) or "no tested friction"
-        lines.append(f"{policy.name.capitalize()}: {here} at {level:.0%} friction; it follows both ways at {held}.")
+        seen: dict[float, set[str]] = {}
+        for row in sorted(rows, key=lambda row: row.friction_level):
+            if row.policy == policy.bundle.name and (pace := row_pace(row)):
+                seen.setdefault(row.friction_level, set()).add(pace)
+        said = paces_text([(level_text("coulomb", at), paces) for at, paces in seen.items()])
+        lines.append(f"{policy.name.capitalize()}, it {said} of friction.")
     return lines
-
-
-DOES = {"follows": "follows its command", "too slow": "is too slow", "too fast": "is too fast", "fell": "falls"}
-"""Pace -> what a policy of that pace does; of two directions it may do two things."""
 
 
 def _clip_blocks(policies: Sequence[DemoPolicy], rows: Sequence[ResultRow], clips: DemoClips) -> tuple[Markup, ...]:
@@ -219,7 +216,7 @@ def _followed(rows: Sequence[ResultRow], policies: Sequence[DemoPolicy]) -> Mark
         paces: dict[str, list[tuple[str, set[str]]]] = {command: [] for command in commands}
         for r in moving:
             if r.policy == policy.name:
-                paces[r.command].append((f"{r.friction_level:.0%}", {row_pace(r) or ""}))
+                paces[r.command].append((level_text("coulomb", r.friction_level), {row_pace(r) or ""}))
         cells.append([policy.name, *map(paces_text, paces.values())])
     return table(["policy", *(f"{command} m/s" for command in commands)], cells)
 

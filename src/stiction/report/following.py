@@ -153,11 +153,15 @@ def recommended_sentence(cells: Sequence[Following], level: float) -> str:
     return f"With {friction_text('coulomb', level)} friction, {sure} {verb} everywhere with every seed{seeds}."
 
 
-def changes_sheet(summary: Mapping[str, Any]) -> Sheet | None:
-    """Return the sentences of which the same rows are judged otherwise than before; None where there are none."""
+def changes_sheet(summary: Mapping[str, Any], sentences: Mapping[str, str]) -> Sheet | None:
+    """Return the sentences of which the same rows are judged otherwise than before; None where there are none.
+
+    sentences: number -> sentence.
+    """
     changes: Sequence[Mapping[str, str]] = summary.get("changed", ())
-    rows = tuple((one["id"], one["before"], one["asked_before"], one["now"], one["asked"]) for one in changes)
-    header = ("", "before", "what was asked", "now", "what is asked")
+    names = ("before", "asked_before", "now", "asked")
+    rows = tuple((f"“{sentences[one['id']]}”", *(one[name] for name in names)) for one in changes)
+    header = ("sentence", "before", "what was asked", "now", "what is asked")
     note = (
         f"The rows are the same. Before, following asked for {SLOW} or more, or for the mean over seeds to be within "
         f"the band. {DEFINITION}"

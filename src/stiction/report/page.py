@@ -108,9 +108,12 @@ def _is_word(cell: str) -> bool:
     return cell not in BLANKS and (not begun or re.search(r"\b(too|fell|follows)\b", cell) is not None)
 
 
-def picture(uri: str, caption: str = "") -> Markup:
-    """Return an image from a data URI (`figure_uri`, `file_uri`); the caption is also its alternative text."""
-    return _block("picture", uri, caption, caption.replace("`", ""))
+def picture(uri: str, caption: str = "", white: bool = False) -> Markup:
+    """Return an image from a data URI (`figure_uri`, `file_uri`); the caption is also its alternative text.
+
+    white: a figure that `save_figure` drew on white: where the page is dark, its lightness is turned around.
+    """
+    return _block("picture", uri, caption, caption.replace("`", ""), white)
 
 
 def row(*blocks: Markup) -> Markup:
@@ -123,9 +126,9 @@ def bullets(texts: Sequence[str]) -> Markup:
     return _block("bullets", texts)
 
 
-def fold(title: str, blocks: Sequence[Markup]) -> Markup:
-    """Return blocks behind a title that opens them: for pages with many alike parts."""
-    return _block("fold", title, blocks)
+def fold(title: str, blocks: Sequence[Markup], anchor: str = "") -> Markup:
+    """Return blocks behind a title that opens them: for pages with many alike parts. anchor: to link to, `#E10`."""
+    return _block("fold", title, blocks, anchor)
 
 
 def data_uri(data: bytes, mime: str) -> str:

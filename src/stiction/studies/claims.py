@@ -34,20 +34,20 @@ LIMITS = (
 """What the outcomes with an x say."""
 
 SAID = {
-    "reproduces": "hold",
-    "only above x": "hold only above some friction",
-    "only up to x": "hold only up to some friction",
-    "does not": "do not hold",
-    "undecided": "are undecided",
-    "not tested": "were not tested",
+    "reproduces": ("holds", "hold"),
+    "only above x": ("holds only above some friction", "hold only above some friction"),
+    "only up to x": ("holds only up to some friction", "hold only up to some friction"),
+    "does not": ("does not hold", "do not hold"),
+    "undecided": ("is undecided", "are undecided"),
+    "not tested": ("was not tested", "were not tested"),
 }
-"""Outcome -> what a person says of sentences of which that came out."""
+"""Outcome -> what a person says of one sentence, and of several, of which that came out."""
 
 
 def said_of(verdicts: Sequence[Verdict], what: str) -> str:
     """Return how many sentences came out how, as a sentence to be read aloud; what: `sentences of the paper`."""
-    counts = {words: sum(one.outcome == outcome for one in verdicts) for outcome, words in SAID.items()}
-    listed = [f"{count} {words}" for words, count in counts.items() if count]
+    counts = {outcome: sum(one.outcome == outcome for one in verdicts) for outcome in SAID}
+    listed = [f"{count} {SAID[outcome][count > 1]}" for outcome, count in counts.items() if count]
     return f"Of {len(verdicts)} {what}, {', '.join(listed[:-1])}{' and ' if listed[1:] else ''}{listed[-1]}."
 
 

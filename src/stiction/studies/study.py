@@ -327,8 +327,8 @@ def verdict_sheet(verdicts: Sequence[Verdict], note: str, title: str = "") -> Sh
     """Return what became of each sentence as a table. note: what its reader must know."""
     from stiction.report.page import Sheet
 
-    rows = tuple((f"“{v.sentence}”", filled(v), v.criterion, v.evidence, v.id) for v in verdicts)
-    return Sheet(title, ("sentence", "outcome", "criterion", "evidence", "number in the CSV"), rows, note)
+    rows = tuple((f"“{v.sentence}”", filled(v), v.criterion, v.evidence) for v in verdicts)
+    return Sheet(title, ("sentence", "outcome", "criterion", "evidence"), rows, note)
 
 
 def filled(verdict: Verdict) -> str:
@@ -354,9 +354,23 @@ def page_text(report: Report, summary: Summary) -> str:
     again = judged_text(summary)
     blocks = [paragraph(f"Command: {summary['command']}"), *report.run, paragraph(revision)]
     parts = [*parts, Section("What was run", (*blocks, *((paragraph(again),) if again else ())))]
-    return render_page(
-        report.title, parts, report.lead.split("\n"), [*summary["warnings"], *report.notes], summary["command"]
+    notes = [*namesakes(summary.get("policies", {})), *summary["warnings"], *report.notes]
+    return render_page(report.title, parts, report.lead.split("\n"), notes, summary["command"])
+
+
+def namesakes(policies: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Return a warning where the package has other policies by now under the names of those that were walked.
+
+    policies: name -> `digest`, `seed` and `revision`, as in summary.json.
+    """
+    from stiction.formats.bundle import read_bundle, shipped_bundles
+
+    shipped = {name: path for name, path in shipped_bundles().items() if name in policies}
+    others = [name for name, path in shipped.items() if policies[name]["digest"] != read_bundle(path).digest]
+    said = ", ".join(
+        f"{name} (seed {policies[name]['seed']}, revision {policies[name]['revision']})" for name in others
     )
+    return [f"Walked with earlier policies than the package has under these names now: {said}."] if others else []
 
 
 WIDE = 140

@@ -109,7 +109,7 @@ def test_every_file_is_written(tmp_path: Path) -> None:
     assert "a &lt;sentence&gt;" in html
     assert "<script" not in html and 'src="http' not in html
     assert html.index("Which training does my joint need?") < html.index("a &lt;sentence&gt;")
-    assert html.index("a &lt;sentence&gt;") < html.index("E1 in verdicts.csv") < html.index("0.90 ± 0.10")
+    assert html.index("a &lt;sentence&gt;") < html.index('<details id="E1">') < html.index("0.90 ± 0.10")
     assert read_rows(tmp_path / "methods.csv", Sample) == RESULT.samples
     assert read_rows(tmp_path / "evidence.csv", EvidenceRow) == RESULT.evidence
     assert read_rows(tmp_path / "forward.csv", ForwardPoint) == RESULT.forward
@@ -225,7 +225,7 @@ def test_a_verdict_that_changed_says_what_was_asked_before(tmp_path: Path) -> No
     assert (
         "Verdicts that changed with the definition of following" in html and "stiction replicate --judge-again" in html
     )
-    assert "| E1 | undecided | 80 % | not tested | both ways |" in (tmp_path / "tables.md").read_text()
+    assert "| “a <sentence>” | undecided | 80 % | not tested | both ways |" in (tmp_path / "tables.md").read_text()
     again = replace(RESULT, summary=RESULT.summary | {"changed": []})
     assert "Verdicts that changed" not in written(tmp_path, again)
 
@@ -234,7 +234,7 @@ def test_a_missing_method_and_a_single_seed_are_said() -> None:
     """The paper compares three methods."""
     assert any("actuator-output, deception" in text for text in warnings(RESULT))
     assert warnings(RESULT)[0] == "Not trained, and left out: p-s1. it diverged"
-    assert lead(RESULT).endswith("\nOf 1 sentences and explanations of the paper, 1 were not tested.")
+    assert lead(RESULT).endswith("\nOf 1 sentences and explanations of the paper, 1 was not tested.")
     stairs = replace(RESULT.samples[0], terrain="stairs=0.1", seeds="0")
     assert any(
         "no verdict: none on stairs." in text for text in warnings(replace(RESULT, samples=[stairs, *RESULT.samples]))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from stiction.formats.results import COLUMNS, ResultRow
 from stiction.report.following import shade_following
-from stiction.report.page import Section, figure_uri, legend, mark_look, new_figure, paragraph, picture, table
+from stiction.report.page import Section, figure_uri, fold, legend, mark_look, new_figure, paragraph, picture, table
 from stiction.studies.actuator.robots import FACTORS, FRICTION_FACTORS
 from stiction.studies.study import Report
 
@@ -35,7 +35,7 @@ def report(found: dict[str, Any]) -> Report:
         tables={"results": [ResultRow(**_named_by_robot(row)) for row in rows]},
         sections=(
             Section("What was found", (table([header[0], *units(header[1:])], means), paragraph(NO_VERDICT))),
-            Section("Speed reached", (picture(figure_uri(figure), CAPTION), speed_table(rows))),
+            Section("Speed reached", (picture(figure_uri(figure), CAPTION), fold(EVERY, [speed_table(rows)]))),
             Section("The Actuator Nets", (net_table(found["nets"]), cross_table(found["cross"]))),
             Section("The virtual robots", (paragraph(ROBOTS), robot_table(found["robots"]))),
         ),
@@ -67,6 +67,8 @@ def _named_by_robot(row: Row) -> Row:
 
 
 CAPTION = "Mean speed along the command over the commanded speed; after a fall the speed counts as zero."
+
+EVERY = "Speed, error, falls and jitter, robot by robot"
 
 ROBOTS = (
     "No robot was involved: virtual ones, in the evaluation's simulator, play the real one. robot-0 has the nominal "

@@ -270,10 +270,10 @@ def report(result: EnginesResult, settings: dict[str, Any]) -> Report:
     rows: dict[str, Sequence[Any]] = {"conformance": result.conformance, "pace": result.pace, "walks": result.walks}
     figures = {"walks": draw_walks(result.walks, result.episodes) if result.walks else None}
     if isinstance(result.motions, Path):
-        motions = file_uri(result.motions)
+        motions = picture(file_uri(result.motions), motions_text(result), white=True)
     else:
         figures["motions"] = drawn = draw_motions(result.motions)
-        motions = figure_uri(drawn)
+        motions = picture(figure_uri(drawn), motions_text(result))
     found = {"failures": len(failed), "answers": answers, "missing": result.missing}
     return Report(
         title="What does each physics engine do with a joint, a foot, a walk?",
@@ -330,23 +330,26 @@ def printed_tables(result: EnginesResult) -> list[rich.table.Table]:
     return tables
 
 
-def sections(result: EnginesResult, motions: str, walks: Figure | None, robot: str) -> list[Section]:
-    """Return the sections of the page. motions: URI of the figure of one joint; walks: None where nobody walked."""
-    timesteps = list(dict.fromkeys(row.timestep for row in result.conformance))
-    drawn = (
-        f"Steps of {1000 * timesteps[0]:g} ms. A shank with dry friction under a torque that holds it, breaks it away "
-        "and lets it go, against its exact motion; and a flight under torques at all joints, against MuJoCo at steps "
-        f"of {1000 * flight.FINE:g} ms."
+def motions_text(result: EnginesResult) -> str:
+    """Return what the figure of one joint shows."""
+    return (
+        f"Steps of {1000 * result.conformance[0].timestep:g} ms. A shank with dry friction under a torque that holds "
+        "it, breaks it away and lets it go, against its exact motion; and a flight under torques at all joints, "
+        f"against MuJoCo at steps of {1000 * flight.FINE:g} ms."
     )
+
+
+def sections(result: EnginesResult, motions: Markup, walks: Figure | None, robot: str) -> list[Section]:
+    """Return the sections of the page. motions: the figure of one joint; walks: None where nobody walked."""
     tables = [
         fold(
             f"Every figure at steps of {1000 * step:g} ms",
             [table(*figure_table(result.conformance, step), grouped=True)],
         )
-        for step in timesteps
+        for step in dict.fromkeys(row.timestep for row in result.conformance)
     ]
     found = [
-        Section("One joint and a free flight", (picture(motions, drawn),)),
+        Section("One joint and a free flight", (motions,)),
         Section("Conformance", (paragraph(f"The robot is {robot}. {HOW_FIGURES}"), *tables)),
         Section("Pace", (paragraph(PACE), row_table(result.pace))),
     ]

@@ -370,7 +370,7 @@ def sheets_of(experiment: Experiment) -> dict[str, Sheet]:
 def sections(experiment: Experiment, figures: Mapping[str, Figure], sheets: Mapping[str, Sheet]) -> list[Section]:
     """Return the sections of the page: verdicts, figures, tables, what was run."""
     page = [Section(sheets["following"].title, sheets["following"].blocks())] if "following" in sheets else []
-    changes = changes_sheet(experiment.summary)
+    changes = changes_sheet(experiment.summary, {one.id: one.sentence for one in experiment.verdicts})
     folded = (fold(changes.title, changes.blocks()),) if changes else ()
     page.append(Section("What became of the paper's sentences", (*sheets["verdicts"].blocks(), *folded)))
     for name, figure in figures.items():

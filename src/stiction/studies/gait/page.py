@@ -95,7 +95,6 @@ def report(
     a diagram of before, where contacts were not kept.
     """
     figure, answer = draw_gaits(walked) if walked else None, lead(gaits)
-    diagram = figure_uri(figure) if figure is not None else file_uri(drawn) if drawn is not None else ""
 
     def write_contacts(out: Path) -> None:
         arrays = {f"{one.row.policy} {one.row.command}": one.contact for one in walked}
@@ -105,6 +104,11 @@ def report(
         f"Which feet are on the ground, {SHOWN:g} s of the first episode of each policy and command, from the end of "
         "the settling time on. Blue: the first contact group (FL, MR, RL of a hexapod), orange: the second."
     )
+    diagram: tuple[Markup, ...] = ()
+    if figure is not None:
+        diagram = (picture(figure_uri(figure), caption),)
+    elif drawn is not None:
+        diagram = (picture(file_uri(drawn), caption, white=True),)
     return Report(
         title="Which of the two gait rewards makes the tripod?",
         lead=answer,
@@ -112,7 +116,7 @@ def report(
         claims=claims,
         judged=JUDGED,
         sections=(
-            Section("Gait diagram", (picture(diagram, caption),) if diagram else ()),
+            Section("Gait diagram", diagram),
             Section("Shares", (row_table(gaits, grouped=True), table(["column", "meaning"], DEFINITIONS))),
             Section("Feet", (feet_table(feet),)),
         ),

@@ -240,9 +240,9 @@ VERDICT_NOTE = (
     "how trainings differ, the other how many walks there were. A trial is a walk; of virtual robots it is a pair "
     "of policy and robot, since the walks of one robot are not independent. All policies walk on the same virtual "
     "robots: there, rates and speeds have one more interval with the robots as the sample, which must agree; joint "
-    "accelerations are compared over seeds alone, of those that walk. Letters of the numbers in verdicts.csv: E, the "
-    "paper's comparison; V, its section on training with friction; T, what it concludes from its motors; X, "
-    "explanations for what it saw."
+    "accelerations are compared over seeds alone, of those that walk. In verdicts.csv and evidence.csv sentences have "
+    "numbers, whose letters say where they are from: E, the paper's comparison; V, its section on training with "
+    "friction; T, what it concludes from its motors; X, explanations for what it saw."
 )
 """What a reader of the verdicts must know."""
 
@@ -371,7 +371,7 @@ def sheets_of(result: Replication) -> dict[str, Sheet]:
         "places": places_sheet(result.needs) if result.needs else None,
         "onsets": onset_sheet(result.onsets),
         "verdicts": study.verdict_sheet(result.verdicts, VERDICT_NOTE, "The paper's sentences"),
-        "changes": changes_sheet(result.summary),
+        "changes": changes_sheet(result.summary, {one.id: one.sentence for one in result.verdicts}),
         "forward": forward_sheet(result.forward, virtual=True),
         "forward-exact": forward_sheet(result.forward, virtual=False),
         "stairs": stairs_sheet(result.samples),
@@ -434,7 +434,7 @@ def evidence_fold(result: Replication) -> Markup:
     for verdict in result.verdicts:
         rows = evidence_sheet(verdict.id, result.evidence)
         blocks = [paragraph(verdict.evidence), *(rows.blocks() if rows.rows else ())]
-        folds.append(fold(f"“{verdict.sentence}” ({study.filled(verdict)}, {verdict.id} in verdicts.csv)", blocks))
+        folds.append(fold(f"“{verdict.sentence}” ({study.filled(verdict)})", blocks, verdict.id))
     return fold("Numbers, intervals and the rows behind each sentence (evidence.csv)", folds)
 
 

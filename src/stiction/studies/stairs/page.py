@@ -16,6 +16,7 @@ from stiction.report.page import (
     INK,
     Section,
     figure_uri,
+    fold,
     legend,
     line_look,
     mark_look,
@@ -49,7 +50,10 @@ def report(rows: Sequence[Climb], settings: dict[str, Any]) -> Report:
         tables={"stairs": rows},
         sections=(
             Section("Success over step height", (picture(figure_uri(figure), caption),)),
-            Section("Every height", (table(header, lines, grouped=True),)),
+            Section(
+                "Every height",
+                (fold("Trials, falls and steps passed, height by height", [table(header, lines, grouped=True)]),),
+            ),
         ),
         run=(paragraph(WHAT),),
         summary=settings | {"rows": list(map(asdict, rows))},

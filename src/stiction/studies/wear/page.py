@@ -14,6 +14,7 @@ from stiction.report.following import shade_following
 from stiction.report.page import (
     Section,
     figure_uri,
+    fold,
     label_ends,
     legend,
     line_look,
@@ -124,7 +125,7 @@ def report(
             Section("Speed while friction grows", (picture(figure_uri(ratios), SPEED),)),
             Section("Every policy", (group_table(groups), paragraph(ENDS))),
             *([over_seeds] if methods else []),
-            Section("Every robot", (row_table(worn, grouped=True),)),
+            Section("Every robot", (fold("Speed, end and readings, robot by robot", [row_table(worn, grouped=True)]),)),
             Section("Does the monitor notice?", (shown, paragraph(MONITOR))),
             Section("Where nothing grew", control_blocks(groups)),
         ),
