@@ -483,7 +483,7 @@ def wear_cases() -> Iterator[tuple[str, Change]]:
         "limit": [0, -1, 1e300, None],
         "weights": [[], [[0.0]] * 145, 5],
         "reach": [[-1.0] * 13, [0.0] * 13],
-        "told": [[1] * 13, ["yes"] * 13, True],
+        "estimated": [[1] * 13, ["yes"] * 13, True],
         "determination": [[5.0] * 13],
         "coverage": [[1.5] * 13, [-0.5] * 13],
         "threshold": ["0.5"],

@@ -154,7 +154,7 @@ def make_wear(contract: Contract, **changes) -> WearModel:
         "weights": tuple(map(tuple, weights.tolist())),
         "intercept": (0.01,) * (joints + 1),
         "reach": (0.02,) * (joints + 1),
-        "told": (True,) * joints + (True,),
+        "estimated": (True,) * joints + (True,),
         "determination": (0.9,) * (joints + 1),
         "coverage": (0.95,) * (joints + 1),
         "threshold": 0.5,

@@ -1,7 +1,8 @@
 """Damage done to valid logs, thousands of times, in a process with little memory; what the readers made of each.
 
-`python damage.py FOLDER KIND COUNT SEED` writes a JSON object on standard output: how many inputs were taken and how
-many refused, the slowest [s], how much the memory grew [B], and what must not happen, with the number of the input.
+`python damage.py FOLDER COUNT SEED KIND...` writes a JSON object on standard output, kind by kind: how many inputs were
+taken and how many refused, the slowest [s], how much the memory grew [B], and what must not happen, with the number of
+the input.
 """
 
 from __future__ import annotations
@@ -242,14 +243,16 @@ def main() -> None:
         raise TooSlowError
 
     signal.signal(signal.SIGALRM, alarm)
-    folder, kind, count, seed = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
-    KINDS[kind](folder)
+    folder, count, seed, kinds = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), sys.argv[4:]
+    for kind in kinds:
+        (folder / kind).mkdir(parents=True)
+        KINDS[kind](folder / kind)
     pages = int(Path("/proc/self/statm").read_text().split()[0]) if Path("/proc/self/statm").exists() else 0
     if pages:
         limit = pages * resource.getpagesize() + MEMORY
         resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     np.seterr(all="ignore")
-    print(json.dumps(attack(folder, kind, count, seed)))
+    print(json.dumps({kind: attack(folder / kind, kind, count, seed) for kind in kinds}))
 
 
 if __name__ == "__main__":

@@ -28,11 +28,12 @@ def script(name: str):
 
 @pytest.mark.slow
 def test_wheel_and_source_distribution_hold_the_same(tmp_path: Path) -> None:
-    """Somebody who builds from the source distribution would lack policies, templates or the licence."""
+    """Who installs the one, or builds from the other, would lack policies, page templates, types or the licence."""
     wheel, sdist = script("dist").distributions(CHECKOUT, tmp_path)
     packed = script("dist").contents(wheel)
-    shipped = {path.name for path in (CHECKOUT / "src/stiction/policies").iterdir() if path.is_dir()}
-    assert {name.split("/")[2] for name in packed if name.startswith("stiction/policies/")} == shipped
+    source = [path for path in (CHECKOUT / "src/stiction").rglob("*") if path.is_file()]
+    expected = {path.relative_to(CHECKOUT / "src").as_posix() for path in source if "__pycache__" not in path.parts}
+    assert {name for name in packed if name.startswith("stiction/")} == expected and "stiction/py.typed" in expected
     assert any(name.endswith("licenses/LICENSE") for name in packed)
     with tarfile.open(sdist) as file:
         names = {name.partition("/")[2] for name in file.getnames()}

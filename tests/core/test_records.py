@@ -76,3 +76,19 @@ def test_a_part_of_the_options_is_passed_on() -> None:
     """A flag that is not passed on would have no effect, and a field that is no flag keeps its default."""
     assert part_of(Settings, Options()) == Settings(3.0, 7, 5)
     assert part_of(Settings, Options(), seed=8) == Settings(3.0, 8, 5)
+
+
+@dataclass(frozen=True)
+class Renamed:
+    """A row one of whose fields was called otherwise."""
+
+    name: str
+    drawn: float = field(metadata=column("drawn", was="way"))
+
+
+def test_a_file_of_before_is_read_by_the_names_it_had(tmp_path: Path) -> None:
+    """If this failed, results of hours could not be judged again after a field got a better name."""
+    (tmp_path / "rows.csv").write_text("name,way\nhip,0.5\n")
+    assert read_rows(tmp_path / "rows.csv", Renamed) == [Renamed("hip", 0.5)]
+    write_rows(tmp_path / "rows.csv", [Renamed("hip", 0.5)])
+    assert (tmp_path / "rows.csv").read_text() == "name,drawn\nhip,0.5\n"

@@ -61,7 +61,7 @@ def test_an_estimate_comes_at_the_end_of_each_window(contract: Contract) -> None
 
 def test_what_is_not_told_is_not_said(contract: Contract) -> None:
     """A number for a joint that the walk says nothing about would be believed."""
-    model = make_wear(contract, told=(True, False) + (True,) * 16 + (False,))
+    model = make_wear(contract, estimated=(True, False) + (True,) * 16 + (False,))
     found = estimate(model, np.zeros(len(model.center)))
     assert np.isnan(found.friction[1])
     assert np.isnan(found.interval95[:, 1]).all()
@@ -85,14 +85,11 @@ def test_the_file_comes_back_as_it_was(contract: Contract) -> None:
     assert read_wear(model.to_json().encode()) == model
 
 
-def test_a_calibrated_map_comes_back_and_one_that_is_not_is_written_as_it_always_was(contract: Contract) -> None:
-    """Older programs go on reading what has no calibration; a bundle's checksum of it stays."""
-    plain, model = make_wear(contract), make_wear(contract, calibration=make_calibration(contract))
-    assert read_wear(model.to_json().encode()) == model
-    assert json.loads(plain.to_json())["schema_version"] == 1 and "calibration" not in plain.to_json()
-    assert json.loads(model.to_json())["schema_version"] == 2
-    with pytest.raises(BundleError, match="in version 1"):
-        read_wear(model.to_json().replace('"schema_version": 2', '"schema_version": 1').encode())
+def test_a_map_comes_back_with_its_calibration_and_without(contract: Contract) -> None:
+    """What a bundle holds is what was fitted."""
+    for model in (make_wear(contract), make_wear(contract, calibration=make_calibration(contract))):
+        assert read_wear(model.to_json().encode()) == model
+        assert json.loads(model.to_json())["schema_version"] == 3
 
 
 def test_a_calibrated_reading_is_moved_and_as_wide_as_virtual_robots_say(contract: Contract) -> None:
@@ -114,8 +111,8 @@ def test_a_map_that_was_not_calibrated_says_how_little_its_intervals_held(contra
 
 def test_the_state_says_what_it_cannot_tell_and_why(contract: Contract) -> None:
     """Before the first window, where the map is blind, in a strange window, beyond the map; and it is JSON."""
-    told = (False,) + (True,) * 18
-    monitor = WearMonitor(contract, make_wear(contract, told=told, intercept=(0.01, 0.3) + (0.01,) * 17))
+    estimated = (False,) + (True,) * 18
+    monitor = WearMonitor(contract, make_wear(contract, estimated=estimated, intercept=(0.01, 0.3) + (0.01,) * 17))
     still = np.zeros(726, np.float32)
     before = monitor.state()
     assert before["unusual"] is None and before["targets"]["level"]["why"] == "no window is full yet"
@@ -125,8 +122,8 @@ def test_the_state_says_what_it_cannot_tell_and_why(contract: Contract) -> None:
     first, second, third, *_ = state["targets"].values()
     assert state["filled"] == pytest.approx(1 / 3) and state["window"] == pytest.approx(0.06)
     assert first["value"] is None and first["interval95"] is None and "hardly depends" in first["why"]
-    assert second["value"] == pytest.approx(0.3) and not second["told"] and "above 0.24" in second["why"]
-    assert third["told"] and third["why"] is None and third["interval95"] == pytest.approx([0.0, 0.03])
+    assert second["value"] == pytest.approx(0.3) and not second["estimated"] and "above 0.24" in second["why"]
+    assert third["estimated"] and third["why"] is None and third["interval95"] == pytest.approx([0.0, 0.03])
     for _ in range(3):
         monitor.step(np.full(726, 9.0, np.float32))
     strange = monitor.state()
@@ -220,3 +217,17 @@ def test_a_map_for_other_joints_does_not_get_into_a_bundle(tmp_path: Path, contr
     folder = write_bundle(tmp_path / "b", contract, network, make_golden(contract, network), "# Toy\n", model)
     with pytest.raises(BundleError, match="other joints"):
         read_bundle(folder)
+
+
+def test_a_map_of_a_version_before_is_read(contract: Contract) -> None:
+    """Shipped and signed bundles hold it: version 2 called `estimated` otherwise, version 1 had no calibration."""
+    model = make_wear(contract)
+    data = json.loads(model.to_json())
+    before = {name: value for name, value in data.items() if name not in ("estimated", "calibration")}
+    before |= {"told": data["estimated"]}
+    assert read_wear(json.dumps(before | {"schema_version": 1}).encode()) == model
+    assert read_wear(json.dumps(before | {"schema_version": 2, "calibration": None}).encode()) == model
+    with pytest.raises(BundleError, match="in version 1"):
+        read_wear(json.dumps(data | {"schema_version": 1}).encode())
+    with pytest.raises(BundleError, match="'estimated' is missing"):
+        read_wear(json.dumps(before | {"schema_version": 3, "calibration": None}).encode())

@@ -1,5 +1,7 @@
 """The GPU backend on Warp's processor device, held against native MuJoCo: same fields, same physics, same manners."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -7,9 +9,11 @@ pytest.importorskip("mujoco_warp", reason="mujoco_warp, of the extra 'gpu', is n
 import warp
 
 from stiction.core.errors import StictionError
+from stiction.joints.friction import Law
 from stiction.robots.catalog import find_robot
 from stiction.robots.terrain import KINDS, SLABS, Terrain
 from stiction.sim.fleet import Fleet
+from stiction.sim.friction import JointFriction
 from stiction.sim.native import NativeSimulation
 from stiction.sim.protocol import STATE
 from stiction.sim.warp import WarpSimulation
@@ -176,6 +180,38 @@ def test_state_restores_bit_by_bit_and_the_clock_never_grows() -> None:
     model, data = fleet.simulation.materialize(2)
     np.testing.assert_allclose(data.history[2:10].max(), 7 * fleet.control_period - fleet.timestep, atol=1e-7)
     assert np.array_equal(data.qpos, fleet.qpos[2]) and model.body_mass[1] == fleet.base_mass[2]
+
+
+WRITES = {
+    "an entry": ("dof_damping", lambda fleet: fleet.damping.__setitem__((2, 3), 0.7)),
+    "a sum in place": ("qvel", lambda fleet: fleet.push(np.full((1, 2), 0.2), np.array([4]))),
+    "a view of a view": ("qpos", lambda fleet: np.add(fleet.base_position[1], 0.1, out=fleet.base_position[1])),
+    "a copy": ("dof_armature", lambda fleet: np.copyto(fleet.armature, 0.02)),
+    "a filling": ("ctrl", lambda fleet: fleet.targets.fill(0.4)),
+    "a clip": ("ctrl", lambda fleet: np.clip(fleet.targets, -0.2, 0.2, out=fleet.targets)),
+    "a law of friction": ("dof_frictionloss", lambda fleet: JointFriction(fleet, Law("coulomb")).set_level(0.5)),
+}
+"""What is written -> the field, and how."""
+
+
+@pytest.mark.parametrize(("field", "write"), WRITES.values(), ids=WRITES)
+def test_what_is_written_goes_up_and_nothing_else(field: str, write: Callable[[Fleet], object]) -> None:
+    """A write that is missed does nothing, without a word; what goes up though nobody wrote it costs every step."""
+    fleet = build(WarpSimulation)
+    simulation = fleet.simulation
+    mirrors = simulation._state | simulation._fields
+    fleet.step()
+    assert not any(mirror.written for mirror in mirrors.values())
+    # Reading is not writing, nor is computing with what was read.
+    float(fleet.base_position.sum() + (2.0 * fleet.damping + fleet.targets).max() + np.concatenate(fleet.qvel).max())
+    fleet.fallen()
+    assert not any(mirror.written for mirror in mirrors.values())
+    write(fleet)
+    assert [other for other, mirror in mirrors.items() if mirror.written] == [field]
+    wanted = mirrors[field].values.copy()
+    simulation._upload()
+    np.testing.assert_array_equal(mirrors[field].device.numpy().reshape(wanted.shape), wanted.astype(np.float32))
+    assert not mirrors[field].written
 
 
 def test_options_act_by_robot() -> None:

@@ -61,6 +61,7 @@ def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: 
             "again, with fewer --jobs"
         ) from error
     except Exception:
+        # A task's own error: without this clause the next one would end the workers in the middle of theirs.
         raise
     except BaseException:
         # Interrupted, or closed by who wants no more: nobody waits for the tasks in work.

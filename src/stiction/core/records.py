@@ -20,12 +20,13 @@ from stiction.core.files import open_text, publish
 Row = TypeVar("Row")
 
 
-def column(label: str, unit: str = "", form: str | Callable[[Any], str] = ".3g") -> dict[str, Any]:
+def column(label: str, unit: str = "", form: str | Callable[[Any], str] = ".3g", was: str = "") -> dict[str, Any]:
     """Return the metadata of a field that tables show, `speed: float = field(metadata=column("speed", "m/s"))`.
 
-    form: of its numbers, as of `format`, or a function from a value, other than None, to text.
+    form: of its numbers, as of `format`, or a function from a value, other than None, to text; was: the field's name in
+    files of before, which are read too.
     """
-    return {"label": f"{label} [{unit}]" if unit else label, "form": form}
+    return {"label": f"{label} [{unit}]" if unit else label, "form": form, "was": was}
 
 
 def header(kind: Any) -> tuple[str, ...]:
@@ -95,7 +96,9 @@ def read_rows(path: Path, kind: type[Row]) -> list[Row]:
             lines = list(csv.reader(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise FileError(f"{path} cannot be read: {error}") from error
-    if not lines or lines[0] != list(types):
+    # The header alone is translated: the order of the cells is that of the fields, then as now.
+    now = {field.metadata.get("was"): field.name for field in fields(kind)}  # type: ignore[arg-type]
+    if not lines or [now.get(name, name) for name in lines[0]] != list(types):
         raise FileError(f"{path}: its first line must be {','.join(types)}; move it away, or give another --out")
     found = []
     for number, cells in enumerate(lines[1:], start=2):

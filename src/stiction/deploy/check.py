@@ -98,7 +98,7 @@ class BundleCheck:
             "digest": self.bundle.digest,
             "size": self.bundle.size,
             **{name: getattr(contract, name) for name in OF_CONTRACT},
-            "wear": [] if wear is None else [t for t, known in zip(wear.targets, wear.told, strict=True) if known],
+            "wear": [] if wear is None else [t for t, known in zip(wear.targets, wear.estimated, strict=True) if known],
             "signed": self.bundle.signature is not None,
             "signer": self.signer,
             "steps": self.steps,

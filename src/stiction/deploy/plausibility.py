@@ -102,12 +102,12 @@ RULES: dict[str, Rule] = {
     ),
     "attitude and gyroscope": Rule(
         "an orientation whose order, axes or sign are not the gyroscope's, and one of both that is dead", 0.3, "",
-        "difference of unit vectors over a second: in recorded walks with noise it stays under 0.05",
+        "difference of unit vectors over a second; of walks with noise: results/deploy",
         "is the quaternion w, x, y, z, and are both in the base's frame, the gyroscope in rad/s?",
     ),
     "velocity and angle": Rule(
         "a velocity of another joint, sign or unit than its angle", 0.6, "rad",
-        "what velocities add up to in 0.3 s beside how far the angle moved: in recorded walks with noise under 0.2",
+        "what velocities add up to in 0.3 s beside how far the angle moved; of walks with noise: results/deploy",
         "do velocities have the order, the sign and the unit of the angles, in rad/s?",
     ),
     "frozen IMU": Rule(

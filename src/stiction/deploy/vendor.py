@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import numpy as np
 
 from stiction.core.errors import RobotError
-from stiction.core.files import publish
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
+from stiction.formats.tables import write_csv
 
 
 class VendorMap:
@@ -73,9 +72,5 @@ def write_maker_targets(bundle: Bundle, path: Path) -> None:
     maker = VendorMap(bundle.contract)
     golden = bundle.golden
     walked = slice(None) if golden.walked is None else golden.walked
-    rows = maker.to_maker(golden.target[walked])
-    with publish(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(["time", *maker.order])
-        for time, row in zip(golden.time[walked], rows, strict=True):
-            writer.writerow([f"{time:.4f}", *(f"{angle:.6f}" for angle in row)])
+    targets = maker.to_maker(golden.target[walked])
+    write_csv(path, {"time": golden.time[walked], **dict(zip(maker.order, targets.T, strict=True))})

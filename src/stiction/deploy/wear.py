@@ -135,7 +135,7 @@ class WearMonitor:
         `window`: its length [s]; `filled`: share of the one under way [-]; `unusual`: see `WearEstimate`, null before
         the first window is full; `note`: how often such intervals held; `targets`: by name of the joint, and `level`,
         an object of `value` and `interval95` of f/τ_max (null where there is none), `held` (null: not measured),
-        `told`, and `why` where not.
+        `estimated`, and `why` where not.
         """
         seen, names = self._last, self.model.targets
         state: dict[str, Any] = {
@@ -146,7 +146,13 @@ class WearMonitor:
             "note": coverage_text(self.model),
         }
         if seen is None:
-            nothing = {"value": None, "interval95": None, "held": None, "told": False, "why": "no window is full yet"}
+            nothing = {
+                "value": None,
+                "interval95": None,
+                "held": None,
+                "estimated": False,
+                "why": "no window is full yet",
+            }
             return state | {"targets": {name: dict(nothing) for name in names}}
         values, held = (*seen.friction.tolist(), seen.level), (*seen.held.tolist(), seen.level_held)
         ends = (*seen.interval95.T.tolist(), list(seen.level_interval95))
@@ -157,7 +163,7 @@ class WearMonitor:
                     "value": value if math.isfinite(value) else None,
                     "interval95": end if math.isfinite(value) else None,
                     "held": share if math.isfinite(share) else None,
-                    "told": why is None,
+                    "estimated": why is None,
                     "why": why,
                 }
                 for name, value, end, share, why in rows
@@ -199,7 +205,7 @@ def coverage_text(model: WearModel) -> str:
 def raw_estimate(model: WearModel, mean: np.ndarray) -> np.ndarray:
     """Return the map's own estimate of each target [-], shape (J + 1,); NaN where it does not estimate one."""
     standard = _standard(model, mean)
-    return np.where(model.told, np.array(model.intercept) + standard @ np.array(model.weights), np.nan)
+    return np.where(model.estimated, np.array(model.intercept) + standard @ np.array(model.weights), np.nan)
 
 
 def is_unusual(model: WearModel, mean: np.ndarray) -> bool:

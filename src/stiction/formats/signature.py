@@ -94,14 +94,14 @@ def _private_key(path: Path, passphrase: Callable[[], str]) -> Ed25519PrivateKey
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
-    content = read_bounded(path, f"a key, PEM: {MADE}", FileError, MOST_BYTES)
+    content = read_bounded(path, f"a key, PEM: {NEW_KEY}", FileError, MOST_BYTES)
     try:
         secret = passphrase().encode() if b"ENCRYPTED" in content else None
         key: Any = load_pem_private_key(content, secret)
     except Exception as error:  # ValueError, TypeError, UnsupportedAlgorithm, by what is wrong
-        raise FileError(f"{path}: {_line(error)}; expected a private Ed25519 key, PEM: {MADE}") from error
+        raise FileError(f"{path}: {_line(error)}; expected a private Ed25519 key, PEM: {NEW_KEY}") from error
     if not isinstance(key, Ed25519PrivateKey):
-        raise FileError(f"{path} holds another kind of key; expected a private Ed25519 key, PEM: {MADE}")
+        raise FileError(f"{path} holds another kind of key; expected a private Ed25519 key, PEM: {NEW_KEY}")
     return key
 
 
@@ -110,19 +110,19 @@ def _public_key(path: Path) -> Ed25519PublicKey:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
     from cryptography.hazmat.primitives.serialization import load_pem_public_key
 
-    content = read_bounded(path, f"a key, PEM: {MADE}", FileError, MOST_BYTES)
+    content = read_bounded(path, f"a key, PEM: {NEW_KEY}", FileError, MOST_BYTES)
     if b"PRIVATE KEY" in content:
         raise FileError(f"{path} is a private key, its owner's secret; name the public one, {path.with_suffix('.pub')}")
     try:
         key: Any = load_pem_public_key(content)
     except Exception as error:  # as above
-        raise FileError(f"{path}: {_line(error)}; expected a public Ed25519 key, PEM: {MADE}") from error
+        raise FileError(f"{path}: {_line(error)}; expected a public Ed25519 key, PEM: {NEW_KEY}") from error
     if not isinstance(key, Ed25519PublicKey):
-        raise FileError(f"{path} holds another kind of key; expected a public Ed25519 key, PEM: {MADE}")
+        raise FileError(f"{path} holds another kind of key; expected a public Ed25519 key, PEM: {NEW_KEY}")
     return key
 
 
-MADE = "stiction sign --new-key maker.pem makes maker.pem and maker.pub"
+NEW_KEY = "stiction sign --new-key maker.pem makes maker.pem and maker.pub"
 """How keys are made, for messages."""
 
 

@@ -9,8 +9,8 @@ from dataclasses import asdict, dataclass, fields
 from stiction.core.errors import BundleError
 from stiction.formats.plain import build, is_integer, is_number, is_text, parse_object, take_version
 
-SCHEMA_VERSION, BARE_VERSION = 2, 1
-"""Versions of wear.json with and without `calibration`, which came later; any other is refused."""
+SCHEMA_VERSION = 3
+"""Version of wear.json. Versions 1 and 2 are read too: their `told` is `estimated`, and 1 has no `calibration`."""
 
 LARGEST, LONGEST_WINDOW = 1e9, 10**5
 """Largest number of a map, and longest window: half an hour at 50 Hz."""
@@ -83,14 +83,14 @@ class WearModel:
     """Estimate where every feature is at its center [-]."""
     reach: tuple[float, ...]
     """Half-width of each target's 95 % interval [-]: what 95 % of the calibration robots' errors do not pass."""
-    told: tuple[bool, ...]
+    estimated: tuple[bool, ...]
     """Whether each target is estimated at all: the lower end of its R² on unseen robots is above `threshold`."""
     determination: tuple[float, ...]
     """R² of each target on unseen robots [-]."""
     coverage: tuple[float, ...]
     """Share of unseen robots' windows whose interval holds the truth [-], each target."""
     threshold: float
-    """See `told` [-]."""
+    """See `estimated` [-]."""
     highest: float
     """Friction of the robots it was fitted on went from 0 to this [-]; beyond, it extrapolates."""
     unusual: float
@@ -104,7 +104,7 @@ class WearModel:
     def __post_init__(self) -> None:
         """Refuse sizes that do not fit each other and numbers that are not finite."""
         targets, features = len(self.joint_names) + 1, len(self.center)
-        per_target = ("intercept", "reach", "told", "determination", "coverage")
+        per_target = ("intercept", "reach", "estimated", "determination", "coverage")
         sizes: dict[str, tuple[object, object]] = {name: (len(getattr(self, name)), targets) for name in per_target}
         sizes |= {"scale": (len(self.scale), features), "weights": (len(self.weights), features)}
         sizes |= {"weights' rows": ({len(row) for row in self.weights}, {targets})}
@@ -123,11 +123,12 @@ class WearModel:
                 f"wear.json: the window {self.window!r}, a scale, a reach or a bound is out of range; expected a "
                 f"window of 1 to {LONGEST_WINDOW} steps, and what is above zero"
             )
-        known = all(isinstance(value, bool) for value in self.told) and max(self.determination) <= 1.0
+        known = all(isinstance(value, bool) for value in self.estimated) and max(self.determination) <= 1.0
         digest = isinstance(self.student, str) and re.fullmatch("[0-9a-f]{64}", self.student) is not None
         if not (known and digest and all(0.0 <= value <= 1.0 for value in self.coverage)):
             raise BundleError(
-                "wear.json: 'told' is not of yes and no, a share is above 1, or 'student' is no SHA-256; export again"
+                "wear.json: 'estimated' is not of yes and no, a share is above 1, or 'student' is no SHA-256; "
+                "export again"
             )
 
     @property
@@ -137,11 +138,7 @@ class WearModel:
 
     def to_json(self) -> str:
         """Return the text of wear.json."""
-        data = asdict(self)
-        if self.calibration is None:  # older programs read it too
-            del data["calibration"]
-        version = BARE_VERSION if self.calibration is None else SCHEMA_VERSION
-        return json.dumps({"schema_version": version} | data, allow_nan=False) + "\n"
+        return json.dumps({"schema_version": SCHEMA_VERSION} | asdict(self), allow_nan=False) + "\n"
 
 
 def read_wear(text: bytes) -> WearModel:
@@ -153,11 +150,13 @@ def read_wear(text: bytes) -> WearModel:
     """
     data = parse_object(text, "wear.json", "a map of the wear monitor", BundleError)
     found = data.get("schema_version")
-    bare = is_integer(found) and found == BARE_VERSION
-    data = take_version(data, BARE_VERSION if bare else SCHEMA_VERSION, "wear.json", BundleError)
-    required = {field.name for field in fields(WearModel)} - ({"calibration"} if bare else set())
-    if bare and "calibration" in data:
-        raise BundleError(f"wear.json: 'calibration' in version {BARE_VERSION}; expected version {SCHEMA_VERSION}")
+    version = int(found) if is_integer(found) and found in (1, 2) else SCHEMA_VERSION
+    data = take_version(data, version, "wear.json", BundleError)
+    if version < 3 and "told" in data:
+        data["estimated"] = data.pop("told")
+    required = {field.name for field in fields(WearModel)} - ({"calibration"} if version == 1 else set())
+    if version == 1 and "calibration" in data:
+        raise BundleError(f"wear.json: 'calibration' in version 1; expected version {SCHEMA_VERSION}")
     try:
         return build(WearModel, data, "wear.json", BundleError, required)
     except (ValueError, TypeError) as error:

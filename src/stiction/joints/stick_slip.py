@@ -95,6 +95,7 @@ class Regime:
         position += newer * factor
         older = third
         for order in range(4, 80):
+            # The input is a straight line: its second derivative and all later ones are the 0.0.
             older, newer = newer, 0.0 - stiffness * older - damping * newer
             velocity += newer * factor
             factor *= elapsed / order

@@ -122,6 +122,11 @@ class TaskFleet(Protocol):
         ...
 
 
+def copied(name: str) -> Any:
+    """Return the property that copies an array of `Fleet` into a tensor."""
+    return property(lambda self: to_tensor(getattr(self.fleet, name)))
+
+
 class HostFleet(TaskFleet):
     """`Fleet`, with the friction of its joints and what gives their torque."""
 
@@ -136,67 +141,44 @@ class HostFleet(TaskFleet):
         self.start: np.ndarray | None = None
         """Where the robots of the next reset begin, elsewhere than at the origin, (n, 2) [m]."""
 
-    @property
-    def base_angular_velocity(self) -> torch.Tensor:
-        """Rates of the base in its own frame [rad/s], (N, 3)."""
-        return to_tensor(self.fleet.base_angular_velocity)
-
-    @property
-    def base_linear_velocity(self) -> torch.Tensor:
-        """Velocity of the base's origin in the base frame [m/s], (N, 3)."""
-        return to_tensor(self.fleet.base_linear_velocity)
-
-    @property
-    def base_quaternion(self) -> torch.Tensor:
-        """Orientation of the base, w, x, y, z, (N, 4)."""
-        return to_tensor(self.fleet.base_quaternion)
+    base_angular_velocity = copied("base_angular_velocity")
+    base_linear_velocity = copied("base_linear_velocity")
+    base_quaternion = copied("base_quaternion")
+    joint_position = copied("joint_position")
+    joint_velocity = copied("joint_velocity")
+    torque = copied("torque")
 
     @property
     def height(self) -> torch.Tensor:
-        """Height of the base above the ground under it [m], (N,)."""
+        """See `TaskFleet`."""
         return to_tensor(self.fleet.base_position[:, 2] - self.fleet.ground)
 
     @property
-    def joint_position(self) -> torch.Tensor:
-        """Angles of the joints [rad], (N, joints)."""
-        return to_tensor(self.fleet.joint_position)
-
-    @property
-    def joint_velocity(self) -> torch.Tensor:
-        """Speeds of the joints [rad/s], (N, joints)."""
-        return to_tensor(self.fleet.joint_velocity)
-
-    @property
-    def torque(self) -> torch.Tensor:
-        """Torque of the motors [N m], (N, joints)."""
-        return to_tensor(self.fleet.torque)
-
-    @property
     def foot_contact(self) -> torch.Tensor:
-        """Whether each foot carries load, (N, feet) bool."""
+        """See `TaskFleet`."""
         return torch.from_numpy(self.fleet.foot_contact)
 
     def fallen(self) -> torch.Tensor:
-        """Return whether each robot lies or is about to, (N,) bool."""
+        """See `TaskFleet`."""
         return torch.from_numpy(self.fleet.fallen())
 
     def set_targets(self, targets: torch.Tensor) -> None:
-        """Set the joint targets of every robot [rad], (N, joints)."""
+        """See `TaskFleet`."""
         self.fleet.set_targets(targets.numpy())
 
     def step(self) -> torch.Tensor:
-        """Advance one control period; return which robots blew up, (N,) bool, reset to standing."""
+        """See `TaskFleet`."""
         blown_up = torch.zeros(self.num_envs, dtype=torch.bool)
         blown_up[self.fleet.step()] = True
         return blown_up
 
     def push(self, velocity: torch.Tensor, which: torch.Tensor) -> None:
-        """Add `velocity` [m/s] to the horizontal velocity of the bases `which` in the world, (len(which), 2)."""
+        """See `TaskFleet`."""
         ids, velocity = numbered(which, velocity)
         self.fleet.push(velocity.double().numpy(), ids.numpy())
 
     def give(self, values: Mapping[str, torch.Tensor], which: torch.Tensor) -> None:
-        """Write the parameters of `Randomizer.apply` into the fleet."""
+        """See `TaskFleet`."""
         names, fleet = list(values), self.fleet
         ids, *rows = numbered(which, *values.values())
         robots, given = ids.numpy(), {name: row.numpy() for name, row in zip(names, rows, strict=True)}
@@ -223,7 +205,7 @@ class HostFleet(TaskFleet):
         heading: torch.Tensor | None = None,
         velocity: torch.Tensor | None = None,
     ) -> None:
-        """Stand the robots `which` at their starts; see `TaskFleet.reset`. `start` holds for this once."""
+        """See `TaskFleet`; `start` holds for this once."""
         values = {"joint_position": offset, "heading": heading, "velocity": velocity}
         known = {name: value for name, value in values.items() if value is not None}
         ids, *rows = numbered(which, *known.values())
@@ -234,9 +216,9 @@ class HostFleet(TaskFleet):
         self.fleet.reset(ids.numpy(), **given, position=start)
 
     def state(self) -> dict[str, Any]:
-        """Return a copy of the simulation's state, for a checkpoint."""
+        """See `TaskFleet`."""
         return self.fleet.simulation.state()
 
     def load_state(self, state: Mapping[str, torch.Tensor]) -> None:
-        """Restore what `state` returned."""
+        """See `TaskFleet`."""
         self.fleet.simulation.load_state({name: value.numpy() for name, value in state.items()})

@@ -160,7 +160,8 @@ class AdaptationPPO(PPO):
                 self.adaptation_optimizer.zero_grad()
                 torch.stack(list(losses.values())).sum().backward()
                 self.ranks.average(self._supervised_parameters())
-                nn.utils.clip_grad_norm_(self._supervised_parameters(), self.max_grad_norm)
+                if self.max_grad_norm is not None:
+                    nn.utils.clip_grad_norm_(self._supervised_parameters(), self.max_grad_norm)
                 self.adaptation_optimizer.step()
                 for name, value in losses.items():
                     total[name] = total.get(name, 0.0) + value.item() / steps

@@ -31,7 +31,7 @@ from stiction.rma.config import TrainCfg
 from stiction.robots.catalog import find_robot, is_shipped, robot_in_file
 from stiction.robots.record import write_robot
 
-MADE = "that of a folder that `stiction train` made"
+A_CONFIG = "that of a folder that `stiction train` made"
 """What config.json is, for messages."""
 
 HEADER: dict[str, Any] = {"config": dict, "revision": str, "identified": dict | None}
@@ -230,7 +230,7 @@ class RunDirectory:
         if recorded is None:
             return None
         if not isinstance(recorded, dict) or "sha256" not in recorded:
-            raise FileError(f"{self.path / 'config.json'}: its actuator has no 'sha256'; expected {MADE}")
+            raise FileError(f"{self.path / 'config.json'}: its actuator has no 'sha256'; expected {A_CONFIG}")
         net = read_actuator(self.path / FILE)
         if digest_of(self.path / FILE) != recorded["sha256"]:
             raise TrainingError(f"{self.path / FILE} is not the net that the run was started with; put that one back")
@@ -239,9 +239,9 @@ class RunDirectory:
     def header(self) -> dict[str, Any]:
         """Return config.json whole. Raises `StictionError` where it cannot be read."""
         file = self.path / "config.json"
-        data = read_object(file, MADE)
+        data = read_object(file, A_CONFIG)
         if missing := [name for name, kind in HEADER.items() if not isinstance(data.get(name), kind)]:
-            raise FileError(f"{file}: holds no {missing[0]!r}; expected {MADE}")
+            raise FileError(f"{file}: holds no {missing[0]!r}; expected {A_CONFIG}")
         return data
 
     def config(self) -> TrainCfg:
@@ -462,4 +462,4 @@ def identified_values(header: dict[str, Any]) -> dict[str, np.ndarray] | None:
     try:
         return {name: np.array(value, float) for name, value in identified["values"].items()}
     except (KeyError, AttributeError, ValueError, TypeError) as error:
-        raise FileError(f"config.json: its identified joints cannot be read: {error}; expected {MADE}") from error
+        raise FileError(f"config.json: its identified joints cannot be read: {error}; expected {A_CONFIG}") from error

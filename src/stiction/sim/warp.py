@@ -9,6 +9,8 @@ reproducible bit by bit.
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -17,6 +19,55 @@ import warp as wp
 from stiction.sim.native import out_of_bounds
 from stiction.sim.protocol import STATE, Simulation
 from stiction.sim.worlds import CONTACTS, DERIVED, Worlds
+
+
+# Fields are written by whoever holds a view of them (fleets, friction laws, audits): a flag that each had to set would
+# be forgotten once, and the write then do nothing. To compare all fields with copies costs every step.
+class Flagged(np.ndarray):
+    """An array that notes when it, or a view of it, is written: by `a[...] =`, `a += `, `out=`, `fill` or `np.copyto`.
+
+    Nothing else writes the fields of a simulation. What is computed from it is a plain array.
+    """
+
+    mirror: Mirror | None = None
+
+    def __array_finalize__(self, of: Any) -> None:
+        """Let views write through; a copy that is written says so too, which costs an upload and no error."""
+        self.mirror = getattr(of, "mirror", None)
+
+    def _wrote(self) -> np.ndarray:
+        """Set the flag; return the memory to write."""
+        if self.mirror is not None:
+            self.mirror.written = True
+        return self.view(np.ndarray)
+
+    def __setitem__(self, key: Any, value: Any) -> None:
+        """Write some entries."""
+        self._wrote()[key] = value
+
+    def fill(self, value: Any) -> None:
+        """Write every entry."""
+        self._wrote().fill(value)
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, out: Any = None, **options: Any) -> Any:
+        """Compute with plain arrays; an in-place operation gives itself as `out`."""
+        if out is not None:
+            options["out"] = tuple(one._wrote() if isinstance(one, Flagged) else one for one in out)
+        found = getattr(ufunc, method)(*map(_plain, inputs), **options)
+        return found if out is None else out[0] if len(out) == 1 else out
+
+    def __array_function__(self, func: Callable, types: Any, args: Any, kwargs: Any) -> Any:
+        """Compute with plain arrays, and note the two ways in which NumPy's functions write."""
+        if func is np.copyto and isinstance(args[0], Flagged):
+            args = (args[0]._wrote(), *args[1:])
+        if isinstance(kwargs.get("out"), Flagged):
+            kwargs["out"]._wrote()
+        return super().__array_function__(func, types, args, kwargs)
+
+
+def _plain(value: Any) -> Any:
+    """Return an argument of a computation without its flag."""
+    return value.view(np.ndarray) if isinstance(value, Flagged) else value
 
 
 class Mirror:
@@ -30,35 +81,38 @@ class Mirror:
         values = device.numpy()
         self.device, self._device_shape, self._device_type = device, values.shape, values.dtype
         values = values.reshape(shape)
-        self.host = values.astype(np.float64) if values.dtype == np.float32 else values.copy()
-        self._synced = self.host.copy()
+        self.values = values.astype(np.float64) if values.dtype == np.float32 else values.copy()
+        self.written = False
+        """Whether the host was written since the two agreed."""
+
+    @property
+    def host(self) -> np.ndarray:
+        """The host twin, to be written: that sets `written`."""
+        host = self.values.view(Flagged)
+        host.mirror = self
+        return host
 
     @property
     def view(self) -> np.ndarray:
         """The host twin, read only."""
-        view = self.host.view()
+        view = self.values.view()
         view.flags.writeable = False
         return view
 
     def upload(self, always: bool = False) -> None:
-        """Bring the device up to the host, where the caller changed anything since they last agreed, or `always`."""
-        if always or not np.array_equal(self.host, self._synced):
-            self.device.assign(self.host.astype(self._device_type).reshape(self._device_shape))
-            self._synced[...] = self.host
+        """Bring the device up to the host, where that was written since they last agreed, or `always`."""
+        if always or self.written:
+            self.device.assign(self.values.astype(self._device_type).reshape(self._device_shape))
+            self.written = False
 
     def download(self) -> None:
         """Bring the host up to the device."""
-        self.host[...] = self.device.numpy().reshape(self.host.shape)
-        self._synced[...] = self.host
-
-    def agree(self, ids: np.ndarray, values: np.ndarray) -> None:
-        """Note that both sides hold `values` for the simulations `ids`, because the device was set so by itself."""
-        self.host[ids] = values
-        self._synced[ids] = values
+        self.values[...] = self.device.numpy().reshape(self.values.shape)
+        self.written = False
 
 
 class WarpSimulation(Worlds, Simulation):
-    """`Simulation` on MuJoCo Warp. Fields are float64 on the host; `step` uploads what changed and downloads the rest.
+    """`Simulation` on MuJoCo Warp. Fields are float64 on the host; `step` uploads what was written, then downloads.
 
     `time` is on the host: that of the device begins anew with every `step`.
     """
@@ -80,7 +134,7 @@ class WarpSimulation(Worlds, Simulation):
         self.reset(np.arange(num))
         for name, mirror in self._state.items():
             mirror.download()
-            self._start[name] = mirror.host[0].copy()
+            self._start[name] = mirror.values[0].copy()
         self._finite = [self.bind(name) for name in ("qpos", "qvel", "qacc")]
 
     def _mirror(self, name: str) -> Mirror:
@@ -110,7 +164,7 @@ class WarpSimulation(Worlds, Simulation):
             return self._state[name].host
         if name not in self._results:
             self._results[name] = self._mirror(name)
-            self._results[name].host[self._fresh] = getattr(self._standing, name)
+            self._results[name].values[self._fresh] = getattr(self._standing, name)
         return self._results[name].view
 
     def expand(self, name: str) -> np.ndarray:
@@ -140,9 +194,10 @@ class WarpSimulation(Worlds, Simulation):
         self.time[ids] = self.model.key_time[0]
         self._fresh[ids] = True
         for name, start in self._start.items():
-            self._state[name].agree(ids, start)
+            # The device has set these rows itself: nothing is to go up.
+            self._state[name].values[ids] = start
         for name, mirror in self._results.items():
-            mirror.host[ids] = getattr(self._standing, name)
+            mirror.values[ids] = getattr(self._standing, name)
 
     def step(self, nstep: int) -> np.ndarray:
         """Advance by `nstep` physics steps; return the ids whose state is not finite or out of MuJoCo's bounds.
@@ -166,10 +221,10 @@ class WarpSimulation(Worlds, Simulation):
             getattr(model, name)[...] = values.reshape(getattr(model, name).shape)
         for name, mirror in self._fields.items():
             owner, attribute = self._owner(model, name), name.removeprefix("opt.")
-            setattr(owner, attribute, mirror.host[env])
+            setattr(owner, attribute, mirror.values[env])
         data = mujoco.MjData(model)
         for name, mirror in self._state.items():
-            getattr(data, name)[...] = mirror.host[env]
+            getattr(data, name)[...] = mirror.values[env]
         data.time = self.time[env]
         data.history[self._stamps.numpy()] += data.time
         return model, data

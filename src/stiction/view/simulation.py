@@ -150,18 +150,18 @@ class Walker:
         self.belief: WearEstimate | None = None
         """What the policy's walk told last of its joints' friction; None: nothing yet, or it has no map for that."""
         engine = find_engine(cfg.engine)
-        made: list[Engine] = []
+        engines: list[Engine] = []
 
         def make(body: Body, around: Ground, timestep: float) -> Engine:
-            made.append(make_engine(cfg.engine, body, around, timestep))
-            return made[-1]
+            engines.append(make_engine(cfg.engine, body, around, timestep))
+            return engines[-1]
 
         self._world = World(make, ground, timestep=engine.timestep, noise=NoiseCfg())
         # Not at 0: a robot whose law has no level need not know what its joints transmit, and would never be told.
         sheet = DialledSheet(cfg.seed, cfg.law, 1.0)
         noise, sensors = seed_streams(cfg.seed, ["view", "view, sensors"]).values()
         self._robot = self._world.robot(sheet, self.spec, sensors)
-        (self._engine,), (self._friction,) = made, sheet.given
+        (self._engine,), (self._friction,) = engines, sheet.given
         self._port = Noisy(self._robot.handle, NoiseCfg(), noise)
         self._pilot = Pilot(self._port, self.policy.load())
         self.set_friction(level)

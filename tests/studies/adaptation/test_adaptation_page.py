@@ -9,7 +9,7 @@ from stiction.studies.adaptation.page import answers, draw_effects, draw_probes,
 from stiction.studies.study import write_report
 
 
-def make_run(told: list[bool], mean: float) -> dict[str, Any]:
+def make_run(estimated_targets: list[bool], mean: float) -> dict[str, Any]:
     """One run's part of a summary."""
     effects = [
         {
@@ -35,7 +35,7 @@ def make_run(told: list[bool], mean: float) -> dict[str, Any]:
         for name, mixed in (("latent", False), ("moments", False), ("latent", True))
         for per in ("joint", "robot")
     ]
-    wear = {"targets": ["hip", "level"], "told": told, "window": 10.0}
+    wear = {"targets": ["hip", "level"], "estimated": estimated_targets, "window": 10.0}
     wear |= {"determination": [0.4, 0.9], "coverage": [0.95, 0.96], "reach": [0.1, 0.03]}
     return {"latents": {"effects": effects, "rows": []}, "probes": probes, "wear": wear}
 

@@ -82,7 +82,7 @@ def test_the_monitors_intervals_hold_on_robots_it_never_met() -> None:
     """Fitted on two walks, asked about two others: 95 % of the intervals hold the friction, of joints and of robots."""
     walks = {per: make_walk(seed, per) for seed, per in enumerate(("joint", "robot"))}
     model = fit_monitor(walks, lambda before, now: now, ("a", "b", "c"), 0.24, "0" * 64, window=50)
-    assert model.told == (True,) * 4
+    assert model.estimated == (True,) * 4
     assert min(model.coverage) > 0.85
     held, errors = [], []
     for seed in (5, 6):
@@ -100,4 +100,4 @@ def test_nothing_is_told_where_nothing_can_be() -> None:
     """Features without friction: no target passes, so no monitor is built."""
     walks = {per: make_walk(seed, per) for seed, per in enumerate(("joint", "robot"))}
     blind = fit_monitor(walks, lambda before, now: now[..., :1], ("a", "b", "c"), 0.24, "0" * 64, window=50)
-    assert not any(blind.told)
+    assert not any(blind.estimated)

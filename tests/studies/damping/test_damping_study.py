@@ -84,7 +84,7 @@ def test_a_net_needs_the_viscous_friction_of_its_side() -> None:
 
 def test_drawing_both_is_drawing_one() -> None:
     """The same sums make the same joints, where the equation holds; B alone makes hardly any difference."""
-    found = {(row.situation, row.way): row for row in draw_rows("saturn_lite", SHORT)}
+    found = {(row.situation, row.drawn): row for row in draw_rows("saturn_lite", SHORT)}
     alone = found["free", "kd alone, same sums"]
     assert alone.pair_difference is not None and alone.pair_difference < 1e-12
     assert alone.spread == pytest.approx(found["free", "B and kd"].spread)

@@ -14,7 +14,7 @@ class LimitsCfg:
 
     slew: float = 40.0
     """Largest speed of a joint's target [rad/s]: 0.8 rad in a control period of 20 ms, more than the shipped policies
-    ask for."""
+    ask for (results/deploy)."""
     margin: float = 0.02
     """Distance that targets keep from the joint's limits [rad]."""
 
@@ -31,14 +31,14 @@ class SafetyCfg:
     """What a robot may do before it is stopped."""
 
     tilt: float = 0.8
-    """Largest angle between the base's z axis and the vertical [rad]. Training counts 1.05 rad as a fall; level walks
-    of the shipped policies stay below 0.3."""
+    """Largest angle between the base's z axis and the vertical [rad]. Training counts 1.05 rad as a fall; how far the
+    shipped policies lean is in results/deploy."""
     predicted_tilt: float = 1.05
     """Largest tilt after `horizon` if the base goes on turning as it does [rad]."""
     horizon: float = 0.3
     """How far ahead a tilt is predicted [s]: gravity in the base's frame turns by −ω × g."""
     joint_speed: float = 25.0
-    """Largest speed of a joint [rad/s]; the shipped policies reach 12."""
+    """Largest speed of a joint [rad/s]; what the shipped policies reach is in results/deploy."""
     torque: float = 1.3
     """Largest measured torque over the motor's limit [1], as a mean over `torque_seconds`: beyond, drive and data sheet
     disagree."""
@@ -47,8 +47,8 @@ class SafetyCfg:
     temperature: float = 80.0
     """Hottest motor [°C]; not judged where a robot does not say its temperatures."""
     flailing: float = 8.0
-    """Largest root mean square of all joints' speeds over `flailing_seconds` [rad/s]; walks of the shipped policies
-    stay below 4."""
+    """Largest root mean square of all joints' speeds over `flailing_seconds` [rad/s]; that of walks is in
+    results/deploy."""
     flailing_seconds: float = 0.3
     """[s]."""
     lost: float = 10.0

@@ -157,6 +157,7 @@ def _datagrams(port: socket.socket) -> Iterator[bytes]:
 
 def _key(terminal: int) -> bool:
     """Return whether a key that stops was pressed."""
+    # Whoever else has the terminal open, the shell for one, shares this setting: it is put back.
     os.set_blocking(terminal, False)
     try:
         with suppress(OSError):

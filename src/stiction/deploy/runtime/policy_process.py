@@ -38,7 +38,7 @@ class PolicyProcess:
         contract = bundle.contract
         self._policy, self._channel, self._faults = load_policy(contract, bundle.policy), channel, faults
         self._wear = None if bundle.wear is None else WearMonitor(contract, bundle.wear)
-        self._told = np.array((False,) if bundle.wear is None else bundle.wear.told[:-1])
+        self._estimated = np.array((False,) if bundle.wear is None else bundle.wear.estimated[:-1])
         self._sights, self._newest = sight_layout(contract.num_joints), contract.observation.newest()
         self._running, self._sent = False, 0.0
         self._estimate: dict[str, object] = {}
@@ -77,8 +77,8 @@ class PolicyProcess:
         """Estimate wear between two steps: the estimate goes out with the next answer."""
         if self._wear is None or (found := self._wear.step(step.observation)) is None:
             return
-        low, high = np.where(self._told, found.interval95, np.nan)
-        value = np.where(self._told, found.friction, np.nan)
+        low, high = np.where(self._estimated, found.interval95, np.nan)
+        value = np.where(self._estimated, found.friction, np.nan)
         self._estimate = {"wear": value, "wear_low": low, "wear_high": high, "unusual": float(found.unusual)}
 
     def _act(self, inputs: dict[str, np.ndarray]) -> tuple[PolicyStep, dict[str, object]]:
@@ -124,6 +124,7 @@ def main(path: str, number: str, digest: str, faults: str) -> int:
     layouts = targets_layout(contract), sight_layout(contract.num_joints)
     channel = Channel(socket.socket(fileno=int(number)), *layouts)
     process = PolicyProcess(bundle, channel, faults == "1")
+    # As in the supervisor: a collection of all that was loaded could miss a deadline.
     gc.collect()
     gc.freeze()
     ticker = Ticker(contract.control_period)

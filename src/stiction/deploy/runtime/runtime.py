@@ -170,6 +170,7 @@ class _Loop:
     def run(self, velocity: np.ndarray) -> None:
         """Go on until the run has ended, however it does; velocity: commanded at first."""
         self._begin(velocity)
+        # What is loaded by now lives to the end: frozen, no later collection walks over it and makes a reading late.
         gc.collect()
         gc.freeze()
         try:

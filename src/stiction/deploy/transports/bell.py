@@ -21,6 +21,7 @@ class Bell:
 
     def ring(self) -> None:
         """Make the file readable; from any thread, however often."""
+        # Full means rung often and heard by nobody yet: it is readable as it is.
         with suppress(BlockingIOError):
             self._button.send(b"!")
 

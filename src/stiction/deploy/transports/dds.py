@@ -202,8 +202,8 @@ def _idl_type(structure: Structure, name: str, layout: np.dtype, raw: bool = Fal
         hints[field] = types.array[hint, shape[0]] if shape else hint
     body: dict[str, Any] = {"__annotations__": hints} | (_RAW if raw else {})
     typename = f"{structure.family}.msg.dds_.{name}_"
-    made = new_class(f"{name}_", (IdlStruct,), {"typename": typename}, lambda space: space.update(body))
-    return annotations.final(annotations.autoid("sequential")(dataclass(init=not raw, eq=False, repr=False)(made)))
+    message = new_class(f"{name}_", (IdlStruct,), {"typename": typename}, lambda space: space.update(body))
+    return annotations.final(annotations.autoid("sequential")(dataclass(init=not raw, eq=False, repr=False)(message)))
 
 
 def _hold(self: Any, data: bytes) -> None:

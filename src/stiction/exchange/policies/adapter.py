@@ -101,9 +101,9 @@ def adapted(contract: Contract, network: NetworkFile) -> NetworkFile:
         Node("Min", ("a_bounded", "a_high"), ("a_observation",), {}),
     ]
     nodes += with_names(network.nodes, {INPUT: "a_observation"})
-    made = {name: constant(name, np.asarray(values, dtype=np.float32)) for name, values in constants.items()}
+    own = {name: constant(name, np.asarray(values, dtype=np.float32)) for name, values in constants.items()}
     port = Port(INPUT, FLOAT, (None, new.size))
-    return clipped(contract, NetworkFile(tuple(nodes), {**network.constants, **made}, port, network.output))
+    return clipped(contract, NetworkFile(tuple(nodes), {**network.constants, **own}, port, network.output))
 
 
 def clipped(contract: Contract, network: NetworkFile) -> NetworkFile:
@@ -116,8 +116,8 @@ def clipped(contract: Contract, network: NetworkFile) -> NetworkFile:
         Node("Max", ("a_action", "a_least"), ("a_raised",), {}),
         Node("Min", ("a_raised", "a_most"), (OUTPUT,), {}),
     )
-    made = {"a_least": constant("a_least", -bound), "a_most": constant("a_most", bound)}
-    return replace(network, nodes=nodes, constants={**network.constants, **made})
+    own = {"a_least": constant("a_least", -bound), "a_most": constant("a_most", bound)}
+    return replace(network, nodes=nodes, constants={**network.constants, **own})
 
 
 def with_names(nodes: Sequence[Node], names: Mapping[str, str]) -> list[Node]:

@@ -189,7 +189,7 @@ def layout_of(said: Said, num_joints: int) -> ObservationLayout:
     sizes |= dict.fromkeys(("joint_position", "joint_velocity", "last_action"), num_joints)
     if odd := [term.name for term in terms if term.name not in sizes]:
         raise ConfigurationError(unknown_name("observation term", odd[0], sizes))
-    made = tuple(
+    with_sizes = tuple(
         Term(
             name=term.name,
             size=sizes[term.name],
@@ -202,7 +202,7 @@ def layout_of(said: Said, num_joints: int) -> ObservationLayout:
         for term in terms
     )
     return ObservationLayout(
-        made,
+        with_sizes,
         history_length=length,
         direction=said.history_direction or "oldest_first",
         layout=said.history_layout or "frame_major",

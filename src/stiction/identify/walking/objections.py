@@ -189,12 +189,12 @@ def _swing(
     motion: WalkMotion,
     forces: tuple[np.ndarray, np.ndarray],
     down: np.ndarray,
-    told: list[int],
+    known: list[int],
     setup: WalkSetup,
 ) -> list[Objection]:
     """Object to a foot that is said to swing and bears load, by the motors' torque, on average or at a swing's ends.
 
-    forces: on each foot over the weight, and at least, (T, L) each; told: feet whose legs' friction is known. The ends
+    forces: on each foot over the weight, and at least, (T, L) each; known: feet whose legs' friction is known. The ends
     of a swing, where joints turn round and friction is vague, are looked at of those alone.
     """
     margin, edge = round(setup.swing_margin / motion.period), round(EDGE / motion.period)
@@ -204,7 +204,7 @@ def _swing(
         starts, ends = (np.flatnonzero(np.diff(phase > 0, **side)) for side in ({"prepend": False}, {"append": False}))
         first, last = (phase * _near(places, len(phase), edge) for places in (starts[::2], ends[1::2] - edge + 1))
         for part, force in zip((phase, first, last), (forces[0], forces[1], forces[1]), strict=True):
-            if part is not phase and number not in told:
+            if part is not phase and number not in known:
                 continue
             load = _slope(np.ones(int((part > 0).sum())), force[part > 0, number], part[part > 0])
             if load is not None and load.interval95[0] > BEARING:

@@ -83,7 +83,7 @@ def fit_monitor(
         weights=tuple(tuple(row) for row in ridge.weights.tolist()),
         intercept=tuple(ridge.intercept.tolist()),
         reach=tuple(reach.tolist()),
-        told=tuple((low > LEAST_R2).tolist()),
+        estimated=tuple((low > LEAST_R2).tolist()),
         determination=tuple(values.tolist()),
         coverage=tuple((error[test] <= reach).mean(axis=0).tolist()),
         threshold=LEAST_R2,

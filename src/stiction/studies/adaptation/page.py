@@ -163,9 +163,9 @@ def answers(summary: dict[str, Any]) -> list[str]:
             if probe["row"] == "walk" and not probe["shuffled"]
         }
         found = [f"{INPUT[name]} {whole[name, per]} per {per}" for name in ("latent", "moments") for per in TARGET]
-        estimated = ", ".join(f"{sum(run['wear']['told'])} of {len(run['wear']['told'])}" for run in runs)
+        monitored = ", ".join(f"{sum(estimated(run['wear']))} of {len(estimated(run['wear']))}" for run in runs)
         name = one["runs"][0] if len(runs) == 1 else f"{method}, {len(runs)} seeds"
-        lines.append(f"{name}: R² of the friction from {'; '.join(found)}; monitored targets: {estimated}.")
+        lines.append(f"{name}: R² of the friction from {'; '.join(found)}; monitored targets: {monitored}.")
     return lines
 
 
@@ -175,13 +175,13 @@ def lead(summary: dict[str, Any]) -> list[str]:
     for method, one in summary["methods"].items():
         runs = [summary["runs"][name] for name in one["runs"]]
         probes = one["probes"] if len(runs) > 1 else runs[0]["probes"]
-        told = {(p["input"], p["per"]): p["mean"] for p in probes if p["row"] == "walk" and not p["shuffled"]}
+        means = {(p["input"], p["per"]): p["mean"] for p in probes if p["row"] == "walk" and not p["shuffled"]}
         seeds = f"{len(runs)} training seeds" if len(runs) > 1 else "one training seed"
-        robot, joint = told["latent", "robot"], told["latent", "joint"]
+        robot, joint = means["latent", "robot"], means["latent", "joint"]
         lines.append(
             f"{method}, {seeds}: over a walk, the latent z* tells how rough the robot is with R² {robot:.2f}, and each "
-            f"joint's friction with R² {joint:.2f}; the moments of what it is made of, {told['moments', 'robot']:.2f} "
-            f"and {told['moments', 'joint']:.2f}."
+            f"joint's friction with R² {joint:.2f}; the moments of what it is made of, {means['moments', 'robot']:.2f} "
+            f"and {means['moments', 'joint']:.2f}."
         )
     return lines
 
@@ -279,12 +279,17 @@ def probes_table(name: str, probes: Rows) -> Markup:
     )
 
 
+def estimated(wear: dict[str, Any]) -> list[bool]:
+    """Return which targets a monitor estimates; summaries before its version 3 call that `told`."""
+    return wear["estimated"] if "estimated" in wear else wear["told"]
+
+
 def wear_table(name: str, wear: dict[str, Any]) -> Markup:
     """Return which joints' friction the monitor estimates, and how well."""
     rows = [
         [target, "yes" if given else "no", f"{r2:.2f}", f"± {reach:.3f}", f"{cover:.0%}"]
         for target, given, r2, reach, cover in zip(
-            wear["targets"], wear["told"], wear["determination"], wear["reach"], wear["coverage"], strict=True
+            wear["targets"], estimated(wear), wear["determination"], wear["reach"], wear["coverage"], strict=True
         )
     ]
     header = ("f/τ_max of", "estimated", "R² [1]", "95 % interval [of τ_max]", "coverage [% of windows]")

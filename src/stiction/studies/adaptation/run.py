@@ -127,9 +127,9 @@ def study_run(run: Path, out: Path, cfg: AdaptationCfg, threads: int, progress: 
     wear = fit_monitor(walks, moments, contract.joint_names, cfg.walk.highest, student)
     model = out / f"{name}-wear.json"
     model.unlink(missing_ok=True)
-    if any(wear.told):
+    if any(wear.estimated):
         write_text(model, wear.to_json())
-    per_target = {field: list(getattr(wear, field)) for field in ("told", "determination", "coverage", "reach")}
+    per_target = {field: list(getattr(wear, field)) for field in ("estimated", "determination", "coverage", "reach")}
     part = {
         "key": key,
         "name": name,

@@ -120,7 +120,7 @@ class DrawRow:
     """Whose joint."""
     situation: str = field(metadata=column("situation"))
     """`free`, `torque limit` or `sampled`."""
-    way: str = field(metadata=column("drawn"))
+    drawn: str = field(metadata=column("drawn", was="way"))
     """What was drawn."""
     damping_std: float = field(metadata=column("std of B + k·kd", "N m s/rad", ".4f"))
     """Standard deviation of B + k kd over the draws [N m s/rad]."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from tyro.conf import arg
 
 from stiction.core.errors import TrainingError
-from stiction.studies.study import ParallelOptions, Report, Study, Work
+from stiction.studies.study import ParallelOptions, RedrawnOptions, Report, Study, Work
 
 if TYPE_CHECKING:
     from stiction.studies.friction.manifest import PlannedRun
@@ -24,7 +24,7 @@ without --train it evaluates what is finished. Stop it at any time: nothing is d
 
 
 @dataclass(frozen=True, kw_only=True)
-class FrictionOptions(ParallelOptions):
+class FrictionOptions(ParallelOptions, RedrawnOptions):
     """Options of `stiction study friction`."""
 
     preset: Literal["two-phase", "quick", "full"] = "two-phase"
@@ -54,8 +54,6 @@ class FrictionOptions(ParallelOptions):
     """Episodes per level and command."""
     seconds: float = 10.0
     """Length of an episode [s]; its first 2 s are not measured."""
-    judge_again: bool = False
-    """Train and evaluate nothing: judge what --out has by today's criteria, and draw its page anew."""
     advice: Path | None = None
     """Also write who follows into this file of what `stiction identify` advises by."""
     ship: Path | None = None
@@ -104,8 +102,8 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
         for folder in ship(planned, rows, options.ship) if options.ship else []:
             work.say(f"shipped {folder}")
 
-    made = work.provenance | {"failed": failed, "preset": options.preset}
-    report = report_of(options, assemble(planned, rows, base, made, before), write_bundles)
+    origin = work.provenance | {"failed": failed, "preset": options.preset}
+    report = report_of(options, assemble(planned, rows, base, origin, before), write_bundles)
     return replace(report, status=1 if failed else 0)
 
 

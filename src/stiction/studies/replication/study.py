@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 from stiction.core.errors import ConfigurationError, StictionError, TrainingError, unknown_name
 from stiction.core.records import make_folder
-from stiction.studies.study import ParallelOptions, Report, Study, Work
+from stiction.studies.study import ParallelOptions, RedrawnOptions, Report, Study, Work
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -34,7 +34,7 @@ ROBOT = "saturn_lite"
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReplicateOptions(ParallelOptions):
+class ReplicateOptions(ParallelOptions, RedrawnOptions):
     """Options of `stiction replicate`."""
 
     preset: Literal["quick", "full"] = "quick"
@@ -51,11 +51,9 @@ class ReplicateOptions(ParallelOptions):
     that is refused."""
     num_robots: int | None = None
     """How many virtual robots, seeds from 1000; by default 2 (quick) or 8 (full), over stairs 16."""
-    judge_again: bool = False
-    """Walk and train nothing: judge what --out has by today's criteria, and draw its page anew, with the clips of those
-    --policies that walked."""
     clips: bool = True
-    """Render clips: of five methods one each in the simulator of the training, and one on a virtual robot."""
+    """Render clips: of five methods one each in the simulator of the training, and one on a virtual robot. With
+    --judge-again: of those --policies that walked."""
     free: ClassVar[tuple[str, ...]] = ("parts", "clips")
     """Options that do more of the same."""
     out: Path | None = None  # type: ignore[assignment]
@@ -99,8 +97,8 @@ def run(options: ReplicateOptions, work: Work) -> Report:
     if options.judge_again:
         result = judge_again(out, work.provenance)
     else:
-        made = work.provenance | {"preset": options.preset, "failed": failed}
-        result = replicate(bundles, parts, out, work.jobs, work.progress, made, asked)
+        origin = work.provenance | {"preset": options.preset, "failed": failed}
+        result = replicate(bundles, parts, out, work.jobs, work.progress, origin, asked)
 
     def write_advice(_: Path) -> None:
         if options.advice is not None:

@@ -12,7 +12,7 @@ from stiction.core.errors import FileError
 from stiction.core.records import make_folder, part_of, read_rows
 from stiction.formats.following import FAST, SLOW
 from stiction.report.terminal import RobotSeeds
-from stiction.studies.study import ParallelOptions, Report, Study, UsageError, Work, recorded
+from stiction.studies.study import ParallelOptions, RedrawnOptions, Report, Study, UsageError, Work, recorded
 
 DESCRIPTION = f"""Let policies walk on virtual robots whose friction grows from x0.3, seals out, to x3 of a level.
 
@@ -27,11 +27,11 @@ Example:
 
 
 @dataclass(frozen=True, kw_only=True)
-class WearOptions(ParallelOptions):
+class WearOptions(ParallelOptions, RedrawnOptions):
     """Options of `stiction study wear`."""
 
     bundles: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Directories of the bundles, or names of shipped ones."""
+    """Directories of the bundles, or names of shipped ones; none for --judge-again."""
     engine: str = "physx"
     """Physics engine: physx, ode, ode-webots, mujoco."""
     levels: tuple[str, ...] = ("0.1",)
@@ -58,8 +58,6 @@ class WearOptions(ParallelOptions):
     out: Path = Path("stiction-wear")
     """Directory for lives.csv, windows.csv, readings.csv, summary.json, figures, report.html; and for robots, a file
     for every walk."""
-    judge_again: bool = False
-    """Walk nothing: judge what --out has by today's criteria, and draw its page anew. No bundle is needed."""
 
 
 def run(options: WearOptions, work: Work) -> Report:
