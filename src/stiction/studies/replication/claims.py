@@ -228,7 +228,8 @@ CLAIMS: tuple[Claim[Evidence], ...] = (
     Claim(
         "X8",
         "fed forward as users of motors do it, a conventional policy walks",
-        f"{FED_BY_MEASURED} follows on the virtual robot, friction as identified on its bench: {FOLLOWING}, at each level",
+        f"{FED_BY_MEASURED} follows on the virtual robot, friction as identified on its bench: {FOLLOWING}, at each "
+        "level",
         criteria.follows_on_robot(FED_BY_MEASURED),
     ),
     Claim(
