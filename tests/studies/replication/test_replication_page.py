@@ -194,7 +194,8 @@ def test_the_figure_tells_too_slow_from_too_fast() -> None:
     assert [text.get_text() for text in second.texts] == ["1 of 3\n▼2 ▲1"]
     assert [text.get_position() for text in first.texts] == [(0, 1), (1, 0)]
     green = [field.get_alpha() for field in (*first.patches, *second.patches)]
-    assert green == pytest.approx([0.65, 0.05, 0.25])
+    assert green == pytest.approx([0.95, 0.05, 0.35])
+    assert [text.get_color() == "black" for text in (*first.texts, *second.texts)] == [True, False, False]
 
 
 def test_methods_differ_in_style_and_are_named_at_their_ends() -> None:

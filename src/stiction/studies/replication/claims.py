@@ -228,13 +228,14 @@ CLAIMS: tuple[Claim[Evidence], ...] = (
     Claim(
         "X8",
         "fed forward as users of motors do it, a conventional policy walks",
-        f"{FED_BY_MEASURED} follows on the virtual robot, as X5: {FOLLOWING}, at each level",
+        f"{FED_BY_MEASURED} follows on the virtual robot, friction as identified on its bench: {FOLLOWING}, at each "
+        "level",
         criteria.follows_on_robot(FED_BY_MEASURED),
     ),
     Claim(
         "X9",
         "and training with friction is better than that",
-        f"virtual robot: mean |speed ratio - 1| of deception is below that of {FED_BY_MEASURED}, as X6",
+        f"virtual robot: mean |speed ratio - 1| of deception is below that of {FED_BY_MEASURED}, at each level",
         criteria.nearer_on_robot("deception", FED_BY_MEASURED),
     ),
     Claim(

@@ -113,11 +113,11 @@ def draw_needs(cells: Sequence[Following], methods: Sequence[str]) -> Figure:
         for cell in (cell for cell in cells if cell.engine == engine and cell.method in shown):
             at, row = levels.index(cell.friction_level), shown.index(cell.method)
             share = cell.follow / cell.seeds
-            axis.barh(row, 0.94, 0.9, at - 0.47, color=COLORS[2], alpha=0.05 + 0.6 * share, linewidth=0)
+            axis.barh(row, 0.94, 0.9, at - 0.47, color=COLORS[2], alpha=0.05 + 0.9 * share, linewidth=0)
             wrong = (("▼", cell.too_slow), ("▲", cell.too_fast), ("×", cell.fell))
             text = " ".join(f"{mark}{number}" for mark, number in wrong if number)
             label = f"{cell.follow} of {cell.seeds}" + (f"\n{text}" if text else "")
-            axis.text(at, row, label, ha="center", va="center", fontsize=7.5, color=INK)
+            axis.text(at, row, label, ha="center", va="center", fontsize=7.5, color="black" if share >= 0.5 else INK)
         axis.set_xticks(range(len(levels)), [level_text("coulomb", level) for level in levels])
         axis.set_yticks(range(len(shown)), shown)
         axis.grid(False)
