@@ -116,7 +116,7 @@ def test_every_block_says_how_it_is_tested(page: Path) -> None:
 
 
 @pages
-@pytest.mark.usefixtures("laws")
+@pytest.mark.usefixtures("laws", "undrawn")
 def test_every_block_that_can_run_does(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:

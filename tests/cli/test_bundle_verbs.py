@@ -13,6 +13,8 @@ from stiction.formats.results import ResultRow, read_results
 from stiction.report.terminal import print_rows
 from words import but
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 WITHOUT = """
 import sys
 class Refuse:

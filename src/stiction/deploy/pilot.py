@@ -103,13 +103,12 @@ class Pilot:
         policy: DrivingPolicy,
         friction: np.ndarray | None = None,
         compensation: Compensation = BY_ERROR,
-        load: np.ndarray | float = 0.0,
     ) -> None:
         """Connect a policy, as from `deploy.policy.load_policy`, to a robot.
 
         friction: f that is fed forward [N m], shape (J,): at every reading the joint controllers get a torque beside
         target and gains. None: they get none. compensation: how; by default by the error, with the contract's
-        `compensation_width`. load: see `Compensation.controller`.
+        `compensation_width`.
 
         Raises:
             StictionError: the robot's joints are not the policy's, its readings do not fit the control period, the
@@ -135,7 +134,7 @@ class Pilot:
                 f"{compensation.by.removesuffix('-motor')!r} here"
             )
         fed = np.zeros(contract.num_joints) if friction is None else friction
-        self._against = compensation.controller(fed, port.period, contract.compensation_width, load)
+        self._against = compensation.controller(fed, port.period, contract.compensation_width)
         self._seen: Reading | None = None
 
     def reset(self) -> None:

@@ -116,9 +116,13 @@ def counts_sheet(cells: Sequence[Following]) -> Sheet:
     return Sheet("Seeds that follow", header, tuple(rows), DEFINITION)
 
 
-def levels_sheet(cells: Sequence[Following], title: str, most_friction: float = 0.3) -> Sheet:
-    """Return how many seeds of each method follow, a column a level up to `most_friction`; cells: of one place."""
-    levels = sorted({cell.friction_level for cell in cells if cell.friction_level <= most_friction})
+MOST_FRICTION = 0.3
+"""Highest level of friction over the torque limit that the table of seeds shows [1]."""
+
+
+def levels_sheet(cells: Sequence[Following], title: str) -> Sheet:
+    """Return how many seeds of each method follow, a column a level up to `MOST_FRICTION`; cells: of one place."""
+    levels = sorted({cell.friction_level for cell in cells if cell.friction_level <= MOST_FRICTION})
     at = {(cell.method, cell.friction_level): cell.text for cell in cells}
     rows = [
         (method, *(at.get((method, level), "–") for level in levels))

@@ -28,7 +28,7 @@ class LocalServer(viser.ViserServer):
 
 
 @contextlib.contextmanager
-def serve(port: int | None = None, host: str = LOOPBACK, label: str = "stiction view") -> Iterator[viser.ViserServer]:
+def serve(port: int | None = None, host: str = LOOPBACK) -> Iterator[viser.ViserServer]:
     """Serve on a port, by default the first free one from `FIRST` on.
 
     Raises `StictionError`: the port is taken or may not be used, or there is no such address here.
@@ -45,7 +45,7 @@ def serve(port: int | None = None, host: str = LOOPBACK, label: str = "stiction 
     # What a stranger sends to the port is no error of this program; without this its traceback is on our terminal.
     logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
     with _silence():
-        server = LocalServer(host=host, port=chosen, label=label, verbose=False)
+        server = LocalServer(host=host, port=chosen, label="stiction view", verbose=False)
     try:
         if server.get_port() != chosen:
             raise ConfigurationError(f"port {chosen} on {host} was taken just now; choose another --port")

@@ -113,6 +113,7 @@ def test_the_table_is_of_these_commands() -> None:
         assert all(f"`stiction identify {line.replace(strangers.FLAGS, 'FLAGS')}`" in page for line in one.commands)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_command_line_takes_a_stranger_s_runs(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """Several runs in one fit, from files to joints.json; the same file twice is no second run."""
     strangers.several_runs(tmp_path)
