@@ -46,19 +46,6 @@ def remember() -> None:
     """Let libraries compute once what is the same for every command line and every export, and no part of ours."""
     from tyro import _docstrings
 
-    from stiction.core import options
-
-    # argparse's form of the options, which tyro makes anew for each command line that names a nested one.
-    parsers, make = {}, options._parser
-
-    def parser(kind: type, program: str, extra: dict) -> object:
-        key = kind, program, repr(extra)
-        if key not in parsers:
-            parsers[key] = make(kind, program, extra)
-        return parsers[key]
-
-    options._parser = parser
-
     # Tokens of the source of a class, which tyro forgets after each command line.
     classes = _docstrings._ClassTokenization
     classes.make = staticmethod(cache(classes.make.__wrapped__))

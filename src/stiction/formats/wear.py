@@ -152,8 +152,10 @@ def read_wear(text: bytes) -> WearModel:
     found = data.get("schema_version")
     version = int(found) if is_integer(found) and found in (1, 2) else SCHEMA_VERSION
     data = take_version(data, version, "wear.json", BundleError)
-    if version < 3 and "told" in data:
-        data["estimated"] = data.pop("told")
+    if version < 3:
+        if "estimated" in data:
+            raise BundleError(f"wear.json: 'estimated' in version {version}, where it is 'told'; make it again")
+        data = {"estimated" if name == "told" else name: value for name, value in data.items()}
     required = {field.name for field in fields(WearModel)} - ({"calibration"} if version == 1 else set())
     if version == 1 and "calibration" in data:
         raise BundleError(f"wear.json: 'calibration' in version 1; expected version {SCHEMA_VERSION}")

@@ -114,7 +114,7 @@ def test_a_monitor_of_another_student_does_not_get_into_a_bundle(tmp_path: Path)
         weights=((1.0, 1.0),),
         intercept=(0.0, 0.0),
         reach=(0.1, 0.1),
-        told=(True, True),
+        estimated=(True, True),
         determination=(0.9, 0.9),
         coverage=(0.95, 0.95),
         threshold=0.5,

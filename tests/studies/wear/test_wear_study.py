@@ -89,9 +89,9 @@ def test_beside_it_the_same_robot_walks_with_friction_that_stays(tmp_path: Path)
 
 def test_one_joint_wears_and_is_watched(tmp_path: Path) -> None:
     """The truth is that joint's own share of the level times the wear; what the map does not tell is not said."""
-    told = (*(name != "ML_shank" for name in SPEC.joint_names), True)
+    estimated = (*(name != "ML_shank" for name in SPEC.joint_names), True)
     cfg = replace(ALONE, wear=Wear(("ML_shank",), 0.3, 3.0, 2.0), window=1.0)
-    (row,), _, readings = run(tmp_path, cfg, unusual=1e-9, told=told)
+    (row,), _, readings = run(tmp_path, cfg, unusual=1e-9, estimated=estimated)
     (reading,) = readings
     share = draw(SPEC, 3).friction.share[SPEC.joint_names.index("ML_shank")]
     assert reading.target == "ML_shank" and reading.true == pytest.approx(0.3 * share * reading.factor)
