@@ -175,6 +175,7 @@ def main() -> int:
     """Kill, print, write the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--kills", type=int, default=20, help="number of kills, half of them of a training's process")
+    parser.add_argument("--ranks", action="store_true", help="only those of a training's process, all of the number")
     parser.add_argument("--out", type=Path, default=Path("attacks"), help="folder of the table")
     options = parser.parse_args()
     os.environ.update(dict.fromkeys(THREADS, "1") | {"RAY_USAGE_STATS_ENABLED": "0"})
@@ -182,11 +183,13 @@ def main() -> int:
     from stiction.core.lock import output_folder
     from stiction.core.provenance import provenance
 
-    parts = {"train in two processes, one of them killed, and resumed": ranks(options.kills // 2)}
-    parts |= {
-        f"study on a Ray cluster of two nodes on one machine, a {victim} killed": part
-        for victim, part in cluster(options.kills - options.kills // 2).items()
-    }
+    of_ranks = options.kills if options.ranks else options.kills // 2
+    parts = {"train in two processes, one of them killed, and resumed": ranks(of_ranks)}
+    if not options.ranks:
+        parts |= {
+            f"study on a Ray cluster of two nodes on one machine, a {victim} killed": part
+            for victim, part in cluster(options.kills - of_ranks).items()
+        }
     with output_folder(options.out):
         rows = [row_of(attack, [part]) for attack, part in parts.items()]
         made = {"command": shlex.join(["python", "scripts/shared_kills.py", *sys.argv[1:]]), **provenance()}
