@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -47,6 +48,20 @@ def experiment(folder: Path, parts: tuple[str, ...] = ("1",), seeds: int = 3) ->
             for who in ("student", "teacher"):
                 rows += condition_rows(name, {0.0: ratios, 0.2: [r / 2 for r in ratios]}, who, backward=0.5)
     return assemble.assemble(places, rows, BASE, MADE | {"failed": {}})
+
+
+def test_designs_are_led_by_who_follows(tmp_path: Path) -> None:
+    """They test no sentence of the paper: a page that begins with 18 untested ones would say nothing."""
+    found = experiment(tmp_path, ("designs",), seeds=1)
+    first = lead(found).splitlines()[0]
+    assert first == (
+        "Every seed follows, of friction up to 30 % of the torque limit, with partdesigns-none, 1 seed, nowhere; "
+        "partdesigns-direct, 1 seed, nowhere; partdesigns-deception, 1 seed, nowhere."
+    )
+    assert {"following", "methods-student"} <= set(sheets_of(found)) and "verdicts" not in sheets_of(found)
+    following = [replace(cell, follow=cell.friction_level < 0.1) for cell in found.following]
+    assert "partdesigns-none, 1 seed, at 0 %;" in lead(replace(found, following=following))
+    assert "verdicts" in sheets_of(experiment(tmp_path / "first", ("1",)))
 
 
 def test_every_file_is_written_and_reads_back(tmp_path: Path) -> None:

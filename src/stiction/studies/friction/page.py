@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -52,6 +53,20 @@ def policies_of(experiment: Experiment) -> list[str]:
     return [STUDENT, *sorted({mean.who for mean in experiment.means} - {STUDENT})]
 
 
+def compared(experiment: Experiment) -> list[str]:
+    """Return the conditions to set side by side: of the first part, else designs and methods that walked."""
+    if first := [condition.name for condition in experiment.conditions if condition.part == "1"]:
+        return first
+    walked = {mean.condition for mean in experiment.means}
+    parts = ("designs", "methods")
+    return [one.name for one in experiment.conditions if one.part in parts and one.name in walked]
+
+
+def has_claims(experiment: Experiment) -> bool:
+    """Return whether the paper's sentences belong on the page: designs and methods test none of them."""
+    return any(one.outcome != "not tested" for one in experiment.verdicts) or not compared(experiment)
+
+
 def rows_of(experiment: Experiment, condition: str, who: str = STUDENT) -> list[ResultRow]:
     """Return the rows of one policy of a condition, all seeds, forward and backward."""
     named = (row for row in experiment.rows if row.policy == f"{condition}-s{row.seed}/{who}")
@@ -97,7 +112,8 @@ def _draw_mean(axis: Axes, means: Sequence[SeedMean], look: Mapping[str, Any], l
     """Draw the mean over levels, and its band where there is more than one seed. look: of `line_look`."""
     points = [(level_number(law, m.friction_level), m) for m in means]
     axis.plot([at for at, _ in points], [m.mean for m in means], linewidth=2, label=label, **look)
-    if known := [(at, m.low, m.high) for at, m in points if m.low is not None]:
+    # Of two seeds the interval would be wider than the figure; both are drawn as lines.
+    if known := [(at, m.low, m.high) for at, m in points if m.low is not None and m.seeds > 2]:
         levels, low, high = zip(*known, strict=True)
         axis.fill_between(levels, low, high, color=look["color"], alpha=0.15, linewidth=0)
 
@@ -289,7 +305,7 @@ TITLE = "Training with dry friction in the joints"
 FIGURES = {
     "budget": (
         "Speed over friction",
-        f"Thin: a seed. Thick: the mean over seeds, with its 95 % t-interval. Green: {BAND} of the command.",
+        f"Thin: a seed. Thick: the mean, of three or more with its 95 % t-interval. Green: {BAND} of the command.",
     ),
     "learning": (
         "How fast they learn",
@@ -339,8 +355,9 @@ def draw_figures(experiment: Experiment) -> dict[str, Figure]:
         part: [c.name for c in experiment.conditions if c.part == part and c.name in known] for part in experiment.parts
     }
     figures = {}
+    if side_by_side := [name for name in compared(experiment) if name in known]:
+        figures["budget"] = draw_budget(experiment, side_by_side)
     if parts["1"]:
-        figures["budget"] = draw_budget(experiment, parts["1"])
         figures["learning"] = draw_learning(experiment, parts["1"])
     if walked := [name for part in ("1", "2", "3", "gait", "history") for name in parts[part]]:
         figures["conditions"] = draw_conditions(experiment, walked)
@@ -355,11 +372,12 @@ def draw_figures(experiment: Experiment) -> dict[str, Figure]:
 
 def sheets_of(experiment: Experiment) -> dict[str, Sheet]:
     """Return the tables in the order of the page."""
-    first = [condition.name for condition in experiment.conditions if condition.part == "1"]
-    sheets = {"verdicts": study.verdict_sheet(experiment.verdicts, JUDGED, "The paper's sentences")}
-    if first:
-        sheets["following"] = following_sheet(experiment, first)
-        sheets |= {f"methods-{who}": methods_sheet(experiment, first, who) for who in policies_of(experiment)}
+    sheets = {}
+    if has_claims(experiment):
+        sheets["verdicts"] = study.verdict_sheet(experiment.verdicts, JUDGED, "The paper's sentences")
+    if side_by_side := compared(experiment):
+        sheets["following"] = following_sheet(experiment, side_by_side)
+        sheets |= {f"methods-{who}": methods_sheet(experiment, side_by_side, who) for who in policies_of(experiment)}
     used = {condition.part for condition in experiment.conditions}
     sheets |= {f"part-{part}": part_sheet(experiment, part) for part in experiment.parts if part in used}
     if experiment.onsets:
@@ -370,9 +388,10 @@ def sheets_of(experiment: Experiment) -> dict[str, Sheet]:
 def sections(experiment: Experiment, figures: Mapping[str, Figure], sheets: Mapping[str, Sheet]) -> list[Section]:
     """Return the sections of the page: verdicts, figures, tables, what was run."""
     page = [Section(sheets["following"].title, sheets["following"].blocks())] if "following" in sheets else []
-    changes = changes_sheet(experiment.summary, {one.id: one.sentence for one in experiment.verdicts})
-    folded = (fold(changes.title, changes.blocks()),) if changes else ()
-    page.append(Section("What became of the paper's sentences", (*sheets["verdicts"].blocks(), *folded)))
+    if "verdicts" in sheets:
+        changes = changes_sheet(experiment.summary, {one.id: one.sentence for one in experiment.verdicts})
+        folded = (fold(changes.title, changes.blocks()),) if changes else ()
+        page.append(Section("What became of the paper's sentences", (*sheets["verdicts"].blocks(), *folded)))
     for name, figure in figures.items():
         heading, caption = FIGURES[name]
         page.append(Section(heading, (picture(figure_uri(figure), caption),)))
@@ -392,9 +411,25 @@ def _run_blocks(experiment: Experiment, runs: Sheet) -> tuple[Markup, ...]:
 
 
 def lead(experiment: Experiment) -> str:
-    """Return how far it has come, and how many sentences came out how."""
+    """Return how many sentences came out how, or who follows where, and how far it has come."""
     finished = sum(run.state in EVALUATED for run in experiment.runs)
     runs = f"{finished} of {len(experiment.runs)} trainings are finished."
     if not experiment.verdicts:
         return runs
-    return f"{said_of(experiment.verdicts, 'sentences of the paper on training with friction')}\n{runs}"
+    if has_claims(experiment):
+        return f"{said_of(experiment.verdicts, 'sentences of the paper on training with friction')}\n{runs}"
+    follows = "; ".join(_where(experiment, condition) for condition in compared(experiment))
+    return f"Every seed follows, of friction up to {100 * HIGHEST:g} % of the torque limit, with {follows}.\n{runs}"
+
+
+def _where(experiment: Experiment, condition: str) -> str:
+    """Return at how much friction every student of a condition follows: `groups, 2 seeds, from 0 to 30 %`."""
+    own = [cell for cell in experiment.following if cell.method == f"{condition}/{STUDENT}"]
+    cells = sorted((cell for cell in own if cell.friction_level <= HIGHEST), key=lambda cell: cell.friction_level)
+    spans = []
+    for follow, group in groupby(cells, key=lambda cell: cell.every_seed):
+        ends = [f"{100 * cell.friction_level:g}" for cell in group]
+        if follow:
+            spans.append(f"from {ends[0]} to {ends[-1]} %" if ends[1:] else f"at {ends[0]} %")
+    seeds = max((cell.seeds for cell in cells), default=0)
+    return f"{short_name(condition)}, {seeds} seed{'s' * (seeds != 1)}, {' and '.join(spans) or 'nowhere'}"
