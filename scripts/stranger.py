@@ -147,7 +147,7 @@ def main() -> None:
         raise SystemExit(f"no task is called {' '.join(cfg.tasks)}; expected log, demo, ONNX or MJCF")
     # Before its own table is written, which is in the repository.
     file, revision = cfg.out / "clock.csv", git_revision()
-    rows = {row.task: row for row in read_rows(file, Row)} if file.exists() else {}
+    rows = {row.task: row for row in read_rows(file, Row, optional=True)}
     for task in asked:
         rows[task.name] = measured(task, cfg.python, cfg.wheel, revision)
         print(rows[task.name], flush=True)

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import pytest
+
+from stiction.core.errors import StictionError
 from stiction.core.records import column, header, markdown, part_of, read_rows, texts, write_rows
 
 
@@ -46,7 +49,10 @@ def test_a_file_has_every_field_with_its_digits(tmp_path: Path) -> None:
         "name,seed,friction,share,holds,step",
         "FL|hip,3,0.4512,0.205,True,0.002",
     ]
-    assert read_rows(tmp_path / "a.csv", Joint) == [ROW]
+    assert read_rows(tmp_path / "a.csv", Joint) == read_rows(tmp_path / "a.csv", Joint, optional=True) == [ROW]
+    assert read_rows(tmp_path / "b.csv", Joint, optional=True) == []
+    with pytest.raises(StictionError, match=r"b.csv cannot be read"):
+        read_rows(tmp_path / "b.csv", Joint)
 
 
 def test_a_pipe_does_not_end_a_cell_of_markdown() -> None:

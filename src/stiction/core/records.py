@@ -84,12 +84,15 @@ def _cell(path: Path, name: str, value: Any, form: str) -> str:
     return "" if value is None else str(value)
 
 
-def read_rows(path: Path, kind: type[Row]) -> list[Row]:
+def read_rows(path: Path, kind: type[Row], optional: bool = False) -> list[Row]:
     """Read records that `write_rows` wrote.
 
-    kind: their dataclass, whose fields are text, integers, floats and booleans, or one of these or None. Raises
-    `StictionError` where the file cannot be read, or has other records.
+    kind: their dataclass, whose fields are text, integers, floats and booleans, or one of these or None. optional: no
+    file is no rows, as a study writes none for an empty table. Raises `StictionError` where the file cannot be read, or
+    has other records.
     """
+    if optional and not path.exists():
+        return []
     types = get_type_hints(kind)
     try:
         with open_text(path) as file:

@@ -219,7 +219,7 @@ def study_benches(
             raise EngineError(why)
     table = out / TABLE
     rows: dict[str, list[IdentifiedFriction]] = {}
-    for row in _read(table):
+    for row in read_rows(table, IdentifiedFriction, optional=True):
         rows.setdefault(row.robot, []).append(row)
     failed: dict[str, str] = {}
     # From where digests vouch for them: the table of all is for people, and may be edited.
@@ -245,18 +245,14 @@ def study_benches(
             _write(table, list(chain.from_iterable(rows.values())))
         progress("benches", 1.0 - left / len(benches))
     # From the file, whose numbers have nine digits: the same command again gives the same.
-    done, identified_robots = _read(table), [bench.label for bench in benches if bench.label not in failed]
+    done = read_rows(table, IdentifiedFriction, optional=True)
+    identified_robots = [bench.label for bench in benches if bench.label not in failed]
     return [row for label in identified_robots for row in done if row.robot == label], failed
 
 
 def _judged(out: Path, bench: Bench) -> Path:
     """Return the file of a robot's rows: not in its own folder, which nothing but what was found may be in."""
     return out / "judged" / f"{bench.label}.json"
-
-
-def _read(table: Path) -> list[IdentifiedFriction]:
-    """Return the rows of the table; none where it is not there yet."""
-    return read_rows(table, IdentifiedFriction) if table.exists() else []
 
 
 def _write(table: Path, rows: Sequence[IdentifiedFriction]) -> None:

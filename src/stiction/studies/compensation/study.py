@@ -130,8 +130,8 @@ def redrawn(out: Path, work: Work) -> Report:
     from stiction.studies.compensation.page import report
     from stiction.studies.compensation.standing import Standing
 
-    before, file = recorded(out, work, ("settings", "policies", "engine")), out / "standing.csv"
-    stood = read_rows(file, Standing) if file.exists() else []
+    before = recorded(out, work, ("settings", "policies", "engine"))
+    stood = read_rows(out / "standing.csv", Standing, optional=True)
     return report([asdict(row) for row in read_results(out / "walks.csv")], stood, before, ())
 
 

@@ -76,10 +76,8 @@ def read_experiment(out: Path) -> Experiment:
 
     """
     summary = read_summary(out / "summary.json")
-    rows, curves = read_results(out / "results.csv"), []
     # There are no curves where all runs came as bundles.
-    if (out / "curves.csv").exists():
-        curves = read_rows(out / "curves.csv", CurvePoint)
+    rows, curves = read_results(out / "results.csv"), read_rows(out / "curves.csv", CurvePoint, optional=True)
     try:
         lists: dict[str, Any] = {name: [kind(**one) for one in summary[name]] for name, kind in LISTS.items()}
         return Experiment(rows, curves, parts=summary["parts"], summary=summary, **lists)

@@ -428,7 +428,7 @@ def _where(experiment: Experiment, condition: str) -> str:
     cells = sorted((cell for cell in own if cell.friction_level <= HIGHEST), key=lambda cell: cell.friction_level)
     spans = []
     for follow, group in groupby(cells, key=lambda cell: cell.every_seed):
-        ends = [f"{100 * cell.friction_level:g}" for cell in group]
+        ends = [f"{level_number(cell.friction_law, cell.friction_level):g}" for cell in group]
         if follow:
             spans.append(f"from {ends[0]} to {ends[-1]} %" if ends[1:] else f"at {ends[0]} %")
     seeds = max((cell.seeds for cell in cells), default=0)

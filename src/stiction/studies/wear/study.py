@@ -98,8 +98,7 @@ def judge_recorded(out: Path, work: Work) -> Report:
 
     before = recorded(out, work)
     windows = read_rows(out / "windows.csv", Window)
-    file = out / "readings.csv"
-    readings = read_rows(file, Reading) if file.exists() else []
+    readings = read_rows(out / "readings.csv", Reading, optional=True)
     try:
         lifetimes = judge_again(before["lives"], windows, readings)
         tried = before["settings"]["wear"]["start"], before["settings"]["wear"]["end"]
