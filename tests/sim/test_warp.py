@@ -187,6 +187,7 @@ WRITES = {
     "a sum in place": ("qvel", lambda fleet: fleet.push(np.full((1, 2), 0.2), np.array([4]))),
     "a view of a view": ("qpos", lambda fleet: np.add(fleet.base_position[1], 0.1, out=fleet.base_position[1])),
     "a copy": ("dof_armature", lambda fleet: np.copyto(fleet.armature, 0.02)),
+    "a sum at places": ("qvel", lambda fleet: np.add.at(fleet.qvel, (np.array([1, 1]), 7), 0.1)),
     "a filling": ("ctrl", lambda fleet: fleet.targets.fill(0.4)),
     "a clip": ("ctrl", lambda fleet: np.clip(fleet.targets, -0.2, 0.2, out=fleet.targets)),
     "a law of friction": ("dof_frictionloss", lambda fleet: JointFriction(fleet, Law("coulomb")).set_level(0.5)),

@@ -24,9 +24,10 @@ from stiction.sim.worlds import CONTACTS, DERIVED, Worlds
 # Fields are written by whoever holds a view of them (fleets, friction laws, audits): a flag that each had to set would
 # be forgotten once, and the write then do nothing. To compare all fields with copies costs every step.
 class Flagged(np.ndarray):
-    """An array that notes when it, or a view of it, is written: by `a[...] =`, `a += `, `out=`, `fill` or `np.copyto`.
+    """An array that notes when it, or a view of it, is written.
 
-    Nothing else writes the fields of a simulation. What is computed from it is a plain array.
+    By `a[...] =`, `a += `, `out=`, `np.add.at`, `fill` and `np.copyto`: nothing else writes the fields of a simulation.
+    What is computed from it is a plain array.
     """
 
     mirror: Mirror | None = None
@@ -50,7 +51,9 @@ class Flagged(np.ndarray):
         self._wrote().fill(value)
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, out: Any = None, **options: Any) -> Any:
-        """Compute with plain arrays; an in-place operation gives itself as `out`."""
+        """Compute with plain arrays; an in-place operation gives itself as `out`, `np.add.at` as what it adds to."""
+        if method == "at" and isinstance(inputs[0], Flagged):
+            inputs = (inputs[0]._wrote(), *inputs[1:])
         if out is not None:
             options["out"] = tuple(one._wrote() if isinstance(one, Flagged) else one for one in out)
         found = getattr(ufunc, method)(*map(_plain, inputs), **options)
