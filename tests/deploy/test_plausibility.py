@@ -205,6 +205,16 @@ def test_time_goes_on(contract: Contract) -> None:
     assert rule(0.0) is None
 
 
+def test_nothing_is_added_up_over_a_gap_that_is_allowed(contract: Contract) -> None:
+    """The velocity before a gap of seconds, held for all of it, is not where an angle has gone meanwhile."""
+    guard = ReadingGuard(contract, {"time jump": 5.0})
+    _, still = next(walking(contract))
+    moving = spiked(still, "joint_velocity", 1, 4.0)
+    assert guard.check(0.0, still, np.zeros(3)) is None
+    assert guard.check(PERIOD, moving, np.zeros(3)) is None
+    assert guard.check(PERIOD + 1.0, spiked(moving, "joint_position", 1, 0.1), np.zeros(3)) is None
+
+
 def test_commands_end_where_training_did() -> None:
     """A command of 1e9 is clipped in the observation, and acts as 5 m/s would, of which nothing is known either."""
     told = make_contract(command_range={"forward": (0.0, 1.5), "sideways": (0.0, 0.0), "turn": (-1.0, 1.0)})

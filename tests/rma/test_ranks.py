@@ -10,7 +10,9 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from datetime import timedelta
 from pathlib import Path
+from threading import Thread
 
 import numpy as np
 import pytest
@@ -19,7 +21,8 @@ import torch
 from rank_process import ROBOTS, keep, make, update
 from stiction.cli.main import main
 from stiction.core.errors import StictionError
-from stiction.rma.ranks import ALONE, Ranks, named_ranks
+from stiction.rma import ranks as ranks_module
+from stiction.rma.ranks import ALONE, PeerGone, Ranks, named_ranks
 
 TESTS = Path(__file__).parents[1]
 
@@ -28,6 +31,9 @@ TINY = [
     *("--num-envs", "8", "--teacher.steps", "4", "--student.steps", "4", "--teacher.epochs", "1"),
     *("--video-every", "0", "--checkpoint-every", "2", "--student.iterations", "2"),
 ]
+
+MEETING = {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": "29500"}
+"""Where processes meet, as torchrun says it."""
 
 
 def free_port() -> int:
@@ -138,19 +144,49 @@ def test_what_cannot_be_shared_is_said_once(
     words: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
     """By the first process, before any folder is made."""
-    monkeypatch.setenv("WORLD_SIZE", "2")
+    for name, value in {"WORLD_SIZE": "2", **MEETING}.items():
+        monkeypatch.setenv(name, value)
     run = tmp_path / "run"
     assert main(["train", "--preset", "quick", *words, "--out", str(run)]) == 1
     said = capsys.readouterr().err
     assert message in said and said.count("\n") == 1 and not run.exists()
 
 
+@pytest.mark.parametrize("listens", [False, True], ids=["never listens", "ends while it answers"])
+def test_a_leader_that_is_killed_while_all_start_is_said(listens: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Torch searches three times as long as it is told to, and the others wait on."""
+    monkeypatch.setattr(ranks_module, "FINDING", 0.5)
+    monkeypatch.setattr(ranks_module, "CONNECTING", timedelta(seconds=0.5))
+    with socket.create_server(("127.0.0.1", 0)) as leader:
+        monkeypatch.setenv("MASTER_ADDR", "127.0.0.1")
+        monkeypatch.setenv("MASTER_PORT", str(leader.getsockname()[1]))
+
+        def answer() -> None:
+            """Take the first knock, and end at the second."""
+            leader.accept()[0].close()
+            with leader.accept()[0]:
+                leader.shutdown(socket.SHUT_RDWR)
+
+        answering = Thread(target=answer, daemon=True)
+        answering.start() if listens else leader.close()
+        with pytest.raises(PeerGone, match="another of the 2 processes of this training is gone"):
+            Ranks(1, 2, 1).join("cpu")
+        if listens:
+            answering.join()
+
+
 def test_the_environment_names_the_processes(monkeypatch: pytest.MonkeyPatch) -> None:
     """What torchrun sets; anything else is refused before it trains half of the robots."""
+    for name in MEETING:
+        monkeypatch.delenv(name, raising=False)
     assert named_ranks() == ALONE and ALONE.leads and ALONE.share(ROBOTS) == ROBOTS
     monkeypatch.setenv("RANK", "3")
     monkeypatch.setenv("WORLD_SIZE", "4")
     monkeypatch.setenv("LOCAL_RANK", "1")
+    with pytest.raises(StictionError, match=r"MASTER_ADDR=.*expected where 4 processes meet"):
+        named_ranks()
+    for name, value in MEETING.items():
+        monkeypatch.setenv(name, value)
     assert named_ranks() == Ranks(3, 4, 1) and named_ranks().named("training") == "training 3"
     with pytest.raises(StictionError, match=r"10 robots in 4 processes: .* --num-envs 8"):
         named_ranks().share(10)

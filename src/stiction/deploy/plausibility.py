@@ -198,7 +198,10 @@ class ReadingGuard:
         """
         self.limits = limits_of(limits or {})
         self._names = contract.joint_names
-        self._gap = max(self.limits["time jump"], 2.5 * contract.control_period)
+        few = 2.5 * contract.control_period
+        self._gap = max(self.limits["time jump"], few)
+        # Whoever allows longer gaps does not make a velocity hold for as long.
+        self._adds_up = max(RULES["time jump"].limit, few)
         lower, upper = contract.array("lower"), contract.array("upper")
         self._middle, self._half = (lower + upper) / 2, (upper - lower) / 2 + self.limits["joint range"]
         self._commands = command_range(contract).tolist()
@@ -321,7 +324,7 @@ class ReadingGuard:
         allowed = self.limits["turn rate"] * (good.time - before.time) + self.limits["orientation jump"]
         if turned > allowed:
             return self._broken("orientation jump", turned, allowed)
-        good.follow(before, self._gap, walking)
+        good.follow(before, self._adds_up, walking)
         return self._disagrees(good) or self._frozen(good)
 
     def _disagrees(self, good: _Good) -> Violation | None:

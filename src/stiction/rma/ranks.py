@@ -12,6 +12,7 @@ import atexit
 import json
 import os
 import socket
+import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -24,8 +25,15 @@ from torch import distributed
 
 from stiction.core.errors import ConfigurationError, TrainingError
 
-PATIENCE = timedelta(seconds=25)
-"""How long a process waits for the others, which take the same steps."""
+PATIENCE = timedelta(seconds=20)
+"""How long a process waits for the others, which take the same steps; so that with what it imports before it waits, one
+that is left alone ends within 30 s."""
+
+FINDING = 20.0
+"""How long a process waits until the leader listens [s]."""
+
+CONNECTING = timedelta(seconds=5)
+"""How long a leader that listens may take to answer; torch tries three times, with pauses."""
 
 BEGINNING = timedelta(minutes=30)
 """How long until all have begun: a simulator on a GPU compiles for minutes."""
@@ -35,6 +43,10 @@ BUCKET = 25.0
 
 COUNTED = ("walk/blown_up",)
 """Figures that are counts, and add up."""
+
+
+LOST = ("gloo", "monitoredbarrier")
+"""What errors of torch say, in small letters, where another process is gone and their type does not."""
 
 
 class PeerGone(TrainingError):
@@ -86,15 +98,23 @@ class Ranks:
         try:
             yield
         except (distributed.DistError, RuntimeError) as error:
-            if self.alone or not (isinstance(error, distributed.DistError) or "gloo" in str(error).lower()):
+            known = isinstance(error, distributed.DistError) or any(word in str(error).lower() for word in LOST)
+            if self.alone or not known:
                 raise
-            raise PeerGone(
-                f"another of the {self.size} processes of this training is gone, or has not answered for "
-                f"{PATIENCE.seconds} s; go on from the last checkpoint with `{self.program} train --resume RUN`"
-            ) from error
+            raise self._gone() from error
+
+    def _gone(self) -> PeerGone:
+        """Return the one line for the loss of another process."""
+        return PeerGone(
+            f"another of the {self.size} processes of this training is gone, or has not answered for "
+            f"{PATIENCE.seconds} s; go on from the last checkpoint with `{self.program} train --resume RUN`"
+        )
 
     def join(self, device: str) -> None:
-        """Meet the others, once, and part from them when this process ends; `device`: of the networks."""
+        """Meet the others, once, and part from them when this process ends; `device`: of the networks.
+
+        Raises `PeerGone` where they do not come.
+        """
         if self.alone or distributed.is_initialized():
             return
         if os.environ.get("MASTER_ADDR") in ("localhost", "127.0.0.1") and (names := _loopback()):
@@ -102,9 +122,31 @@ class Ranks:
         with self.together():
             if device == "cuda":
                 torch.cuda.set_device(self.local)
-            distributed.init_process_group("cpu:gloo,cuda:nccl" if device == "cuda" else "gloo", timeout=PATIENCE)
+            backend, store = "cpu:gloo,cuda:nccl" if device == "cuda" else "gloo", self._meeting()
+            distributed.init_process_group(
+                backend, store=store, rank=self.number, world_size=self.size, timeout=PATIENCE
+            )
         # A process that ends with gloo's threads still running is aborted, one in three times, with its work done.
         atexit.register(distributed.destroy_process_group)
+
+    def _meeting(self) -> distributed.Store:
+        """Return the store over which the processes find each other, once its leader has opened it.
+
+        The search for it is ours: torch's own goes on three times, with pauses, after the time it is given.
+        """
+        place, end = (os.environ["MASTER_ADDR"], int(os.environ["MASTER_PORT"])), time.monotonic() + FINDING
+        while not self.leads:
+            try:
+                socket.create_connection(place, timeout=1.0).close()
+                break
+            except OSError as error:
+                if time.monotonic() > end:
+                    raise self._gone() from error
+            time.sleep(0.1)
+        timeout = PATIENCE if self.leads else CONNECTING
+        store, _, _ = next(distributed.rendezvous("env://", self.number, self.size, timeout=timeout))
+        store.set_timeout(PATIENCE)
+        return store
 
     def begin(self) -> None:
         """Wait until all processes have come as far as this."""
@@ -189,4 +231,9 @@ def named_ranks() -> Ranks:
     if not 0 <= number < size <= 4096 or local < 0:
         found = ", ".join(f"{name}={value}" for name, value in words.items())
         raise ConfigurationError(f"{found}: expected what torchrun sets, or none of them")
+    host, port = os.environ.get("MASTER_ADDR", ""), os.environ.get("MASTER_PORT", "")
+    if size > 1 and not (host and port.isdecimal()):
+        raise ConfigurationError(
+            f"MASTER_ADDR={host}, MASTER_PORT={port}: expected where {size} processes meet, as torchrun sets it"
+        )
     return Ranks(number, size, local)
