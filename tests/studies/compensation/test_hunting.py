@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stiction.studies.compensation.standing import hunting
+from stiction.joints.compensation import parse_compensation
+from stiction.robots.catalog import find_robot
+from stiction.studies.compensation.standing import hunting, rms, stand_by
 from stiction.studies.compensation.walking import followed
 from synthetic import row
 
@@ -16,6 +18,17 @@ def test_a_joint_that_moves_to_and_fro_once_a_second_hunts() -> None:
     waves = [0.1 * np.sin(2 * np.pi * 2 * time), 0.1 * np.sin(np.pi * time), 0.019 * np.sin(20 * time)]
     creeping = np.full_like(time, 0.1)
     assert hunting(np.stack([*waves, creeping], axis=1), 0.002).tolist() == [True, False, False, False]
+
+
+def test_torque_at_rest_holds_the_robot_and_does_not_swing() -> None:
+    """Fed by the error alone a robot that leans on its joints still rests; every way gives up its columns."""
+    assert rms(np.array([[3.0, -4.0]])) == pytest.approx(np.sqrt(12.5))
+    spec = find_robot("saturn_lite")
+    still, fed = (stand_by("mujoco", 3, "0.2", spec, how) for how in (None, parse_compensation("error")))
+    for stood in (still, fed):
+        assert 0.1 < stood.rms_torque < spec.joint_values("torque_limit").max()
+        assert stood.torque_ripple < 0.2 * stood.rms_torque and stood.rms_speed < 0.02 and stood.hunting == 0.0
+    assert (still.fed, fed.fed) == ("none", "error")
 
 
 def test_both_directions_decide_who_follows() -> None:

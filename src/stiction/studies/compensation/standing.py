@@ -45,6 +45,10 @@ class Standing:
     """Root mean square of all joints' true speeds [rad/s]."""
     hunting: float = field(metadata=column("joints that hunt", "%", form=".0%"))
     """Share of the joints that move to and fro at least `OFTEN` [-]."""
+    rms_torque: float = field(metadata=column("motor torque, rms [N m]", form=".2f"))
+    """Root mean square of all motors' torques [N m]; part of it holds the robot up."""
+    torque_ripple: float = field(metadata=column("about its mean, rms [N m]", form=".3f"))
+    """The same of each motor's torque less its mean [N m]: what does not hold the robot up."""
 
 
 def hunting(speed: np.ndarray, period: float) -> np.ndarray:
@@ -59,10 +63,15 @@ def hunting(speed: np.ndarray, period: float) -> np.ndarray:
     return np.array(found, bool)
 
 
+def rms(values: np.ndarray) -> float:
+    """Return the root mean square of values of any shape."""
+    return float(np.sqrt(np.square(values).mean()))
+
+
 def stand(
     case: RobotCase, world: World, spec: Robot, friction: np.ndarray, compensation: Compensation | None
-) -> tuple[float, float]:
-    """Let a robot stand; return the rms speed of its joints [rad/s] and the share of them that hunts.
+) -> tuple[float, float, float, float]:
+    """Let a robot stand; return the last four columns of `Standing`.
 
     case, world: the robot and where it stands; spec: its data sheet; friction: as identified [N m], shape (J,);
     compensation: how it is fed forward; None: it is not.
@@ -77,16 +86,18 @@ def stand(
         robot.program(compensation.controller(friction, world.timestep))
     elif compensation is not None:
         by_computer = compensation.controller(friction, world.period)
-    forward, speeds, port = np.zeros(spec.num_joints), [], robot.handle
+    forward, speeds, torques, port = np.zeros(spec.num_joints), [], [], robot.handle
     for _ in range(round(SECONDS / world.period)):
         seen = port.read().sensors
         if by_computer is not None:
             asked = kp * (target - seen.joint_position) - kd * seen.joint_velocity
             forward = by_computer.torque(target, seen.joint_position, seen.joint_velocity, asked)
         port.exchange(JointCommand(target, kp, kd, forward))
-        speeds.append(robot.ground_truth().motion.joint_velocity)
-    measured = np.array(speeds)[round(SETTLE / world.period) :]
-    return float(np.sqrt(np.square(measured).mean())), float(hunting(measured, world.period).mean())
+        truth = robot.ground_truth()
+        speeds.append(truth.motion.joint_velocity)
+        torques.append(truth.torque)
+    speed, torque = (np.array(values)[round(SETTLE / world.period) :] for values in (speeds, torques))
+    return rms(speed), float(hunting(speed, world.period).mean()), rms(torque), rms(torque - torque.mean(axis=0))
 
 
 def stand_by(engine: str, seed: int, level: str, spec: Robot, compensation: Compensation | None) -> Standing:

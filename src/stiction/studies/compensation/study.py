@@ -18,20 +18,28 @@ if TYPE_CHECKING:
 DESCRIPTION = """Feed friction forward in every way, with a right share of it and with a wrong one, and see who follows.
 
 Policies that never met friction walk in the simulator of the training, without it and with it fed forward; others walk
-as they are, to be compared. The friction that is fed is the joints' own times the share: at 0.75, 0.525 and 0.975 are
-what comes of an identification that is 30 % too low or too high. Then virtual robots, with delays, backlash and sensors
-of their own, hold their standing pose: do their joints move to and fro? The friction of each of their joints in motion
-is taken as known. With friction as benches identify it, walks are `stiction evaluate --forward --forward-by`.
+as they are, to be compared. The friction that is fed is the joints' own times the share: of 0.75, 0.525 and 0.975 are
+what comes of an identification that is 30 % too low or too high, 0.375 and 1.125 of one that is 50 % off. Then virtual
+robots, with delays, backlash and sensors of their own, hold their standing pose: do their joints move to and fro? The
+friction of each of their joints in motion is taken as known. With friction as benches identify it, walks are `stiction
+evaluate --forward --forward-by`.
 
 Example:
   stiction study compensation saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out compensation"""
 
-SHARES = (0.75, 0.7, 0.8, 0.525, 0.975)
+SHARES = (0.75, 0.7, 0.8, 0.525, 0.975, 0.375, 1.125)
 
-WAYS = ("error", "error=0.7", "error=1.3", *(f"{by}={share:g}" for by in ("reference", "measured") for share in SHARES))
-"""Ways and shares of the walks: as identified, and 30 % off."""
+OLD = ("error", *(f"error={share:g}" for share in (0.7, 1.3, 0.5, 1.5)))
+"""By the position error, all of the friction, as the comparison fed it first."""
 
-STANDING = ("error", "error=1.3", "reference", "reference=0.975", "measured", "measured=0.975", "measured-motor=0.975")
+WAYS = (*OLD, *(f"{by}={share:g}" for by in ("reference", "measured") for share in SHARES))
+"""Ways and shares of the walks: as identified, 30 % off, and 50 % off."""
+
+STANDING = (
+    "error",
+    "error=1.5",
+    *(f"{by}{wrong}" for by in ("reference", "measured", "measured-motor") for wrong in ("", "=1.125")),
+)
 """Those of the robots that stand still."""
 
 
