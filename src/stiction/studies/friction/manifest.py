@@ -247,6 +247,9 @@ MANIFEST: tuple[Condition, ...] = (
     _coulomb("none-nogait", "gait", "without both", "none", *NO_TROT, *NO_UNSYNC),
     _design("known", "one phase, told its joints' friction", "--task.known-friction"),
     _design("slow-means", "one phase, means over a second as inputs", "--task.slow-means", "1"),
+    _design(
+        "drawn-contact", "one phase, ground of drawn softness", "--task.randomization.contact-time", "0.01", "0.03"
+    ),
     _design("recurrent", "one phase, a recurrent encoder", "--network.recurrent", "--symmetry", "half"),
     _design("groups", "teacher and student side by side, one actor", "--teacher.latent", "groups"),
     _design("alternate", "the paper's two phases in the budget of one", *PHASES),
