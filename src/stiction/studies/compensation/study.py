@@ -27,9 +27,9 @@ evaluate --forward --forward-by`.
 Example:
   stiction study compensation saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out compensation"""
 
-SHARES = (0.75, 0.7, 0.8, 0.525, 0.975, 0.375, 1.125)
+SHARES = (0.375, 0.525, 0.7, 0.75, 0.8, 0.975, 1.125)
 
-OLD = ("error", *(f"error={share:g}" for share in (0.7, 1.3, 0.5, 1.5)))
+OLD = ("error", *(f"error={share:g}" for share in (0.5, 0.7, 1.3, 1.5)))
 """By the position error, all of the friction, as the comparison fed it first."""
 
 WAYS = (*OLD, *(f"{by}={share:g}" for by in ("reference", "measured") for share in SHARES))
