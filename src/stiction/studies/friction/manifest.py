@@ -250,6 +250,10 @@ MANIFEST: tuple[Condition, ...] = (
     _design(
         "drawn-contact", "one phase, ground of drawn softness", "--task.randomization.contact-time", "0.01", "0.03"
     ),
+    _design(
+        *("fine-contact", "the same, stiffer ground and half the physics step", "--task.timestep", "0.0025"),
+        *("--task.decimation", "8", "--task.randomization.contact-time", "0.005", "0.02"),
+    ),
     _design("recurrent", "one phase, a recurrent encoder", "--network.recurrent", "--symmetry", "half"),
     _design("groups", "teacher and student side by side, one actor", "--teacher.latent", "groups"),
     _design("alternate", "the paper's two phases in the budget of one", *PHASES),
