@@ -234,9 +234,7 @@ def following_sheet(experiment: Experiment, conditions: Sequence[str]) -> Sheet:
     levels = sorted({cell.friction_level for cell in own if cell.friction_level <= HIGHEST})
     at = {(cell.method, cell.friction_level): cell.text for cell in own}
     tried = {cell.method for cell in own}
-    rows = [
-        (text, *(at.get((name, level), "–") for level in levels)) for name, text in names.items() if name in tried
-    ]
+    rows = [(text, *(at.get((name, level), "–") for level in levels)) for name, text in names.items() if name in tried]
     header = ("seeds that follow at friction [of τ_max]", *(f"{100 * level:g} %" for level in levels))
     return Sheet("How many training seeds follow", header, tuple(rows), DEFINITION)
 
