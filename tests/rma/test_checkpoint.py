@@ -79,6 +79,7 @@ def final_parameters(run: Path) -> dict[str, torch.Tensor]:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 def test_a_killed_run_resumes_to_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Kill -9 in the student: the result is an undisturbed run's (other moments, and the teacher: `test_resume`)."""
     monkeypatch.setenv("STICTION_THREADS", "1")
