@@ -29,7 +29,8 @@ LONG = (
     *("studies/actuator/test_actuator_loop.py", "studies/friction/test_experiment_page.py"),
     *("studies/wear/test_wear_study.py", "api/test_examples.py", "test_code_blocks.py"),
     *("identify/excite/test_excite_plan.py", "identify/logs/test_limits.py", "identify/logs/test_recipes.py"),
-    *("identify/test_combinations.py", "identify/test_pipeline.py", "identify/test_record.py"),
+    *("identify/test_combinations.py", "identify/test_go2.py", "identify/test_loop_choice.py"),
+    *("identify/test_pipeline.py", "identify/test_record.py", "virtual/test_run_bench.py"),
 )
 """Files of more than ten seconds in which no single test is slow."""
 

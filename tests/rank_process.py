@@ -1,6 +1,6 @@
-"""One of several processes of a training, for the tests: `python rank_process.py FOLDER`, named as torchrun names it.
+"""One of several processes of a training, for the tests: `python rank_process.py FOLDER...`, named by torchrun.
 
-`FOLDER` holds rollout.pt, what robots of all processes went through, and networks.pt; here the share of this process is
+A folder holds rollout.pt, what robots of all processes went through, and networks.pt; here the share of this process is
 updated with, and what came out is written to RANK.pt.
 """
 
@@ -77,12 +77,8 @@ def update(runner: PhaseRunner, last: Any) -> dict[str, torch.Tensor]:
     return found
 
 
-def main(folder: Path) -> None:
+def main(folder: Path, ranks: Ranks) -> None:
     """Update with this process's share."""
-    torch.set_num_threads(1)
-    ranks = named_ranks()
-    ranks.join("cpu")
-    ranks.begin()
     kept = torch.load(folder / "rollout.pt", weights_only=True)
     runner = make(folder, kept.pop("phase"), ranks)
     networks = torch.load(folder / "networks.pt", weights_only=True)
@@ -99,4 +95,9 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    torch.set_num_threads(1)
+    among = named_ranks()
+    among.join("cpu")
+    among.begin()
+    for path in sys.argv[1:]:
+        main(Path(path), among)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import importlib.util
 import json
 import os
 import re
@@ -112,13 +111,6 @@ def sine_log(path: Path) -> None:
     np.savetxt(path, columns, delimiter=",", header="time,position.knee,velocity.knee,torque.knee", comments="")
 
 
-@pytest.mark.parametrize("verb", VERBS)
-def test_every_verb_has_a_module(verb: str) -> None:
-    """If this failed, `stiction --help` would promise a verb that ends in a traceback."""
-    module = ELSEWHERE.get(verb, f"stiction.cli.{verb.replace('-', '_')}")
-    assert importlib.util.find_spec(module), f"{module} is missing"
-
-
 def test_every_module_with_a_main_is_a_verb() -> None:
     """If this failed, a verb would exist that nobody can call."""
     elsewhere = {module.rpartition(".")[2].replace("_", "-") for module in ELSEWHERE.values()}
@@ -129,12 +121,12 @@ def test_every_module_with_a_main_is_a_verb() -> None:
         )
 
 
-@pytest.mark.parametrize("verb", VERBS)
-def test_help_of_every_verb_needs_no_extra(verb: str, answers: dict[str, tuple[int, str, str]]) -> None:
+def test_help_of_every_verb_needs_no_extra(answers: dict[str, tuple[int, str, str]]) -> None:
     """If this failed, a user with the base install could not even read what a verb does."""
-    status, out, errors = answers[f"{verb} --help"]
-    assert (status, errors) == (0, "")
-    assert f"stiction {verb}" in out
+    for verb in VERBS:
+        status, out, errors = answers[f"{verb} --help"]
+        assert (status, errors) == (0, ""), verb
+        assert f"stiction {verb}" in out
 
 
 def test_the_overview_lists_every_verb_and_loads_no_room() -> None:
@@ -165,12 +157,12 @@ def test_wrong_usage_ends_with_status_2(words: str, answers: dict[str, tuple[int
     assert "Traceback" not in errors
 
 
-@pytest.mark.parametrize("verb", VERBS)
-def test_an_unknown_flag_ends_with_status_2(verb: str, answers: dict[str, tuple[int, str, str]]) -> None:
+def test_an_unknown_flag_ends_with_status_2(answers: dict[str, tuple[int, str, str]]) -> None:
     """If this failed, a misspelt flag would be ignored or end in a traceback. A missing extra is said before."""
-    status, _, errors = answers[f"{verb} --no-such-flag-anywhere"]
-    assert status == 2 or (verb in NEEDS and status == 1 and f"needs the extra {NEEDS[verb]!r}" in errors), errors
-    assert "Traceback" not in errors
+    for verb in VERBS:
+        status, _, errors = answers[f"{verb} --no-such-flag-anywhere"]
+        assert status == 2 or (verb in NEEDS and status == 1 and f"needs the extra {NEEDS[verb]!r}" in errors), errors
+        assert "Traceback" not in errors
 
 
 def test_identify_runs_on_the_base_install(base_install: dict[str, str], tmp_path: Path) -> None:
@@ -192,14 +184,15 @@ def test_a_missing_file_is_one_line_on_the_base_install(verb: str, answers: dict
     assert errors.count("\n") == 1 and "nowhere" in errors
 
 
-@pytest.mark.parametrize("contract", POLICIES, ids=[path.parent.name for path in POLICIES])
-def test_shipped_policies_verify_on_the_base_install(contract: Path, answers: dict[str, tuple[int, str, str]]) -> None:
+def test_shipped_policies_verify_on_the_base_install(answers: dict[str, tuple[int, str, str]]) -> None:
     """If this failed, a policy that we ship could not be checked on the robot."""
-    status, _, errors = answers[f"verify {contract.parent.name}"]
-    assert status == 0, errors
+    assert POLICIES
+    for contract in POLICIES:
+        status, _, errors = answers[f"verify {contract.parent.name}"]
+        assert status == 0, errors
 
 
-@pytest.mark.parametrize("contract", POLICIES, ids=[path.parent.name for path in POLICIES])
-def test_shipped_policies_stay_small(contract: Path) -> None:
+def test_shipped_policies_stay_small() -> None:
     """If this failed, the package would grow past what an on-board computer wants to download."""
-    assert sum(path.stat().st_size for path in contract.parent.iterdir()) <= 3_000_000
+    for contract in POLICIES:
+        assert sum(path.stat().st_size for path in contract.parent.iterdir()) <= 3_000_000, contract

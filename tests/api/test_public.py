@@ -44,14 +44,14 @@ def test_a_name_that_there_is_not_is_an_attribute_error() -> None:
     assert not hasattr(stiction, "identfy")
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_functions_are_documented_and_typed(name: str) -> None:
+def test_functions_are_documented_and_typed() -> None:
     """Each says what it returns; its options are by name only, so that they may grow."""
-    found = getattr(stiction, name)
-    signature = inspect.signature(found)
-    assert found.__doc__.strip() and signature.return_annotation is not inspect.Signature.empty
-    kinds = [part for part in signature.parameters.values() if part.kind is part.POSITIONAL_OR_KEYWORD]
-    assert len(kinds) <= 1
+    for name in FUNCTIONS:
+        found = getattr(stiction, name)
+        signature = inspect.signature(found)
+        assert found.__doc__.strip() and signature.return_annotation is not inspect.Signature.empty, name
+        kinds = [part for part in signature.parameters.values() if part.kind is part.POSITIONAL_OR_KEYWORD]
+        assert len(kinds) <= 1, name
 
 
 @pytest.mark.parametrize("name", ["identify", "evaluate"])

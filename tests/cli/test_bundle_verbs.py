@@ -168,13 +168,17 @@ def test_a_long_name_stays_on_one_line_of_a_narrow_terminal(
     assert sum("vx=0.5" in line and "0.90" in line for line in lines) == 2
 
 
-def test_demo_runs_without_torch(bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The extra `sim` is enough for it."""
-    monkeypatch.setenv("MUJOCO_GL", "disable")  # the clip is not what is tested here
+def test_demo_runs_without_torch_and_without_opengl(
+    bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The extra `sim` is enough for it; a server without graphics is told so once, and gets its page."""
+    monkeypatch.setenv("MUJOCO_GL", "disable")
     arguments = ["--out", str(tmp_path / "demo"), "--bundles", str(bundle), "--episodes", "1", "--seconds", "3.5"]
     done = run_without({"torch", "onnx", "rsl_rl", "tensordict", "safetensors"}, "demo", *arguments)
     assert done.returncode == 0, done.stderr
-    assert (tmp_path / "demo" / "report.html").is_file()
+    assert done.stderr.count("OpenGL is not available") == 1
+    assert done.stdout.startswith("open this page: ")
+    assert "commanded vx=0.5 m/s, reached" in (tmp_path / "demo" / "report.html").read_text()
 
 
 @pytest.mark.parametrize(

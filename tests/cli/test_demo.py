@@ -76,18 +76,6 @@ def test_the_page_holds_every_stage_and_needs_no_network(
     assert page.count("data:image/webp") == int(rendered)
 
 
-def test_without_opengl_the_demo_says_so_once_and_goes_on(
-    bundles: list[str], tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch, undrawn: None
-) -> None:
-    """A server without graphics must still get its page."""
-    monkeypatch.setenv("MUJOCO_GL", "nonsense")
-    assert main(["demo", "--out", str(tmp_path / "demo"), "--bundles", *bundles, *SHORT]) == 0
-    captured = capsys.readouterr()
-    assert captured.err.count("OpenGL is not available") == 1
-    assert captured.out.startswith("open this page: ")
-    assert "commanded vx=0.5 m/s, reached" in (tmp_path / "demo" / "report.html").read_text()
-
-
 def test_the_record_is_identified_as_the_documentation_says() -> None:
     """A reader who runs the command of the page finds what the demo shows."""
     page = (Path(__file__).parents[2] / "docs/identification.md").read_text()

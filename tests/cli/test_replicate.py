@@ -45,16 +45,6 @@ def test_a_part_is_walked_judged_and_gone_on_with(
     assert "One training seed a method: numbers, no verdicts." in (tmp_path / "report.html").read_text()
 
 
-def test_help_says_what_gives_verdicts(capsys: pytest.CaptureFixture) -> None:
-    """Half an hour of walks for verdicts that cannot come would be time lost; seeds of robots are `evaluate`'s."""
-    with pytest.raises(SystemExit):
-        main(["replicate", "--help"])
-    told = " ".join(capsys.readouterr().out.split())
-    assert "one training seed a method: numbers, no verdicts" in told.lower()
-    assert "--num-robots" in told
-    assert "--robots" not in told
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

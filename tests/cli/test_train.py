@@ -213,18 +213,6 @@ def test_without_a_makers_order_no_half_of_an_export_is_written(tmp_path: Path, 
     assert not bundle.exists() and not targets.exists()
 
 
-def test_help_teaches(capsys: pytest.CaptureFixture) -> None:
-    """What to type, what to watch, how to stop and go on: the first thing that people read."""
-    with pytest.raises(SystemExit) as stop:
-        main(["train", "--help-all"])
-    assert stop.value.code == 0
-    text = " ".join(capsys.readouterr().out.split())
-    for word in ("--preset quick", "tensorboard --logdir", "Ctrl-C", "--resume", "clips/", "diverges", "metrics.jsonl"):
-        assert word in text, word
-    for flag in ("--video-every", "--stop-at-tracking-error"):
-        assert flag in text, flag
-
-
 def test_presets_train_on_sliders_where_there_are_some() -> None:
     """On a GPU they would be refused; the paper's preset, and a word of one's own, have rows."""
     for words, friction in (

@@ -16,6 +16,8 @@ from stiction.core.errors import StictionError
 from stiction.engines.catalog import binaries, find_engine
 from stiction.engines.conformance.suite import CHECKS
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 MODULE = """
 from stiction.engines.catalog import EngineSpec
 from stiction.engines.mujoco_engine import MujocoEngine

@@ -17,7 +17,7 @@ from stiction.identify.regression import fit_rows
 from stiction.identify.runs import make_run
 from stiction.identify.setup import IdentifySetup
 
-LOGS = count(60, 300)
+LOGS = count(40, 300)
 """Logs a motor."""
 
 MARGIN = (300 / LOGS) ** 0.5

@@ -140,6 +140,7 @@ def test_friction_that_cannot_be_told_from_zero_costs_nothing_but_itself() -> No
     assert JointsFile({"shank": small}).nominal(("FL_shank",), "coulomb_friction") == (0.3,)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_no_training_file_is_written_and_an_old_one_goes(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """Else the next command trains with what the run before proposed; the missing file's reason stands beside it."""
     write_log(tmp_path / "shank.csv", example_log(SATURN_LITE, SHORT))

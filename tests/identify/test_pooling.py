@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from counts import count
 from stiction.core.errors import ConfigurationError
 from stiction.formats.joints import Estimate
 from stiction.formats.log import Log
@@ -85,7 +86,7 @@ def test_runs_too_short_for_an_answer_of_their_own() -> None:
 def test_the_interval_holds_the_mean_of_joints_that_differ_from_run_to_run() -> None:
     """Friction that varies by 15 % from run to run: scatter within the runs alone would miss the mean mostly."""
     rng, held, missed = np.random.default_rng(0), 0, 0
-    trials = 20
+    trials = count(10, 20)
     for trial in range(trials):
         levels = 0.442 * (1 + 0.15 * rng.standard_normal(6))
         runs = [make_run(short(100 * trial + i, level), None, IdentifySetup()) for i, level in enumerate(levels)]

@@ -68,31 +68,37 @@ def until(reached: Callable[[], bool]) -> None:
         time.sleep(0.05)
 
 
-@pytest.mark.parametrize("phase", ["teacher", "student"])
-def test_two_processes_take_the_step_of_one(phase: str, tmp_path: Path) -> None:
+def test_two_processes_take_the_step_of_one(tmp_path: Path) -> None:
     """PPO, adaptation, estimator and distillation, advantages and learning rate, over the same transitions."""
-    runner = make(tmp_path / "alone", phase, ALONE)
+    expected = {phase: step_alone(tmp_path / phase, phase) for phase in ("teacher", "student")}
+    ended = both(str(TESTS / "rank_process.py"), *(str(tmp_path / phase) for phase in expected))
+    assert [status for status, said in ended] == [0, 0], ended
+    for phase, values in expected.items():
+        first, second = (torch.load(tmp_path / phase / f"{number}.pt", weights_only=True) for number in range(2))
+        for name, value in values.items():
+            said = f"{name} of the {phase}"
+            torch.testing.assert_close(first["update"][name], value, atol=1e-6, rtol=0, msg=said)
+            torch.testing.assert_close(second["update"][name], first["update"][name], atol=0, rtol=0, msg=said)
+        assert first["figures"] == second["figures"] == {"walk/blown_up": 1.0, "both": 1.5, "one": 3.0}
+        assert first["any"] == second["any"] == [True, False]
+        merged = np.array([1.0, 2.0, 4.0, 2.0, 4.0, 8.0])
+        whole = (merged - merged.mean()) / merged.std(ddof=1)
+        found = torch.cat([first["standardized"], second["standardized"]])
+        np.testing.assert_allclose(found, whole, atol=1e-6)
+
+
+def step_alone(folder: Path, phase: str) -> dict[str, torch.Tensor]:
+    """Write a rollout and the networks that met it for `rank_process`; return what an update in one process makes."""
+    runner = make(folder / "alone", phase, ALONE)
     with torch.no_grad():
         obs = runner.env.get_observations()
         for _ in range(runner.cfg["num_steps_per_env"]):
             obs, reward, dones, extras = runner.env.step(runner.alg.act(obs))
             runner.alg.process_env_step(obs, reward, dones, extras)
     names = ("actor", "critic") if phase == "teacher" else ("student", "teacher")
-    torch.save(keep(runner, obs) | {"phase": phase}, tmp_path / "rollout.pt")
-    torch.save({name: getattr(runner.alg, name).state_dict() for name in names}, tmp_path / "networks.pt")
-    expected = update(runner, obs)
-    ended = both(str(TESTS / "rank_process.py"), str(tmp_path))
-    assert [status for status, said in ended] == [0, 0], ended
-    first, second = (torch.load(tmp_path / f"{number}.pt", weights_only=True) for number in range(2))
-    for name, values in expected.items():
-        torch.testing.assert_close(first["update"][name], values, atol=1e-6, rtol=0, msg=name)
-        torch.testing.assert_close(second["update"][name], first["update"][name], atol=0, rtol=0)
-    assert first["figures"] == second["figures"] == {"walk/blown_up": 1.0, "both": 1.5, "one": 3.0}
-    assert first["any"] == second["any"] == [True, False]
-    merged = np.array([1.0, 2.0, 4.0, 2.0, 4.0, 8.0])
-    whole = (merged - merged.mean()) / merged.std(ddof=1)
-    found = torch.cat([first["standardized"], second["standardized"]])
-    np.testing.assert_allclose(found, whole, atol=1e-6)
+    torch.save(keep(runner, obs) | {"phase": phase}, folder / "rollout.pt")
+    torch.save({name: getattr(runner.alg, name).state_dict() for name in names}, folder / "networks.pt")
+    return update(runner, obs)
 
 
 @pytest.mark.slow

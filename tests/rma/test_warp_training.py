@@ -13,6 +13,8 @@ from stiction.rma.run import load_checkpoint
 pytest.importorskip("mujoco_warp", reason="mujoco_warp, of the extra 'gpu', is not installed")
 import warp
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 warp.config.optimization_level = 0  # Compiling takes longer than all that is computed here.
 
 SMALL = [

@@ -35,8 +35,8 @@ SEED, JOINT = 3, "FL_shank"
 
 
 def played(tmp_path: Path) -> RunLog:
-    """Return the log of 10 s in which all shanks of a robot on its stand move, first slowly, then fast."""
-    time = np.arange(0.0, 10.0, 0.01)
+    """Return the log of 7 s in which all shanks of a robot on its stand move, first slowly, then fast."""
+    time = np.arange(0.0, 7.0, 0.01)
     slow = 0.8 * (2.0 * np.abs(2.0 * np.mod(0.25 * time + 0.25, 1.0) - 1.0) - 1.0)
     fast = 0.6 * np.sin(3.8 * time) + 0.25 * np.sin(11.0 * time)
     swing = np.where(time < 4.0, slow, fast * np.clip(time - 4.0, 0.0, 1.0))

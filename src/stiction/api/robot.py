@@ -94,7 +94,7 @@ def list_robots() -> list[str]:
     True
 
     """
-    return robot_names()
+    return list(robot_names())
 
 
 def read(name: str | Path) -> Derived:

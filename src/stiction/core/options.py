@@ -135,7 +135,7 @@ def _wrong(parser: argparse.ArgumentParser, arguments: Sequence[str], said: str)
         ]
         if missing:
             return "; ".join(
-                f"{_name(action)} is missing: {_sentence(_told(action)[0]).rstrip('.')}" for action in missing
+                f"{_name(action)} is missing: {_sentence(_meaning(action)[0]).rstrip('.')}" for action in missing
             )
     if text.startswith("Unrecognized"):
         return f"{text.partition(': ')[2]}: a word that no option takes"
@@ -193,7 +193,7 @@ def help_text(
             if members:
                 sections[str(group.title).replace("task.", "").replace("options", "").strip() or "options"] = members
     for title, section in sections.items():
-        lines = [_line(action, brief, width) for action in section if _told(action)[0] != argparse.SUPPRESS]
+        lines = [_line(action, brief, width) for action in section if _meaning(action)[0] != argparse.SUPPRESS]
         blocks.append("\n".join([f"{title}:", *lines]))
     count = len({id(action) for action in rest})
     if brief and count:
@@ -214,7 +214,7 @@ def _wrapped(paragraph: str, width: int) -> str:
 
 def _line(action: argparse.Action, brief: bool, width: int) -> str:
     """Return an option with what it means, the text in a column of its own."""
-    text, default = _told(action)
+    text, default = _meaning(action)
     text = " ".join((_sentence(text) if brief else text).split())
     choices = _choices(action)
     unsaid = [choice for choice in choices if not re.search(rf"\b{re.escape(choice)}\b", text)]
@@ -237,7 +237,7 @@ def _name(action: argparse.Action) -> str:
         name = action.dest.rpartition(".")[2].replace("-", "_").upper() if kind in ("PATH", "STR", "") else kind
         return f"[{name} ...]" if action.nargs in ("*", "+") else name
     name = next(iter(action.option_strings))
-    if _told(action)[1] == "True":
+    if _meaning(action)[1] == "True":
         name = ", ".join(action.option_strings)
     if _choices(action):
         metavar = "WORD"
@@ -246,7 +246,7 @@ def _name(action: argparse.Action) -> str:
     return f"{name} {metavar}".strip()
 
 
-def _told(action: argparse.Action) -> tuple[str, str]:
+def _meaning(action: argparse.Action) -> tuple[str, str]:
     """Return what an option means, and its default."""
     text = str(action.help or "").replace("%%", "%")  # argparse would expand a single one
     found = re.search(r"\s*\((?:default: (.*?)|required|optional)\)\s*$", text, re.DOTALL)

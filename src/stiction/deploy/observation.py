@@ -199,7 +199,7 @@ class Clock:
 
     def __init__(self, clock: GaitClock, control_period: float, batch: tuple[int, ...]) -> None:
         """Wait for the first step; control_period: time between two steps [s]; batch: leading shape."""
-        self._clock, self._turn = clock, 2 * np.pi * control_period / clock.period
+        self._clock, self._phase_step = clock, 2 * np.pi * control_period / clock.period
         self._count = np.zeros(batch, dtype=np.int64)
         self._stands = np.zeros(batch, dtype=bool)
 
@@ -215,7 +215,7 @@ class Clock:
 
     def terms(self) -> dict[str, np.ndarray]:
         """Return the terms of the clock, see `CLOCK_TERMS`."""
-        phase = np.array(self._clock.offsets) + (self._turn * self._count)[..., None]
+        phase = np.array(self._clock.offsets) + (self._phase_step * self._count)[..., None]
         if self._clock.standing is not None:
             phase = np.where(self._stands[..., None], self._clock.standing, phase)
         sine, cosine = np.sin(phase), np.cos(phase)

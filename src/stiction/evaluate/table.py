@@ -74,6 +74,7 @@ def rows_of(
     cells: dict[tuple[str, ...], list[Walk]] = {}
     for walk in done:
         cells.setdefault(walk.cell, []).append(walk)
+    robots = {name: robot_of(contracts[name], robot) for name in {walk.policy for walk in done}}
     rows, details = [], []
     for walks in cells.values():
         first, metrics = walks[0], combine([done[walk] for walk in walks])
@@ -84,7 +85,7 @@ def rows_of(
             seed=contract.seed,
             engine=first.simulator.label,
             friction_law=first.law if first.robot is None else law_label(first),
-            friction_level=number(first, contract.array("torque_limit"), robot_of(contract, robot)),
+            friction_level=number(first, contract.array("torque_limit"), robots[first.policy]),
             terrain=first.terrain,
             command=first.command,
             episodes=len(walks),

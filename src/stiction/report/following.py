@@ -1,4 +1,4 @@
-"""Who follows, as tables: for a joint of some friction, place by place, and over the levels of an experiment."""
+"""Who follows, as tables: for a joint of some friction, place by place, and by engine and friction."""
 
 from __future__ import annotations
 
@@ -114,22 +114,6 @@ def counts_sheet(cells: Sequence[Following]) -> Sheet:
         "speed ratios of each seed [1]",
     )
     return Sheet("Seeds that follow", header, tuple(rows), DEFINITION)
-
-
-MOST_FRICTION = 0.3
-"""Highest level of friction over the torque limit that the table of seeds shows [1]."""
-
-
-def levels_sheet(cells: Sequence[Following], title: str) -> Sheet:
-    """Return how many seeds of each method follow, a column a level up to `MOST_FRICTION`; cells: of one place."""
-    levels = sorted({cell.friction_level for cell in cells if cell.friction_level <= MOST_FRICTION})
-    at = {(cell.method, cell.friction_level): cell.text for cell in cells}
-    rows = [
-        (method, *(at.get((method, level), "–") for level in levels))
-        for method in dict.fromkeys(cell.method for cell in cells)
-    ]
-    header = ("seeds that follow at friction [of τ_max]", *(f"{100 * level:g} %" for level in levels))
-    return Sheet(title, header, tuple(rows), DEFINITION)
 
 
 def paces_text(found: Sequence[tuple[str, set[str]]]) -> str:

@@ -66,7 +66,7 @@ class HinfPPO(AdaptationPPO):
         self.multiplier, self.eta = 0.0, hinf.eta
         self.disturber_optimizer: torch.optim.Optimizer | None = None
         """That of a disturber that learns."""
-        self._felt = torch.zeros(())
+        self._intensity = torch.zeros(())
         self._logged: list[tuple[float, float]] = []
 
     @staticmethod
@@ -107,7 +107,7 @@ class HinfPPO(AdaptationPPO):
         if self.disturber is not None:
             values = self.disturber.act(obs)
             self.disturbance.apply(self.scale * values)
-            self._felt = intensity(values, self.hinf.by_torque)
+            self._intensity = intensity(values, self.hinf.by_torque)
         return actions
 
     def process_env_step(
@@ -116,7 +116,7 @@ class HinfPPO(AdaptationPPO):
         """Store what came of the step, for the policy and for the disturber."""
         if self.disturber is not None and self.best > 0:
             found = cost(rewards, self.best)
-            self._logged.append((float(found.mean()), float(self._felt.mean())))
+            self._logged.append((float(found.mean()), float(self._intensity.mean())))
             if self.learning is not None:
                 self.learning.record(found, self.eta, dones, extras["time_outs"])
         super().process_env_step(obs, rewards, dones, extras)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pkgutil
 import re
+from functools import cache
 from pathlib import Path
 
 import stiction.robots.shipped as shipped
@@ -20,9 +21,10 @@ FILES = (".yaml", ".yml", ".xml", ".urdf", ".json")
 """Endings of files that describe a robot."""
 
 
-def robot_names() -> list[str]:
+@cache
+def robot_names() -> tuple[str, ...]:
     """Return the names of the shipped robots."""
-    return [module.name for module in pkgutil.iter_modules(shipped.__path__)]
+    return tuple(module.name for module in pkgutil.iter_modules(shipped.__path__))
 
 
 def find_robot(name: str) -> Robot:

@@ -58,7 +58,7 @@ class TorchFleet(Worlds):
         self.blown_up = torch.zeros(num_envs, dtype=torch.long, device=self.home)
         self._lacking = torch.zeros(num_envs, dtype=torch.int32, device=self.home)
         self._steps = 0
-        self._kept: dict[str, torch.Tensor] = {}
+        self._saved: dict[str, torch.Tensor] = {}
         self._streams: dict[int, wp.Stream] = {}
         self.reset(torch.ones(num_envs, dtype=torch.bool, device=self.home))
 
@@ -95,7 +95,7 @@ class TorchFleet(Worlds):
     def _undo(self) -> None:
         """Bring the state back to where it was before the first run of some work."""
         wp.synchronize_device(self._device)
-        for name, value in self._kept.items():
+        for name, value in self._saved.items():
             self._state[name].copy_(value)
         torch.cuda.synchronize(self.home)
 
@@ -105,7 +105,7 @@ class TorchFleet(Worlds):
             self._launch(what, work)
             return
         if what not in self._graphs:
-            self._kept = {name: value.clone() for name, value in self._state.items()}
+            self._saved = {name: value.clone() for name, value in self._state.items()}
             torch.cuda.synchronize(self.home)
         stream = torch.cuda.current_stream(self.home)
         if stream.cuda_stream not in self._streams:

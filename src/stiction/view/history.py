@@ -118,13 +118,13 @@ def believed(walker: Walker) -> tuple[float, float, float]:
 def belief_text(walkers: Sequence[Walker]) -> str:
     """Return in some sentences what the robots' walks tell of their joints' friction, Markdown."""
     silent = ", ".join(walker.policy.short for walker in walkers if not walker.believes)
-    sentences = [f"**{walker.policy.short}** {told(walker)}." for walker in walkers if walker.believes]
+    sentences = [f"**{walker.policy.short}** {friction_text(walker)}." for walker in walkers if walker.believes]
     if silent:
         sentences.append(f"{silent}: no wear.json, so the walk tells nothing of the joints' friction.")
     return "\n\n".join(sentences)
 
 
-def told(walker: Walker) -> str:
+def friction_text(walker: Walker) -> str:
     """Return what the walk of a robot that has a map for it tells of its joints' friction."""
     estimate = walker.belief
     if estimate is None:

@@ -45,18 +45,18 @@ class Plots:
     def rebuild(self, dark: bool) -> None:
         """Draw them anew in a colour scheme."""
         walkers, (ink, _) = self._simulation.walkers, INK[dark]
-        lines, told = [], []
+        lines, beliefs = [], []
         for number, (walker, color) in enumerate(zip(walkers, colors(len(walkers)), strict=True)):
             name, stroke = walker.policy.short, rgb(color)
             lines.append(line(name, stroke, DASHES[number % len(DASHES)]))
             if walker.believes:
-                told += [line(f"{name} tells", stroke), *(line(end, stroke, (2, 4), 1) for end in ("from", "to"))]
+                beliefs += [line(f"{name} tells", stroke), *(line(end, stroke, (2, 4), 1) for end in ("from", "to"))]
         for old in self._handles:
             old.remove()
         plots: tuple[tuple[str, str, list[Any], str], ...] = (
             (f"Speed along the command, last {SPEED:.0f} s", "m/s", [line("command", ink), *lines], "speed"),
             (f"Motor torque of that joint, last {TORQUE:.0f} s", "N m", lines, "torque"),
-            (f"Friction of the joints, last {FRICTION:.0f} s", "% of limit", [line("true", ink), *told], "friction"),
+            (f"Friction of the joints, last {FRICTION:.0f} s", "% of limit", [line("true", ink), *beliefs], "friction"),
         )
         with self._tab:
             self._handles = [self._plot(*plot, dark) for plot in plots]
@@ -88,8 +88,10 @@ class Plots:
         columns = getattr(self._history, name).columns()
         if name != "friction":
             return tuple(columns)
-        time, true, *told = columns
-        believed = [told[3 * n : 3 * n + 3] for n, walker in enumerate(self._simulation.walkers) if walker.believes]
+        time, true, *estimates = columns
+        believed = [
+            estimates[3 * n : 3 * n + 3] for n, walker in enumerate(self._simulation.walkers) if walker.believes
+        ]
         return (time, true, *chain(*believed))
 
 

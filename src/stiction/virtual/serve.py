@@ -22,7 +22,7 @@ import numpy as np
 from stiction.core.errors import EngineError, StictionError
 from stiction.core.lifeline import follow_parent
 from stiction.core.provenance import limit_library_threads, seed_streams
-from stiction.core.rotation import into_frame
+from stiction.core.rotation import cross, into_frame
 from stiction.deploy.check import robot_of
 from stiction.deploy.pilot import JointCommand, Reading
 from stiction.deploy.runtime.ticker import Ticker
@@ -135,7 +135,7 @@ class RobotProcess:
         # The accelerometer measures the mean over a period, as its filter does.
         change = (motion.base_linear_velocity - self._velocity) / PERIOD
         self._velocity = np.array(motion.base_linear_velocity)
-        turn = np.cross(motion.base_angular_velocity, motion.base_linear_velocity)
+        turn = cross(motion.base_angular_velocity, motion.base_linear_velocity)
         force = change + turn - into_frame(motion.base_quaternion, np.array([0.0, 0.0, -GRAVITY]))
         self._last = RobotState(
             number=self._number,

@@ -18,7 +18,7 @@ SETUP = ExciteSetup(torque_limit=45.0, coulomb=0.44, duration=8.0, rate=250.0, s
 def made() -> Excitation:
     """Return the design, after a short search."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(design, "GENERATIONS", 3)
+        patch.setattr(design, "GENERATIONS", 1)
         return design_excitation(SETUP, "shank", "stiction excite")
 
 

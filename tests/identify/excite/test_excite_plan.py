@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from counts import count
+from excitations import search_little
 from stiction.core.errors import StictionError
 from stiction.formats.log import JointSignals, Log
 from stiction.identify.excite import design
@@ -22,8 +24,8 @@ from stiction.joints.friction import Coulomb
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Joint, simulate
 
-LOGS = 40
-"""Simulated logs: the deviation of a deviation is 11 %."""
+LOGS = count(20, 40)
+"""Simulated logs: the deviation of a deviation is 16 % of 20, and 11 % of 40."""
 
 
 def pattern_of(made: Excitation) -> Pattern:
@@ -212,7 +214,7 @@ def test_a_robot_that_plays_it_back_is_identified(made: Excitation, task: Task) 
 
 def test_gravity_is_planned_for(monkeypatch: pytest.MonkeyPatch) -> None:
     """A link that weighs 1 N m: limits hold with its weight, which is predicted too, and JSON takes the record."""
-    monkeypatch.setattr(design, "GENERATIONS", 0)
+    search_little(monkeypatch)
     setup = ExciteSetup(gravity_sin=1.0, torque_limit=20.0, duration=6.0, rate=200.0, position_only=True).filled()
     record = design_excitation(setup, "shank", "").record
     assert [row.name for row in record.predicted][-2:] == ["gravity_sin/k", "gravity_cos/k"]

@@ -14,6 +14,8 @@ from stiction.cli.main import main
 from stiction.formats.joints import ARMATURE, load_joints
 from stiction.formats.log import write_log
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Truth]:

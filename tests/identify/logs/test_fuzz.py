@@ -27,7 +27,7 @@ from stiction.core.errors import StictionError
 from stiction.formats.log import LogSetup, read_setup
 from stiction.identify.logs import open_log
 
-EACH = count(100, 650)
+EACH = count(60, 650)
 """Injuries a kind of file; there are eighteen kinds."""
 
 TESTS = Path(__file__).parents[2]
@@ -120,7 +120,7 @@ CELLS = st.one_of(
 )
 
 
-@settings(QUICK, max_examples=600)
+@settings(QUICK, max_examples=count(250, 600))
 @given(
     header=st.lists(st.sampled_from(["time", "position", "torque.a", "q", "", '"', "joint_pos_0", "t"]), max_size=5),
     rows=st.lists(st.lists(CELLS, max_size=5), max_size=6),
@@ -149,7 +149,7 @@ JSON = st.recursive(
 )
 
 
-@settings(QUICK, max_examples=550)
+@settings(QUICK, max_examples=count(250, 550))
 @given(content=JSON)
 def test_sidecars_of_anything(tmp_path: Path, content: object) -> None:
     """What is taken is a setup whose numbers are numbers, for every joint."""
@@ -174,7 +174,7 @@ PARTS = st.one_of(
 )
 
 
-@settings(QUICK, max_examples=550)
+@settings(QUICK, max_examples=count(250, 550))
 @given(parts=st.lists(PARTS, max_size=40), ends=st.booleans())
 def test_instructions_of_anything(tmp_path: Path, parts: list[bytes], ends: bool) -> None:
     """Programs for the machine that PACE's files were written for: none may run, none may hang."""

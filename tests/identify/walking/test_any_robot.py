@@ -42,6 +42,7 @@ def friction_of(spec: Robot) -> dict[str, tuple[float, float, float]]:
     return {kind: (0.05 + 0.02 * n, 0.5 + 0.3 * n, 0.05 + 0.02 * n) for n, kind in enumerate(spec.joint_kinds)}
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("spec", "order"),
     [(find_robot("go2"), CRAWL), (planar_go2(), CRAWL), (branching_go2(), CRAWL), (find_robot("g1"), STEPS)],

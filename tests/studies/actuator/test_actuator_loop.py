@@ -19,6 +19,8 @@ from stiction.studies.actuator.config import RUNS, VARIANTS, LoopCfg
 from stiction.studies.actuator.page import mean_table
 from stiction.studies.actuator.robots import loop_robots, plan_logs
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 TINY = [
     *("--num-envs", "2", "--teacher.iterations", "1", "--teacher.steps", "2", "--teacher.mini-batches", "2"),
     *("--student.iterations", "1", "--student.steps", "2", "--student.mini-batches", "2"),

@@ -247,7 +247,7 @@ def test_a_missing_method_and_a_single_seed_are_said() -> None:
 
 def test_a_part_that_was_not_walked_now_is_named() -> None:
     """Its rows may be older than the rest of the report."""
-    kept = replace(RESULT, parts=[replace(RESULT.parts[0], kept="not asked for: 6 of 8 rows")])
+    kept = replace(RESULT, parts=[replace(RESULT.parts[0], earlier="not asked for: 6 of 8 rows")])
     assert any("Sim2Sim (not asked for: 6 of 8 rows)" in text for text in warnings(kept))
 
 

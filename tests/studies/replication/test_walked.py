@@ -49,7 +49,7 @@ def test_what_was_walked_is_kept_without_walking(
     kept = part_from_ledger(FIRST, [still], tmp_path / "first")
     assert kept is not None
     assert (kept.rows, kept.details) == (walked.rows, walked.details)
-    assert kept.kept.startswith("not asked for: 2 of 2 rows")
+    assert kept.earlier.startswith("not asked for: 2 of 2 rows")
     assert part_from_ledger(SECOND, [still], tmp_path / "second") is None
 
 
@@ -62,7 +62,7 @@ def test_a_row_that_lacks_a_walk_is_not_kept(still: Bundle, tmp_path: Path) -> N
     kept = part_from_ledger(FIRST, [still], tmp_path / "first")
     assert kept is not None
     assert len(kept.rows) == 1
-    assert kept.kept.startswith("not asked for: 1 of 2 rows")
+    assert kept.earlier.startswith("not asked for: 1 of 2 rows")
     longer = replace(FIRST, grid=replace(FLAT, base=replace(FLAT.base, seconds=1.5)))
     assert part_from_ledger(longer, [still], tmp_path / "first") is None
 
@@ -75,9 +75,9 @@ def test_a_part_alone_does_not_replace_the_others(
     write_summary(tmp_path / "summary.json", replicate([still], parts, tmp_path).plain)
     no_walk(monkeypatch)
     again = replicate([still], parts, tmp_path, asked=["second"])
-    assert [(part.name, bool(part.kept)) for part in again.parts] == [("first", True), ("second", False)]
+    assert [(part.name, bool(part.earlier)) for part in again.parts] == [("first", True), ("second", False)]
     assert [len(part.rows) for part in again.parts] == [2, 0]  # the second has the same cells: one row each
-    assert again.summary["grids"]["first"]["kept"] == again.parts[0].kept
+    assert again.summary["grids"]["first"]["kept"] == again.parts[0].earlier
     assert again.samples == samples(Evidence.of(again.parts[0].details))
     monkeypatch.undo()
     more = replace(FLAT, base=replace(FLAT.base, episodes=3))

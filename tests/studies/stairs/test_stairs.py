@@ -82,6 +82,7 @@ def test_what_nobody_can_climb_is_refused(changes: dict) -> None:
         ClimbCfg(**changes)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_study_writes_its_page(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """The command of the result would not run. A step of 1 cm is climbed by the policy that knows flat ground alone."""
     out = tmp_path / "out"

@@ -175,7 +175,7 @@ class _Loop:
         gc.freeze()
         try:
             while not self._supervisor.ended:
-                self._turn()
+                self._run_once()
         except BaseException as error:
             self._fail(error)
             if not isinstance(error, Exception):
@@ -192,11 +192,11 @@ class _Loop:
         remote = self._operator.remote
         self._supervisor.command_velocity(velocity, time.monotonic(), remote)
 
-    def _turn(self) -> None:
+    def _run_once(self) -> None:
         """Wait for something to come, at most one tick, and do what follows from it."""
         select.select(self._files, [], [], TICK)
         now = time.monotonic()
-        self._told(now)
+        self._obey(now)
         self._answered()  # Before anything is sent: Linux drops what a process that is gone had said last.
         if not self._supervisor.ended and (states := self._link.receive()):
             self.states += len(states)
@@ -219,7 +219,7 @@ class _Loop:
         violation = Violation("policy failed", None, np.nan, np.nan)
         self._emit(self._supervisor.stop(violation, time.monotonic(), f"the supervisor itself: {said}"), None)
 
-    def _told(self, now: float) -> None:
+    def _obey(self, now: float) -> None:
         """Obey the operator."""
         who = self._operator.stop(now)
         if who:

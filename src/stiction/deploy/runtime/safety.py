@@ -10,7 +10,7 @@ from collections import deque
 
 import numpy as np
 
-from stiction.core.rotation import up_in_frames
+from stiction.core.rotation import cross, up_in_frames
 from stiction.deploy.runtime.config import SafetyCfg
 from stiction.deploy.transports.link import RobotState
 from stiction.deploy.violation import Violation
@@ -36,7 +36,7 @@ def tilt(quaternion: np.ndarray, angular_velocity: np.ndarray, horizon: float) -
     the base's frame changes by −ω × g.
     """
     now = -up_in_frames(quaternion / np.linalg.norm(quaternion))
-    ahead = now - horizon * np.cross(angular_velocity, now)
+    ahead = now - horizon * cross(angular_velocity, now)
     ahead = ahead / np.linalg.norm(ahead)
     return float(np.arccos(np.clip(-now[2], -1.0, 1.0))), float(np.arccos(np.clip(-ahead[2], -1.0, 1.0)))
 

@@ -69,7 +69,7 @@ def check_walk(
     found = [
         *_rates(log, motion, setup, weights),
         *_turns(spec, motion, standing, weights),
-        *_swing(spec, motion, (force, force - doubt), down, _told(spec, fits), setup),
+        *_swing(spec, motion, (force, force - doubt), down, _feet_of_known_joints(spec, fits), setup),
         *([] if weight is None else _carried(weight, motion, spec, setup)),
         *_late(motion, fits, setup),
     ]
@@ -178,7 +178,7 @@ def _turns(spec: Robot, motion: WalkMotion, standing: np.ndarray, weights: np.nd
     ]
 
 
-def _told(spec: Robot, fits: Sequence[SwingFit | None]) -> list[int]:
+def _feet_of_known_joints(spec: Robot, fits: Sequence[SwingFit | None]) -> list[int]:
     """Return the numbers of the feet that hang on joints of which each one's friction is known."""
     known = {joint for joint, found in enumerate(fits) if found is not None and found.fit is not None}
     return [number for number, foot in enumerate(spec.feet) if known.issuperset(spec.chain(foot.link))]

@@ -70,7 +70,7 @@ class GivenTrot:
         log = opened(known, self.raw)
         walk = foreign_walk(log, self.spec, self.declared, RobotLogSetup(imu_position=IMU))
         found = identify_walk(walk.log, self.spec, None, walk.notes, True, walk.unplaced)
-        return _told(found.joints.joints, known, friction_of_trot())
+        return _beside_truth(found.joints.joints, known, friction_of_trot())
 
     def changed(self, **signals: np.ndarray) -> GivenTrot:
         """Return the same with other signals."""
@@ -99,14 +99,16 @@ class GivenLog:
 
     def identified(self) -> list[tuple[str, float, JointRecord]]:
         """Return what `GivenTrot.identified` does."""
-        return _told(identify_walk(self.log, self.spec).joints.joints, self.spec, self.friction)
+        return _beside_truth(identify_walk(self.log, self.spec).joints.joints, self.spec, self.friction)
 
     def changed(self, **signals: Any) -> GivenLog:
         """Return the same with other signals."""
         return replace(self, log=replace(self.log, **signals))
 
 
-def _told(records: dict[str, JointRecord], spec: Robot, friction: np.ndarray) -> list[tuple[str, float, JointRecord]]:
+def _beside_truth(
+    records: dict[str, JointRecord], spec: Robot, friction: np.ndarray
+) -> list[tuple[str, float, JointRecord]]:
     """Return name, right friction [N m] and record where there is one."""
     right = dict(zip(spec.joint_names, friction.tolist(), strict=True))
     right |= {kind: float(friction[spec.joints_of(kind)[0]]) for kind in spec.joint_kinds}

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from markupsafe import Markup
 
-from stiction.formats.following import BAND, SLOW
+from stiction.formats.following import BAND, DEFINITION, SLOW
 from stiction.formats.results import DIRECTIONS, ResultRow
 from stiction.joints.friction import level_axis, level_number
-from stiction.report.following import changes_sheet, levels_sheet, shade_following
+from stiction.report.following import changes_sheet, shade_following
 from stiction.report.page import (
     COLORS,
     INK,
@@ -229,11 +228,15 @@ def methods_sheet(experiment: Experiment, conditions: Sequence[str], who: str) -
 
 
 def following_sheet(experiment: Experiment, conditions: Sequence[str]) -> Sheet:
-    """Return how many seeds of some conditions follow, students before teachers."""
+    """Return how many seeds of some conditions follow, a column a level up to `HIGHEST`, students before teachers."""
     names = {f"{name}/{who}": f"{name}, {who}" for who in policies_of(experiment) for name in conditions}
-    own = [replace(cell, method=names[cell.method]) for cell in experiment.following if cell.method in names]
-    rank = list(names.values())
-    return levels_sheet(sorted(own, key=lambda cell: rank.index(cell.method)), "How many training seeds follow")
+    own = [cell for cell in experiment.following if cell.method in names]
+    levels = sorted({cell.friction_level for cell in own if cell.friction_level <= HIGHEST})
+    at = {(cell.method, cell.friction_level): cell.text for cell in own}
+    tried = {cell.method for cell in own}
+    rows = [(text, *(at.get((name, level), "–") for level in levels)) for name, text in names.items() if name in tried]
+    header = ("seeds that follow at friction [of τ_max]", *(f"{100 * level:g} %" for level in levels))
+    return Sheet("How many training seeds follow", header, tuple(rows), DEFINITION)
 
 
 def part_sheet(experiment: Experiment, part: str) -> Sheet:

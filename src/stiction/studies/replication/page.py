@@ -483,8 +483,8 @@ def warnings(result: Replication) -> list[str]:
     single, several = single_and_several(result)
     if single and several:
         found.append(f"One training seed, a number and no verdict: {', '.join(single)}. {REMEDY}")
-    if kept := [f"{part.title} ({part.kept})" for part in result.parts if part.kept]:
-        found.append(f"Not walked by this command: {'; '.join(kept)}.")
+    if earlier := [f"{part.title} ({part.earlier})" for part in result.parts if part.earlier]:
+        found.append(f"Not walked by this command: {'; '.join(earlier)}.")
     found += [f"{part.title}. {warning}" for part in result.parts for warning in part.warnings]
     if missing := [method for method in ("none", BEHIND_GEAR, "deception") if method not in result.methods]:
         found.append(f"Of the paper's three methods there is no policy here for: {', '.join(missing)}.")

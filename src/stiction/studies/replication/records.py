@@ -109,7 +109,7 @@ class PartRecord:
     """What it asks."""
     details: Sequence[dict[str, Any]]
     """Its rows with intervals of the rates, as in summary.json."""
-    kept: str = ""
+    earlier: str = ""
     """Of a part that was not asked for: what of it was there from before."""
     warnings: Sequence[str] = ()
     """What could not be walked, and why: sentences."""

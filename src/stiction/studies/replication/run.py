@@ -71,9 +71,9 @@ def part_from_ledger(part: Part, bundles: Sequence[Bundle], out: Path) -> PartRe
     missing = {walk.cell for walk in walks if walk not in done}
     whole = {walk: found for walk, found in done.items() if walk.cell not in missing}
     _, details = rows_of(whole, bundles)
-    kept = f"not asked for: {len(details)} of {len({walk.cell for walk in walks})} rows, from walks that were there"
+    earlier = f"not asked for: {len(details)} of {len({walk.cell for walk in walks})} rows, from walks that were there"
     notes = _unidentified(walks, bundles, grid, out)
-    return PartRecord(part.name, part.title, details, kept, notes) if details else None
+    return PartRecord(part.name, part.title, details, earlier, notes) if details else None
 
 
 def check_nothing_lost(now: Sequence[Mapping[Key, int]], report: Path, asked: Collection[str]) -> None:
@@ -302,7 +302,7 @@ def _settings(part: Part, record: PartRecord) -> dict[str, Any]:
     asked = ("friction_levels", "friction_law", "commands", "episodes", "seconds", "seed")
     return {
         "title": part.title,
-        **({"kept": record.kept} if record.kept else {}),
+        **({"kept": record.earlier} if record.earlier else {}),
         **({"warnings": list(record.warnings)} if record.warnings else {}),
         "engines": list(grid.engines),
         "terrains": list(grid.terrains),

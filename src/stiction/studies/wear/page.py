@@ -193,7 +193,7 @@ def lead(groups: Sequence[dict[str, Any]], wear: dict[str, Any]) -> str:
     """Return in one sentence from and up to which wear each policy follows. wear: `start` and `end` of its growth."""
     lives: dict[str, list[str]] = {}
     for one in groups:
-        lives.setdefault(one["friction_level"], []).append(f"{one['policy']} {_life(one)}")
+        lives.setdefault(one["friction_level"], []).append(f"{one['policy']} {_lifetime_text(one)}")
     said = [
         f"While dry friction grows from {friction_of(level, wear['start'])} to {friction_of(level, wear['end'])} "
         f"of {level if level == BENCH else 'the torque limit'}, {'; '.join(own)}."
@@ -210,7 +210,7 @@ def friction_of(level: str, factor: float | None) -> str:
         return factor_text(factor)
 
 
-def _life(group: dict[str, Any]) -> str:
+def _lifetime_text(group: dict[str, Any]) -> str:
     """Return from and up to which wear the robots of one policy and level follow."""
     if all(what.endswith(NEVER) for what in group["ends"]):
         return "never follows"
