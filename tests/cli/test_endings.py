@@ -29,6 +29,10 @@ POLICY = "saturn_lite-flat-deception-0.2"
         (OSError(28, "No space left on device", "a/b.csv"), "a/b.csv: No space left on device"),
         (MemoryError(), "there is not enough memory"),
         (
+            RuntimeError("invalid value for environment variable MUJOCO_GL: nonsense"),
+            "MUJOCO_GL: nonsense; expected egl, osmesa, glfw or disable, or nothing: unset it",
+        ),
+        (
             ModuleNotFoundError("No module named 'torch'", name="torch"),
             "needs the extra 'train'; install it with: pip install",
         ),

@@ -123,6 +123,8 @@ def explained(error: Exception, verb: str) -> str:
         return f"{error.filename or 'a file'}: {error.strerror}; expected one that can be read or written"
     if isinstance(error, MemoryError):
         return f"there is not enough memory ({said or 'the system gave none'}); ask for less at once"
+    if "MUJOCO_GL" in said:  # MuJoCo reads it when it is imported
+        return f"{said}; expected egl, osmesa, glfw or disable, or nothing: unset it"
     return (
         f"unforeseen {type(error).__name__}: {said}; this is a fault of stiction: please report it where you found the "
         f"project, with what `stiction {verb} ... {DEBUG}` says"
