@@ -185,6 +185,8 @@ def _work(code: str, folder: str, work: Callable[..., Any], task: tuple[Any, ...
     """Do a task on a node, on one thread. Raises `ClusterError` where the node has other code."""
     os.environ[THREADS_VARIABLE] = "1"
     limit_library_threads()
+    # Where Ray was started in the background of a script, SIGINT is ignored, and to cancel a task would do nothing.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     if (own := code_digest()) != code:
         raise ClusterError(f"the node {os.uname().nodename} has other code ({own[:12]}, here {code[:12]})")
     os.chdir(folder)
