@@ -161,7 +161,7 @@ def test_what_cannot_be_shared_is_said_once(
 @pytest.mark.parametrize("listens", [False, True], ids=["never listens", "ends while it answers"])
 def test_a_leader_that_is_killed_while_all_start_is_said(listens: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Torch searches three times as long as it is told to, and the others wait on."""
-    monkeypatch.setattr(ranks_module, "FINDING", 0.5)
+    monkeypatch.setattr(ranks_module, "PATIENCE", timedelta(seconds=0.5))
     monkeypatch.setattr(ranks_module, "CONNECTING", timedelta(seconds=0.5))
     with socket.create_server(("127.0.0.1", 0)) as leader:
         monkeypatch.setenv("MASTER_ADDR", "127.0.0.1")

@@ -29,9 +29,6 @@ PATIENCE = timedelta(seconds=20)
 """How long a process waits for the others, which take the same steps; so that with what it imports before it waits, one
 that is left alone ends within 30 s."""
 
-FINDING = 20.0
-"""How long a process waits until the leader listens [s]."""
-
 CONNECTING = timedelta(seconds=5)
 """How long a leader that listens may take to answer; torch tries three times, with pauses."""
 
@@ -134,7 +131,8 @@ class Ranks:
 
         The search for it is ours: torch's own goes on three times, with pauses, after the time it is given.
         """
-        place, end = (os.environ["MASTER_ADDR"], int(os.environ["MASTER_PORT"])), time.monotonic() + FINDING
+        place = os.environ["MASTER_ADDR"], int(os.environ["MASTER_PORT"])
+        end = time.monotonic() + PATIENCE.total_seconds()
         while not self.leads:
             try:
                 socket.create_connection(place, timeout=1.0).close()
