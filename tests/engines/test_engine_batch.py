@@ -10,6 +10,7 @@ import pytest
 from stiction.core.errors import StictionError
 from stiction.engines.batch import EngineBatch
 from stiction.engines.catalog import what_is_missing
+from stiction.locomotion.config import RandomizationCfg
 from stiction.rma.arguments import parse
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
@@ -147,4 +148,7 @@ def test_what_an_engine_cannot_train_with_is_one_line(words: list[str]) -> None:
     """Before any folder is made, by its option's name."""
     with pytest.raises(StictionError, match="--engine physx cannot train with"):
         parse(["--engine", "physx", "--preset", "two-phase", *words])
-    assert parse(["--engine", "physx"]).config.engine == "physx"
+    config = parse(["--engine", "physx"]).config
+    assert config.engine == "physx"
+    hard, soft = parse([]).config.task.randomization.contact_time
+    assert hard < soft and config.task.randomization == RandomizationCfg()

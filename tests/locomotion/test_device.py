@@ -8,7 +8,7 @@ import torch
 
 from stiction.cli.main import main
 from stiction.core.errors import StictionError
-from stiction.locomotion.config import RandomizationCfg, TaskCfg
+from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.device import CPU, Device, find_device, why_on_host
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
@@ -91,13 +91,6 @@ def test_what_keeps_the_task_on_the_host_is_named(changes: dict, named: str) -> 
     assert why_task_on_host(TrainCfg(device="warp-cpu")) is None
     assert why_on_host(TaskCfg(), disturbed=True) == "the method 'hinf'"
     assert "Actuator Net" in (why_task_on_host(replace(TrainCfg(device="warp-cpu"), actuator="net")) or "")
-
-
-def test_a_field_that_warp_cannot_vary_is_refused_before_a_folder_is_made() -> None:
-    """It would be found when the robots are built, in a folder that stays behind."""
-    task = replace(TaskCfg(), randomization=replace(RandomizationCfg(), contact_time=(0.01, 0.02)))
-    with pytest.raises(StictionError, match=r"contact-time.*--device cpu"):
-        TrainCfg(task=task, device="warp-cpu")
 
 
 def test_robots_are_chosen_by_number_or_by_mask() -> None:

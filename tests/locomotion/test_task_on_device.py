@@ -29,7 +29,7 @@ TASK = TaskCfg(
     decimation=2,
     episode=0.9,
     friction=FrictionCfg(level=0.15, mixture=((0.3, 0.0, 0.0), (0.7, 0.2, 1.2))),
-    randomization=RandomizationCfg(push_interval=0.3),
+    randomization=RandomizationCfg(push_interval=0.3, contact_time=(0.02, 0.04)),
     commands=CommandCfg(interval=0.4),
     estimated_friction=True,
     known_friction=True,

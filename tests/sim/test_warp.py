@@ -48,6 +48,7 @@ def randomise(fleet: Fleet) -> None:
     strength = uniform(0.8, 1.2, num, joints)
     fleet.set_gains(strength * fleet.nominal_kp * uniform(0.95, 1.05, num, joints), strength * fleet.nominal_kd)
     fleet.set_ground_friction(uniform(0.2, 2.0, num))
+    fleet.set_contact_time(uniform(0.01, 0.03, num))
     fleet.base_mass[:] += uniform(-2.0, 3.0, num)
     fleet.base_com[:] = uniform(-0.1, 0.1, num, 3)
     fleet.delay[:] = fleet.timestep * rng.integers(0, 5, (num, 1))

@@ -13,7 +13,7 @@ _SHOWN = TrainCfg(task=TaskCfg(physics=FAST), video_every=100)
 
 _ONE_PHASE = replace(
     _SHOWN,
-    task=replace(_SHOWN.task, estimated_friction=True),
+    task=replace(_SHOWN.task, estimated_friction=True, randomization=RandomizationCfg(contact_time=(0.01, 0.03))),
     teacher=TeacherCfg(latent="history", iterations=1000, final_std=0.2, velocity_weight=10.0),
     student=StudentCfg(iterations=0),
     network=NetworkCfg(estimator_frame=32, estimator=(128, 64)),
@@ -36,17 +36,19 @@ PRESETS = {
     ),
 }
 """`full` and `quick` are one phase: what walks is what will be deployed, on its own z* and its own estimate of velocity
-and friction, with little noise in the end. `two-phase` is the paper's teacher and student at the budget with which its
-claims were judged; `paper` has more of it, and randomises the paper's table and no more. `literal` takes the paper
-at its word where `paper` does what works better: L_ada trains both encoders, every joint has friction of its own, and
-there is as much of it as was measured, 1 % of the torque limit. All make clips. All but `paper` and `literal` simulate
-joint friction by yielding springs, which is faster than the solver's rows; see results/speed."""
+and friction, with little noise in the end, and on ground that is another for each robot. `two-phase` is the paper's
+teacher and student at the budget with which its claims were judged; `paper` has more of it, and randomises the paper's
+table and no more. `literal` takes the paper at its word where `paper` does what works better: L_ada trains both
+encoders, every joint has friction of its own, and there is as much of it as was measured, 1 % of the torque limit. All
+make clips. All but `paper` and `literal` simulate joint friction by yielding springs, which is faster than the solver's
+rows; see results/speed."""
 
 
 def preset(name: str, device: str = "cpu", method: str | None = None, engine: str = "mujoco") -> TrainCfg:
     """Return a preset; off the processor and in other engines, where there are no sliders, with rows.
 
-    For the method `dreamwaq` without what its context takes the place of; the method itself is not set.
+    Other engines have contacts of their own, whose softness nobody draws. For the method `dreamwaq` without what its
+    context takes the place of; the method itself is not set.
     """
     cfg = PRESETS[name]
     if method == "dreamwaq":
@@ -54,4 +56,7 @@ def preset(name: str, device: str = "cpu", method: str | None = None, engine: st
         network = replace(cfg.network, **{name: getattr(usual, name) for name in REPLACED})
         teacher = replace(cfg.teacher, velocity_weight=TeacherCfg().velocity_weight)
         cfg = replace(cfg, task=replace(cfg.task, estimated_friction=False), network=network, teacher=teacher)
+    if engine != "mujoco":
+        ground = replace(cfg.task.randomization, contact_time=RandomizationCfg().contact_time)
+        cfg = replace(cfg, task=replace(cfg.task, randomization=ground))
     return cfg if (device, engine) == ("cpu", "mujoco") else replace(cfg, task=replace(cfg.task, physics=EXACT))

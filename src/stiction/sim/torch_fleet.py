@@ -89,8 +89,10 @@ class TorchFleet(Worlds):
         base = self.model.body("base").id
         self._base_mass = self._tensor(self._differ("body_mass"))[:, base]
         self._base_com = self._tensor(self._differ("body_ipos"))[:, base]
-        geometries = self._tensor(self._differ("geom_friction"))
-        self._foot_friction = [geometries[:, self.model.geom(name).id, 0] for name in foot_geometries(self.spec)]
+        feet = [self.model.geom(name).id for name in foot_geometries(self.spec)]
+        friction, softness = (self._tensor(self._differ(f"geom_{name}")) for name in ("friction", "solref"))
+        self._foot_friction = [friction[:, foot, 0] for foot in feet]
+        self._contact_time = [softness[:, foot, 0] for foot in feet]
 
     def _undo(self) -> None:
         """Bring the state back to where it was before the first run of some work."""
@@ -180,7 +182,8 @@ class TorchFleet(Worlds):
         """Give the robots `which` their parameters, and recompute what derives from them.
 
         `values`: armature [kg m²], damping [N m s/rad], frictionloss [N m], kp, kd, all (len(which), joints); delay [s]
-        and ground_friction, (len(which), 1); base_mass [kg], (len(which),); base_com [m], (len(which), 3).
+        and ground_friction, (len(which), 1); base_mass [kg], (len(which),); base_com [m], (len(which), 3). May have
+        contact_time [s], (len(which), 1).
         """
         for name, field in self._joints.items():
             put(field, which, values[name])
@@ -190,6 +193,8 @@ class TorchFleet(Worlds):
         put(self._delay, which, values["delay"])
         for foot in self._foot_friction:
             put(foot, which, values["ground_friction"][:, 0])
+        for foot in self._contact_time if "contact_time" in values else ():
+            put(foot, which, values["contact_time"][:, 0])
         put(self._base_mass, which, values["base_mass"])
         put(self._base_com, which, values["base_com"])
         self._choose(which)

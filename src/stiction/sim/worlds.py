@@ -88,7 +88,8 @@ CONTACTS = 32
 
 FIELDS = (
     *("dof_armature", "dof_damping", "dof_frictionloss", "actuator_gainprm", "actuator_biasprm", "actuator_delay"),
-    *("body_mass", "body_ipos", "geom_friction", "geom_pos", "geom_quat", "opt.gravity", "opt.tolerance"),
+    *("body_mass", "body_ipos", "geom_friction", "geom_solref", "geom_pos", "geom_quat"),
+    *("opt.gravity", "opt.tolerance"),
 )
 """Model fields that may differ by simulation. Some others would silently have no effect: add one with its test against
 `native`."""

@@ -28,7 +28,7 @@ from stiction.core.cluster import use_cluster
 from stiction.core.errors import FileError
 from stiction.core.files import write_text
 from stiction.core.lock import output_folder
-from stiction.core.options import read_options
+from stiction.core.options import Groups, read_options
 from stiction.core.provenance import Origin, num_threads
 from stiction.core.records import make_folder, write_rows
 from stiction.formats.results import ResultRow, summary_text, write_results, write_summary
@@ -252,6 +252,8 @@ class Study(Generic[Chosen]):
     """Dataclass of its options."""
     run: Callable[[Chosen, Work], Report | int]
     """Does it; returns an exit status where there is nothing to write."""
+    groups: Groups | None = None
+    """Options that `--help` shows, by default all of them: for a study with those of a training among its own."""
 
     def main(self, arguments: Sequence[str], verb: str) -> int:
         """Run the study from the command line; return the exit status. verb: the words before the arguments.
@@ -262,7 +264,7 @@ class Study(Generic[Chosen]):
         """
         program = f"stiction {verb}"
         example = "" if "\n  stiction " in self.description else f"\n\nExample:\n  {program} --out {verb.split()[-1]}"
-        options = read_options(self.options, arguments, program, self.description + example)
+        options = read_options(self.options, arguments, program, self.description + example, groups=self.groups)
         command = shlex.join([*program.split(), *arguments])
         code = hashlib.sha256(Path(inspect.getfile(self.run)).read_bytes()).hexdigest()
         with ExitStack() as stack:

@@ -69,6 +69,13 @@ def test_budget_is_the_same_unless_it_is_the_question() -> None:
         assert (cfg.num_envs, cfg.teacher.steps) == (budget.num_envs, budget.teacher.steps), name
 
 
+def test_designs_and_methods_are_compared_on_one_ground() -> None:
+    """If this failed, a design would win by the ground that the preset draws since, and not by itself."""
+    for condition in (one for one in MANIFEST if one.part in ("designs", "methods")):
+        ground = configured()[condition.name].task.randomization.contact_time
+        assert (ground == (0.02, 0.02)) == (not condition.name.endswith("-contact")), condition.name
+
+
 def test_the_literal_rows_are_the_preset_at_the_budget_of_all() -> None:
     """If this failed, the row would be of something else than `--preset literal`."""
     literal, budget = PRESETS["literal"], PRESETS["two-phase"]

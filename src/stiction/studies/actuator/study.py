@@ -17,6 +17,14 @@ backward walking only, as in the paper; controls are walking in all directions, 
 
 Stop it at any time; the same command goes on where it stood."""
 
+GROUPS = {
+    "usually needed": ("--policy", "--out", "--overwrite", "--judge-again", "--json"),
+    "the virtual robot and its log": ("--level", "--torque", "--repeats", "--log-seconds", "--variants"),
+    "the evaluation": ("--episodes", "--seconds", "--commands"),
+    "the trainings": ("--num-envs", "--seed", "--device", "--teacher.iterations", "--student.iterations"),
+}
+"""The options that people use; the others are those of `stiction train` and `stiction train-actuator`."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class ActuatorOptions(RedrawnOptions):
@@ -45,4 +53,4 @@ def run(options: ActuatorOptions, work: Work) -> Report:
     return replace(report(found), files=write_nets)
 
 
-STUDY = Study("the loop of an Actuator Net: f0, log, f_motor, f1", DESCRIPTION, ActuatorOptions, run)
+STUDY = Study("the loop of an Actuator Net: f0, log, f_motor, f1", DESCRIPTION, ActuatorOptions, run, GROUPS)

@@ -161,15 +161,25 @@ LONG = ("--teacher.iterations", "1050", *LONG_STUDENT)
 
 DESIGN_SEEDS, METHOD_SEEDS = (0, 1, 2, 3, 4), (0, 1)
 
+GROUND = "--task.randomization.contact-time"
+SOFT = (GROUND, "0.02", "0.02")
+"""Options of the ground on which designs and methods are compared: the simulator's own, as soft for every robot. The
+presets of one phase draw its softness, which is what came out best of the designs."""
+
+
+def _ground(options: tuple[str, ...]) -> tuple[str, ...]:
+    """Return options with soft ground, where they name no other."""
+    return options if GROUND in options else (*SOFT, *options)
+
 
 def _design(name: str, purpose: str, *options: str) -> Condition:
     """Return a way for a student to learn, with `deception`; its iterations are as many as those of one phase."""
-    return replace(_coulomb(name, "designs", purpose, "deception", *options), seeds=DESIGN_SEEDS)
+    return replace(_coulomb(name, "designs", purpose, "deception", *_ground(options)), seeds=DESIGN_SEEDS)
 
 
 def _method(name: str, purpose: str, method: str, *options: str) -> Condition:
     """Return another method of one phase, or another friction."""
-    return replace(_coulomb(name, "methods", purpose, method, *options), seeds=METHOD_SEEDS)
+    return replace(_coulomb(name, "methods", purpose, method, *_ground(options)), seeds=METHOD_SEEDS)
 
 
 DEARER = ("--teacher.iterations", "333")
@@ -247,12 +257,10 @@ MANIFEST: tuple[Condition, ...] = (
     _coulomb("none-nogait", "gait", "without both", "none", *NO_TROT, *NO_UNSYNC),
     _design("known", "one phase, told its joints' friction", "--task.known-friction"),
     _design("slow-means", "one phase, means over a second as inputs", "--task.slow-means", "1"),
-    _design(
-        "drawn-contact", "one phase, ground of drawn softness", "--task.randomization.contact-time", "0.01", "0.03"
-    ),
+    _design("drawn-contact", "one phase, ground of drawn softness", GROUND, "0.01", "0.03"),
     _design(
         *("fine-contact", "the same, stiffer ground and half the physics step", "--task.timestep", "0.0025"),
-        *("--task.decimation", "8", "--task.randomization.contact-time", "0.005", "0.02"),
+        *("--task.decimation", "8", GROUND, "0.005", "0.02"),
     ),
     _design("recurrent", "one phase, a recurrent encoder", "--network.recurrent", "--symmetry", "half"),
     _design("groups", "teacher and student side by side, one actor", "--teacher.latent", "groups"),
