@@ -79,6 +79,18 @@ def test_a_file_gets_a_line_every_half_minute() -> None:
     )
 
 
+def test_one_phase_has_no_teacher_to_show() -> None:
+    """What trains there is the policy; a second bar would never move."""
+    one = replace(CFG, student=replace(CFG.student, iterations=0))
+    file = io.StringIO()
+    Display(one, Console(file=file, width=40))("teacher", 1, 100, FIGURES)
+    assert file.getvalue().startswith("policy 1/100: ")
+    file = io.StringIO()
+    console = Console(file=file, force_terminal=True, width=100)
+    console.print(Display(one, console).view)
+    assert "policy" in file.getvalue() and "teacher" not in file.getvalue() and "student" not in file.getvalue()
+
+
 def test_a_terminal_shows_bars_and_no_lines() -> None:
     """Lines between the bars would tear the display apart."""
     file = io.StringIO()

@@ -91,7 +91,7 @@ def figures_line(cfg: TrainCfg, figures: Mapping[str, float]) -> str:
 
 
 class Display:
-    """Shows both phases, the time left of the whole run, and how the robots walk."""
+    """Shows the phases, or the one that there is, the time left of the whole run, and how the robots walk."""
 
     def __init__(self, cfg: TrainCfg, console: Console, clock: Callable[[], float] = time.monotonic) -> None:
         """Begin before the first iteration. `clock` [s] times the lines where there is no terminal."""
@@ -101,7 +101,9 @@ class Display:
         self._note = Text("the first iteration runs ...")
         self._bars = Progress(TextColumn("{task.description:<8}"), BarColumn(), MofNCompleteColumn(), console=console)
         sizes = {"teacher": cfg.teacher.iterations, "student": cfg.student.iterations}
-        self._tasks = {name: self._bars.add_task(name, total=total) for name, total in sizes.items()}
+        sizes = {phase: total for phase, total in sizes.items() if total}
+        self._names = {phase: phase if len(sizes) > 1 else "policy" for phase in sizes}
+        self._tasks = {phase: self._bars.add_task(self._names[phase], total=total) for phase, total in sizes.items()}
         self._seen: set[str] = set()
 
     @property
@@ -123,7 +125,7 @@ class Display:
         begins, self._seen = phase not in self._seen, self._seen | {phase}
         if not self.console.is_terminal and (begins or iteration == iterations or self.clock() >= self._next_line):
             self._next_line = self.clock() + PLAIN_EVERY
-            self.say(f"{phase} {iteration}/{iterations}: {pace}, {walk}")
+            self.say(f"{self._names[phase]} {iteration}/{iterations}: {pace}, {walk}")
 
     def say(self, text: str) -> None:
         """Print a line; on a terminal, above the live display."""

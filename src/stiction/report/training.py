@@ -74,8 +74,10 @@ def draw_training(run: Path) -> Path:
             axis.plot(
                 range(1, len(rows) + 1), [row.get(name, float("nan")) for row in rows], label=short, linewidth=1.2
             )
-        axis.axvline(teacher + 0.5, color=INK, linewidth=0.8, linestyle="--")
-        axis.set(xlabel="iteration (student right of the dashed line)", ylabel=label)
+        axis.set(xlabel="iteration", ylabel=label)
+        if teacher < len(rows):
+            axis.axvline(teacher + 0.5, color=INK, linewidth=0.8, linestyle="--")
+            axis.set_xlabel("iteration (student right of the dashed line)")
         axis.set_xlim(0.5, len(rows) + 0.5)
         if len(names) > 1:
             legend(axis)
