@@ -13,6 +13,7 @@ import select
 import sys
 import time
 from contextlib import suppress
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -22,12 +23,18 @@ from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
-from stiction.deploy.transports.dds import domain_settings, message_type
-from stiction.formats.unitree import STRUCTURES
+from stiction.deploy.transports.dds import _idl_type, domain_settings
+from stiction.formats.unitree import STRUCTURES, Structure
 
 PERIOD = 0.005
 POSES = {"unitree_go": [0.0, 0.9, -1.8] * 4, "unitree_hg": [0.0] * 29}
 MODE_MACHINE = 5
+
+
+@cache
+def message_type(structure: Structure) -> type:
+    """Return the type of a message with the maker's fields."""
+    return _idl_type(structure, structure.name, structure.dtype)
 
 
 def bitwise_crc(image: bytes) -> int:

@@ -59,9 +59,9 @@ def test_every_field_is_in_the_key_and_the_order_of_a_mapping_is_not() -> None:
 @pytest.mark.parametrize("change", [{"code": "other", "packages": {}}, {"code": "", "packages": {"sapien": "4"}}])
 def test_other_code_or_packages_make_it_anew(change: dict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What another engine measured would go by the new one's name."""
-    monkeypatch.setattr(cache, "made_by", lambda *code: {"code": "", "packages": {}})
+    monkeypatch.setattr(cache, "fingerprint", lambda *code: {"code": "", "packages": {}})
     assert made(tmp_path, 1.0) == made(tmp_path, 2.0) == {"value": 1.0}
-    monkeypatch.setattr(cache, "made_by", lambda *code: change)
+    monkeypatch.setattr(cache, "fingerprint", lambda *code: change)
     assert made(tmp_path, 2.0) == {"value": 2.0}
 
 

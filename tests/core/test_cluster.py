@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,11 @@ from stiction.core.cluster import ClusterError, use_cluster
 from stiction.core.errors import StictionError
 from stiction.core.parallel import spread
 
-pytest.importorskip("ray", reason="the package ray, of the extra 'cluster', is needed for a cluster")
-
-pytestmark = pytest.mark.slow
+pytestmark = [
+    pytest.mark.slow,
+    # Found, and not imported: every process that collects tests would pay for it, and one uses it.
+    pytest.mark.skipif(find_spec("ray") is None, reason="the package ray, of the extra 'cluster', is needed"),
+]
 
 TESTS = Path(__file__).parents[1]
 

@@ -14,6 +14,7 @@ from stiction.core.rotation import (
     crosses,
     into_frame,
     into_frames,
+    matrices_about,
     matrix,
     roll_pitch,
     small_turns,
@@ -102,6 +103,8 @@ def test_turns_about_an_axis_are_the_same_however_they_are_written(axis: int) ->
     """An engine builds its frames from one, the ground of a course from another."""
     angle = np.array([-2.0, 0.3, 1.5])
     np.testing.assert_array_equal(about(axis, angle), [about_vector(np.eye(3)[axis], one) for one in angle])
+    turned = [matrix(quaternion) for quaternion in about(axis, angle)]
+    np.testing.assert_allclose(matrices_about(np.eye(3)[axis], angle), turned, atol=1e-15)
 
 
 def test_a_small_turn_is_the_tilt_that_made_it() -> None:

@@ -100,7 +100,7 @@ def test_other_commands_change_no_walk(still: Bundle, walked, monkeypatch: pytes
 def test_other_code_walks_anew(still: Bundle, walked, monkeypatch: pytest.MonkeyPatch) -> None:
     """What another engine found must not go by the new one's name."""
     monkeypatch.setattr(run, "walk_unit", lambda *arguments: pytest.fail("walked again"))
-    monkeypatch.setattr(cache, "made_by", lambda *patterns: {"code": "other"})
+    monkeypatch.setattr(cache, "fingerprint", lambda *patterns: {"code": "other"})
     with pytest.raises(pytest.fail.Exception):
         walk_grid([still], GRID, walked[1])
 

@@ -100,6 +100,7 @@ def test_what_is_written_is_read_again(tmp_path: Path, suffix: str) -> None:
         ('{"kp": true}', "expected a number"),
         ('{"kp": NaN}', "no number of JSON"),
         ('{"axis": "bent"}', "expected one of rotary, linear"),
+        ('{"axis": "rotory"}', "expected one of rotary, linear; did you mean 'rotary'?"),
         ('{"schema_version": 1, "joints": {}}', "a result of `stiction identify`"),
         ('{"axis": []}', "expected one of rotary, linear"),
     ],

@@ -6,18 +6,9 @@ import numpy as np
 import pytest
 
 from equation import autoregressive, equation_rows
+from shanks import ASYMMETRIC, GO1, LOADED_LEG, STRIBECK
 from stiction.identify.choice import Candidate, Choice, choose_law
-from stiction.identify.example import (
-    ASYMMETRIC,
-    GO1,
-    LEG,
-    LOADED_LEG,
-    SATURN_LITE,
-    STRIBECK,
-    Excitation,
-    Motor,
-    example_log,
-)
+from stiction.identify.example import LEG, SATURN_LITE, Excitation, Motor, example_log
 from stiction.identify.model import Law, Model
 from stiction.identify.prepare import Rows
 from stiction.identify.regression import fit_rows

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from counts import count
+from shanks import GO1
 from stiction.formats.joints import PARAMETERS, Estimate
 from stiction.formats.log import Log
-from stiction.identify.example import GO1, SATURN_LITE, Excitation, Motor, SensorNoise, example_log
+from stiction.identify.example import SATURN_LITE, Excitation, Motor, SensorNoise, example_log
 from stiction.identify.in_loop import fit_in_loop, fit_with_instruments
 from stiction.identify.regression import fit_rows
 from stiction.identify.runs import make_run

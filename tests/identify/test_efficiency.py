@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from counts import count
+from shanks import GO1
 from stiction.identify.checks import Uniform
 from stiction.identify.closed_loop import ClosedLoop
-from stiction.identify.example import GO1, SATURN_LITE, Excitation, Motor, SensorNoise, example_log
+from stiction.identify.example import SATURN_LITE, Excitation, Motor, SensorNoise, example_log
 from stiction.identify.model import Model
 from stiction.identify.output_error import fit_output_error
 from stiction.joints.friction import Coulomb

@@ -7,19 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from shanks import ASYMMETRIC, GO1, LOADED_LEG, STRIBECK
 from stiction.core.errors import StictionError
-from stiction.identify.example import (
-    ASYMMETRIC,
-    GO1,
-    LEG,
-    LOADED_LEG,
-    SATURN_LITE,
-    STRIBECK,
-    Excitation,
-    Motor,
-    SensorNoise,
-    example_log,
-)
+from stiction.identify.example import LEG, SATURN_LITE, Excitation, Motor, SensorNoise, example_log
 from stiction.joints.simulate import simulate
 
 SHORT = Excitation(duration=2.0)

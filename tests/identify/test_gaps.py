@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from shanks import GO1
 from stiction.formats.log import JointSignals, Log
 from stiction.identify.checks import Uniform, check_log
 from stiction.identify.closed_loop import controller_mismatch
-from stiction.identify.example import GO1, Excitation, Motor, SensorNoise, example_log
+from stiction.identify.example import Excitation, Motor, SensorNoise, example_log
 from stiction.identify.model import Model
 from stiction.identify.output_error import OutputError, fit_output_error
 from stiction.identify.prepare import prepare

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from shanks import ASYMMETRIC, GO1, STRIBECK
 from stiction.identify import choice
 from stiction.identify.choice import choose_in_loop, choose_law, evidence_of
-from stiction.identify.example import ASYMMETRIC, GO1, SATURN_LITE, STRIBECK, Motor, example_log
+from stiction.identify.example import SATURN_LITE, Motor, example_log
 from stiction.identify.in_loop import InLoop, close_loop
 from stiction.identify.intervals import correlation_time
 from stiction.identify.pipeline import identify_joint

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from shanks import GO1
 from stiction.core.errors import StictionError
 from stiction.core.provenance import THREADS_VARIABLE
 from stiction.formats.log import JointSignals, Log
-from stiction.identify.example import GO1, SATURN_LITE, Excitation, example_log
+from stiction.identify.example import SATURN_LITE, Excitation, example_log
 from stiction.identify.pipeline import REFUSED, identify_joint, identify_log
 from stiction.identify.warnings import repeat_lines
 

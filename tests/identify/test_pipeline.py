@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from shanks import GO1
 from stiction.core.errors import StictionError
 from stiction.formats.joints import PARAMETERS, Estimate
 from stiction.formats.log import JointSignals, Log, LogSetup
-from stiction.identify.example import GO1, SATURN_LITE, Excitation, Motor, SensorNoise, example_log
+from stiction.identify.example import SATURN_LITE, Excitation, Motor, SensorNoise, example_log
 from stiction.identify.pipeline import identify_joint
 from stiction.identify.setup import IdentifySetup
 from stiction.joints.friction import Coulomb

@@ -9,18 +9,10 @@ import pytest
 
 from carried import without_torque
 from equation import equation_rows
+from shanks import ASYMMETRIC, LOADED_LEG
 from stiction.formats.log import JointSignals, Log, LogSetup
 from stiction.identify.consistency import disagreement
-from stiction.identify.example import (
-    ASYMMETRIC,
-    LEG,
-    LOADED_LEG,
-    SATURN_LITE,
-    Excitation,
-    Motor,
-    SensorNoise,
-    example_log,
-)
+from stiction.identify.example import LEG, SATURN_LITE, Excitation, Motor, SensorNoise, example_log
 from stiction.identify.model import Model
 from stiction.identify.pipeline import identify_joint
 from stiction.identify.record import hanging_bias

@@ -109,7 +109,7 @@ def test_a_bench_refuses_another_robot_and_logs_that_say_nothing() -> None:
     robot = World(Hinges).on_bench(Case(0, "nominal", parse_level("0")), SPEC, np.random.default_rng(0))
     with pytest.raises(StictionError, match="its data sheet"):
         bench_log(robot.handle, find_robot("go1"))
-    with pytest.raises(StictionError, match="no joint of kind 'knee'; it has hip, thigh, shank"):
+    with pytest.raises(StictionError, match="unknown kind of joint 'knee'; known: hip, thigh, shank"):
         bench_log(robot.handle, SPEC, BenchCfg(kinds=("knee",)))
     for change in ({"seconds": 1.0}, {"stiffness": 0.0}, {"kinds": ("hip", "hip")}):
         with pytest.raises(StictionError, match="bench logs of"):

@@ -96,7 +96,7 @@ def test_what_is_there_is_not_made_again(studied, tmp_path: Path, monkeypatch: p
     assert [row.identified for row in again] == pytest.approx([row.identified for row in rows])
     assert has_entry(tmp_path / BENCH.label, BENCH.key)
     assert not has_entry(tmp_path / BENCH.label, replace(BENCH, cfg=BenchCfg(("shank",), 7.0)).key)
-    monkeypatch.setattr(cache, "made_by", lambda *patterns: {"code": "other"})
+    monkeypatch.setattr(cache, "fingerprint", lambda *patterns: {"code": "other"})
     assert not has_entry(tmp_path / BENCH.label, BENCH.key)
 
 

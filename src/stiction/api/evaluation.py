@@ -19,7 +19,7 @@ from stiction.core.lock import output_folder
 from stiction.core.provenance import num_threads
 from stiction.core.records import header, texts
 from stiction.core.scratch import scratch
-from stiction.formats.results import SCHEMA_VERSION, ResultRow
+from stiction.formats.results import DIRECTIONS, SCHEMA_VERSION, ResultRow
 
 if TYPE_CHECKING:
     from stiction.evaluate.grid import GridCfg
@@ -95,7 +95,7 @@ def evaluate(
     callable_period: float = 0.02,
     friction_levels: Sequence[float] = (0.0, 0.1, 0.2),
     friction_law: str = "coulomb",
-    commands: Sequence[str] = ("vx=0.5", "vx=-0.5"),
+    commands: Sequence[str] = DIRECTIONS,
     engines: Sequence[str] = ("mujoco",),
     terrains: Sequence[str] = ("flat",),
     episodes: int = 32,

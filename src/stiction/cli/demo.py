@@ -15,13 +15,14 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from stiction.core.files import write_text
 from stiction.core.options import read_options
+from stiction.formats.results import DIRECTIONS
 
 if TYPE_CHECKING:
     from stiction.deploy.check import BundleCheck
     from stiction.formats.results import ResultRow
     from stiction.report.demo import DemoJoint
 
-COMMANDS = ("vx=0.5", "vx=-0.5")
+COMMANDS = DIRECTIONS
 """Commands that the policies are given; the first is the one of the clips."""
 
 METHODS = ("none", "direct", "deception")

@@ -13,6 +13,7 @@ import tyro
 
 from stiction.core.lock import output_folder
 from stiction.core.options import read_options
+from stiction.formats.results import DIRECTIONS
 from stiction.formats.settings import results_folder
 from stiction.locomotion.friction import law_choice, law_help
 from stiction.report.terminal import RobotSeeds, jobs_of
@@ -67,7 +68,7 @@ class EvaluateCfg:
     terrains: tuple[str, ...] = ("flat",)
     """Grounds: flat, stairs=0.1 (step height [m]), slope=0.2 (angle [rad]), rough=0.05 (highest slab [m]). What is not
     flat is crossed blind, straight on, by the commands that lead forward."""
-    commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
+    commands: tuple[str, ...] = DIRECTIONS
     """Commanded velocities, vx forward, vy sideways [m/s], wz turn [rad/s]: vx=0.5 or vx=0.3,wz=0.2 or stand."""
     episodes: int = 32
     """Episodes per level and command, of every virtual robot."""

@@ -17,19 +17,19 @@ from typing import Any
 
 from stiction.core.errors import FileError
 from stiction.core.files import digest_of, open_regular, publish, read_bounded, unwritten, write_text
-from stiction.core.provenance import made_by
+from stiction.core.provenance import fingerprint
 
 ENTRY = "entry.json"
 """File of a folder that is an entry: its key, what it is, for people, and the digest of each other file."""
 
 
-def key_of(made_from: Any, *code: str) -> str:
+def key_of(inputs: Any, *code: str) -> str:
     """Return the key of an entry.
 
-    `made_from`: everything that it depends on beside code and packages, plain data or frozen dataclasses; `code`: as of
-    `made_by`, without any, code and packages do not count.
+    `inputs`: everything that it depends on beside code and packages, plain data or frozen dataclasses; `code`: as of
+    `fingerprint`, without any, code and packages do not count.
     """
-    everything = [made_from, made_by(*code) if code else None]
+    everything = [inputs, fingerprint(*code) if code else None]
     return hashlib.sha256(json.dumps(everything, sort_keys=True, default=repr).encode()).hexdigest()
 
 

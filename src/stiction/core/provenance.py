@@ -113,7 +113,7 @@ def source_digest(*patterns: str) -> str:
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
-def made_by(*patterns: str) -> dict[str, Any]:
+def fingerprint(*patterns: str) -> dict[str, Any]:
     """Return the code, by patterns as of `source_digest`, and the packages that a cached result depends on."""
     return {"code": source_digest(*patterns), "packages": _package_versions()}
 

@@ -31,6 +31,12 @@ def about_vector(axis: np.ndarray, angle: float) -> np.ndarray:
     return np.concatenate(([np.cos(angle / 2)], np.sin(angle / 2) * axis))
 
 
+def matrices_about(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """Return the matrices of rotations by N angles about a unit vector of shape (3,), shape (N, 3, 3); Rodrigues."""
+    cross = cross_matrix(axis)
+    return np.eye(3) + np.sin(angle)[:, None, None] * cross + (1 - np.cos(angle))[:, None, None] * (cross @ cross)
+
+
 def matrix(quaternion: np.ndarray) -> np.ndarray:
     """Return the rotation matrix of a frame, shape (3, 3): its columns are the frame's axes in the world."""
     w, x, y, z = quaternion

@@ -225,9 +225,9 @@ class Clock:
 class SlowMeans:
     """Exponential means of products of error and velocity, which show a joint's dry friction, see `SLOW_TERMS`."""
 
-    def __init__(self, shape: tuple[int, ...], kept: float) -> None:
-        """Start with nothing; `shape`: (*batch, J); `kept`: see `ObservationLayout.slow_kept`."""
-        self._decay = kept
+    def __init__(self, shape: tuple[int, ...], decay: float) -> None:
+        """Start with nothing; `shape`: (*batch, J); `decay`: see `ObservationLayout.slow_kept`."""
+        self._decay = decay
         self._sums = np.zeros((len(SLOW_TERMS), *shape))
         self._weight = np.ones((*shape[:-1], 1))
 

@@ -206,8 +206,8 @@ def _layer_normalization(node: Node, inputs: Sequence[Value]) -> list[Value]:
     axis = _axis(_integer(node, "axis", -1), len(shape))
     if axis == 0 or any(_broadcast(value.shape, shape) != shape for value in inputs[1:]):
         raise UnfitError(f"axis {axis}, shapes {[value.shape for value in inputs]}")
-    kept = tuple(size if place < axis else 1 for place, size in enumerate(shape))
-    return [Value(shape), Value(kept), Value(kept)]
+    reduced = tuple(size if place < axis else 1 for place, size in enumerate(shape))
+    return [Value(shape), Value(reduced), Value(reduced)]
 
 
 def _matmul(node: Node, inputs: Sequence[Value]) -> list[Value]:

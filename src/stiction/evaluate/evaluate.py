@@ -27,7 +27,7 @@ from stiction.evaluate.own_policy import FunctionDriver, OwnPolicy
 from stiction.evaluate.rollout import Driver, Rollout, friction_at, record
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
-from stiction.formats.results import ResultRow
+from stiction.formats.results import DIRECTIONS, ResultRow
 from stiction.formats.walk import Recording
 from stiction.joints.compensation import FrictionController
 from stiction.joints.friction import MAX_LEVEL, Law, has_coefficient
@@ -48,7 +48,7 @@ class EvaluationCfg:
 
     friction_levels: tuple[float, ...] = (0.0, 0.1, 0.2)
     """Dry friction as fractions of each joint's torque limit [-]; of `load` and `effort` their coefficients."""
-    commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
+    commands: tuple[str, ...] = DIRECTIONS
     """Commanded velocities: vx, vy [m/s], wz [rad/s], or `stand`."""
     episodes: int = 32
     """Episodes per level and command."""

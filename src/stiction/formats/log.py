@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from stiction.core.errors import LogError, unknown_name
+from stiction.core.errors import LogError, nearest, unknown_name
 from stiction.core.files import write_text
 from stiction.core.names import kind_of
 from stiction.formats.plain import is_number, read_object
@@ -207,7 +207,8 @@ def _check_field(name: str, value: Any, source: str) -> None:
     words = CHOICES.get(name)
     if words is not None:
         if value not in words:
-            raise LogError(f"{source}: {name} is {str(value)[:80]!r}; expected one of {', '.join(words)}")
+            given, listed = str(value)[:80], ", ".join(words)
+            raise LogError(f"{source}: {name} is {given!r}; expected one of {listed}{nearest(given, words)}")
     elif name in ("torque_calibrated", "gravity"):
         if not isinstance(value, bool):
             raise LogError(f"{source}: {name} is {str(value)[:80]!r}; expected true or false")

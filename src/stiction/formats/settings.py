@@ -35,15 +35,15 @@ def results_folder(out: Path, verb: str, options: Any) -> Iterator[None]:
     """
     with output_folder(out):
         check_settings(out, verb, options)
-        made_with = _plain(verb, options)
+        used = _plain(verb, options)
         try:
             yield
         except Exception:
             raise
         except BaseException:
-            _write(out, made_with)
+            _write(out, used)
             raise
-        _write(out, made_with)
+        _write(out, used)
 
 
 def check_settings(out: Path, verb: str, options: Any) -> None:
@@ -59,14 +59,14 @@ def _plain(verb: str, options: Any) -> dict[str, Any]:
     return json.loads(json.dumps({"verb": verb, "settings": settings}, default=str))
 
 
-def _refuse_other(out: Path, made_with: dict[str, Any]) -> None:
+def _refuse_other(out: Path, used: dict[str, Any]) -> None:
     """Raise `ConfigurationError` where a folder has results of another verb, or of other settings."""
     there = read_object(out / SETTINGS, "what `stiction` writes there; remove it, or choose another --out")
     verb, before = there.get("verb"), there.get("settings")
     how = "choose another --out, or add --overwrite"
-    if verb != made_with["verb"] or not isinstance(before, dict):
+    if verb != used["verb"] or not isinstance(before, dict):
         raise ConfigurationError(f"{out} has results of `stiction {verb}`; {how}")
-    differing = _differing(before, made_with["settings"])
+    differing = _differing(before, used["settings"])
     if differing:
         more = f" and {len(differing) - SAID} more" if len(differing) > SAID else ""
         raise ConfigurationError(
@@ -92,6 +92,6 @@ def _words(value: Any) -> str:
     return text[:60] or "none"
 
 
-def _write(out: Path, made_with: dict[str, Any]) -> None:
+def _write(out: Path, used: dict[str, Any]) -> None:
     """Note the settings in the folder."""
-    write_text(out / SETTINGS, json.dumps(made_with, indent=2) + "\n")
+    write_text(out / SETTINGS, json.dumps(used, indent=2) + "\n")

@@ -198,8 +198,8 @@ class _Collected:
             lines = [line.replace(",", ".") for line in lines]
         wanted = [index for index, column in enumerate(self.columns) if not column.fault and column.first is None]
         self.rows += len(lines)
-        kept = sum(not column.fault for column in self.columns)
-        claim(self.source, 8 * self.rows * kept, f"{self.rows} rows or more take", LogError)
+        numeric = sum(not column.fault for column in self.columns)
+        claim(self.source, 8 * self.rows * numeric, f"{self.rows} rows or more take", LogError)
         values = self._numbers(lines, wanted)
         if values is not None:
             for index, column in zip(wanted, values.T, strict=True):

@@ -138,8 +138,8 @@ ORIGIN = {
 """Where ke is from, in words."""
 
 
-def brake_text(data: dict[str, Any], told_apart: bool) -> str:
-    """Say what was done about the brake; data: `brake_summary`; told_apart: whether viscous friction is stated."""
+def brake_text(data: dict[str, Any], separable: bool) -> str:
+    """Say what was done about the brake; data: `brake_summary`; separable: whether viscous friction is stated."""
     whole = data["together"]
     if data["source"] is None:
         return (
@@ -152,7 +152,7 @@ def brake_text(data: dict[str, Any], told_apart: bool) -> str:
         f"the motor brakes itself by kt·ke/R = {data['brake']:.3g}, {share:.0%} of {data['name']} "
         f"({ORIGIN[data['source']]})"
     )
-    if told_apart:
+    if separable:
         return f"{said}; that was taken off viscous friction, whose interval admits {data['reach']:.2g} of it"
     return (
         f"viscous friction is not known: {said}, and what is left is no more than that may be off by "

@@ -17,7 +17,7 @@ import numpy as np
 from stiction.identify.consistency import beyond_chance, disagreement
 from stiction.identify.in_loop import InLoop, fit_in_loop, fit_late, respond
 from stiction.identify.intervals import block_count, correlation_time
-from stiction.identify.model import GRAVITY, LAWS, Law, Model
+from stiction.identify.model import GRAVITY_TERMS, LAWS, Law, Model
 from stiction.identify.output_error import OutputError
 from stiction.identify.prepare import Rows
 from stiction.identify.regression import MAX_INFLATION, Fit, fit_at, fit_rows, predict_torque
@@ -256,7 +256,7 @@ def choose_gravity(run: Run) -> GravityChoice | None:
         return GravityChoice(False, None)
     fold = run.rows.blocks(min(FOLDS, block_count(heavy.residual)))
     gain = gain_of(*(_held_out(run.rows, fit.model, False, fold) for fit in (heavy, plain)))
-    evidence = evidence_of([plain.residual], [heavy.residual], len(GRAVITY))
+    evidence = evidence_of([plain.residual], [heavy.residual], len(GRAVITY_TERMS))
     return GravityChoice(gain.certain and evidence >= MIN_EVIDENCE, gain)
 
 
@@ -272,7 +272,7 @@ def _objection(rows: Rows, fit: Fit, base: Fit, gain: Gain, evidence: float) -> 
         return f"the motion does not tell {unidentified[0]}"
     if fit.model.law == "stribeck" and found["static_friction"] <= found["coulomb_friction"]:
         return "friction does not rise toward rest"
-    if fit.model.law == "load" and max(fit.inflation.get(name, 0.0) for name in GRAVITY) > MAX_GRAVITY_INFLATION:
+    if fit.model.law == "load" and max(fit.inflation.get(name, 0.0) for name in GRAVITY_TERMS) > MAX_GRAVITY_INFLATION:
         return "over this range of angles gravity cannot be told from the offset, so the load is not known"
     if negative := negative_friction(found):
         return negative

@@ -1,6 +1,6 @@
-"""Simulated logs of motors whose parameters are known, for trying the program without a robot, and for tests.
+"""Simulated logs of motors whose parameters are known, for trying the program without a robot.
 
-The paper's two shank motors with the noise of real ones, motors with richer friction laws, and a leg in the air.
+The paper's shank motor with the noise of real ones, and a leg in the air.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 
 from stiction.core.errors import ConfigurationError
 from stiction.formats.log import JointSignals, Log, LogSetup
-from stiction.joints.friction import Asymmetric, Coulomb, LoadDependent, Stribeck
+from stiction.joints.friction import Coulomb
 from stiction.joints.pd import PDGains, pd_torque
 from stiction.joints.simulate import Gravity, Joint, Trajectory, simulate
 
@@ -34,25 +34,11 @@ class Motor:
     """Low gains, so that friction shows: at high ones the position follows whatever friction does."""
 
 
-GO1 = Motor("go1_shank", Joint(0.0121, 0.0342, Coulomb(0.0481), 0.01), PDGains(20.0, 0.5, 35.55))
-"""Means of the paper's table; the offset is invented."""
-
 SATURN_LITE = Motor("saturn_lite_shank", Joint(0.0145, 0.0704, Coulomb(0.442), -0.05), PDGains(20.0, 0.5, 45.0))
 """Means of the paper's table; the offset is invented."""
 
-ASYMMETRIC = Motor("asymmetric_shank", Joint(0.0145, 0.0, Asymmetric(0.5, 0.38, 0.06, 0.08)), PDGains(20.0, 0.5, 45.0))
-"""Saturn Lite's shank, its friction not the same both ways."""
-
-STRIBECK = Motor("stribeck_shank", Joint(0.0145, 0.0704, Stribeck(0.442, 0.65, 0.4), -0.05), PDGains(20.0, 0.5, 45.0))
-"""Saturn Lite's shank with half as much friction again at rest."""
-
 LEG = Motor("leg_in_air", Joint(0.06, 0.0704, Coulomb(0.442), -0.05, Gravity(2.2, 0.4)), PDGains(20.0, 1.0, 45.0))
 """Saturn Lite's shank motor with a lower leg on it that hangs in the air."""
-
-LOADED_LEG = Motor(
-    "loaded_leg", Joint(0.06, 0.0704, LoadDependent(0.35, 0.08), -0.05, Gravity(2.2, 0.4)), PDGains(20.0, 1.0, 45.0)
-)
-"""The same leg, its friction growing with what it carries."""
 
 
 @dataclass(frozen=True)

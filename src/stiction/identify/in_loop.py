@@ -20,7 +20,7 @@ from stiction.identify.closed_loop import (
 )
 from stiction.identify.combinations import shifted
 from stiction.identify.consistency import COMPARED, TIMING, Comparison, common_speed, splits
-from stiction.identify.model import GRAVITY, Model, nearest_joint
+from stiction.identify.model import GRAVITY_TERMS, Model, nearest_joint
 from stiction.identify.output_error import OutputError, fit_output_error
 from stiction.identify.regression import INVERSE_STRENGTH, Fit, fit_instrumental
 from stiction.identify.runs import Run
@@ -163,7 +163,7 @@ def simulate_fit(
     start, known = start or fit.by_name, dict(known or {})
     model = replace(fit.model, gravity=fit.model.gravity or bool(extra))
     if extra and not fit.model.gravity:
-        known |= dict.fromkeys(GRAVITY, 0.0)
+        known |= dict.fromkeys(GRAVITY_TERMS, 0.0)
     found = fit_output_error(
         signals if part is None else replace(signals, valid=signals.valid & part),
         controller(run),

@@ -29,7 +29,7 @@ Law = str
 LAWS: tuple[Law, ...] = candidate_laws()
 """Friction laws of the table that identification tries, the simplest first."""
 
-GRAVITY = ("gravity_sin", "gravity_cos")
+GRAVITY_TERMS = ("gravity_sin", "gravity_cos")
 """Torque that holds the link: gravity_sin sin θ + gravity_cos cos θ [N m]."""
 
 
@@ -56,7 +56,7 @@ class Model:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the parameters, in the order in which estimators hold them."""
-        return ("inertia", *find_law(self.law).parameters, *(GRAVITY if self.gravity else ()))
+        return ("inertia", *find_law(self.law).parameters, *(GRAVITY_TERMS if self.gravity else ()))
 
     def joint(self, values: Sequence[float]) -> Joint:
         """Return the joint with these parameter values, in the order of `names`, motor strength apart.

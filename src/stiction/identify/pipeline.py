@@ -29,7 +29,7 @@ from stiction.identify.choice import (
 from stiction.identify.combinations import strength_identified
 from stiction.identify.consistency import REPEAT, Comparison, compare, compare_parts, compare_timing
 from stiction.identify.in_loop import InLoop, close_loop, compare_in_loop, predict_run
-from stiction.identify.model import GRAVITY, Model
+from stiction.identify.model import GRAVITY_TERMS, Model
 from stiction.identify.objections import NEGATIVE_FRICTION, find_objections
 from stiction.identify.pooling import compare_runs, pooled_rows
 from stiction.identify.prepare import Rows, make_rows
@@ -298,7 +298,7 @@ def _wants_gravity(run: Run, fit: Fit) -> bool:
         return False
     heavy = fit_rows(run.rows, Model("coulomb", True))
     clear = heavy.inflation["inertia"] < MAX_INFLATION and heavy.estimates()["inertia"].interval95[0] > 0
-    return clear and evidence_of([fit.residual], [heavy.residual], len(GRAVITY)) >= MIN_EVIDENCE
+    return clear and evidence_of([fit.residual], [heavy.residual], len(GRAVITY_TERMS)) >= MIN_EVIDENCE
 
 
 def _comparisons(run: Run, base: Fit, loop: InLoop, others: Sequence[Run]) -> tuple[Comparison, ...]:

@@ -22,7 +22,7 @@ from stiction.identify.combinations import (
 )
 from stiction.identify.consistency import REPEAT, Comparison, Drift, disagreement, find_drift, whiteness, widened
 from stiction.identify.in_loop import InLoop
-from stiction.identify.model import GRAVITY
+from stiction.identify.model import GRAVITY_TERMS
 from stiction.identify.output_error import OutputError
 from stiction.identify.pooling import Pooling
 from stiction.identify.prepare import Rows
@@ -62,9 +62,9 @@ def hanging_bias(fit: Fit, hanging: float) -> Estimate | None:
     G sin(θ − bias − hanging) is gravity_sin sin θ + gravity_cos cos θ. hanging: true angle at which the link hangs
     straight down [rad].
     """
-    if "gravity_sin" not in fit.names or max(fit.inflation[name] for name in GRAVITY) >= MAX_INFLATION:
+    if "gravity_sin" not in fit.names or max(fit.inflation[name] for name in GRAVITY_TERMS) >= MAX_INFLATION:
         return None
-    sine, cosine = (fit.names.index(name) for name in GRAVITY)
+    sine, cosine = (fit.names.index(name) for name in GRAVITY_TERMS)
     along, across = fit.values[sine], -fit.values[cosine]
     size = float(np.hypot(along, across))
     largest = float(np.linalg.eigvalsh(fit.covariance[np.ix_((sine, cosine), (sine, cosine))])[-1])
@@ -157,7 +157,7 @@ class JointFits:
         return self.chosen.estimates()
 
 
-SHARED = ("inertia", "offset", *GRAVITY)
+SHARED = ("inertia", "offset", *GRAVITY_TERMS)
 """Parameters that mean the same under every friction law."""
 
 

@@ -25,7 +25,7 @@ from stiction.identify.intervals import (
     robust_covariance,
     with_intervals,
 )
-from stiction.identify.model import GRAVITY, Model
+from stiction.identify.model import GRAVITY_TERMS, Model
 from stiction.identify.prepare import Prepared, Rows, derivatives, low_pass, make_rows
 from stiction.identify.setup import Payload
 
@@ -185,7 +185,7 @@ def rigid_torque(fit: Fit, rows: Rows) -> np.ndarray:
     """Return the part of the predicted torque that is not friction: inertia, offset, gravity, payload [N m]."""
     columns = _columns(rows)
     payload = 0.0 if INVERSE_STRENGTH in fit.names else rows.payload
-    rigid = ("inertia", "offset", *GRAVITY, INVERSE_STRENGTH)
+    rigid = ("inertia", "offset", *GRAVITY_TERMS, INVERSE_STRENGTH)
     return payload + sum(
         (value * columns[name] for name, value in fit.by_name.items() if name in rigid), np.zeros(len(rows))
     )
@@ -262,7 +262,7 @@ def _load_size(rows: Rows, names: tuple[str, ...], columns: dict[str, np.ndarray
 
 def _load(rows: Rows, found: dict[str, float], columns: dict[str, np.ndarray]) -> np.ndarray:
     """Return |gravity + known load| for fitted parameters, in the torque's unit, shape (R,)."""
-    gravity = sum(found[name] * columns[name] for name in GRAVITY if name in found)
+    gravity = sum(found[name] * columns[name] for name in GRAVITY_TERMS if name in found)
     return np.abs(gravity + rows.load * found.get(INVERSE_STRENGTH, 1.0))
 
 

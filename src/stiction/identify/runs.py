@@ -10,7 +10,7 @@ from stiction.core.errors import LogError
 from stiction.formats.joints import FitSignals
 from stiction.formats.log import JointSignals, Log
 from stiction.identify.checks import Uniform, check_excitation, check_log
-from stiction.identify.model import GRAVITY, Model
+from stiction.identify.model import GRAVITY_TERMS, Model
 from stiction.identify.prepare import Prepared, Rows, make_rows, prepare, slope
 from stiction.identify.regression import MAX_INFLATION, check_rows, fit_rows
 from stiction.identify.setup import IdentifySetup
@@ -128,7 +128,7 @@ def hanging(where: str, prepared: Prepared) -> float:
     rows = make_rows([prepared], [None])
     check_rows(where, rows, prepared)
     fit = fit_rows(rows, Model("coulomb", True))
-    along, across = (fit.names.index(name) for name in GRAVITY)
+    along, across = (fit.names.index(name) for name in GRAVITY_TERMS)
     largest = float(np.linalg.eigvalsh(fit.covariance[np.ix_((along, across), (along, across))])[-1])
     size = float(np.hypot(fit.values[along], fit.values[across]))
     if fit.inflation["inertia"] >= MAX_INFLATION or np.sqrt(largest) > LARGEST_PHASE * size:

@@ -378,10 +378,10 @@ def _matters(record: JointRecord, thresholds: Thresholds, legs: bool) -> str:
     ratio, band, begin = record.friction_ratio, record.dead_band, "Does it matter?"
     if not legs:
         unit = " rad" if record.axis == "rotary" else " m"
-        told = "Cannot be told without the task"
+        begin += " Cannot be told without the task"
         if band is None:
-            return f"{begin} {told}; the dead band f/kp would tell what position errors the joint ignores (--kp)."
-        return f"{begin} {told}: {_ignored(band, unit)}"
+            return f"{begin}; the dead band f/kp would tell what position errors the joint ignores (--kp)."
+        return f"{begin}: {_ignored(band, unit)}"
     if ratio is None:
         return f"{begin} Cannot be told without the motor's torque limit (--torque-limit)."
     low, high = ratio.interval95

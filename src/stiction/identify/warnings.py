@@ -92,8 +92,8 @@ def _unknown(record: JointRecord, run: Run) -> list[str]:
     if strength["missing"]:
         found.append(strength["missing"])
     if (drive := record.diagnostics.get("drive")) is not None:
-        told_apart = record.viscous_friction is not None or OVER_K["viscous_friction"] in record.combinations
-        found.append(brake_text(drive, told_apart))
+        separable = record.viscous_friction is not None or OVER_K["viscous_friction"] in record.combinations
+        found.append(brake_text(drive, separable))
     if run.setup.pendulum and strength["source"] == "known_load" and record.motor_strength is not None:
         angle = "" if run.setup.pendulum_angle is None else f"; it hangs at {run.setup.pendulum_angle:.4g} rad"
         found.append(

@@ -179,7 +179,7 @@ class LoadedJoint:
     """Torque of the motor at its limit [N m]."""
     mass: np.ndarray
     """Of all links behind the joint [kg]."""
-    inertia_behind: np.ndarray
+    outer_inertia: np.ndarray
     """Of those links about an axis through their centre of mass, parallel to the joint's [kg m²]."""
     axis: np.ndarray
     """Direction of the joint's axis, shape (joints, 3)."""
@@ -320,7 +320,7 @@ def transmitted(
     axis, arm = known.axis[joint], known.arm[joint]
     turning = acceleration[:, None] * np.cross(axis, arm) - np.square(speed)[:, None] * arm
     force = known.mass[joint, None] * (turning - GRAVITY * axis)
-    about_own = (known.inertia_behind[joint] * acceleration)[:, None] * axis
+    about_own = (known.outer_inertia[joint] * acceleration)[:, None] * axis
     return force, about_own + np.cross(known.lever[joint], force)
 
 
@@ -329,8 +329,8 @@ def loaded_joints(fleet: Fleet, level: np.ndarray) -> LoadedJoint:
     model, data = fleet.data(0)
     mujoco.mj_comPos(model, data)
     axis, bodies = data.xaxis[1:], model.jnt_bodyid[1:]
-    mass, behind = model.body_subtreemass[bodies], data.subtree_com[bodies]
-    arm = behind - data.xanchor[1:]
+    mass, outer = model.body_subtreemass[bodies], data.subtree_com[bodies]
+    arm = outer - data.xanchor[1:]
     arm = arm - np.sum(arm * axis, axis=1)[:, None] * axis
     links, spec = fleet.link_inertia(), fleet.spec
     return LoadedJoint(
@@ -339,8 +339,8 @@ def loaded_joints(fleet: Fleet, level: np.ndarray) -> LoadedJoint:
         damping=spec.joint_values("damping"),
         limit=spec.joint_values("torque_limit"),
         mass=mass,
-        inertia_behind=links - mass * np.sum(arm * arm, axis=1),
+        outer_inertia=links - mass * np.sum(arm * arm, axis=1),
         axis=axis,
         arm=arm,
-        lever=behind - data.xipos[bodies],
+        lever=outer - data.xipos[bodies],
     )

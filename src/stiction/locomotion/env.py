@@ -353,10 +353,10 @@ class LocomotionEnv(VecEnv):
 
     def _frame_without_reset(self) -> torch.Tensor:
         """Return the frame that every robot would see next if none began anew, (N, frame_size)."""
-        kept = None if self.slow is None else (self.slow.sums, self.slow.weight)
+        state = None if self.slow is None else (self.slow.sums, self.slow.weight)
         frame = self._frame(torch.zeros(self.num_envs, dtype=torch.bool, device=self.home))
-        if self.slow is not None and kept is not None:
-            self.slow.sums, self.slow.weight = kept
+        if self.slow is not None and state is not None:
+            self.slow.sums, self.slow.weight = state
         return frame
 
     def _hand_out(self, groups: dict[str, torch.Tensor]) -> TensorDict:

@@ -193,12 +193,12 @@ def _left_over(record: JointRecord, number: int, robot: Robot) -> str:
     constant = law.get("parameters", law).get("coulomb_friction")
     if constant is None or law.get("over_strength"):
         return said
-    dry = max(0.0, Estimate.from_dict(constant, "friction_law.coulomb_friction").value)
-    whole = dry + record.load_coefficient.value * carried
+    coulomb = max(0.0, Estimate.from_dict(constant, "friction_law.coulomb_friction").value)
+    whole = coulomb + record.load_coefficient.value * carried
     if not whole > 0:
         return said
     share = whole / float(robot.joint_values("torque_limit")[number])
     return said + (
-        f"; friction without load, {dry:.3g} N m, is {dry / whole:.0%} of the friction there and in no law with a "
-        f"coefficient: all of it is {share:.3g} of the torque limit, in the mean, under --friction-law coulomb"
+        f"; friction without load, {coulomb:.3g} N m, is {coulomb / whole:.0%} of the friction there and in no law "
+        f"with a coefficient: all of it is {share:.3g} of the torque limit, in the mean, under --friction-law coulomb"
     )

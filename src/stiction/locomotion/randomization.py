@@ -289,16 +289,16 @@ def identified_joints(
         record = file.joints[key] if key is not None else JointRecord()
         if record.axis != "rotary":
             raise FileError(f"joint {key!r} was identified as a linear axis (kg, N); expected a rotary one")
-        whole, dry = (record.objection_to(quantity) for quantity in ("inertia", "coulomb_friction"))
-        if dry is not None:
+        whole, objection = (record.objection_to(quantity) for quantity in ("inertia", "coulomb_friction"))
+        if objection is not None:
             part = "nothing of it" if whole is not None else "its dry friction"
             used = "is not used" if whole is None else "is used"
-            warnings[f"the fit of {key!r} is not valid, {part} {used}: {dry.text}"] = None
+            warnings[f"the fit of {key!r} is not valid, {part} {used}: {objection.text}"] = None
         if whole is not None:
             rows.append((None, None, None))
             continue
         armature = _armature(name, key, record, float(links), warnings)
-        friction = None if dry is not None else _friction(key, record, float(limit), warnings)
+        friction = None if objection is not None else _friction(key, record, float(limit), warnings)
         rows.append((armature, _value(record.viscous_friction), friction))
     if all(value is None for row in rows for value in row):
         if invalid := next((text for text in warnings if "is not valid" in text), None):

@@ -195,9 +195,9 @@ class ContextPPO(AdaptationPPO):
     def load(self, loaded_dict: dict, load_cfg: dict | None = None, strict: bool = True) -> bool:
         """Restore what `save` returned."""
         result = super().load(loaded_dict, load_cfg, strict)
-        kept = dict(loaded_dict["bootstrapping"])
-        self.probability = float(kept.pop("probability"))
-        self.bootstrapped = kept.pop("bootstrapped").to(self.device)
+        saved = dict(loaded_dict["bootstrapping"])
+        self.probability = float(saved.pop("probability"))
+        self.bootstrapped = saved.pop("bootstrapped").to(self.device)
         for name in vars(self.returns):
-            setattr(self.returns, name, kept[name].to(self.device))
+            setattr(self.returns, name, saved[name].to(self.device))
         return result

@@ -66,16 +66,16 @@ class MirroredBatches(Symmetry):
         mirrored too, and the rest is left out.
         """
         size = len(observations)
-        images, first_kept = (size // 2, size // 2) if self.share == "half" else (size, 0)
+        images, first_plain = (size // 2, size // 2) if self.share == "half" else (size, 0)
         seen = observations.select(*self.observed, *self.targets)
         image = self.mirror(seen[:images].select(*self.observed))
         for name, rule in self.targets.items():
             value = seen[name][:images]
             image[name] = value if rule is None else self.mirror.group(rule)(value)
-        mixed = torch.cat([image, seen[first_kept:]])
+        mixed = torch.cat([image, seen[first_plain:]])
         if actions is None:
             return mixed, None
-        return mixed, torch.cat([self.mirror.action(actions[:images]), actions[first_kept:]])
+        return mixed, torch.cat([self.mirror.action(actions[:images]), actions[first_plain:]])
 
 
 def make_symmetric(algorithm: Any, symmetry: SymmetryName, env: LocomotionEnv) -> None:

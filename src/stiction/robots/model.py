@@ -17,7 +17,7 @@ from typing import Self
 
 import numpy as np
 
-from stiction.core.errors import RobotError
+from stiction.core.errors import RobotError, unknown_name
 from stiction.core.rotation import about_vector, matrix, quaternion_of, uprightness
 from stiction.robots.shapes import Shape, Vector
 
@@ -262,7 +262,7 @@ class Robot:
         """
         found = np.flatnonzero([joint.kind == kind for joint in self.joints])
         if not len(found):
-            raise RobotError(f"robot {self.name!r} has no joint of kind {kind!r}; it has {', '.join(self.joint_kinds)}")
+            raise RobotError(f"robot {self.name!r}: {unknown_name('kind of joint', kind, self.joint_kinds)}")
         return found
 
     @property

@@ -149,8 +149,8 @@ def rejudged_summary(
     that are written anew, beside verdicts and parts.
     """
     anew = {"schema_version", "verdicts", "parts", *own}
-    kept = {name: value for name, value in before.items() if name not in anew}
-    return kept | {"judged": provenance, "changed": changed_verdicts(verdicts, now, before.get("changed", []))}
+    unchanged = {name: value for name, value in before.items() if name not in anew}
+    return unchanged | {"judged": provenance, "changed": changed_verdicts(verdicts, now, before.get("changed", []))}
 
 
 Labelled = tuple[str, Measurement]

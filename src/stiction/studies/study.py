@@ -95,8 +95,8 @@ def recorded(out: Path, work: Work, names: Sequence[str] = ()) -> dict[str, Any]
     for name in names:
         if name not in before:
             raise FileError(f"{path} is none of `stiction {work.verb}`: no {name!r}")
-    kept = {name: value for name, value in before.items() if name not in ("schema_version", "claims")}
-    return {"warnings": []} | kept | {"judged": work.provenance}
+    unchanged = {name: value for name, value in before.items() if name not in ("schema_version", "claims")}
+    return {"warnings": []} | unchanged | {"judged": work.provenance}
 
 
 class UsageError(Exception):
@@ -187,14 +187,14 @@ class Work:
         check_names([bundle.name for bundle in bundles])
         return bundles
 
-    def cached(self, name: str, made_from: dict[str, Any], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    def cached(self, name: str, inputs: dict[str, Any], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         """Return a part of the study: read where the same command made it before, else made by `make`, and kept.
 
-        made_from: what the part depends on beside the package, the study's module and other packages.
+        inputs: what the part depends on beside the package, the study's module and other packages.
         """
         folder = self.out / "parts"
         make_folder(folder)
-        return cached(folder, name, key_of(made_from | {"study": self._code}, "**/*.py"), make)
+        return cached(folder, name, key_of(inputs | {"study": self._code}, "**/*.py"), make)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from stiction.core.errors import ConfigurationError
+from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.core.names import kind_of
 from stiction.core.provenance import seed_streams
 from stiction.core.rotation import UPRIGHT, yaw
@@ -300,7 +300,7 @@ class Simulation:
     def set_level(self, kind: str, level: float) -> None:
         """Set the friction of a kind of joint, a fraction of its torque limit or a coefficient [-]."""
         if kind not in self.levels:
-            raise ConfigurationError(f"no joint of kind {kind!r}; expected one of {', '.join(self.kinds)}")
+            raise ConfigurationError(unknown_name("kind of joint", kind, self.kinds))
         self.levels = {**self.levels, kind: min(max(finite(level), 0.0), MAX_LEVEL)}
         self._set_friction()
 

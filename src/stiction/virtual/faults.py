@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.core.rotation import about
 from stiction.deploy.pilot import JointCommand
 from stiction.deploy.runtime.config import OperatorCfg
 from stiction.deploy.runtime.operator import ALIVE
@@ -254,8 +255,7 @@ def _one(values: np.ndarray, value: float) -> np.ndarray:
 
 def _turned(state: RobotState, angle: float, rate: float) -> RobotState:
     """Return a state that leans by an angle about the base's x axis, and turns at a rate."""
-    quaternion = np.array([np.cos(angle / 2), np.sin(angle / 2), 0.0, 0.0])
-    return _with(state, quaternion=quaternion, angular_velocity=np.array([rate, 0.0, 0.0]))
+    return _with(state, quaternion=about(0, angle), angular_velocity=np.array([rate, 0.0, 0.0]))
 
 
 Change = Callable[[RobotState, RobotState, int], "RobotState | None"]

@@ -187,14 +187,14 @@ class VirtualRobot:
             raise ConfigurationError(
                 f"readings every {period} s from physics of {engine.timestep} s: expected whole physics steps"
             )
-        self._behind_gear: FrictionSensing | None = None
+        self._output_sensing: FrictionSensing | None = None
         if torque_source == "output_side":
             if not isinstance(engine, FrictionSensing):
                 raise ConfigurationError(
                     f"the engine {engine.name!r} does not say what dry friction did, so that nothing can measure "
                     "torque behind the gear; use 'physx' or 'mujoco', or torque of the motor's side"
                 )
-            self._behind_gear = engine
+            self._output_sensing = engine
         spec = engine.body.spec
         self._engine, self._hidden, self._friction, self._wear = engine, hidden, friction, wear
         self._names, self._limit = spec.joint_names, spec.joint_values("torque_limit")
@@ -272,9 +272,9 @@ class VirtualRobot:
         self._motion, self._tick = self._engine.motion(self._loads), self._tick + 1
         self._gears.follow(self._given, self._motion.joint_position, self._motion.joint_velocity)  # 6
         self._encoders.follow(self._gears.angle, self._gears.velocity)
-        if self._behind_gear is not None:
+        if self._output_sensing is not None:
             viscous = self._engine.body.damping * self._motion.joint_velocity
-            reported = transmitted + self._behind_gear.friction_torque() - viscous
+            reported = transmitted + self._output_sensing.friction_torque() - viscous
         self._samples.push(self._measure(reported))
 
     def _measure(self, reported: np.ndarray) -> Reading:

@@ -3,6 +3,7 @@
 One trot of a Go2 and one walk of a hexapod at 1 kHz, whose friction is known, are sampled and read in many ways.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 import trots
-from stiction.core.errors import LogError
+from stiction.core.errors import ConfigurationError, LogError
 from stiction.core.rotation import up_in_frames
 from stiction.formats.joints import Estimate, JointsFile
 from stiction.formats.log import BodySignals, Log
@@ -155,6 +156,11 @@ def test_another_robot_is_refused_by_its_joints(raw: Raw) -> None:
     numbered = replace(log, joints={f"joint_{n}": signals for n, signals in enumerate(log.joints.values())})
     with pytest.raises(LogError, match="the log only numbers them; name them in its order, --names"):
         match_names(numbered, trots.GO2)
+    for pair, said in {"FR_hop=FR_hip": "did you mean 'FR_hip'?", "FR_hip=FR_thihg": "did you mean 'FR_thigh"}.items():
+        with pytest.raises(LogError, match=f"--joint-map {pair}: unknown joint .*{re.escape(said)}"):
+            match_names(log, trots.GO2, (pair,))
+    with pytest.raises(ConfigurationError, match=r"unknown contact 'hight'; did you mean 'height'\?"):
+        WalkSetup(contact="hight")  # type: ignore[arg-type]
     fewer = replace(log, joints={name: signals for name, signals in log.joints.items() if name != "RL_calf"})
     with pytest.raises(LogError, match="'RL_calf_joint' is not in both"):
         match_names(fewer, trots.GO2)

@@ -14,7 +14,7 @@ from stiction.deploy.check import check_bundle
 from stiction.formats.bundle import Bundle, find_bundle
 from stiction.formats.contract import Contract
 from stiction.studies.disturber import duel
-from stiction.studies.disturber.duel import DuelCfg, Outcome, fight, task_for
+from stiction.studies.disturber.duel import DuelCfg, DuelRow, fight, task_for
 from stiction.studies.disturber.study import gains, report
 from stiction.studies.study import write_report
 
@@ -74,7 +74,7 @@ def test_what_is_no_duel_is_refused(changes: dict, said: str) -> None:
 
 
 ROWS = [
-    Outcome("some", "none", seed, who, falls, ratio, 0.1, lost)
+    DuelRow("some", "none", seed, who, falls, ratio, 0.1, lost)
     for seed, worse in ((0, 0.1), (1, 0.3))
     for who, falls, ratio, lost in (
         ("nobody", 0.0, 1.0, 0.2),

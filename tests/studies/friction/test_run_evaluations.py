@@ -52,7 +52,7 @@ def test_an_evaluation_is_done_once_and_again_when_what_it_depends_on_changes(
     (task.run.path / "checkpoints/student_000001.safetensors").write_text("other weights")
     evaluate_tasks([task], 1)
     assert len(walked) == 3
-    monkeypatch.setattr(cache, "made_by", lambda *code: {"code": "other"})
+    monkeypatch.setattr(cache, "fingerprint", lambda *code: {"code": "other"})
     evaluate_tasks([task], 1)
     assert len(walked) == 4
 

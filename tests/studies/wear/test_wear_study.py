@@ -67,7 +67,7 @@ def test_friction_stops_a_policy_that_never_met_it(tmp_path: Path, monkeypatch: 
     assert study_wear([WALKER], *folders) == ([row], windows, readings)
     with pytest.raises(pytest.fail.Exception):
         study_wear([WALKER], folders[0], replace(ALONE, robots=(2,)), *folders[2:])
-    monkeypatch.setattr(cache, "made_by", lambda *code: {"code": "other"})
+    monkeypatch.setattr(cache, "fingerprint", lambda *code: {"code": "other"})
     with pytest.raises(pytest.fail.Exception):
         study_wear([WALKER], *folders)
 

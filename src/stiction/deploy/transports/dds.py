@@ -169,24 +169,18 @@ def _cyclone() -> Any:
 
 
 @cache
-def message_type(structure: Structure) -> type:
-    """Return the type of a message as Cyclone DDS has it: an object with the maker's fields, slow to write and read.
-
-    8-bit numbers are `octet` here, signed or not, as in the maker's definitions. Cyclone tells types apart by a hash of
-    their definition; one that is told another hash asks for the definition, and version 0.10.2, which robots have, does
-    not survive the answer of version 11.
-    """
-    return _idl_type(structure, structure.name, structure.dtype)
-
-
-@cache
 def wire_type(structure: Structure) -> type:
-    """Return the same type, whose objects hold the message's bytes, `data`, and nothing else."""
+    """Return the type of a message as Cyclone DDS has it, whose objects hold the message's bytes, `data`, alone."""
     return _idl_type(structure, structure.name, structure.dtype, raw=True)
 
 
 def _idl_type(structure: Structure, name: str, layout: np.dtype, raw: bool = False) -> type:
-    """Return the type that a structure has in the maker's definitions, where its name ends in an underscore."""
+    """Return the type that a structure has in the maker's definitions, where its name ends in an underscore.
+
+    With the maker's fields, slow to write and read, or `raw`. 8-bit numbers are `octet` here, signed or not, as in the
+    definitions. Cyclone tells types apart by a hash of their definition; a robot that is told another hash asks for the
+    definition, and version 0.10.2, which robots have, does not survive the answer of version 11.
+    """
     from cyclonedds.idl import IdlStruct, annotations, types
 
     numbers = {"f4": types.float32, "u1": types.byte, "i1": types.byte, "u2": types.uint16, "i2": types.int16}

@@ -81,8 +81,8 @@ class Ros2Link:
         if self._imu is None:
             raise ValueError(f"no message on {IMU_TOPIC} yet")
         time = stamp_of(message)
-        if not abs(behind := time - stamp_of(self._imu)) <= APART:
-            raise ValueError(f"the IMU's message is {behind:.3f} s older than the joints'; at most {APART} s")
+        if not abs(lag := time - stamp_of(self._imu)) <= APART:
+            raise ValueError(f"the IMU's message is {lag:.3f} s older than the joints'; at most {APART} s")
         first = time if self._first is None else self._first
         state = robot_state(message, self._imu, self.joint_names, len(self.foot_names), self._states + 1, first)
         self._first, self._states = first, self._states + 1

@@ -78,7 +78,7 @@ def adapted(contract: Contract, network: NetworkFile) -> NetworkFile:
     depth, attitude = new.depth, old.has("roll_pitch")
     pick = np.zeros((new.size + (2 * depth if attitude else 0), old.size))
     shift, bound = np.zeros(old.size), np.zeros(old.size)
-    places = {int(kept): place for place, kept in enumerate(old.order())}
+    places = {int(source): place for place, source in enumerate(old.order())}
     column = 0
     for term in old.terms:
         for entry in range(term.size):

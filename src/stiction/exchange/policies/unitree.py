@@ -179,9 +179,9 @@ def deploy_of(contract: Contract, commands: Sequence[float]) -> dict[str, Any]:
     own = [contract.joint_names.index(name) for name in vendor.order]
     scale = (contract.array("standing") * 0 + contract.scale).tolist()
     # A clip after the scale is one before it, divided; where scales differ within a term it has to stay behind.
-    behind = any((term.clips < NO_CLIP).any() and isinstance(term.scale, tuple) for term in layout.terms)
-    observations: dict[str, Any] = {OWN[term.name]: _entry(term, layout, behind) for term in layout.terms}
-    if behind:
+    clip_last = any((term.clips < NO_CLIP).any() and isinstance(term.scale, tuple) for term in layout.terms)
+    observations: dict[str, Any] = {OWN[term.name]: _entry(term, layout, clip_last) for term in layout.terms}
+    if clip_last:
         observations["scale_first"] = True
     if layout.depth > 1 and layout.layout == "frame_major":
         observations["use_gym_history"] = True
@@ -206,11 +206,11 @@ def deploy_of(contract: Contract, commands: Sequence[float]) -> dict[str, Any]:
     }
 
 
-def _entry(term: Term, layout: ObservationLayout, behind: bool) -> dict[str, Any]:
+def _entry(term: Term, layout: ObservationLayout, clip_last: bool) -> dict[str, Any]:
     """Return one term as a deploy.yaml has it."""
     clip = None
     if term.clips[0] < NO_CLIP:
-        bound = float(term.clips[0] if behind else term.clips[0] / term.scales[0])
+        bound = float(term.clips[0] if clip_last else term.clips[0] / term.scales[0])
         clip = [-bound, bound]
     parameters: dict[str, Any] = {"command_name": "base_velocity"} if term.name == "command" else {}
     if term.name == "phase" and layout.clock is not None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stiction.core.rotation import crosses
+from stiction.core.rotation import crosses, matrices_about
 from stiction.robots.mechanism import Mechanism
 from stiction.robots.model import Link
 
@@ -126,7 +126,7 @@ def _motions(
         own = axis * velocity[:, number, None]
         found.append(
             _Motion(
-                rotation=below.rotation @ _turns(np.array(link.axis), position[:, number]),
+                rotation=below.rotation @ matrices_about(np.array(link.axis), position[:, number]),
                 axis=axis,
                 origin=below.origin + arm,
                 spin=below.spin + own,
@@ -135,13 +135,6 @@ def _motions(
             )
         )
     return found
-
-
-def _turns(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """Return rotations about a unit vector (3,) by angles (T,), shape (T, 3, 3): Rodrigues' formula."""
-    x, y, z = axis
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle)[:, None, None] * cross + (1 - np.cos(angle))[:, None, None] * (cross @ cross)
 
 
 def _torques(mechanism: Mechanism, motions: list[_Motion], number: int, parameters: Parameters) -> np.ndarray:

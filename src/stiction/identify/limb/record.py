@@ -125,7 +125,7 @@ def _diagnostics(
     """Return the numbers behind the fit."""
     run = rows.joint.run
     residual = fit.residual(rows)
-    behind = [
+    carrying = [
         name
         for number, name in enumerate(limb.mechanism.joint_names)
         if rows.joint.number in limb.mechanism.chain(number)
@@ -155,7 +155,7 @@ def _diagnostics(
         "lateness": fit.estimate(LATENESS),
         "model_error": float(fit.prior[fit.index[fit.link_names[0]]]) if fit.link_names else None,
         "link_mass_errors": {
-            name: fit.estimate(f"{MODES[0]}.{name}") for name in behind if f"{MODES[0]}.{name}" in fit.index
+            name: fit.estimate(f"{MODES[0]}.{name}") for name in carrying if f"{MODES[0]}.{name}" in fit.index
         },
     }
 

@@ -64,8 +64,8 @@ def read_body(
             raise LogError(f"{source}: a message on {topic.name} is damaged ({str(error)[:80]})") from error
         headers.append(stamp)
         received.append(packet.received)
-        for name, kept in values.items():
-            numbers[name].extend(kept)
+        for name, samples in values.items():
+            numbers[name].extend(samples)
         claim(source, 120 * len(received), f"{len(received)} messages or more take", LogError)
     count = len(received)
     if not count:

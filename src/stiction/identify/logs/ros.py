@@ -239,7 +239,7 @@ class Collected:
                 self.wrong.setdefault(name, said)
             else:
                 stored.extend(numbers if order is None else [numbers[place] for place in order])
-        taken = 16 * len(self.received) + sum(8 * len(kept) for kept in self.values.values())
+        taken = 16 * len(self.received) + sum(8 * len(samples) for samples in self.values.values())
         claim(self.source, taken, f"{len(self.received)} messages or more take", LogError)
 
     def matrix(self, name: str) -> np.ndarray | None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stiction.core.errors import LogError
+from stiction.core.errors import LogError, unknown_name
 from stiction.core.rotation import continuous, up_in_frames
 from stiction.formats.joint_map import parse_joint_map
 from stiction.formats.log import BODY, BodySignals, JointSignals, Log
@@ -123,8 +123,10 @@ def match_names(log: Log, spec: Robot, pairs: tuple[str, ...] = ()) -> list[str]
     known = {_bare(name): name for name in spec.joint_names}
     wanted = {}
     for recorded, joint in parse_joint_map(pairs):
-        if recorded not in log.joints or _bare(joint) not in known:
-            raise LogError(f"--joint-map {recorded}={joint}: expected a joint of the log and one of {listing}")
+        if recorded not in log.joints:
+            raise LogError(f"--joint-map {recorded}={joint}: {unknown_name('joint of the log', recorded, log.joints)}")
+        if _bare(joint) not in known:
+            raise LogError(f"--joint-map {recorded}={joint}: {unknown_name('joint', joint, spec.joint_names)}")
         wanted[recorded] = known[_bare(joint)]
     held = {_bare(joint.name) for joint in spec.held}
     found: dict[str, str] = {}

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from math import isfinite
 from typing import Literal
 
-from stiction.core.errors import ConfigurationError
+from stiction.core.errors import ConfigurationError, unknown_name
 
 CONTACTS = ("auto", "logged", "torque", "height")
 """Where foot contact may come from."""
@@ -83,7 +83,7 @@ class WalkSetup:
     def __post_init__(self) -> None:
         """Refuse what has no meaning."""
         if self.contact not in CONTACTS:
-            raise ConfigurationError(f"contact {self.contact!r}: expected one of {', '.join(CONTACTS)}")
+            raise ConfigurationError(unknown_name("contact", self.contact, CONTACTS))
         for item in fields(WalkSetup):
             value = getattr(self, item.name)
             if item.name in ("mass_known", "payload", "centre_of_mass", "contact"):

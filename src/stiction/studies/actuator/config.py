@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from tyro.conf import arg
 
 from stiction.core.errors import ConfigurationError
+from stiction.formats.results import DIRECTIONS
 from stiction.joints.net import ActuatorCfg
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.friction import FrictionCfg
@@ -65,7 +66,7 @@ class LoopCfg:
     """Episodes per policy, robot and command of the evaluation."""
     seconds: float = 20.0
     """Length of an episode [s]."""
-    commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
+    commands: tuple[str, ...] = DIRECTIONS
     """Commands of the evaluation."""
 
     def __post_init__(self) -> None:

@@ -9,6 +9,7 @@ from typing import Annotated
 import tyro
 
 from stiction.core.records import part_of
+from stiction.formats.results import DIRECTIONS
 from stiction.studies.study import RedrawnOptions, Report, Study, UsageError, Work, recorded
 
 
@@ -20,7 +21,7 @@ class AdaptationOptions(RedrawnOptions):
     """Directories of finished training runs; several seeds of a method are put together."""
     friction_levels: tuple[float, ...] = (0.0, 0.1, 0.2, 0.3)
     """Dry friction of the walks on other latents, fractions of the torque limit [-]; at least two."""
-    commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
+    commands: tuple[str, ...] = DIRECTIONS
     """Commanded velocities of these walks."""
     episodes: int = 16
     """Episodes per level and command."""

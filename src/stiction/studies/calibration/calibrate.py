@@ -159,8 +159,8 @@ class Coverage:
 
 def usual(walked: Mapping[int, Windows | None]) -> list[Windows]:
     """Return the robots with a full window that was not unusual, and of them those windows: others are not read."""
-    kept = []
+    remaining = []
     for one in walked.values():
         if one is not None and not one.unusual.all():
-            kept.append(Windows(one.seed, one.error[~one.unusual], one.true, one.unusual[~one.unusual]))
-    return kept
+            remaining.append(Windows(one.seed, one.error[~one.unusual], one.true, one.unusual[~one.unusual]))
+    return remaining

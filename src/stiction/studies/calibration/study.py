@@ -70,8 +70,8 @@ def run(options: CalibrationOptions, work: Work) -> Report:
     for number, found in spread(walk_robot, tasks, work.jobs):
         walked[seeds[number]] = found
         work.progress("robots", len(walked) / len(seeds))
-    kept = {one.seed: one for one in usual({seed: walked[seed] for seed in seeds})}
-    own, other = ([kept[seed] for seed in some if seed in kept] for some in (options.robots, options.tested))
+    judged = {one.seed: one for one in usual({seed: walked[seed] for seed in seeds})}
+    own, other = ([judged[seed] for seed in some if seed in judged] for some in (options.robots, options.tested))
     if not own or not other:
         raise ConfigurationError("no calibration or no test robot walked a whole usual window; give more robots")
     calibration, rows = calibrate(bundle.wear, own, other, options.engine)
@@ -97,8 +97,8 @@ def run(options: CalibrationOptions, work: Work) -> Report:
             "windows": options.windows,
             "robots": [one.seed for one in own],
             "tested": [one.seed for one in other],
-            "left_out": [seed for seed in seeds if seed not in kept],
-            "levels": {str(seed): float(one.true[-1]) for seed, one in kept.items()},
+            "left_out": [seed for seed in seeds if seed not in judged],
+            "levels": {str(seed): float(one.true[-1]) for seed, one in judged.items()},
         },
         files=lambda out: write_text(out / name, model.to_json()),
     )

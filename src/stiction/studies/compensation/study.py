@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from stiction.formats.results import DIRECTIONS
 from stiction.joints.compensation import parse_compensation
 from stiction.report.terminal import RobotSeeds
 from stiction.studies.study import ParallelOptions, RedrawnOptions, Report, Study, UsageError, Work, recorded
@@ -53,7 +54,7 @@ class CompensationOptions(ParallelOptions, RedrawnOptions):
     """How friction is fed forward while robots walk, and which share of it."""
     friction_levels: tuple[float, ...] = (0.0, 0.1, 0.2, 0.3)
     """Dry friction as fractions of each joint's torque limit [-]; at 0 there is nothing to feed forward."""
-    commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
+    commands: tuple[str, ...] = DIRECTIONS
     """Commanded velocities; with stand the page shows how much joints shake then."""
     episodes: int = 16
     """Episodes per level and command."""
@@ -104,8 +105,8 @@ def run(options: CompensationOptions, work: Work) -> Report:
     for count, (bundle, how) in enumerate(plans, 1):
         at = cfg if how is None else fed
         name = f"{bundle.name}--{'none' if how is None else how.label}"
-        made_from = {"bundle": bundle.digest, "cfg": asdict(at), "how": None if how is None else asdict(how)}
-        walks += work.cached(name, made_from, partial(walk_by, bundle, at, how, work.threads))["rows"]
+        inputs = {"bundle": bundle.digest, "cfg": asdict(at), "how": None if how is None else asdict(how)}
+        walks += work.cached(name, inputs, partial(walk_by, bundle, at, how, work.threads))["rows"]
         work.progress("walks", count / len(plans))
     spec = robot_of(bundles[0].contract)
     tasks = [

@@ -105,7 +105,7 @@ def report(result: DampingResult, settings: dict[str, Any]) -> Report:
 
 
 def draw_swaps(rows: Sequence[SwapRow]) -> Figure:
-    """Return the largest difference of the angle over each case's level, half of k kd moved, B × 1.2 dashed."""
+    """Return the largest difference of the angle over each case's level; with more viscous friction dashed."""
     robots = list(dict.fromkeys(row.robot for row in rows))
     figure, axes = new_figure(len(robots), len(PANELS), size=(4.2 * len(PANELS), 3.1 * len(robots)))
     for index, axis in enumerate(axes):

@@ -17,6 +17,7 @@ from stiction.deploy.policy import load_policy
 from stiction.evaluate.command import SETTLE, parse_command
 from stiction.evaluate.rollout import Rollout, friction_at
 from stiction.formats.bundle import Bundle
+from stiction.formats.results import DIRECTIONS
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import BASE_DOFS, Fleet
 from stiction.studies.damping.joint import DampingCfg, RobotRow
@@ -46,7 +47,7 @@ class WalkCfg:
 
     friction_levels: tuple[float, ...] = (0.0, 0.2)
     """Dry friction over torque limit [-]."""
-    commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
+    commands: tuple[str, ...] = DIRECTIONS
     """Commanded velocities."""
     episodes: int = 8
     """Robots per level, command and torque limits, each without a swap, with one, and as a twin."""

@@ -90,7 +90,7 @@ class DuelCfg:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class DuelRow:
     """How robots walked; a row of duels.csv."""
 
     policy: str = field(metadata=column("policy"))
@@ -220,5 +220,5 @@ def fight(
         rows = []
         for who, act in sides.items():
             found = Duel(bundle, cfg, seed, "judging", threads, robot).judge(act)
-            rows.append(asdict(Outcome(bundle.name, method_of(bundle.contract), seed, who, **found)))
+            rows.append(asdict(DuelRow(bundle.name, method_of(bundle.contract), seed, who, **found)))
     return rows

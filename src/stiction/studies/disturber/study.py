@@ -12,7 +12,7 @@ import tyro
 from stiction.studies.study import Options, Report, Study, UsageError, Work
 
 if TYPE_CHECKING:
-    from stiction.studies.disturber.duel import Outcome
+    from stiction.studies.disturber.duel import DuelRow
 
 DESCRIPTION = """Train a new disturber against each policy, which does not learn any more, and see what it gains.
 
@@ -80,7 +80,7 @@ class Gain:
     """The same, in the seed with the most."""
 
 
-def gains(rows: Sequence[Outcome]) -> list[Gain]:
+def gains(rows: Sequence[DuelRow]) -> list[Gain]:
     """Return what each side changed against nobody, policy by policy; rows: of one budget."""
     found = []
     calm = {(row.policy, row.seed): row for row in rows if row.disturbed_by == "nobody"}
@@ -88,7 +88,7 @@ def gains(rows: Sequence[Outcome]) -> list[Gain]:
         for who in ("random", "learned"):
             pairs = [(r, calm[policy, r.seed]) for r in rows if (r.policy, r.disturbed_by) == (policy, who)]
 
-            def mean(name: str, pairs: Sequence[tuple[Outcome, Outcome]] = pairs) -> float:
+            def mean(name: str, pairs: Sequence[tuple[DuelRow, DuelRow]] = pairs) -> float:
                 return sum(getattr(a, name) - getattr(b, name) for a, b in pairs) / len(pairs)
 
             costs = [a.cost - b.cost for a, b in pairs]
@@ -110,27 +110,27 @@ def run(options: DisturberOptions, work: Work) -> Report:
 
     from stiction.core.records import from_plain, part_of
     from stiction.evaluate.summary import describe
-    from stiction.studies.disturber.duel import DuelCfg, Outcome, fight, task_for
+    from stiction.studies.disturber.duel import DuelCfg, DuelRow, fight, task_for
 
     cfg, bundles = part_of(DuelCfg, options), work.bundles(options.policies)
     for bundle in bundles:
         task_for(bundle.contract, cfg, options.robot)
     work.begin()
-    rows: list[Outcome] = []
+    rows: list[DuelRow] = []
     for bundle in bundles:
         for seed in options.seeds:
-            made_from = {"bundle": bundle.digest, "cfg": asdict(cfg), "seed": seed, "robot": options.robot}
+            inputs = {"bundle": bundle.digest, "cfg": asdict(cfg), "seed": seed, "robot": options.robot}
             name = f"{bundle.name}--{seed}"
             watch = partial(work.progress, name)
             part = work.cached(
-                name, made_from, partial(_part, fight, bundle, cfg, seed, work.threads, watch, options.robot)
+                name, inputs, partial(_part, fight, bundle, cfg, seed, work.threads, watch, options.robot)
             )
-            rows += [from_plain(Outcome, dict(row), "a duel of before") for row in part["rows"]]
+            rows += [from_plain(DuelRow, dict(row), "a duel of before") for row in part["rows"]]
             work.progress(name, 1.0)
     return report(rows, {"settings": asdict(cfg), "policies": {bundle.name: describe(bundle) for bundle in bundles}})
 
 
-def report(rows: Sequence[Outcome], summary: Mapping[str, Any]) -> Report:
+def report(rows: Sequence[DuelRow], summary: Mapping[str, Any]) -> Report:
     """Return the tables and the page."""
     from stiction.report.page import Section, row_table
 

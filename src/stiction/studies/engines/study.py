@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stiction.core.records import make_folder, part_of, read_rows
+from stiction.engines.catalog import TIMESTEP
+from stiction.formats.results import DIRECTIONS
 from stiction.studies.study import ParallelOptions, RedrawnOptions, Report, Study, Work, recorded
 
 if TYPE_CHECKING:
@@ -31,7 +33,7 @@ class EnginesOptions(ParallelOptions, RedrawnOptions):
     all shipped ones that can be had here; what others need is reported."""
     robot: str = "saturn_lite"
     """Robot that the suite is run with: go1, saturn_lite, or one of your own, package.module:NAME."""
-    timesteps: tuple[float, ...] = (0.002,)
+    timesteps: tuple[float, ...] = (TIMESTEP,)
     """Physics steps of the suite [s]; its bounds are made for 0.002, the step at which policies walk in any case."""
     walks: bool = True
     """Let policies walk. The suite alone takes a minute."""
@@ -39,7 +41,7 @@ class EnginesOptions(ParallelOptions, RedrawnOptions):
     """Policies: directories or names of shipped bundles; by default the shipped ones for flat ground."""
     friction_levels: tuple[float, ...] = (0.0, 0.2)
     """Dry friction of the walks in every joint, as fractions of its torque limit [-]."""
-    commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
+    commands: tuple[str, ...] = DIRECTIONS
     """Commanded velocities; each must ask for motion."""
     episodes: int = 5
     """Walks of each policy in each simulator, per friction level and command."""

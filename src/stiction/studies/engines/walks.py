@@ -182,14 +182,14 @@ def walk_cell(bundle: Bundle, simulator: Simulator, asked: EvaluationCfg, folder
     asked: one level and one command.
     """
     engine = MUJOCO if simulator.name in (TRAINING, FINE_TRAINING, COARSE, STIFF) else simulator.name
-    made_from: dict[str, Any] = {"bundle": bundle.digest, "simulator": simulator.name, "asked": asdict(asked)}
-    made_from["binaries"] = binaries(engine)
+    inputs: dict[str, Any] = {"bundle": bundle.digest, "simulator": simulator.name, "asked": asdict(asked)}
+    inputs["binaries"] = binaries(engine)
     name = f"{bundle.name}--{simulator.name}--{asked.friction_levels[0]:g}--{asked.commands[0]}".replace(" ", "-")
 
     def make() -> dict[str, list[dict[str, Any]]]:
         return {"episodes": [asdict(row) for row in _episodes(bundle, simulator, asked)]}
 
-    entry = cached(folder, name, key_of(made_from, *WALK_CODE, "studies/engines/walks.py"), make)
+    entry = cached(folder, name, key_of(inputs, *WALK_CODE, "studies/engines/walks.py"), make)
     return tuple(EpisodeRow(**row) for row in entry["episodes"])
 
 

@@ -36,7 +36,7 @@ class FlagsOptions(Options):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class MistakeRow:
     """What identification said after a mistake; of several joints, of the one of which it said most that is wrong."""
 
     mistake: str = field(metadata=column("mistake"))
@@ -86,7 +86,7 @@ class Outcome:
         return self.mistake == RIGHT and (self.wrong or (bool(self.caught) and not none))
 
 
-def outcome(case: Case) -> Outcome:
+def outcome(case: Case) -> MistakeRow:
     """Identify a record after a mistake."""
     given = case.given()
     try:
@@ -97,7 +97,7 @@ def outcome(case: Case) -> Outcome:
     return max(rows, key=lambda row: (row.confident, row.false_alarm, row.assumed, not row.caught))
 
 
-def _joint_outcome(case: Case, name: str, right: float, record: JointRecord) -> Outcome:
+def _joint_outcome(case: Case, name: str, right: float, record: JointRecord) -> MistakeRow:
     """Return what was said of one joint."""
     friction = record.coulomb_friction or record.combinations.get("f/k")
     if friction is None:
@@ -111,14 +111,14 @@ def _joint_outcome(case: Case, name: str, right: float, record: JointRecord) -> 
 
 def _outcome(
     case: Case, name: str, right: float, friction: Estimate | None, caught: str, said: str, assumes: str = ""
-) -> Outcome:
+) -> MistakeRow:
     """Return a row; friction: None where there is none."""
     value, (low, high) = (None, (None, None)) if friction is None else (friction.value, friction.interval95)
     record = f"{case.record}, {name}" if name else case.record
-    return Outcome(case.mistake, record, right, value, low, high, caught, assumes, case.flag, said, case.invisible)
+    return MistakeRow(case.mistake, record, right, value, low, high, caught, assumes, case.flag, said, case.invisible)
 
 
-def lead(rows: Sequence[Outcome]) -> str:
+def lead(rows: Sequence[MistakeRow]) -> str:
     """Count what became of the cases."""
     right_flags, cases = [row for row in rows if row.mistake == RIGHT], [row for row in rows if row.mistake != RIGHT]
     caught, wrong = [row for row in cases if row.caught], [row for row in cases if row.confident]

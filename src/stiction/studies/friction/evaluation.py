@@ -179,9 +179,9 @@ def evaluate_tasks(
     """
     found: dict[str, list[ResultRow]] = {}
     failed: dict[str, str] = {}
-    kept = [task for task in tasks if task.done]
-    new = [task for task in tasks if task not in kept]
-    for some, processes in ((kept, 1), (new, jobs)):
+    done = [task for task in tasks if task.done]
+    new = [task for task in tasks if task not in done]
+    for some, processes in ((done, 1), (new, jobs)):
         for number, rows in spread(_rows_or_reason, [(task,) for task in some], processes):
             if isinstance(rows, str):
                 failed[some[number].name] = rows

@@ -98,7 +98,8 @@ def draw_budget(experiment: Experiment, conditions: Sequence[str], law: str = "c
                     seeds.setdefault(row.seed, []).append((level_number(law, row.friction_level), row.speed_ratio))
             for points in map(sorted, seeds.values()):
                 axis.plot(*zip(*points, strict=True), linewidth=0.6, alpha=0.6, marker=".", markersize=3, **look)
-        axis.set(title=f"{who}, {WORDS[command]}, 0.5 m/s", ylabel="speed reached / commanded")
+        speed = abs(float(command.removeprefix("vx=")))
+        axis.set(title=f"{who}, {WORDS[command]}, {speed:g} m/s", ylabel="speed reached / commanded")
     for axis in axes[-2:]:
         axis.set_xlabel(level_axis(law))
     for axis in axes[1::2]:

@@ -10,6 +10,7 @@ import tyro
 
 from stiction.core.errors import ConfigurationError
 from stiction.core.records import part_of, read_rows
+from stiction.formats.results import DIRECTIONS
 from stiction.studies.study import RedrawnOptions, Report, Study, UsageError, Work, recorded
 
 DESCRIPTION = (
@@ -29,7 +30,7 @@ class GaitOptions(RedrawnOptions):
     """Policy bundles: directories, names of shipped ones, or finished training runs, which are exported first."""
     variants: tuple[Literal["both", "no-trot", "no-unsync", "neither"], ...] = ()
     """Gait rewards of each policy, in order, where its training command does not name them."""
-    commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
+    commands: tuple[str, ...] = DIRECTIONS
     """Commanded velocities; each must ask for motion."""
     friction_level: float = 0.0
     """Dry friction in every joint, as a fraction of its torque limit [-]."""
