@@ -11,6 +11,7 @@ import re
 import sys
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 
@@ -30,7 +31,6 @@ OF_ROS = frozenset({"rclpy", "sensor_msgs", "std_msgs"})
 """Packages of a ROS 2 installation, which are on no index; who asks for that transport has them."""
 
 MODULES = sorted(HOUSE.rglob("*.py"))
-TREES = {path: ast.parse(path.read_text(), str(path)) for path in MODULES}
 NAMES = {path: path.relative_to(HOUSE).as_posix() for path in MODULES}
 BY_NAME = {
     ".".join(("stiction", *path.relative_to(HOUSE).with_suffix("").parts)).removesuffix(".__init__"): path
@@ -40,6 +40,12 @@ BY_NAME = {
 
 Import = tuple[str, int]
 """Dotted name of what is imported, and the line."""
+
+
+@cache
+def tree_of(path: Path) -> ast.Module:
+    """Return the syntax tree of a module; not made where tests are only collected."""
+    return ast.parse(path.read_text(), str(path))
 
 
 def imports(nodes: Iterator[ast.AST], package: str = "stiction") -> list[Import]:
@@ -65,7 +71,7 @@ def package_of(path: Path) -> str:
 
 def all_imports(path: Path) -> list[Import]:
     """Return every import of a module, those inside functions included."""
-    return imports(ast.walk(TREES[path]), package_of(path))
+    return imports(ast.walk(tree_of(path)), package_of(path))
 
 
 def imports_at_the_top(tree: ast.Module) -> Iterator[ast.AST]:
@@ -106,7 +112,7 @@ def loaded(start: Path) -> dict[str, list[str]]:
     seen, waiting = {start}, [(start, [NAMES[start]])]
     while waiting:
         path, chain = waiting.pop()
-        for name, _ in imports(imports_at_the_top(TREES[path]), package_of(path)):
+        for name, _ in imports(imports_at_the_top(tree_of(path)), package_of(path)):
             if not name.startswith("stiction"):
                 outside.setdefault(name.split(".")[0], chain)
                 continue
@@ -187,7 +193,7 @@ def test_verbs_and_studies_load_their_rooms_only_when_called() -> None:
 
 def test_nothing_executes_what_it_reads() -> None:
     """If this failed, opening a log, a checkpoint or a bundle could run somebody's code."""
-    assert not {NAMES[path]: found for path, tree in TREES.items() if (found := forbidden_calls(tree))}
+    assert not {NAMES[path]: found for path in MODULES if (found := forbidden_calls(tree_of(path)))}
 
 
 def test_modules_and_functions_stay_readable() -> None:
@@ -195,8 +201,8 @@ def test_modules_and_functions_stay_readable() -> None:
     assert not [NAMES[path] for path in MODULES if len(path.read_text().splitlines()) > LONGEST_MODULE]
     functions = [
         (NAMES[path], node)
-        for path, tree in TREES.items()
-        for node in ast.walk(tree)
+        for path in MODULES
+        for node in ast.walk(tree_of(path))
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
     ]
     long = [(name, node.name) for name, node in functions if (node.end_lineno or 0) - node.lineno >= LONGEST_FUNCTION]
