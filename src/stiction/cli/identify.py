@@ -6,6 +6,7 @@ import shlex
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -215,7 +216,7 @@ def _identify_joints(config: IdentifyConfig, command: str) -> int:
     with results_folder(config.out, _verb(config), config):
         found.write(config.out, command)
     if config.robot is not None:
-        _print_results(config, found.file, lambda *shown: _show_limb(*shown, config.model_error))
+        _print_results(config, found.file, partial(_show_limb, model_error=config.model_error))
         return 0
     _print_results(config, found.file, show)
     if len(found.signals) > 1 and setup.test_condition != "bare_motor":

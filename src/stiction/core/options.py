@@ -123,9 +123,9 @@ def _wrong(parser: argparse.ArgumentParser, arguments: Sequence[str], said: str)
         name = name if name in known else _name(action).strip("[]")
         return f"{name} {value!r}; expected {', '.join(choices)}{nearest(value, choices)}"
     if found := re.match(r"(?:Error parsing|Missing value for argument) '?([\w.-]+)", text):
-        action = known.get(found[1]) or next((one for one in parser._actions if one.dest == found[1]), None)
-        typed = [name for name in names if action is not None and name in action.option_strings]
-        name, wanted = (typed or [found[1]])[0], _wanted(action)
+        taking = known.get(found[1]) or next((one for one in parser._actions if one.dest == found[1]), None)
+        typed = [name for name in names if taking is not None and name in taking.option_strings]
+        name, wanted = (typed or [found[1]])[0], _wanted(taking)
         words = _given(arguments, name)
         return (
             f"{name} {' '.join(words)!r}: expected {wanted}"
