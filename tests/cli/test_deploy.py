@@ -160,3 +160,10 @@ def test_wrong_words_are_one_line_and_nothing_moves(
     assert main(["deploy", POLICY, "--armed", "--duration", "0.2", "--out", str(tmp_path / "run"), *words]) == 1
     err = capsys.readouterr().err
     assert said in err and err.count("\n") == 1, err
+
+
+def test_what_is_no_bundle_is_refused_before_a_folder_is_made(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """If this failed, a folder of another kind would be told to lack card.md, and an empty run would be left behind."""
+    (tmp_path / "other").mkdir()
+    assert main(["deploy", str(tmp_path / "other"), "--out", str(tmp_path / "run")]) == 1
+    assert "is no policy bundle" in capsys.readouterr().err and not (tmp_path / "run").exists()

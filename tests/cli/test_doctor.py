@@ -39,3 +39,12 @@ def test_machine_is_described(capsys: pytest.CaptureFixture) -> None:
     """Without an audit: what a bug report needs."""
     assert main(["doctor", "--json"]) == 0
     assert {"cpu", "cores", "threads", "packages"} <= json.loads(capsys.readouterr().out).keys()
+
+
+def test_a_robot_without_an_audit_is_wrong_usage(capsys: pytest.CaptureFixture) -> None:
+    """If this failed, a robot that there is not would end with the machine's facts and status 0."""
+    with pytest.raises(SystemExit) as stop:
+        main(["doctor", "--robot", "no_such_robot"])
+    assert stop.value.code == 2
+    printed = capsys.readouterr()
+    assert not printed.out and "--randomization" in printed.err and printed.err.count("\n") == 1

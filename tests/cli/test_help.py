@@ -40,6 +40,7 @@ def test_examples_are_in_every_help_and_their_options_exist(
     text = help_of(capsys, *words, "--help-all")
     examples = [line for line in re.findall(r"^  (stiction .*)$", text, re.MULTILINE) if line.startswith(program)]
     assert examples and "%%" not in text, text
+    assert not re.search(r"`[A-Z][A-Z_0-9]+`|, see `[A-Z]|Cfg\b|\bNone\b|\{FLOAT", text), "a name of the code"
     brief = help_of(capsys, *words, "--help")
     assert re.findall(r"^  stiction .*$", brief, re.MULTILINE)
     assert brief.count("\n") <= 1.25 * SCREEN
@@ -57,6 +58,7 @@ def test_training_is_explained_on_one_screen(capsys: pytest.CaptureFixture, monk
     assert brief.count("\n") <= SCREEN
     named = re.findall(r"^  (--[\w.-]+)", brief, re.MULTILINE)
     everything = re.findall(r"^  (--[\w.-]+)", whole, re.MULTILINE)
+    assert "--view" in named
     assert 15 <= len(named) <= 25 and len(everything) > 100 and set(named) < set(everything)
 
 

@@ -121,6 +121,8 @@ def test_policies_that_the_package_has_replaced_are_named() -> None:
     told = {"seed": 2, "revision": "441582ac71d4"}
     (said,) = namesakes({name: told | {"digest": "another"}, "my-own": told | {"digest": "x"}})
     assert f"{name} (seed 2, revision 441582ac71d4)" in said and "my-own" not in said
+    (said,) = namesakes({name: told | {"digest": "another", "phases": 2}})
+    assert ", two phases, revision " in said
     assert namesakes({name: told | {"digest": read_bundle(path).digest}}) == []
 
 

@@ -25,6 +25,12 @@ class Walk:
     """How many; none are counted."""
     log: bool = True
     """Write it down."""
+    pace: tuple[float, float] = (0.1, 0.5)
+    """Slowest and fastest [m/s]."""
+    reach: tuple[float, float] | None = None
+    """From hip to hip [m]."""
+    weights: tuple[tuple[str, float], ...] = ()
+    """What for, and how much."""
     load: Annotated[float | None, tyro.conf.arg(aliases=("--on.back",))] = None
     """On its back [kg]."""
 
@@ -62,6 +68,12 @@ def test_words_become_options() -> None:
         (("go2", "--steps", "many"), ("--steps 'many'", "expected a whole number")),
         (("go2", "--seconds", "long"), ("--seconds 'long'", "expected a number")),
         (("go2", "--load", "much"), ("--load", "'much'", "expected a number")),
+        (("go2", "--pace", "0.3"), ("--pace '0.3': expected two numbers, such as 0.1 0.5",)),
+        (("go2", "--pace", "slow", "fast", "--steps", "3"), ("--pace 'slow fast': expected two numbers",)),
+        (("go2", "--pace=0.1,0.5"), ("--pace '0.1,0.5': expected two numbers",)),
+        (("go2", "--pace"), ("--pace: a value is missing; expected two numbers",)),
+        (("go2", "--reach", "0.3"), ("--reach '0.3': expected two numbers",)),
+        (("go2", "--weights", "speed"), ("--weights 'speed': expected a word and a number",)),
         (("go2", "--steps", "3", "--steps", "4"), ("--steps is given twice; say it once",)),
         (("go2", "--steps=3", "--steps", "3"), ("--steps is given twice; say it once",)),
         (("go2", "--load", "3", "--on.back", "4"), ("--load and --on.back are one option, given twice",)),
@@ -83,9 +95,38 @@ def test_wrong_words_are_one_line_with_status_2(
 def test_help_shows_what_is_needed_and_the_rest_on_demand(capsys: pytest.CaptureFixture) -> None:
     """If this failed, the options that people use would be lost among all."""
     brief, whole = said(capsys, "--help", status=0), said(capsys, "go2", "--help-all", status=0)
-    assert "--seconds FLOAT" in brief and "--gait" not in brief and "4 more options: stiction walk --help-all" in brief
+    assert "--seconds FLOAT" in brief and "--gait" not in brief and "7 more options: stiction walk --help-all" in brief
     assert "  stiction walk hexapod\n" in brief and "third paragraph" not in brief
     assert "usually needed:" in whole and "third paragraph" in whole and "more options" not in whole
-    for part in ("--gait WORD", "second sentence. One of tripod, ripple.", "--log, --no-log", "ROBOT", "[2.0]"):
+    for part in (
+        "--gait WORD",
+        "--pace FLOAT FLOAT",
+        "--reach FLOAT FLOAT",
+        "--weights STR FLOAT ...",
+        "second sentence. One of tripod, ripple.",
+        "--log, --no-log",
+        "ROBOT",
+        "[2.0]",
+    ):
         assert part in " ".join(whole.split()), part
     assert "None" not in whole
+
+
+@dataclass(frozen=True)
+class Show:
+    """Options of a show."""
+
+    what: Annotated[Literal["robots", "policies"], tyro.conf.Positional] = "robots"
+    """What to show."""
+
+
+def test_an_argument_that_may_be_left_out_is_in_brackets_and_its_typo_is_found(capsys: pytest.CaptureFixture) -> None:
+    """If this failed, a list of choices would stand in the usage, and a typo would be told that it expected nothing."""
+    for words, status in ((("--help",), 0), (("robts",), 2)):
+        with pytest.raises(SystemExit) as stop:
+            read_options(Show, words, "stiction show", "Show.")
+        assert stop.value.code == status
+    printed = capsys.readouterr()
+    assert printed.out.startswith("usage: stiction show [WHAT] [options]\n")
+    assert "What to show. One of robots, policies. [robots]" in printed.out
+    assert "WHAT 'robts'; expected robots, policies; did you mean 'robots'?" in printed.err

@@ -49,6 +49,17 @@ def test_a_missing_file_is_named(bundle: Path, name: str) -> None:
         read_bundle(bundle)
 
 
+def test_a_folder_that_is_no_bundle_is_told_apart_from_one_that_is_damaged(bundle: Path) -> None:
+    """If this failed, who names a run's folder would look for a card that was never there."""
+    run = bundle.parent / "run"
+    run.mkdir()
+    with pytest.raises(BundleError, match=r"is no policy bundle.*name the directory of one"):
+        read_bundle(run)
+    bundle.rename(run / "bundle")
+    with pytest.raises(BundleError, match=r"is no policy bundle.*did you mean .*bundle\?"):
+        read_bundle(run)
+
+
 def test_a_file_too_many_is_refused(bundle: Path) -> None:
     """What is not covered by the checksums has no place in a bundle."""
     (bundle / "policy.onnx.data").write_bytes(b"weights")

@@ -13,7 +13,7 @@ from stiction.formats.joints import JointsFile, write_fit
 from stiction.formats.log import LogSetup
 from stiction.identify.example import example_log
 from stiction.identify.pipeline import identify_joint
-from stiction.report.identification import write_identification_page
+from stiction.report.identification import joint_columns, write_identification_page
 
 
 def results(folder: Path, setup: LogSetup | None = None, name: str = "shank") -> JointsFile:
@@ -61,3 +61,24 @@ def test_a_page_without_its_signals_is_refused(tmp_path: Path) -> None:
     JointsFile({"other": joints.joints["shank"]}).write(tmp_path / "joints.json")
     with pytest.raises(StictionError, match="joint 'other'"):
         write_identification_page(tmp_path)
+
+
+def test_the_page_names_its_command_the_units_of_what_was_given_and_the_file_to_train_with(tmp_path: Path) -> None:
+    """If this failed, a page could not be made again, a gain of 20 be anything, and the next command would fail."""
+    folder = tmp_path / "my joint"
+    folder.mkdir()
+    record = results(folder).joints["shank"]
+    page = write_identification_page(folder, "stiction identify log.csv --kp 20").read_text(encoding="utf-8")
+    top = page.partition("<h2")[0]
+    assert "<code>stiction identify log.csv --kp 20</code>" in top
+    assert "stiction train --friction-from &#39;" in top and f"{folder}/training.json&#39;" in top
+    assert f"kp {record.kp:g} N m/rad, kd {record.kd:g} N m s/rad, torque limit {record.torque_limit:g} N m." in page
+    assert page.count("Dry (Coulomb) friction f [N m]") >= 3 and ">Dry (Coulomb) friction f<" not in page
+
+
+def test_many_joints_have_units_in_every_heading(tmp_path: Path) -> None:
+    """A table of several joints had numbers that were of nothing."""
+    record = results(tmp_path).joints["shank"]
+    columns = joint_columns({"hip": record, "rail": replace(record, axis="linear")})
+    assert columns[:3] == ["dry friction [N m or N]", "95 % interval [N m or N]", "viscous [N m s/rad or N s/m]"]
+    assert columns[3:] == ["inertia [kg m² or kg]", "f/τ_max [%]", "f/kp [rad or m]", "law"]

@@ -96,8 +96,8 @@ class Identified(Result):
         rows = [[name, *(cell(record, part) for part in shown)] for name, record in self.joints.items()]
         return html_table(["joint", *(name.replace("_", " ") for name in shown)], rows)
 
-    def write(self, folder: Path) -> None:
-        """Write joints.json, fit.npz, training.json and report.html."""
+    def write(self, folder: Path, command: str = "") -> None:
+        """Write joints.json, fit.npz, training.json and report.html, which names the command, if there was one."""
         from stiction.report.identification import write_identification_page
 
         if not self.signals:
@@ -105,7 +105,7 @@ class Identified(Result):
         self.file.write(folder / "joints.json")
         write_proposal(folder, self.file)
         write_fit(folder / "fit.npz", self.signals)
-        write_identification_page(folder)
+        write_identification_page(folder, command)
 
 
 @says_what_is_missing

@@ -18,6 +18,7 @@ from stiction.core.options import read_options
 from stiction.core.records import part_of
 from stiction.deploy.runtime.config import LimitsCfg, OperatorCfg, SafetyCfg
 from stiction.deploy.transports.config import HeldCfg
+from stiction.formats.settings import results_folder
 
 if TYPE_CHECKING:
     import numpy as np
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from stiction.deploy.transports.link import Link
     from stiction.formats.bundle import Bundle
     from stiction.formats.contract import Contract
-from stiction.formats.settings import results_folder
 
 DESCRIPTION = """Run a policy bundle on a robot, or play a designed motion on it.
 
@@ -127,11 +127,11 @@ def main(arguments: list[str]) -> int:
     if address.transport != "virtual" and (cfg.fault or cfg.stand):
         raise ConfigurationError(f"--fault and --stand are for the virtual robot alone; --robot is {cfg.robot}")
     folder = find_bundle(cfg.bundle)
+    bundle = check_bundle(folder, cfg.expect_digest).bundle
     report: dict[str, Any] = {}
     said: list[str] = []
     try:
         with results_folder(cfg.out, "deploy", cfg):
-            bundle = check_bundle(folder, cfg.expect_digest).bundle
             report = _run(cfg, address, bundle, folder)
             write_text(cfg.report or cfg.out / "report.json", _text(report))
     except UnwrittenError as error:

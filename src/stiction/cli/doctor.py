@@ -9,7 +9,7 @@ from typing import Annotated
 
 import tyro
 
-from stiction.core.options import read_options
+from stiction.core.options import read_options, refuse
 from stiction.locomotion.config import TaskCfg
 
 DESCRIPTION = """Measure that every randomised parameter changes the physics as its own formula says.
@@ -46,6 +46,8 @@ def main(arguments: list[str]) -> int:
     from stiction.core.provenance import machine
 
     if not options.randomization:
+        if options.task != TaskCfg():
+            refuse("stiction doctor", "robot and ranges are those of an audit; add --randomization")
         facts = machine()
         if options.json:
             print(json.dumps(facts))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -178,11 +180,11 @@ def main(arguments: list[str]) -> int:
         return _identify_walk(arguments)
     config = read_options(IdentifyConfig, arguments, "stiction identify", DESCRIPTION, groups=GROUPS)
     with limit_memory(memory_of(config.memory_limit)):
-        return _identify_joints(config)
+        return _identify_joints(config, shlex.join(["stiction", "identify", *arguments]))
 
 
-def _identify_joints(config: IdentifyConfig) -> int:
-    """Identify the joints of one log or of several, or of a whole limb; return the exit status."""
+def _identify_joints(config: IdentifyConfig, command: str) -> int:
+    """Identify the joints of one log or of several, or of a whole limb; return the exit status. command: as typed."""
     from stiction.api.identification import identify_joints, identify_limb
     from stiction.identify.logs import join_logs, parse_columns
     from stiction.identify.logs.sidecar import write_sidecar
@@ -212,9 +214,9 @@ def _identify_joints(config: IdentifyConfig) -> int:
         with Terminal(stderr=True).status("fitting all joints at once"):
             found = identify_limb(first, config.robot, setup, limb, config.joint, repeats, more)
     with results_folder(config.out, _verb(config), config):
-        found.write(config.out)
+        found.write(config.out, command)
     if config.robot is not None:
-        _print_results(config, found.file, lambda console, joints: _show_limb(console, joints, config.model_error))
+        _print_results(config, found.file, partial(_show_limb, model_error=config.model_error))
         return 0
     _print_results(config, found.file, show)
     if len(found.signals) > 1 and setup.test_condition != "bare_motor":
@@ -275,7 +277,7 @@ def _identify_walk(arguments: list[str]) -> int:
             found.joints.write(options.out / "joints.json")
             write_proposal(options.out, found.joints)
             write_walk_fit(options.out / "fit.npz", found.fit)
-            write_walking_page(options.out)
+            write_walking_page(options.out, shlex.join(["stiction", "identify", WALK, *arguments]))
     _print_results(options, found.joints, _show_walk)
     return 0
 
@@ -323,23 +325,25 @@ def _keep_inputs(log: Path, out: Path) -> None:
             )
 
 
-def _print_results(options: WriteOptions, joints: JointsFile, show: Callable[[Console, JointsFile], None]) -> None:
-    """Print what was found: as JSON, or as `show` does for a person."""
+def _print_results(
+    options: WriteOptions, joints: JointsFile, show: Callable[[Console, JointsFile, Path], None]
+) -> None:
+    """Print what was found: as JSON, or as `show` does for a person, of a file in a folder."""
     if options.json:
         print(object_text(joints.to_dict()), end="")
         return
     terminal = Terminal()
-    show(terminal if terminal.is_terminal else Terminal(width=PLAIN_WIDTH), joints)
+    show(terminal if terminal.is_terminal else Terminal(width=PLAIN_WIDTH), joints, options.out)
     Terminal(stderr=True).print(f"page: {options.out / 'report.html'}", highlight=False, soft_wrap=True)
 
 
-def show(console: Console, joints: JointsFile) -> None:
-    """Print for a person what was found: the verdict in three lines, the numbers, and the warnings."""
+def show(console: Console, joints: JointsFile, folder: Path) -> None:
+    """Print for a person what was found, and lies in a folder: the verdict in three lines, numbers, and warnings."""
     from stiction.identify.warnings import repeat_lines
     from stiction.report.identification import lead_lines, own_warnings, remaining_warnings
 
     found = {name: record for name, record in joints.joints.items() if record.diagnostics}
-    for line in lead_lines(joints):
+    for line in lead_lines(joints, folder):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     if len(found) == 1:
         for name, record in found.items():
@@ -408,9 +412,9 @@ def _law(record: JointRecord) -> Table:
 
 def _several(found: dict[str, JointRecord]) -> Table:
     """Tabulate several joints, a row each; what is known over k only carries it in its heading."""
-    from stiction.report.identification import JOINT_COLUMNS, joint_row
+    from stiction.report.identification import joint_columns, joint_row
 
-    table = Table("joint", *JOINT_COLUMNS)
+    table = Table("joint", *joint_columns(found))
     for name, record in found.items():
         table.add_row(name, *joint_row(record))
         if record.coulomb_friction is None:
@@ -419,9 +423,9 @@ def _several(found: dict[str, JointRecord]) -> Table:
     return table
 
 
-def _show_limb(console: Console, joints: JointsFile, model_error: float) -> None:
+def _show_limb(console: Console, joints: JointsFile, folder: Path, model_error: float) -> None:
     """Print what was found in the log of a limb, and what was taken to be known of its links, for a person."""
-    show(console, joints)
+    show(console, joints, folder)
     console.print(
         f"inertia is the rotor's (armature), behind the links of the model; each link's mass, inertia and centre were "
         f"admitted to be off by {model_error:.0%}, one standard deviation (--model-error)",
@@ -430,13 +434,13 @@ def _show_limb(console: Console, joints: JointsFile, model_error: float) -> None
     )
 
 
-def _show_walk(console: Console, joints: JointsFile) -> None:
+def _show_walk(console: Console, joints: JointsFile, folder: Path) -> None:
     """Print what was found in a walk, and the warnings, for a person."""
     from stiction.report.identification import lead_lines
     from stiction.report.walking import VALUE_CAPTION, VALUE_COLUMNS, contact_line, grouped_warnings, value_rows
 
     table = Table("", *VALUE_COLUMNS, caption=VALUE_CAPTION)
-    for line in lead_lines(joints):
+    for line in lead_lines(joints, folder):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     for row in value_rows(joints):
         table.add_row(*row)

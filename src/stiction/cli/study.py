@@ -39,7 +39,8 @@ def find_study(name: str) -> Study:
 
 def overview() -> str:
     """Return the text of `stiction study --help`."""
-    return USAGE + "".join(f"  {name:<13}{find_study(name).question}\n" for name in study_names()) + EPILOG
+    width = 2 + max(map(len, study_names()))
+    return USAGE + "".join(f"  {name:<{width}}{find_study(name).question}\n" for name in study_names()) + EPILOG
 
 
 def main(arguments: list[str]) -> int:

@@ -118,17 +118,20 @@ def _wrong(parser: argparse.ArgumentParser, arguments: Sequence[str], said: str)
             return f"unknown option {name}{nearest(name, known)}"
     if found := re.match(r"invalid choice '(.*?)' for argument '([\w.-]+)", text):
         value, name = found.groups()
-        choices = _choices(known.get(name) or next(one for one in parser._actions if one.dest == name))
+        action = known.get(name) or next(one for one in parser._actions if one.dest == name)
+        choices = _choices(action)
+        name = name if name in known else _name(action).strip("[]")
         return f"{name} {value!r}; expected {', '.join(choices)}{nearest(value, choices)}"
-    if found := re.match(r"Error parsing (\S+?):? (?:invalid literal for|could not convert).*?('.*')", text):
-        name, value = found.groups()
-        return f"{name} {value}: expected {_wanted(known.get(name.split('/')[0]))}"
-    if found := re.match(r"Error parsing (\S+?):? no type matching .*? could be instantiated from \['(.*?)'\]", text):
-        name, value = found.groups()
-        return f"{name} {value!r}: expected {_wanted(known.get(name.split('/')[0]))}"
-    if found := re.match(r"Missing value for argument '([\w./-]+)'", text):
-        name = found[1].split("/")[0]
-        return f"{name}: a value is missing; expected {_wanted(known.get(name))}"
+    if found := re.match(r"(?:Error parsing|Missing value for argument) '?([\w.-]+)", text):
+        taking = known.get(found[1]) or next((one for one in parser._actions if one.dest == found[1]), None)
+        typed = [name for name in names if taking is not None and name in taking.option_strings]
+        name, wanted = (typed or [found[1]])[0], _wanted(taking)
+        words = _given(arguments, name)
+        return (
+            f"{name} {' '.join(words)!r}: expected {wanted}"
+            if words
+            else f"{name}: a value is missing; expected {wanted}"
+        )
     if text.startswith("Missing from"):
         missing = [
             action for action in parser._actions if action.required and not set(action.option_strings) & {*names}
@@ -154,19 +157,59 @@ def _plain(said: str) -> str:
     return " ".join(lines)
 
 
+def _given(arguments: Sequence[str], name: str) -> list[str]:
+    """Return the words that were given to an option."""
+    words: list[str] = []
+    taken = False
+    for word in arguments:
+        option, equals, value = word.partition("=")
+        if word.startswith("--"):
+            taken = option.replace("_", "-") == name
+            words += [value] if taken and equals else []
+        elif taken:
+            words.append(word)
+    return words
+
+
 def _choices(action: argparse.Action) -> list[str]:
     """Return the words that an option takes, in their order; none where it takes any."""
-    found = re.fullmatch(r"\{(.*)\}", str(action.metavar or "")) if action.choices else None
+    found = re.search(r"\{([^{}]*,[^{}]*)\}", str(action.metavar or "")) if action.choices else None
     return [word for word in found[1].split(",") if word != "None"] if found else []
 
 
+def _values(action: argparse.Action) -> tuple[list[str], bool]:
+    """Return the kinds of an option's values, FLOAT FLOAT of a pair, and whether they may come any number of times."""
+    metavar = str(action.metavar or "").replace("{None}|", "")
+    first = metavar.lstrip("[").split(" [")[0]
+    return ["WORD"] if _choices(action) else first.strip("[]{}").split(), metavar.endswith(" ...]]")
+
+
+KINDS = {
+    "INT": ("a whole number", "whole numbers"),
+    "FLOAT": ("a number", "numbers"),
+    "STR": ("a word", "words"),
+    "PATH": ("a path", "paths"),
+}
+"""Kind of value, as tyro writes it -> what it is called, one and several."""
+
+COUNTS = ("no", "one", "two", "three", "four")
+"""Small numbers in words."""
+
+
 def _wanted(action: argparse.Action | None) -> str:
-    """Return what an option expects, in words."""
-    words = {"INT": "a whole number", "FLOAT": "a number"}
-    if action is None:
+    """Return what an option expects, in words, with its default as an example where there are several values."""
+    kinds, many = ([], False) if action is None else _values(action)
+    if action is None or not kinds:
         return "a value"
-    metavar = str(action.metavar).replace("{None}|", "")
-    return ", ".join(words.get(part, part) for part in metavar.split())
+    single, several = KINDS.get(kinds[0], (kinds[0], kinds[0]))
+    if len(set(kinds)) > 1:
+        wanted = " and ".join(KINDS.get(kind, (kind,))[0] for kind in kinds) + (", any number of times" if many else "")
+    elif len(kinds) > 1:
+        wanted = f"{COUNTS[len(kinds)]} {several}"
+    else:
+        wanted = f"{several}, one or more" if many else single
+    default = _meaning(action)[1]
+    return f"{wanted}, such as {default}" if len(kinds) > 1 and default not in ("", "None") else wanted
 
 
 def help_text(
@@ -215,7 +258,7 @@ def _wrapped(paragraph: str, width: int) -> str:
 def _line(action: argparse.Action, brief: bool, width: int) -> str:
     """Return an option with what it means, the text in a column of its own."""
     text, default = _meaning(action)
-    text = " ".join((_sentence(text) if brief else text).split())
+    text = " ".join((f"{_sentence(text).rstrip('.')}." if brief and text else text).split())
     choices = _choices(action)
     unsaid = [choice for choice in choices if not re.search(rf"\b{re.escape(choice)}\b", text)]
     if unsaid:
@@ -223,27 +266,24 @@ def _line(action: argparse.Action, brief: bool, width: int) -> str:
     if default not in ("", "None", "False"):
         text += f" [{default}]"
     left = f"  {_name(action)}"
-    body = textwrap.wrap(text, width, initial_indent=" " * LEFT, subsequent_indent=" " * LEFT) or [""]
+    body = textwrap.wrap(text, width - LEFT, break_on_hyphens=False) or [""]
+    body = [" " * LEFT + part for part in body]
     if len(left) < LEFT - 1:
         return "\n".join([left.ljust(LEFT) + body[0].lstrip(), *body[1:]])
     return "\n".join([left, *body])
 
 
 def _name(action: argparse.Action) -> str:
-    """Return an option as it is typed, with a word for its value; an argument in capitals."""
-    metavar = str(action.metavar or "").replace("{None}|", "")
+    """Return an option as it is typed, with a word for each value; an argument in capitals, in brackets if optional."""
+    kinds, many = _values(action)
     if not action.option_strings:
-        kind = metavar.strip("[]").split()[0].strip("[]") if metavar else ""
+        kind = "" if not kinds or _choices(action) else kinds[0]
         name = action.dest.rpartition(".")[2].replace("-", "_").upper() if kind in ("PATH", "STR", "") else kind
-        return f"[{name} ...]" if action.nargs in ("*", "+") else name
+        return f"[{name} ...]" if action.nargs in ("*", "+") else f"[{name}]" if action.nargs == "?" else name
     name = next(iter(action.option_strings))
     if _meaning(action)[1] == "True":
         name = ", ".join(action.option_strings)
-    if _choices(action):
-        metavar = "WORD"
-    elif action.nargs == "*":
-        metavar = f"{metavar.strip('[]').split()[0]} ..."
-    return f"{name} {metavar}".strip()
+    return " ".join([name, *kinds, *(["..."] if many else [])])
 
 
 def _meaning(action: argparse.Action) -> tuple[str, str]:

@@ -100,7 +100,7 @@ def check_names(names: Sequence[str], kind: str = "bundles") -> None:
 
 DESCRIBED = (
     *("robot", "method", "friction_law", "friction_level", "friction_range", "joints_file", "actuator"),
-    *("known_friction", "seed", "revision", "command"),
+    *("known_friction", "seed", "phases", "revision", "command"),
 )
 """Fields of the contract in a summary."""
 

@@ -169,6 +169,12 @@ def _read_files(folder: Path) -> dict[str, bytes]:
         found = {entry.name: entry.lstat() for entry in folder.iterdir()}
     except OSError as error:
         raise BundleError(f"{folder}: cannot be listed: {error}") from error
+    if not found.keys() & {*FILES, SUMS}:
+        inside = folder / "bundle"
+        raise BundleError(
+            f"{folder} is no policy bundle, it has none of {', '.join((*FILES, SUMS))}; "
+            + (f"did you mean {inside}?" if inside.is_dir() else "name the directory of one")
+        )
     for name in (*FILES, SUMS):
         if name not in found:
             raise BundleError(f"{folder}: {name} is missing; a policy bundle has {', '.join((*FILES, SUMS))}")

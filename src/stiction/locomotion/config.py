@@ -42,7 +42,7 @@ def check_spans(owner: object, lowest: dict[str, float]) -> None:
         low, high = getattr(owner, name)
         if not least <= low <= high < float("inf"):
             raise ConfigurationError(
-                f"{name} is the range [{low}, {high}]; expected a lower and an upper end, from {least} on"
+                f"{name} is the range {low:g} to {high:g}; expected two numbers from {least:g} on, the lower one first"
             )
 
 
@@ -70,8 +70,9 @@ class RandomizationCfg:
     payload: tuple[float, float] = (-2.0, 3.0)
     """Mass added to the trunk [kg], at its centre of mass."""
     center_of_mass: tuple[float, float] = (-0.25, 0.25)
-    """Shift of the trunk's centre of mass along the length of the paper's robot, `TRUNK_LENGTH` [m]. Sideways, up, and
-    on other trunks it is as much in proportion: 0.25 m sideways, or on a small robot, would lie outside the trunk."""
+    """Shift of the trunk's centre of mass forward [m], of a trunk as long as that of the paper's robot. Sideways, up,
+    and on other trunks it is as much in proportion: 0.25 m sideways, or on a small robot, would lie outside the
+    trunk."""
     push_interval: float = 8.0
     """Time between pushes [s]; 0 for none."""
     push_velocity: float = 1.0
@@ -81,7 +82,7 @@ class RandomizationCfg:
     encoder_offset: tuple[float, float] = (-0.02, 0.02)
     """Error of each joint's measured angle [rad]; the joint controller sees it too. Not in the paper's table."""
     known_friction: tuple[float, float] = (0.7, 1.3)
-    """Multiplier of the friction that a policy is given (`TaskCfg.known_friction`), one a kind of joint: the error of
+    """Multiplier of the friction that a policy is given (--task.known-friction), one a kind of joint: the error of
     its identification, and what it has changed since."""
 
     def __post_init__(self) -> None:
@@ -121,13 +122,13 @@ class NoiseCfg:
     """Half-width of the uniform noise on each measured quantity, in its own unit."""
 
     angular_velocity: float = 0.1
-    """[rad/s]."""
+    """Of the base [rad/s]."""
     roll_pitch: float = 0.02
-    """[rad]."""
+    """Of the base [rad]."""
     joint_position: float = 0.01
-    """[rad]."""
+    """Of each joint [rad]."""
     joint_velocity: float = 0.5
-    """[rad/s]."""
+    """Of each joint [rad/s]."""
 
 
 @dataclass(frozen=True)
@@ -186,10 +187,10 @@ class TaskCfg:
     units of 0.1 of the torque limit: supervised learning finds it long before a policy's reward would ask for it."""
     known_friction: bool = False
     """Whether the policy is given f/τ_max of each kind of joint: in training that of the robot, with an error drawn for
-    every episode (`randomization.known_friction`), on the robot what was identified (`export --joints`)."""
+    every episode (--task.randomization.known-friction), on the robot what was identified (`export --joints`)."""
     slow_means: float | None = None
     """Time constant [s] of means, of products of target, angle and velocity, that tell each joint's dry friction where
-    no frame does: 1, say. They are in every frame, see `SLOW_TERMS`. None: there are none."""
+    no frame does: 1, say. They are in every frame; by default there are none."""
 
     def __post_init__(self) -> None:
         """Refuse times that do not fit each other, and settings that contradict each other."""

@@ -85,12 +85,14 @@ class FrictionCfg:
     """Dry friction in the joints during training: b_c = multiplier x nominal, at rest any value up to the bound."""
 
     method: Annotated[FrictionMethod, arg(aliases=("--method",))] = "deception"
-    """Training method. See `FRICTION_RANGES`; `dreamwaq`, `hinf`: other ways to learn, without friction unless
-    `range` or `mixture` asks for it."""
+    """How friction is trained with. deception: drawn from zero to 1.2 times the level; direct: 0.8 to 1.2 times it. So
+    have compensation, whose commands get the level added, finetune, which begins without, and iterative, which brings
+    it in by steps. none: without friction. dreamwaq, hinf: other ways to learn, without friction unless
+    --task.friction.range or --task.friction.mixture asks for it."""
     level: Annotated[float | None, arg(aliases=("--friction-level",))] = None
-    """Nominal friction. `coulomb`, `stribeck`: as a fraction of each joint's torque limit; None: the value measured for
-    the robot, in N m. `load`, `effort`: the law's coefficient; None: each joint's own, from the load_coefficient of
-    --joints, by the robot's model where that multiplies something else."""
+    """Nominal friction, as a share of each joint's torque limit [1]; of the laws load and effort, their coefficient. By
+    default the robot's own: in N m, as measured; of load and effort from the load_coefficient of --joints, by the
+    robot's model where that multiplies something else."""
     law: Annotated[str, law_choice(), law_help("Law of the dry friction.", "--friction-law")] = "coulomb"
     """One of `simulated_laws`."""
     per: Literal["robot", "joint"] = "robot"

@@ -55,7 +55,7 @@ class TerrainCfg:
     """The ground in training, and the curriculum over it."""
 
     kind: Annotated[TerrainName, arg(aliases=("--terrain",))] = "flat"
-    """What the robots walk on, see `SHARES`."""
+    """The ground; a quarter of the robots stays on flat ground. mixed: slopes, rough ground and stairs."""
     levels: int = 10
     """Levels of difficulty, each of an equal range in which a course is drawn: steps of 0 to 2 cm in the lowest, of 18
     to 20 cm in the highest; slopes up to 26°, slabs up to 15 cm."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +26,9 @@ from stiction.identify.consistency import COMPARED, REPEAT
 from stiction.report.joint_figures import against_angle, cloud, friction_of, overview, residuals, signals
 from stiction.report.page import (
     CONDITIONS,
-    LABELS,
     SOURCES,
     Section,
+    axis_units,
     bullets,
     cells,
     fold,
@@ -35,6 +37,7 @@ from stiction.report.page import (
     paragraph,
     render_page,
     table,
+    unit,
 )
 
 
@@ -45,21 +48,22 @@ def agreement(record: JointRecord) -> tuple[Markup, ...]:
     for comparison in record.diagnostics.get("comparisons", ()):
         one, two = comparison["parts"]
         rows = [
-            [LABELS[name][0], *map(_plus_minus, comparison["values"][name]), f"{comparison['sigmas'][name]:.1f}"]
+            [label(record, name), *map(_plus_minus, comparison["values"][name]), f"{comparison['sigmas'][name]:.1f}"]
             for name in COMPARED
         ]
         a, b = comparison["friction"]
         gap = abs(a["value"] - b["value"]) / max((a["std"] ** 2 + b["std"] ** 2) ** 0.5, 1e-300)
-        speed = f"Friction at a speed of {number(comparison['speed'])}"
+        position, torque = axis_units(record)
+        speed = f"Friction at a speed of {number(comparison['speed'])} {position}/s [{torque}]"
         rows.append([speed, _plus_minus(a), _plus_minus(b), f"{gap:.1f}"])
-        blocks.append(table(["", one, two, "apart, in combined std"], rows, _caption(comparison, how)))
+        blocks.append(table(["", one, two, "apart [combined std]"], rows, _caption(comparison, how)))
     tried = [
         [entry["source"], f"{entry['torque_error']:.2%}", _errors(entry["simulation_errors"] or {}) or "not done"]
         for entry in record.diagnostics.get("predictions", ())
         if "refusal" not in entry
     ]
     if tried:
-        header = ["log", "torque not explained", "simulation error"]
+        header = ["log", "torque not explained [%]", "simulation error [% of the signal]"]
         blocks.append(table(header, tried, "The law that was chosen, tried on logs that it has not seen"))
     drift = record.diagnostics.get("drift", {})
     if drift.get("change"):
@@ -158,8 +162,11 @@ EXTRA = ("gravity_sin", "gravity_cos", "motor_strength", "encoder_bias", "delay"
 """Quantities that are shown only where they were found."""
 
 
-def write_identification_page(folder: Path) -> Path:
-    """Write `report.html` beside the `joints.json` and `fit.npz` of `folder`; return its path."""
+def write_identification_page(folder: Path, command: str = "") -> Path:
+    """Write `report.html` beside the `joints.json` and `fit.npz` of `folder`; return its path.
+
+    command: that identified, if it was one.
+    """
     joints = load_joints(folder / "joints.json")
     found = {name: record for name, record in joints.joints.items() if record.diagnostics}
     if len(joints.joints) == 1:
@@ -171,18 +178,23 @@ def write_identification_page(folder: Path) -> Path:
     page = folder / "report.html"
     named = ", ".join(joints.joints) if len(joints.joints) <= MOST_NAMES else f"{len(joints.joints)} joints"
     title = f"Joint identification: {named}"
-    write_text(page, render_page(title, sections, lead_lines(joints), remaining_warnings(joints)))
+    write_text(page, render_page(title, sections, lead_lines(joints, folder), remaining_warnings(joints), command))
     return page
 
 
-def lead_lines(joints: JointsFile) -> tuple[str, ...]:
-    """Return the verdict as the page and the terminal begin with it.
+def lead_lines(joints: JointsFile, folder: Path | None = None) -> tuple[str, ...]:
+    """Return the verdict as the page and the terminal begin with it. folder: where training.json lies, to be named.
 
     Of one joint its three lines; of several how many there are, those that are not valid with what to do first, and the
     lines of the one with the most friction for its motor.
     """
     found = {name: record for name, record in joints.joints.items() if record.diagnostics}
-    lines = {name: tuple(record.diagnostics.get("verdict", {}).get("lines", ())) for name, record in found.items()}
+    file = "training.json" if folder is None else shlex.quote(str(folder / "training.json"))
+    lines = {
+        name: tuple(line.replace("--friction-from training.json", f"--friction-from {file}") for line in said)
+        for name, record in found.items()
+        if (said := record.diagnostics.get("verdict", {}).get("lines")) is not None
+    }
     if len(joints.joints) == 1:
         return next(iter(lines.values()), ())
     bad = [name for name, record in found.items() if record.objections]
@@ -196,7 +208,7 @@ def lead_lines(joints: JointsFile) -> tuple[str, ...]:
     if not ratios:
         return (count, *first, "Without torque limits their friction cannot be judged: --torque-limit.")
     worst = max(ratios, key=lambda name: ratios[name].interval95[1])
-    return (count, *first, f"{worst} has the most dry friction for its motor:", *lines[worst])
+    return (count, *first, f"{worst} has the most dry friction for its motor:", *lines.get(worst, ()))
 
 
 def remaining_warnings(joints: JointsFile) -> list[str]:
@@ -240,16 +252,26 @@ def _many(joints: JointsFile, drawn: dict[str, list[Section]]) -> list[Section]:
         title = f"{name}: not valid" if record.objections else name
         blocks.append(fold(title, [*verdict, *([bullets(own)] if own else []), *parts]))
     return [
-        Section("All joints", (table(["", *JOINT_COLUMNS], rows, caption), overview(found))),
+        Section("All joints", (table(["joint", *joint_columns(found)], rows, caption), overview(found))),
         Section("Joint by joint", tuple(blocks)),
     ]
 
 
-JOINT_COLUMNS = ("dry friction", "95 % interval", "viscous", "inertia", "f/τ_max", "f/kp [rad]", "law")
+def joint_columns(found: Mapping[str, JointRecord]) -> list[str]:
+    """Return the headings of `joint_row`, with the units of the joints, or of each kind of axis among them."""
+
+    def units(quantity: str) -> str:
+        return " or ".join(dict.fromkeys(unit(record, quantity) for record in found.values())) or "1"
+
+    friction = units("coulomb_friction")
+    return [
+        *(f"dry friction [{friction}]", f"95 % interval [{friction}]", f"viscous [{units('viscous_friction')}]"),
+        *(f"inertia [{units('inertia')}]", "f/τ_max [%]", f"f/kp [{units('dead_band')}]", "law"),
+    ]
 
 
 def joint_row(record: JointRecord) -> list[str]:
-    """Return one joint among several, in `JOINT_COLUMNS`: what is known over the motor strength k in its place."""
+    """Return one joint among several, under `joint_columns`: what is known over the motor strength k in its place."""
     damping = "(B + k·kd)/k" if record.torque_source is None else "B/k"
     viscous = record.viscous_friction or record.combinations.get(damping)
     inertia = record.inertia or record.combinations.get("I/k") or record.combinations.get(ARMATURE)
@@ -315,8 +337,14 @@ def _combinations(record: JointRecord) -> tuple[Markup, ...]:
 
 def _setting(record: JointRecord) -> Markup:
     """Say how the log was made."""
-    given = {"kp": record.kp, "kd": record.kd, "torque limit": record.torque_limit}
-    known = ", ".join(f"{name} {number(value)}" for name, value in given.items() if value is not None)
+    position, torque = axis_units(record)
+    gain = "N" if record.axis == "linear" else "N m"
+    given = {
+        "kp": (record.kp, f"{gain}/{position}"),
+        "kd": (record.kd, f"{gain} s/{position}"),
+        "torque limit": (record.torque_limit, gain if torque == "N m of command" else torque),
+    }
+    known = ", ".join(f"{name} {number(value)} {own}" for name, (value, own) in given.items() if value is not None)
     return paragraph(
         f"Test condition: {CONDITIONS[record.test_condition]}. Torque: {SOURCES[record.torque_source]}. "
         f"Given: {known or 'no gains and no torque limit'}. Intervals come from resampling blocks of the log that are "

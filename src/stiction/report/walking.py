@@ -36,8 +36,11 @@ MOST_PANELS = 3
 """Panels side by side."""
 
 
-def write_walking_page(folder: Path) -> Path:
-    """Write `report.html` beside the `joints.json` and `fit.npz` of `folder`; return its path."""
+def write_walking_page(folder: Path, command: str = "") -> Path:
+    """Write `report.html` beside the `joints.json` and `fit.npz` of `folder`; return its path.
+
+    command: that identified, if it was one.
+    """
     joints = load_joints(folder / "joints.json")
     fit = read_walk_fit(folder / "fit.npz")
     sections = [
@@ -47,7 +50,8 @@ def write_walking_page(folder: Path) -> Path:
         Section("Can it be trusted?", (_gait(fit), _diagnostics(joints))),
     ]
     page = folder / "report.html"
-    text = render_page("Joint friction from a walk", sections, lead_lines(joints), grouped_warnings(joints))
+    title, warnings = "Joint friction from a walk", grouped_warnings(joints)
+    text = render_page(title, sections, lead_lines(joints, folder), warnings, command)
     write_text(page, text)
     return page
 

@@ -43,7 +43,7 @@ GROUPS = {
     "usually needed": ("--robot", "--method", "--friction-level", "--friction-from", "--preset", "--out", "--seed"),
     "the joints": ("--joints", "--actuator", "--friction-law"),
     "ground and physics": ("--terrain", "--physics", "--engine", "--symmetry"),
-    "how it runs": ("--num-envs", "--device", "--resume", "--stop-at-tracking-error", "--video-every", "--json"),
+    "how it runs": ("--num-envs", "--device", "--resume", "--video-every", "--view", "--json"),
 }
 """The options that people use."""
 
@@ -69,8 +69,8 @@ class Train:
     resume: Path | None = None
     """Continue the run in this folder; all other options come from its config.json."""
     view: bool = False
-    """Show the newest checkpoint in the browser while it trains (extra view), as `stiction view RUN --follow` does: a
-    process of its own, at a low priority, that computes nothing while no browser looks."""
+    """Watch the newest checkpoint in the browser (extra view); as `stiction view RUN --follow` does: a process of its
+    own, at a low priority, that computes nothing while no browser looks."""
     json: bool = False
     """Print the summary on standard output, and nothing else there; progress goes to standard error."""
 

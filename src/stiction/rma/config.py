@@ -68,10 +68,10 @@ class NetworkCfg:
     history: tuple[int, ...] = (64,)
     """Hidden layers of f_ada of the student and of the critic's view of the history, after the frames."""
     recurrent: bool = False
-    """Whether a gated recurrent unit as wide as the first of `history` reads the frames for z*, one after the other,
-    in place of an MLP that sees them side by side."""
+    """Whether a gated recurrent unit as wide as the first of --network.history reads the frames for z*, one after the
+    other, in place of an MLP that sees them side by side."""
     estimator_frame: int = 24
-    """As `history_frame`, for f_est."""
+    """As --network.history-frame, for f_est."""
     estimator: tuple[int, ...] = (64,)
     """Hidden layers of f_est, after the frames."""
     terrain: tuple[int, ...] = (64, 32)
@@ -101,7 +101,7 @@ class DreamWaQCfg:
     code: int = 16
     """Size of the code."""
     frame: int = 32
-    """As `NetworkCfg.history_frame`, for the encoder. The paper's has no such layer."""
+    """As --network.history-frame, for the encoder. The paper's has no such layer."""
     encoder: tuple[int, ...] = (128, 64)
     """Hidden layers of the encoder, after the frames."""
     decoder: tuple[int, ...] = (64, 128)
@@ -130,8 +130,8 @@ class TeacherCfg:
     """Whether L_ada trains the privileged encoder too, as the paper says: z then becomes what a history can tell."""
     final_std: float | None = None
     """Bound of the actions' standard deviation in the last quarter of the phase, to which it falls on a straight line
-    from that of the first actions; None: free. A policy is deployed without noise, which shakes joints loose: trained
-    with more of it, it may stand still without."""
+    from that of the first actions; by default free. A policy is deployed without noise, which shakes joints loose:
+    trained with more of it, it may stand still without."""
     iterations: int = 700
     """Rollouts, each followed by an update."""
     steps: int = 24
@@ -200,13 +200,13 @@ class StopCfg:
     """
 
     tracking_error: Annotated[float | None, arg(aliases=("--stop-at-tracking-error",))] = None
-    """Mean tracking error under which a phase ends [m/s]; None: never, as in every comparison of methods."""
+    """Mean tracking error under which a phase ends [m/s]; by default never, as in every comparison of methods."""
     iterations: int = 20
     """Iterations over which all figures are averaged."""
     falls: float = 0.01
     """Most falls that count as none [1/s]: one in 100 s of walking with pushes."""
     terrain_level: float | None = None
-    """Mean terrain level that must be reached as well; None: any. Without it, a run on terrain may end on its easiest
+    """Mean terrain level that must be reached as well; by default any: a run on terrain may then end on its easiest
     part."""
 
     def __post_init__(self) -> None:
@@ -236,18 +236,18 @@ class TrainCfg:
     seed: int = 0
     """Seed of everything random in the run."""
     symmetry: SymmetryName = "none"
-    """Left-right symmetry. `batches`: every sample of an update also as its mirror image, at twice the update's cost.
-    `half`: mirrored samples at no cost, PPO makes half as many passes. `network`: actor and critic are symmetric by
-    construction. See `stiction.rma.symmetry` and `stiction.rma.equivariant`."""
+    """How learning uses that left and right are alike. `batches`: every sample of an update also as its mirror image,
+    at twice the update's cost. `half`: mirrored samples at no cost, PPO makes half as many passes. `network`: actor and
+    critic are symmetric by construction."""
     joints: str | None = None
     """A `joints.json` whose inertia, damping and friction become the robot's nominal ones."""
     actuator: str | None = None
-    """A folder of `stiction train-actuator`: its net gives the joints' torque in place of the PD law."""
+    """Folder of `stiction train-actuator`, whose net replaces the joints' PD law."""
     checkpoint_every: int = 50
     """Iterations between checkpoints."""
     device: DeviceName = "cpu"
-    """`cpu`: MuJoCo on all cores. `cuda`: MuJoCo Warp and the networks on a GPU; wants thousands of robots. `warp-cpu`:
-    MuJoCo Warp on the processor, many times slower than `cpu`, to try it where there is no GPU."""
+    """What computes. `cpu`: MuJoCo on all cores. `cuda`: MuJoCo Warp and the networks on a GPU; wants thousands of
+    robots. `warp-cpu`: MuJoCo Warp on the processor, many times slower than `cpu`, to try it where there is no GPU."""
     engine: EngineName = "mujoco"
     """The physics engine of the training. All but `mujoco` take a robot at a time, ten times slower and more, on flat
     ground: `--num-envs 256`. A run that goes on there begins with its robots at rest where they were."""

@@ -34,7 +34,8 @@ class HinfCfg:
     constraint. `none`: nobody disturbs, which is plain PPO bit for bit."""
     limit: float | None = None
     """Largest disturbance: of a force as a share of the robot's weight, of torques as a share of the friction that the
-    joint has at that time, on top of which they come. None: 0.5 of the weight, all of the friction. 0: as `none`."""
+    joint has at that time, on top of which they come; by default half of the weight, all of the friction. 0: as
+    `none`."""
     curriculum: float = 0.0
     """Share of the iterations over which the limit grows to its value on a straight line. 0: it is there at once."""
     hold: float = 0.5

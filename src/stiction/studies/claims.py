@@ -27,11 +27,11 @@ from stiction.formats.results import DIRECTIONS, FOLLOWS
 Outcome = Literal["reproduces", "does not", "only above x", "only up to x", "undecided", "not tested"]
 
 LIMITS = (
-    "`only above x`: it is refuted at x and at every level below, and holds above; `only up to x`: it holds at x and "
-    "at every level below, and is refuted above. Levels next to x may be open on its far side: the evidence names "
-    "them, and the levels that could not be judged."
+    "`only above` some friction: the sentence does not hold there or at less, and holds at more; `only up to`: it "
+    "holds there and at less, and does not at more. Next to that friction, on the other side, levels may be open: the "
+    "evidence names them, and the levels that could not be judged."
 )
-"""What the outcomes with an x say."""
+"""What the outcomes with an x say: it is a friction."""
 
 SAID = {
     "reproduces": ("holds", "hold"),
@@ -297,9 +297,9 @@ def _first(findings: Sequence[Finding], *order: Outcome) -> Finding:
 def over_levels(findings: Sequence[tuple[float, Finding]]) -> Finding:
     """Judge a sentence that names no level: at every level above zero, at none, only above x, or only up to x.
 
-    findings: level -> whether the sentence holds there, from low to high. `only above x`: it is refuted at x and at
-    every level below, and holds at the highest; `only up to x` the other way round. Levels next to x on its far side
-    may be undecided, and no others. Levels that could not be tested do not count; the evidence names them.
+    findings: level -> whether the sentence holds there, from low to high. `only above x`: it does not hold at x
+    and at every level below, and does at the highest; `only up to x` the other way round. Levels next to x on its far
+    side may be undecided, and no others. Levels that could not be tested do not count; the evidence names them.
     """
     above = [(level, finding) for level, finding in findings if level > 0]
     tested = [(level, finding) for level, finding in above if finding.outcome != "not tested"]

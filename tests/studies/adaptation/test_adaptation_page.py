@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from stiction.studies.adaptation.page import answers, draw_effects, draw_probes, report
+from stiction.studies.adaptation.page import answers, draw_effects, draw_probes, effect_text, report
 from stiction.studies.study import write_report
 
 
@@ -106,3 +106,11 @@ def test_a_history_has_its_row_although_it_is_never_averaged() -> None:
     ]
     dots = [line for line in axis.lines if line.get_marker() == "o" and round(line.get_ydata()[0]) == 1]
     assert [list(line.get_xdata()) for line in dots] == [[0.4, 0.5]]
+
+
+def test_the_first_sentence_says_what_another_latent_does() -> None:
+    """The title asks what adaptation does; R² of a probe is no answer that a person would give."""
+    assert effect_text(make_summary()) == (
+        "A policy's speed changes, of the command, when it is given the latent (what the last frames told) of a robot "
+        "with other friction, by up to 30 % (direct), 30 % (none)."
+    )

@@ -7,8 +7,9 @@ import pytest
 
 from stiction.joints.compensation import parse_compensation
 from stiction.robots.catalog import find_robot
+from stiction.studies.compensation.page import answer
 from stiction.studies.compensation.standing import hunting, rms, stand_by
-from stiction.studies.compensation.walking import followed
+from stiction.studies.compensation.walking import Followed, followed
 from synthetic import row
 
 
@@ -29,6 +30,22 @@ def test_torque_at_rest_holds_the_robot_and_does_not_swing() -> None:
         assert 0.1 < stood.rms_torque < spec.joint_values("torque_limit").max()
         assert stood.torque_ripple < 0.2 * stood.rms_torque and stood.rms_speed < 0.02 and stood.hunting == 0.0
     assert (still.fed, fed.fed) == ("none", "error")
+
+
+def test_the_first_sentence_says_whether_it_is_enough() -> None:
+    """The title asks it: if this failed, a reader would have to count frictions and ways himself."""
+    rows = [
+        Followed("p", 0.0, 1.0, 1.0, "follows", 0.0, None),
+        Followed("p", 0.2, 0.5, 0.5, "too slow", 0.0, None),
+        Followed("p+forward", 0.2, 0.9, 0.9, "follows", 0.0, None),
+        Followed("p+measured", 0.2, 0.7, 0.9, "too slow, follows", 0.0, None),
+        Followed("q", 0.2, 0.9, 0.9, "follows", 0.0, None),
+    ]
+    assert answer(rows) == [
+        "In the simulator of the training it is enough in 1 of 2 ways: p then follows at 20 % friction; as it is, at 0 "
+        "% friction."
+    ]
+    assert "is not enough in any of 1 ways: p then does not follow at 20 % friction" in answer(rows[:2] + rows[3:])[0]
 
 
 def test_both_directions_decide_who_follows() -> None:

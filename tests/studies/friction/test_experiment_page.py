@@ -14,9 +14,10 @@ from stiction.formats.results import read_results
 from stiction.rma.arguments import parse
 from stiction.rma.config import TrainCfg
 from stiction.studies.friction import assemble
+from stiction.studies.friction.answer import lead
 from stiction.studies.friction.evaluation import BASE
 from stiction.studies.friction.manifest import Condition, PlannedRun, Run
-from stiction.studies.friction.page import draw_budget, lead, methods_sheet, part_sheet, report, sheets_of
+from stiction.studies.friction.page import draw_budget, methods_sheet, part_sheet, report, sheets_of
 from stiction.studies.friction.records import Experiment
 from stiction.studies.study import write_report
 from synthetic import condition_rows, write_run
@@ -53,15 +54,38 @@ def experiment(folder: Path, parts: tuple[str, ...] = ("1",), seeds: int = 3) ->
 def test_designs_are_led_by_who_follows(tmp_path: Path) -> None:
     """They test no sentence of the paper: a page that begins with 18 untested ones would say nothing."""
     found = experiment(tmp_path, ("designs",), seeds=1)
-    first = lead(found).splitlines()[0]
-    assert first == (
+    answer, listed, _ = lead(found).splitlines()
+    assert answer == "None of 3 ways to train follows with every seed at any friction up to 30 %."
+    assert listed == (
         "Every seed follows, of friction up to 30 % of the torque limit, with partdesigns-none, 1 seed, nowhere; "
         "partdesigns-direct, 1 seed, nowhere; partdesigns-deception, 1 seed, nowhere."
     )
     assert {"following", "methods-student"} <= set(sheets_of(found)) and "verdicts" not in sheets_of(found)
     following = [replace(cell, follow=cell.friction_level < 0.1) for cell in found.following]
     assert "partdesigns-none, 1 seed, at 0 %;" in lead(replace(found, following=following))
+    assert "the most do at 1 of 2 frictions: a purpose; a purpose; a purpose." in lead(
+        replace(found, following=following)
+    )
+    following = [replace(cell, follow="none" in cell.method) for cell in found.following]
+    assert lead(replace(found, following=following)).startswith(
+        "1 of 3 ways to train follows with every seed up to 30 % friction: a purpose."
+    )
     assert "verdicts" in sheets_of(experiment(tmp_path / "first", ("1",)))
+
+
+def test_methods_are_led_by_where_every_seed_follows(tmp_path: Path) -> None:
+    """The title asks which training copes with how much friction: the first sentence says it, without codes."""
+    found = experiment(tmp_path)
+    following = [
+        replace(cell, follow=cell.seeds * ("direct" in cell.method and cell.friction_level > 0.1))
+        for cell in found.following
+    ]
+    answer = lead(replace(found, following=following)).splitlines()[0]
+    assert answer == (
+        "Every seed follows at a friction, of each joint's torque limit: trained with 16 to 24 % (direct), at 20 %; "
+        "trained without friction (none), nowhere; trained with 0 to 24 % (deception), nowhere."
+    )
+    assert report(found).title == "Which training in two phases copes with how much joint friction?"
 
 
 def test_every_file_is_written_and_reads_back(tmp_path: Path) -> None:

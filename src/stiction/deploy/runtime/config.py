@@ -34,23 +34,23 @@ class SafetyCfg:
     """Largest angle between the base's z axis and the vertical [rad]. Training counts 1.05 rad as a fall; how far the
     shipped policies lean is in results/deploy."""
     predicted_tilt: float = 1.05
-    """Largest tilt after `horizon` if the base goes on turning as it does [rad]."""
+    """Largest tilt after --safety.horizon if the base goes on turning as it does [rad]."""
     horizon: float = 0.3
     """How far ahead a tilt is predicted [s]: gravity in the base's frame turns by −ω × g."""
     joint_speed: float = 25.0
     """Largest speed of a joint [rad/s]; what the shipped policies reach is in results/deploy."""
     torque: float = 1.3
-    """Largest measured torque over the motor's limit [1], as a mean over `torque_seconds`: beyond, drive and data sheet
+    """Largest measured torque over the motor's limit [1], as a mean over some time: beyond, drive and data sheet
     disagree."""
     torque_seconds: float = 0.1
-    """[s]."""
+    """The time of that mean [s]."""
     temperature: float = 80.0
     """Hottest motor [°C]; not judged where a robot does not say its temperatures."""
     flailing: float = 8.0
-    """Largest root mean square of all joints' speeds over `flailing_seconds` [rad/s]; that of walks is in
+    """Largest root mean square of all joints' speeds over some time [rad/s]; that of walks is in
     results/deploy."""
     flailing_seconds: float = 0.3
-    """[s]."""
+    """That time [s]."""
     lost: float = 10.0
     """Most messages of a motor that the robot's own bus may lose within 0.1 s, of some 50; not judged where a robot
     does not count them."""

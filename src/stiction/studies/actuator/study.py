@@ -53,4 +53,10 @@ def run(options: ActuatorOptions, work: Work) -> Report:
     return replace(report(found), files=write_nets)
 
 
-STUDY = Study("the loop of an Actuator Net: f0, log, f_motor, f1", DESCRIPTION, ActuatorOptions, run, GROUPS)
+STUDY = Study(
+    "whether an Actuator Net, fitted to walks of one policy, trains a better one",
+    DESCRIPTION,
+    ActuatorOptions,
+    run,
+    GROUPS,
+)

@@ -169,9 +169,34 @@ def answers(summary: dict[str, Any]) -> list[str]:
     return lines
 
 
+def effect_text(summary: dict[str, Any]) -> str:
+    """Return how much of its command a policy's speed changes by another latent, as a sentence to be read aloud."""
+    parts = []
+    for latent in ("swapped", "peer"):
+        sizes = {
+            method: max((abs(e["difference"]) for e in one["effects"] if _is_speed(e, latent)), default=None)
+            for method, one in summary["methods"].items()
+        }
+        said = [f"{100 * size:.0f} % ({method})" for method, size in sizes.items() if size is not None]
+        if said:
+            parts.append(f"{GIVEN[latent]}, by up to {', '.join(said)}")
+    return f"A policy's speed changes, of the command, {'; '.join(parts)}."
+
+
+def _is_speed(effect: dict[str, Any], latent: str) -> bool:
+    return bool(effect["latent"] == latent and effect["figure"] == "speed_ratio")
+
+
+GIVEN = {
+    "swapped": "when it is given the latent (what the last frames told) of a robot with other friction",
+    "peer": "when it is given that of a robot with the same friction",
+}
+"""Other robots' latents, as the answer says them."""
+
+
 def lead(summary: dict[str, Any]) -> list[str]:
-    """Return how much of the friction can be read, as a sentence for each training."""
-    lines = []
+    """Return what another latent does, then how much of the friction can be read, as a sentence for each training."""
+    lines = [effect_text(summary)]
     for method, one in summary["methods"].items():
         runs = [summary["runs"][name] for name in one["runs"]]
         probes = one["probes"] if len(runs) > 1 else runs[0]["probes"]

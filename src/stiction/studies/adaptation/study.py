@@ -61,7 +61,7 @@ DESCRIPTION = (
 )
 
 STUDY = Study(
-    "what a student's latent z* does, and whether friction can be read from it",
+    "what a policy's summary of its history (the latent z*) does, and whether friction can be read from it",
     DESCRIPTION,
     AdaptationOptions,
     run,

@@ -40,7 +40,7 @@ def report(
         sections.append(Section("Standing still on a virtual robot", (row_table(stood),)))
     return Report(
         title="Is it enough to feed friction forward in the motors?",
-        lead="\n".join(lead(who)),
+        lead="\n".join([*answer(who), *lead(who)]),
         tables={"walks": rows, "following": who, "standing": stood},
         sections=sections,
         summary=summary,
@@ -72,6 +72,30 @@ def level_table(rows: Sequence[Followed]) -> Any:
     lines = [[*way, *(found.get(level, "–") for level in levels)] for way, found in cells.items()]
     header = ["policy", "friction fed forward", *(f"{100 * level:g} % friction [1]" for level in levels)]
     return table(header, lines, grouped=True)
+
+
+def answer(rows: Sequence[Followed]) -> list[str]:
+    """Return whether it is enough, as a sentence to be read aloud for each policy that walked with friction fed so.
+
+    It is where a way follows at every friction that was tried.
+    """
+    lines = []
+    for name in dict.fromkeys(way_of(row.policy)[0] for row in rows):
+        ways: dict[str, list[Followed]] = {}
+        for row in rows:
+            if way_of(row.policy)[0] == name:
+                ways.setdefault(way_of(row.policy)[1], []).append(row)
+        alone = [f"{100 * row.friction_level:g} %" for row in ways.pop(AS_IS, []) if follows(row)]
+        if not ways:
+            continue
+        tried = _where([f"{100 * row.friction_level:g} %" for row in next(iter(ways.values()))])
+        count = sum(all(map(follows, own)) for own in ways.values())
+        enough = f"is enough in {count} of {len(ways)} ways" if count else f"is not enough in any of {len(ways)} ways"
+        lines.append(
+            f"In the simulator of the training it {enough}: {name} then {'follows' if count else 'does not follow'} "
+            f"{tried}; as it is, {_where(alone)}."
+        )
+    return lines
 
 
 def lead(rows: Sequence[Followed]) -> list[str]:

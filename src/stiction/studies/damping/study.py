@@ -70,5 +70,8 @@ def run(options: DampingOptions, work: Work) -> Report:
 
 
 STUDY = Study(
-    "B and k·kd as one number to a joint: where that holds, and where it fails", DESCRIPTION, DampingOptions, run
+    "whether viscous friction and the controller's damping are one number to a joint: where that holds, where it fails",
+    DESCRIPTION,
+    DampingOptions,
+    run,
 )

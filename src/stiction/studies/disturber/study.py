@@ -35,7 +35,8 @@ class DisturberOptions(Options):
     disturber: str = "force"
     """`force`: pushes the base. `friction`: a torque on each joint, bounded by its friction."""
     limit: float | None = None
-    """Largest disturbance, a share of the robot's weight or of each joint's friction. None: 0.5 and 1."""
+    """Largest disturbance, a share of the robot's weight or of each joint's friction [1]; by default half of the
+    weight, all of the friction."""
     friction_level: float = 0.0
     """Dry friction of every joint, a fraction of its torque limit [-]; `friction` needs some."""
     command: str = "vx=0.5"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,8 +29,9 @@ from stiction.report.page import (
     picture,
 )
 from stiction.studies import study
-from stiction.studies.claims import JUDGED, said_of
-from stiction.studies.friction.manifest import EVALUATED, TWO_PHASE
+from stiction.studies.claims import JUDGED
+from stiction.studies.friction.answer import compared, has_claims, lead, question
+from stiction.studies.friction.manifest import TWO_PHASE
 from stiction.studies.friction.records import HIGHEST, STUDENT, ConditionRecord, Experiment, SeedMean, short_name
 
 if TYPE_CHECKING:
@@ -50,20 +50,6 @@ def _band(axis: Axes) -> None:
 def policies_of(experiment: Experiment) -> list[str]:
     """Return which policies of a run were evaluated: its student, and of two phases its teacher. Always the student."""
     return [STUDENT, *sorted({mean.who for mean in experiment.means} - {STUDENT})]
-
-
-def compared(experiment: Experiment) -> list[str]:
-    """Return the conditions to set side by side: of the first part, else designs and methods that walked."""
-    if first := [condition.name for condition in experiment.conditions if condition.part == "1"]:
-        return first
-    walked = {mean.condition for mean in experiment.means}
-    parts = ("designs", "methods")
-    return [one.name for one in experiment.conditions if one.part in parts and one.name in walked]
-
-
-def has_claims(experiment: Experiment) -> bool:
-    """Return whether the paper's sentences belong on the page: designs and methods test none of them."""
-    return any(one.outcome != "not tested" for one in experiment.verdicts) or not compared(experiment)
 
 
 def rows_of(experiment: Experiment, condition: str, who: str = STUDENT) -> list[ResultRow]:
@@ -304,8 +290,6 @@ def run_sheet(experiment: Experiment) -> Sheet:
     return Sheet("Runs", ("run", "stiction train", "state", "revision", "time [min]"), rows)
 
 
-TITLE = "Training with dry friction in the joints"
-
 FIGURES = {
     "budget": (
         "Speed over friction",
@@ -325,7 +309,7 @@ FIGURES = {
     ),
     "load": (
         "Friction that grows with load",
-        "Friction that grows with the force and torque in the joint; trained at several coefficients.",
+        "Trained at several coefficients of the force and torque that a joint transmits.",
     ),
     "go1": ("A robot that can fall", "The same three training methods, on a quadruped."),
 }
@@ -339,7 +323,7 @@ def report(experiment: Experiment) -> study.Report:
     """Return the report of the experiment."""
     figures, sheets = draw_figures(experiment), sheets_of(experiment)
     return study.Report(
-        title=TITLE,
+        title=question(experiment),
         lead=lead(experiment),
         tables=experiment.tables,
         sections=sections(experiment, figures, sheets),
@@ -391,7 +375,7 @@ def sheets_of(experiment: Experiment) -> dict[str, Sheet]:
 
 def sections(experiment: Experiment, figures: Mapping[str, Figure], sheets: Mapping[str, Sheet]) -> list[Section]:
     """Return the sections of the page: verdicts, figures, tables, what was run."""
-    page = [Section(sheets["following"].title, sheets["following"].blocks())] if "following" in sheets else []
+    page = [Section("Who follows", sheets["following"].blocks())] if "following" in sheets else []
     if "verdicts" in sheets:
         changes = changes_sheet(experiment.summary, {one.id: one.sentence for one in experiment.verdicts})
         folded = (fold(changes.title, changes.blocks()),) if changes else ()
@@ -412,28 +396,3 @@ def _run_blocks(experiment: Experiment, runs: Sheet) -> tuple[Markup, ...]:
         paragraph("Everything here is simulation. A training seed is one sample, however many episodes it walks."),
         fold(runs.title, (runs.html(),)),
     )
-
-
-def lead(experiment: Experiment) -> str:
-    """Return how many sentences came out how, or who follows where, and how far it has come."""
-    finished = sum(run.state in EVALUATED for run in experiment.runs)
-    runs = f"{finished} of {len(experiment.runs)} trainings are finished."
-    if not experiment.verdicts:
-        return runs
-    if has_claims(experiment):
-        return f"{said_of(experiment.verdicts, 'sentences of the paper on training with friction')}\n{runs}"
-    follows = "; ".join(_where(experiment, condition) for condition in compared(experiment))
-    return f"Every seed follows, of friction up to {100 * HIGHEST:g} % of the torque limit, with {follows}.\n{runs}"
-
-
-def _where(experiment: Experiment, condition: str) -> str:
-    """Return at how much friction every student of a condition follows: `groups, 2 seeds, from 0 to 30 %`."""
-    own = [cell for cell in experiment.following if cell.method == f"{condition}/{STUDENT}"]
-    cells = sorted((cell for cell in own if cell.friction_level <= HIGHEST), key=lambda cell: cell.friction_level)
-    spans = []
-    for follow, group in groupby(cells, key=lambda cell: cell.every_seed):
-        ends = [f"{level_number(cell.friction_law, cell.friction_level):g}" for cell in group]
-        if follow:
-            spans.append(f"from {ends[0]} to {ends[-1]} %" if ends[1:] else f"at {ends[0]} %")
-    seeds = max((cell.seeds for cell in cells), default=0)
-    return f"{short_name(condition)}, {seeds} seed{'s' * (seeds != 1)}, {' and '.join(spans) or 'nowhere'}"
