@@ -157,7 +157,7 @@ CLAIMS: tuple[Claim[TrainingEvidence], ...] = (
     Claim(
         "V1",
         "the inclusion of f_j introduced nonlinearity, significantly increasing training difficulty",
-        f"iterations until the teacher reaches {SLOW} both ways, under its own friction: direct takes more than none",
+        f"iterations until it reaches {SLOW} both ways in training, under its own friction: direct takes more than none",
         takes_longer(DIRECT, NONE),
     ),
     Claim(
@@ -238,7 +238,7 @@ CLAIMS: tuple[Claim[TrainingEvidence], ...] = (
     Claim(
         "A2",
         "recognizing the increased training difficulty ..., a simple and novel solution to reduce learning complexity",
-        f"iterations until the teacher reaches {SLOW} both ways: deception takes fewer than direct",
+        f"iterations until it reaches {SLOW} both ways in training: deception takes fewer than direct",
         takes_longer(DIRECT, DECEPTION),
     ),
     Claim(

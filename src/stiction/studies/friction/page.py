@@ -121,7 +121,7 @@ def draw_learning(experiment: Experiment, conditions: Sequence[str]) -> Figure:
                 ends = [end for end, _ in min(curves.values(), key=len)]
                 mean = np.mean([[ratio for _, ratio in curve[: len(ends)]] for curve in curves.values()], axis=0)
                 axis.plot(ends, mean, linewidth=2, label=short_name(condition), **look)
-        axis.set(title=f"{title}, while training", xlabel="iteration of the teacher")
+        axis.set(title=f"{title}, while training", xlabel="iteration")
     axes[0].set_ylabel("speed reached / commanded")
     label_ends(axes[-1])
     legend(axes[0])
