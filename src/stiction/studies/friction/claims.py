@@ -157,7 +157,7 @@ CLAIMS: tuple[Claim[TrainingEvidence], ...] = (
     Claim(
         "V1",
         "the inclusion of f_j introduced nonlinearity, significantly increasing training difficulty",
-        f"iterations until it reaches {SLOW} both ways in training, under its own friction: direct takes more than none",
+        f"iterations until it reaches {SLOW} both ways in training, at its own friction: direct takes more than none",
         takes_longer(DIRECT, NONE),
     ),
     Claim(
