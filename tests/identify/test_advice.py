@@ -105,7 +105,7 @@ def committed(changes=lambda row: row) -> dict[str, Source]:
     from stiction.robots.catalog import find_robot
     from stiction.studies.replication import run
 
-    trained = friction.judge_again(RESULTS / "friction-training/one-phase", {"command": "", "revision": ""})
+    trained = friction.judge_again(RESULTS / "friction-training/drawn-ground", {"command": "", "revision": ""})
     summary = read_summary(RESULTS / "replication" / "summary.json")
     records = [
         run._record(name, part | {"rows": [changes(row) for row in part["rows"]]}, summary["grids"][name])
