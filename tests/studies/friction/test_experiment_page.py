@@ -57,7 +57,7 @@ def test_designs_are_led_by_who_follows(tmp_path: Path) -> None:
     answer, listed, _ = lead(found).splitlines()
     assert answer == "None of 3 ways to train follows with every seed at any friction up to 30 %."
     assert listed == (
-        "Every seed follows, of friction up to 30 % of the torque limit, with partdesigns-none, 1 seed, nowhere; "
+        "With friction up to 30 % of the torque limit every seed follows: partdesigns-none, 1 seed, nowhere; "
         "partdesigns-direct, 1 seed, nowhere; partdesigns-deception, 1 seed, nowhere."
     )
     assert {"following", "methods-student"} <= set(sheets_of(found)) and "verdicts" not in sheets_of(found)
@@ -82,8 +82,8 @@ def test_methods_are_led_by_where_every_seed_follows(tmp_path: Path) -> None:
     ]
     answer = lead(replace(found, following=following)).splitlines()[0]
     assert answer == (
-        "Every seed follows at a friction, of each joint's torque limit: trained with 16 to 24 % (direct), at 20 %; "
-        "trained without friction (none), nowhere; trained with 0 to 24 % (deception), nowhere."
+        "With this much friction, of each joint's torque limit, every seed follows: trained with 16 to 24 % (direct), "
+        "at 20 %; trained without friction (none), nowhere; trained with 0 to 24 % (deception), nowhere."
     )
     assert report(found).title == "Which training in two phases copes with how much joint friction?"
 

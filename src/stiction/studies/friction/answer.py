@@ -55,7 +55,7 @@ def lead(experiment: Experiment) -> str:
         lines.insert(0, said_of(experiment.verdicts, "sentences of the paper on training with friction"))
     else:
         listed = "; ".join(_where(experiment, condition) for condition in walked)
-        lines.insert(0, f"Every seed follows, of friction up to {MOST} of the torque limit, with {listed}.")
+        lines.insert(0, f"With friction up to {MOST} of the torque limit every seed follows: {listed}.")
     if walked:
         lines.insert(0, (_methods_answer if _is_first(experiment) else _ways_answer)(experiment, walked))
     return "\n".join(lines)
@@ -76,7 +76,7 @@ def _methods_answer(experiment: Experiment, conditions: Sequence[str]) -> str:
         said.append((how, " and ".join(_spans(experiment, name))))
     parts = [f"trained {how}, {where}" for how, where in said if where]
     parts += [f"trained {how}, nowhere" for how, where in said if not where]
-    return f"Every seed follows at a friction, of each joint's torque limit: {'; '.join(parts)}."
+    return f"With this much friction, of each joint's torque limit, every seed follows: {'; '.join(parts)}."
 
 
 def _ways_answer(experiment: Experiment, conditions: Sequence[str]) -> str:
