@@ -134,11 +134,11 @@ def test_a_linear_axis_is_not_a_leg() -> None:
 
 
 def test_the_range_and_the_settings_say_the_same_as_the_words() -> None:
-    """Trained at 20 %: friction is drawn from 16 to 24 % of the limit; little friction, or none, calls for none."""
+    """Friction is drawn from zero to 24 % of the limit, 1.2 times the level that is named; little friction, or none, calls for none."""
     told = verdict(FRICTION, ratio(0.25), None, "loaded")
-    assert told.level == 0.25 and told.range == pytest.approx([0.16, 0.24])
-    assert told.training == {"method": "direct", "level": 0.2, "law": "coulomb", "per": "robot"}
-    assert "--method direct --friction-level 0.2." in told.text and "has to cover 25 %" in told.text
+    assert told.level == 0.25 and told.range == pytest.approx([0.0, 0.24])
+    assert told.training == {"method": "deception", "level": 0.2, "law": "coulomb", "per": "robot"}
+    assert "--method deception --friction-level 0.2." in told.text and "has to cover 25 %" in told.text
     little = verdict(FRICTION, ratio(0.0098), None, "loaded")
     assert (little.level, little.training["method"], little.range) == (0.01, "none", [0.0, 0.0])
 

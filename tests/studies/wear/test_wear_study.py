@@ -22,7 +22,7 @@ from stiction.virtual.robot import Wear
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
 SPEC = find_robot("saturn_lite")
-WALKER = read_bundle(shipped_bundles()["saturn_lite-flat-none-0.2"])
+WALKER = read_bundle(shipped_bundles()["saturn_lite-flat-deception-0.2"])
 SHORT = WearCfg("mujoco", ("0.3",), robots=(3,), wear=Wear(start=0.1, seconds=6.0), settle=1.0, window=2.0)
 ALONE = replace(SHORT, control=False)
 
@@ -45,7 +45,7 @@ def run(folder: Path, cfg: WearCfg = ALONE, **changes):
     return study_wear([bundle], [folder / "watching"], cfg, folder / "robots", 1, silent)
 
 
-def test_friction_stops_a_policy_that_never_met_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_friction_beyond_all_training_stops_a_policy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It walks at 3 % of the torque limit and not at 90; windows, wear and the monitor's truth are as asked for."""
     (row,), windows, readings = run(tmp_path, unusual=1e8)
     assert (row.policy, row.friction_level, row.robot, row.engine) == ("watching", "0.3", 3, "mujoco")
@@ -111,7 +111,7 @@ def test_what_a_walk_means_is_judged_anew(tmp_path: Path, monkeypatch: pytest.Mo
     }
     monkeypatch.setattr(wear_study, "record_walk", lambda one, bundle: seen)
     (tmp_path / "robots").mkdir()
-    path = shipped_bundles()["saturn_lite-flat-none-0.2"]
+    path = shipped_bundles()["saturn_lite-flat-deception-0.2"]
     (row,), windows, _ = study_wear([WALKER], [path], ALONE, tmp_path / "robots", 1, silent)
     assert (row.end, row.time, row.factor) == ("fell", 3.5, pytest.approx(0.1 * 30 ** (3.5 / 6)))
     assert windows == [Window(row.policy, "0.3", 3, None, 3.0, 0.2, 1.0)]
@@ -132,7 +132,7 @@ def test_a_row_has_the_method_of_its_policy(tmp_path: Path, monkeypatch: pytest.
 def test_what_fails_in_another_process_is_said_here(tmp_path: Path) -> None:
     """One line for the user, not the traceback of a child."""
     with pytest.raises(StictionError, match="unknown engine 'bullet'"):
-        path = shipped_bundles()["saturn_lite-flat-none-0.2"]
+        path = shipped_bundles()["saturn_lite-flat-deception-0.2"]
         study_wear([WALKER], [path], replace(ALONE, engine="bullet", robots=(3, 4)), tmp_path, 2, silent)
 
 
@@ -160,5 +160,5 @@ def test_a_joint_that_the_robot_lacks_is_refused_before_anything_walks(tmp_path:
     """A study that wears nothing out would find that nothing matters."""
     cfg = replace(SHORT, wear=Wear(("knee",), seconds=6.0))
     with pytest.raises(StictionError, match="unknown joint 'knee'"):
-        study_wear([WALKER], [shipped_bundles()["saturn_lite-flat-none-0.2"]], cfg, tmp_path, 1, silent)
+        study_wear([WALKER], [shipped_bundles()["saturn_lite-flat-deception-0.2"]], cfg, tmp_path, 1, silent)
     assert not list(tmp_path.iterdir())
