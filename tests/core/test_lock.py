@@ -83,6 +83,20 @@ def test_one_process_may_hold_it_twice(tmp_path: Path) -> None:
     assert python(TRY, str(tmp_path), "1").communicate()[0].startswith("0 ")
 
 
+def test_a_folder_that_stays_empty_goes_again(tmp_path: Path) -> None:
+    """A misspelt policy leaves nothing behind; a folder that was there, or in which something was written, stays."""
+    with pytest.raises(FileError), output_folder(tmp_path / "new"):
+        raise FileError("no such policy")
+    assert not (tmp_path / "new").exists()
+    (tmp_path / "old").mkdir()
+    with output_folder(tmp_path / "old"):
+        pass
+    with pytest.raises(FileError), output_folder(tmp_path / "written"):
+        (tmp_path / "written" / "row.csv").write_text("1\n")
+        raise FileError("the second row cannot be walked")
+    assert (tmp_path / "old").exists() and (tmp_path / "written" / "row.csv").exists()
+
+
 def test_a_lock_that_was_removed_meanwhile_is_taken_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its holder ends between the opening and the locking: a lock on a file without a name keeps nobody out."""
     flock, calls = lock.fcntl.flock, []

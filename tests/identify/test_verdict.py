@@ -134,7 +134,7 @@ def test_a_linear_axis_is_not_a_leg() -> None:
 
 
 def test_the_range_and_the_settings_say_the_same_as_the_words() -> None:
-    """Friction is drawn from zero to 24 % of the limit, 1.2 times the level that is named; little friction, or none, calls for none."""
+    """From zero to 24 % of the limit, 1.2 times the level that is named; little friction, or none, calls for none."""
     told = verdict(FRICTION, ratio(0.25), None, "loaded")
     assert told.level == 0.25 and told.range == pytest.approx([0.0, 0.24])
     assert told.training == {"method": "deception", "level": 0.2, "law": "coulomb", "per": "robot"}

@@ -36,11 +36,19 @@ _held: dict[Path, int] = {}
 def output_folder(out: Path, option: str = "--out") -> Iterator[None]:
     """Make the directory for results, which `option` names, and be its only writer.
 
+    One that was made here and stays empty, as where a name was misspelt, goes again.
+
     Raises `StictionError` where it cannot be made or written, or another process writes it.
     """
+    new = not out.exists()
     make_folder(out, option)
-    with _locked(out / LOCK, out, option):
-        yield
+    try:
+        with _locked(out / LOCK, out, option):
+            yield
+    finally:
+        if new:
+            with suppress(OSError):
+                out.rmdir()
 
 
 @contextmanager
