@@ -87,6 +87,8 @@ def test_a_folder_that_stays_empty_goes_again(tmp_path: Path) -> None:
     """A misspelt policy leaves nothing behind; a folder that was there, or in which something was written, stays."""
     with pytest.raises(FileError), output_folder(tmp_path / "new"):
         raise FileError("no such policy")
+    with pytest.raises(FileError), replaced_folder(tmp_path / "new" / "bundle"):
+        raise FileError("no such run")
     assert not (tmp_path / "new").exists()
     (tmp_path / "old").mkdir()
     with output_folder(tmp_path / "old"):

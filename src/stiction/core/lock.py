@@ -33,22 +33,28 @@ _held: dict[Path, int] = {}
 
 
 @contextmanager
-def output_folder(out: Path, option: str = "--out") -> Iterator[None]:
-    """Make the directory for results, which `option` names, and be its only writer.
-
-    One that was made here and stays empty, as where a name was misspelt, goes again.
-
-    Raises `StictionError` where it cannot be made or written, or another process writes it.
-    """
-    new = not out.exists()
-    make_folder(out, option)
+def _made(folder: Path, option: str) -> Iterator[None]:
+    """Make a folder; if it was not there and stays empty, it goes again."""
+    new = not folder.exists()
+    make_folder(folder, option)
     try:
-        with _locked(out / LOCK, out, option):
-            yield
+        yield
     finally:
         if new:
             with suppress(OSError):
-                out.rmdir()
+                folder.rmdir()
+
+
+@contextmanager
+def output_folder(out: Path, option: str = "--out") -> Iterator[None]:
+    """Make the directory for results, which `option` names, and be its only writer.
+
+    If it was not there and stays empty, as where a name was misspelt, it goes again.
+
+    Raises `StictionError` where it cannot be made or written, or another process writes it.
+    """
+    with _made(out, option), _locked(out / LOCK, out, option):
+        yield
 
 
 @contextmanager
@@ -58,8 +64,7 @@ def replaced_folder(out: Path, option: str = "--out") -> Iterator[None]:
     Raises `StictionError` as `output_folder`.
     """
     out = out.absolute()
-    make_folder(out.parent, option)
-    with _locked(out.with_name(f".{out.name}{LOCK}"), out, option):
+    with _made(out.parent, option), _locked(out.with_name(f".{out.name}{LOCK}"), out, option):
         yield
 
 
