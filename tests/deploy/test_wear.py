@@ -103,10 +103,10 @@ def test_a_calibrated_reading_is_moved_and_as_wide_as_virtual_robots_say(contrac
 
 
 def test_a_map_that_was_not_calibrated_says_how_little_its_intervals_held(contract: Contract) -> None:
-    """Who reads a number must read the 7 % beside it; nobody measured the joints."""
+    """Who reads a number must read beside it what such numbers were worth; nobody measured the joints."""
     found = estimate(make_wear(contract), np.zeros(len(make_wear(contract).center)))
     assert not found.calibrated and found.level_held == 0.07 and np.isnan(found.held).all()
-    assert "in 7 % of windows" in WearMonitor(contract, make_wear(contract)).state()["note"]
+    assert "in 7 and 87 % of windows" in WearMonitor(contract, make_wear(contract)).state()["note"]
 
 
 def test_the_state_says_what_it_cannot_tell_and_why(contract: Contract) -> None:
