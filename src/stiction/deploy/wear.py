@@ -62,8 +62,8 @@ class Moments:
 
 
 HELD_UNCALIBRATED = (0.07, 0.87)
-"""Share of windows whose 95 % interval of the level held the truth on virtual robots, of two maps that were not calibrated
-on any: results/wear, five robots each. Of their single joints nothing is known."""
+"""Share of windows whose 95 % interval of the level held the truth on virtual robots, of two maps that were not
+calibrated on any: results/wear, five robots each. Of their single joints nothing is known."""
 
 
 @dataclass(frozen=True)
