@@ -84,17 +84,17 @@ def test_the_comparison_is_judged_from_its_summary_alone(tmp_path: Path, capsys:
 
 
 def test_worn_robots_are_judged_from_their_windows(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """A policy that is too fast until x1.5 is said to be; so is one where friction stays."""
+    """A policy that is too fast until x1.02 is said to be; one that follows to the end is alive."""
     names = ("summary.json", "windows.csv", "readings.csv")
     out = copy("wear", *names, out=tmp_path / "wear")
     assert main(["study", "wear", "--judge-again", "--out", str(out)]) == 0
     assert "deception-0.2 at level 0.1: " in capsys.readouterr().out
     page = (out / "report.html").read_text()
-    assert "5 too fast" in page and "x1.57" in page and "5 too fast from the start" in page
+    assert "5 too fast" in page and "x1.02" in page and "5 alive" in page
     with (out / "lives.csv").open(newline="") as file:
         ends = {(row["policy"], row["steady"], row["end"]) for row in csv.DictReader(file)}
     assert ("saturn_lite-flat-none-0.2", "", "too slow") in ends
-    assert ("saturn_lite-flat-direct-0.2", "0.3", "too fast from the start") in ends
+    assert ("saturn_lite-flat-deception-0.2", "", "alive") in ends
 
 
 def test_an_evaluation_of_before_is_drawn_again(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
