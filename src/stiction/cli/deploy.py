@@ -127,11 +127,11 @@ def main(arguments: list[str]) -> int:
     if address.transport != "virtual" and (cfg.fault or cfg.stand):
         raise ConfigurationError(f"--fault and --stand are for the virtual robot alone; --robot is {cfg.robot}")
     folder = find_bundle(cfg.bundle)
-    bundle = check_bundle(folder, cfg.expect_digest).bundle
     report: dict[str, Any] = {}
     said: list[str] = []
     try:
         with results_folder(cfg.out, "deploy", cfg):
+            bundle = check_bundle(folder, cfg.expect_digest).bundle
             report = _run(cfg, address, bundle, folder)
             write_text(cfg.report or cfg.out / "report.json", _text(report))
     except UnwrittenError as error:

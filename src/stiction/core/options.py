@@ -112,18 +112,19 @@ def _wrong(parser: argparse.ArgumentParser, arguments: Sequence[str], said: str)
     """Return what is wrong with the arguments, in a line. said: what tyro printed of it, in its box."""
     text = _plain(said)
     known = {name: action for action in parser._actions for name in action.option_strings}
+    named = {action.dest: action for action in parser._actions} | known
     names = [word.partition("=")[0].replace("_", "-") for word in arguments]
     for name in names:
         if name.startswith("--") and name not in known:
             return f"unknown option {name}{nearest(name, known)}"
     if found := re.match(r"invalid choice '(.*?)' for argument '([\w.-]+)", text):
         value, name = found.groups()
-        action = known.get(name) or next(one for one in parser._actions if one.dest == name)
+        action = named[name]
         choices = _choices(action)
         name = name if name in known else _name(action).strip("[]")
         return f"{name} {value!r}; expected {', '.join(choices)}{nearest(value, choices)}"
     if found := re.match(r"(?:Error parsing|Missing value for argument) '?([\w.-]+)", text):
-        taking = known.get(found[1]) or next((one for one in parser._actions if one.dest == found[1]), None)
+        taking = named.get(found[1])
         typed = [name for name in names if taking is not None and name in taking.option_strings]
         name, wanted = (typed or [found[1]])[0], _wanted(taking)
         words = _given(arguments, name)

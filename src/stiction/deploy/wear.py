@@ -177,7 +177,7 @@ def estimate(model: WearModel, mean: np.ndarray) -> WearEstimate:
     value = raw_estimate(model, mean)
     if calibration is None:
         shift, spread = np.zeros(len(value)), np.array([[-1.0], [1.0]]) * np.array(model.reach)
-        held = np.append(np.full(len(value) - 1, np.nan), HELD_UNCALIBRATED[0])
+        held = np.append(np.full(len(value) - 1, np.nan), min(HELD_UNCALIBRATED))
     else:
         shift, spread = np.array(calibration.shift), np.array([calibration.lower, calibration.upper])
         held = np.array(calibration.held)

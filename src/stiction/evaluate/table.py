@@ -14,7 +14,7 @@ from stiction.evaluate.grid import Walk
 from stiction.evaluate.methods import MethodCell, method_of
 from stiction.evaluate.metrics import Metrics, combine
 from stiction.formats.bundle import Bundle
-from stiction.formats.contract import Contract
+from stiction.formats.contract import PHASES, Contract
 from stiction.formats.results import ResultRow
 from stiction.robots.model import Robot
 from stiction.virtual.cases import parse_level
@@ -155,7 +155,7 @@ def sample_names(contracts: Mapping[str, Contract]) -> dict[str, str]:
 def _sample_of(contract: Contract) -> tuple[str, ...]:
     """Return what two policies share that are samples of one training, in words; the method comes first."""
     low, high = contract.friction_range
-    phases = {1: "one phase", 2: "two phases"}.get(contract.phases or 0, "phases not recorded")
+    phases = PHASES.get(contract.phases or 0, "phases not recorded")
     trained = contract.robot, contract.terrain, phases, contract.friction_law, f"{contract.friction_level:g}"
     return method_of(contract), *trained, f"range {low:g} to {high:g}"
 

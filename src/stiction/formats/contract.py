@@ -38,6 +38,9 @@ from stiction.joints.friction import LAWS, Law, has_coefficient, simulated_laws
 from stiction.robots.model import Robot
 from stiction.robots.record import robot_from
 
+PHASES = {1: "one phase", 2: "two phases"}
+"""Phases of a training, in words."""
+
 MOST_JOINTS = 256
 """Joints that a policy may have."""
 

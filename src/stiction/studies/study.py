@@ -360,24 +360,21 @@ def page_text(report: Report, summary: Summary) -> str:
     return render_page(report.title, parts, report.lead.split("\n"), notes, summary["command"])
 
 
-PHASES = {None: "", 1: "one phase, ", 2: "two phases, "}
-"""Phases of a training -> what a warning says of it; None: not recorded."""
-
-
 def namesakes(policies: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """Return a warning where the package has other policies by now under the names of those that were walked.
 
     policies: name -> `digest`, `seed`, `revision` and perhaps `phases`, as in summary.json.
     """
     from stiction.formats.bundle import read_bundle, shipped_bundles
+    from stiction.formats.contract import PHASES
+
+    def origin(policy: Mapping[str, Any]) -> str:
+        phases = PHASES.get(policy.get("phases", 0))
+        return ", ".join([f"seed {policy['seed']}", *([phases] if phases else []), f"revision {policy['revision']}"])
 
     shipped = {name: path for name, path in shipped_bundles().items() if name in policies}
     others = [name for name, path in shipped.items() if policies[name]["digest"] != read_bundle(path).digest]
-    said = ", ".join(
-        f"{name} (seed {policies[name]['seed']}, {PHASES[policies[name].get('phases')]}revision "
-        f"{policies[name]['revision']})"
-        for name in others
-    )
+    said = ", ".join(f"{name} ({origin(policies[name])})" for name in others)
     return [f"Walked with earlier policies than the package has under these names now: {said}."] if others else []
 
 

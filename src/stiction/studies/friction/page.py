@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from markupsafe import Markup
 
+from stiction.evaluate.command import parse_command
 from stiction.formats.following import BAND, DEFINITION, SLOW
 from stiction.formats.results import DIRECTIONS, ResultRow
 from stiction.joints.friction import level_axis, level_number
@@ -84,7 +85,7 @@ def draw_budget(experiment: Experiment, conditions: Sequence[str], law: str = "c
                     seeds.setdefault(row.seed, []).append((level_number(law, row.friction_level), row.speed_ratio))
             for points in map(sorted, seeds.values()):
                 axis.plot(*zip(*points, strict=True), linewidth=0.6, alpha=0.6, marker=".", markersize=3, **look)
-        speed = abs(float(command.removeprefix("vx=")))
+        speed = abs(parse_command(command).velocity[0])
         axis.set(title=f"{who}, {WORDS[command]}, {speed:g} m/s", ylabel="speed reached / commanded")
     for axis in axes[-2:]:
         axis.set_xlabel(level_axis(law))
