@@ -13,12 +13,30 @@ from stiction.core.records import make_folder, read_rows
 from stiction.evaluate.table import BOTH, Sample
 from stiction.formats.results import ResultRow, read_results
 from stiction.report.evaluation import draw_budget, lead, results_table, write_evaluation
+from stiction.report.following import places_text
 
 
 def make_row(policy: str, level: float, command: str, ratio: float | None, falls: float = 0.0) -> ResultRow:
     """Return one row with the columns that matter here."""
     names = policy, "none", 0, "mujoco", "coulomb", level, "flat", command
     return ResultRow(*names, ratio, 0.1, falls, 4.0, None, None, 20.0, None, None, 8)
+
+
+@pytest.mark.parametrize(
+    ("seen", "said"),
+    [
+        ("", "nowhere"),
+        ("0", "at 0 %"),
+        ("0 10 30", "at 0, 10 and 30 %"),
+        ("10 20", "at 10 and 20 %"),
+        ("0 5 10 20 30", "from 0 to 30 %"),
+        ("0 5 10 30", "from 0 to 10 % and at 30 %"),
+    ],
+)
+def test_places_are_said_as_a_person_would(seen: str, said: str) -> None:
+    """A span over a place where it was otherwise would claim what was not seen: 5 % lies between 0 and 10 %."""
+    places, tried = ([f"{level} %" for level in levels.split()] for levels in (seen, "0 5 10 20 30"))
+    assert places_text(places, tried) == said
 
 
 ROWS = [
@@ -79,7 +97,7 @@ def test_the_lead_says_where_each_policy_follows() -> None:
     assert "wild follows nowhere; falls at 0 %." in text
     fast = [make_row("fast", 0.0, "vx=0.5", 1.21), make_row("fast", 0.0, "vx=-0.5", 1.0)]
     one_way = [make_row("fast", 0.1, "vx=0.5", 1.3), make_row("fast", 0.1, "vx=-0.5", 0.7)]
-    assert "fast follows nowhere; is too fast at 0 %, 10 %; is too slow at 10 %." in lead([*fast, *one_way])
+    assert "fast follows nowhere; is too fast at 0 and 10 %; is too slow at 10 %." in lead([*fast, *one_way])
     assert "was not asked to move" in lead(ROWS[-1:])
 
 

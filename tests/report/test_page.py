@@ -3,11 +3,23 @@
 from __future__ import annotations
 
 import base64
+import re
 from pathlib import Path
 
 import pytest
 
-from stiction.report.page import Section, data_uri, figure_uri, new_figure, paragraph, picture, render_page, row, table
+from stiction.report.page import (
+    Section,
+    data_uri,
+    figure_uri,
+    new_figure,
+    paragraph,
+    picture,
+    render_page,
+    row,
+    settings_table,
+    table,
+)
 
 
 def test_text_is_escaped_everywhere_and_blocks_are_not() -> None:
@@ -53,6 +65,13 @@ def test_columns_of_words_align_left_and_numbers_right() -> None:
     rows = [["a", "-1.5", "far"], ["b", "–", "12 away"], ["c", "not known", ""]]
     block = table(["name", "number", "meaning"], rows)
     assert block.count('<td class="words short">') == 3 and block.count("<td>") == 3
+
+
+def test_settings_are_a_table_and_no_code() -> None:
+    """Braces and quotes are for files: nested settings are named by all names above them."""
+    block = settings_table({"friction_levels": [0.0, 0.2], "commands": {"student": ("vx=0.5",)}, "robots": []})
+    found = re.findall(r"<t[dh][^>]*>([^<]*)</t[dh]>", block)
+    assert found == ["setting", "value", "friction levels", "0.0, 0.2", "commands, student", "vx=0.5", "robots", "–"]
 
 
 @pytest.mark.parametrize("name", ["$\\frac$", "$x_{1}^$", "_hidden", "a_b^c{d}", "%$#&~\\", "[red]", "\x1b[2J <b>"])

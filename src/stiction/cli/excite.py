@@ -23,7 +23,7 @@ range around them. Writes trajectory.csv (what the controller plays back) with i
 report.html.
 
 Examples:
-  stiction excite --robot go2 --joint FL_calf --out excite
+  stiction excite --robot go2 --joint FL_calf_joint --out excite
   stiction identify log.csv --out identified"""
 
 

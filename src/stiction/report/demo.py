@@ -95,7 +95,8 @@ def render_demo(
         sections += [
             Section(heading, _policy_blocks(policies)),
             Section(
-                f"How they walk with {clips.level:.0%} friction in every joint", _clip_blocks(policies, rows, clips)
+                f"How they walk with {100 * clips.level:.0f} % friction in every joint",
+                _clip_blocks(policies, rows, clips),
             ),
             Section("How much friction each of them bears", budget),
             Section("Are these files what they claim to be?", _check_blocks(policies)),
@@ -162,7 +163,7 @@ def _policy_blocks(policies: Sequence[DemoPolicy]) -> tuple[Markup, ...]:
             policy.name,
             METHODS.get(contract.method, contract.method),
             contract.method,
-            f"{contract.friction_range[0]:.0%} to {contract.friction_range[1]:.0%}",
+            "{:g} to {:g} %".format(*(100 * end for end in contract.friction_range)),
             str(contract.seed),
         )
         for policy, contract in zip(policies, contracts, strict=True)
@@ -190,7 +191,7 @@ def verdict(policies: Sequence[DemoPolicy], rows: Sequence[ResultRow]) -> list[s
 def _clip_blocks(policies: Sequence[DemoPolicy], rows: Sequence[ResultRow], clips: DemoClips) -> tuple[Markup, ...]:
     """Return all policies in one scene, and what each reached."""
     ratios = {
-        r.policy: f"{r.speed_ratio:.0%} of it ({row_pace(r)})"
+        r.policy: f"{100 * r.speed_ratio:.0f} % of it ({row_pace(r)})"
         for r in rows
         if (r.friction_level, r.command) == (clips.level, clips.command) and r.speed_ratio is not None
     }

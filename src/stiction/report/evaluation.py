@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -26,6 +25,7 @@ from stiction.report.page import (
     Spread,
     draw_seeds,
     figure_block,
+    fold,
     label_ends,
     legend,
     line_look,
@@ -33,7 +33,9 @@ from stiction.report.page import (
     new_figure,
     paragraph,
     render_page,
+    same_scale,
     save_figure,
+    settings_table,
     table,
 )
 from stiction.report.terminal import result_cells
@@ -114,6 +116,7 @@ def draw_budget(rows: Sequence[ResultRow], samples: Sequence[Sample] = (), metho
     if moving:
         for axis in axes[::width]:
             axis.set_ylabel("speed reached / commanded")
+        same_scale([axis for axis in axes if axis.get_visible()])
         for axis in axes[width - 1 :: width]:
             label_ends(axis)
         legend(axes[0])
@@ -394,7 +397,7 @@ def run_blocks(summary: dict[str, Any]) -> tuple[Markup, ...]:
         paragraph(f"Command: {summary['command']}"),
         *(paragraph(text) for text in (where, *robots, *forward)),
         paragraph(f"{CONDITIONS.format(law)} {', '.join(fixed)}."),
-        paragraph(f"Settings: {json.dumps(evaluation)}"),
+        fold("Settings", [settings_table(evaluation)]),
         table(["policy", "method", "seed", "revision", "digest", "made by"], policies),
         paragraph(f"Revision {summary['revision']}, {summary['seconds']:.0f} s on {summary['machine']['cpu']}."),
         *((paragraph(again),) if (again := judged_text(summary)) else ()),

@@ -117,15 +117,41 @@ def counts_sheet(cells: Sequence[Following]) -> Sheet:
 
 
 def paces_text(found: Sequence[tuple[str, set[str]]]) -> str:
-    """Say where something follows and where it does what else: `follows at 20 %, is too fast at 0 %, 10 %`.
+    """Say where something follows and where it does what else: `follows at 20 %; is too fast at 0 and 10 %`.
 
     found: a place in words, and all that was seen there, as of `row_pace`; it follows where nothing else was seen.
     """
     where = {"follows": [at for at, seen in found if seen == {"follows"}]}
     where |= {one: [at for at, seen in found if one in seen] for one in ("too fast", "too slow", "fell")}
     words = {"follows": "follows", "too fast": "is too fast", "too slow": "is too slow", "fell": "falls"}
-    said = [f"{words[one]} at {', '.join(places)}" for one, places in where.items() if places]
+    tried = [at for at, _ in found]
+    said = [f"{words[one]} {places_text(places, tried)}" for one, places in where.items() if places]
     return "; ".join(said if where["follows"] else ["follows nowhere", *said])
+
+
+def places_text(places: Sequence[str], tried: Sequence[str]) -> str:
+    """Say at which of the places that were tried something was seen: `from 0 to 20 % and at 30 %`; none: `nowhere`.
+
+    Three or more that were tried one after the other are a span.
+    """
+    runs: list[list[str]] = []
+    for place in places:
+        if runs and tried.index(place) == tried.index(runs[-1][-1]) + 1:
+            runs[-1].append(place)
+        else:
+            runs.append([place])
+    spans = [f"from {_without_unit(run[0], run[-1])} to {run[-1]}" for run in runs if len(run) > 2]
+    single = [place for run in runs if len(run) < 3 for place in run]
+    if single:
+        *first, last = single
+        listed = ", ".join(_without_unit(place, last) for place in first)
+        spans.append(f"at {listed} and {last}" if first else f"at {last}")
+    return " and ".join(spans) or "nowhere"
+
+
+def _without_unit(place: str, other: str) -> str:
+    """Return `10 %` as `10` beside another place in per cent."""
+    return place.removesuffix(" %") if other.endswith(" %") else place
 
 
 def recommended_sentence(cells: Sequence[Following], level: float) -> str:

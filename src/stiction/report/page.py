@@ -10,7 +10,7 @@ import base64
 import io
 import mimetypes
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cache
@@ -131,6 +131,24 @@ def fold(title: str, blocks: Sequence[Markup], anchor: str = "") -> Markup:
     return _block("fold", title, blocks, anchor)
 
 
+def settings_table(settings: Mapping[str, Any]) -> Markup:
+    """Return settings, nested as in a summary, as a table of two columns: `friction levels`, `0, 0.1, 0.2`."""
+    return table(("setting", "value"), _settings_rows(settings))
+
+
+def _settings_rows(settings: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
+    """Return the rows of settings; what is nested has the names above it in front."""
+    rows = []
+    for name, value in settings.items():
+        said = f"{prefix}{name.replace('_', ' ')}"
+        if isinstance(value, Mapping):
+            rows += _settings_rows(value, f"{said}, ")
+        else:
+            several = isinstance(value, list | tuple)
+            rows.append((said, (", ".join(map(str, value)) if several else str(value)) or "–"))
+    return rows
+
+
 def data_uri(data: bytes, mime: str) -> str:
     """Return bytes as a `data:` URI, so that the page needs no file beside it."""
     return f"data:{mime};base64,{base64.b64encode(data).decode('ascii')}"
@@ -179,6 +197,13 @@ def new_figure(
         for spine in axis.spines.values():
             spine.set_edgecolor(INK)
     return figure, axes
+
+
+def same_scale(axes: Sequence[Axes]) -> None:
+    """Give panels of one quantity one vertical scale, from the lowest end of theirs to the highest."""
+    ends = [end for axis in axes for end in axis.get_ylim()]
+    for axis in axes:
+        axis.set_ylim(min(ends), max(ends))
 
 
 def labelled(axis: Axes) -> dict[str, Any]:

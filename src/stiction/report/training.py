@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,11 +18,13 @@ from stiction.report.page import (
     INK,
     Section,
     figure_block,
+    fold,
     legend,
     new_figure,
     paragraph,
     render_page,
     save_figure,
+    settings_table,
     table,
 )
 
@@ -114,7 +115,14 @@ def write_actuator_page(folder: Path) -> Path:
         Section("Error by joint", (paragraph(BASELINE), joint_table(summary))),
         Section("Error by command", (command_table(summary),)),
         Section("Training", (figure_block(_losses(net, fit), "Mean squared error of torque over limit."),)),
-        Section("What was run", (run_table(net, summary), paragraph(f"Command: {net.command}"))),
+        Section(
+            "What was run",
+            (
+                run_table(net, summary),
+                fold("Settings", [settings_table(summary["config"])]),
+                paragraph(f"Command: {net.command}"),
+            ),
+        ),
     ]
     write_text(page, render_page("Actuator Net", sections, lead(summary), command=net.command))
     return page
@@ -166,7 +174,6 @@ def run_table(net: ActuatorNet, summary: dict[str, Any]) -> Markup:
         ("weights shared by", "; ".join(", ".join(group) for group in net.groups)),
         ("runs fitted", ", ".join(net.training)),
         ("runs kept out", ", ".join(net.validation)),
-        ("settings", json.dumps(summary["config"])),
         ("revision, seed", f"{net.revision}, {net.seed}"),
         ("time", f"{summary['seconds']:.0f} s on {summary['machine']['cpu']}"),
     ]

@@ -111,6 +111,6 @@ def test_a_history_has_its_row_although_it_is_never_averaged() -> None:
 def test_the_first_sentence_says_what_another_latent_does() -> None:
     """The title asks what adaptation does; R² of a probe is no answer that a person would give."""
     assert effect_text(make_summary()) == (
-        "A policy's speed changes, of the command, when it is given the latent (what the last frames told) of a robot "
-        "with other friction, by up to 30 % (direct), 30 % (none)."
+        "A policy's speed changes, of the command, by up to 30 % (direct), 30 % (none) when it is given the latent of "
+        "a robot with other friction."
     )

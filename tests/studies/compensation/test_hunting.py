@@ -42,10 +42,13 @@ def test_the_first_sentence_says_whether_it_is_enough() -> None:
         Followed("q", 0.2, 0.9, 0.9, "follows", 0.0, None),
     ]
     assert answer(rows) == [
-        "In the simulator of the training it is enough in 1 of 2 ways: p then follows at 20 % friction; as it is, at 0 "
-        "% friction."
+        "In the simulator of the training it is enough in 1 of 2 ways: p follows at 0 % as it is, and with friction "
+        "fed forward at best at 20 % (by the position error, share 1).",
+        "q follows at 20 % as it is.",
     ]
-    assert "is not enough in any of 1 ways: p then does not follow at 20 % friction" in answer(rows[:2] + rows[3:])[0]
+    assert (
+        "is not enough in any of 1 ways: p follows at 0 % as it is, and no way helps" in answer(rows[:2] + rows[3:])[0]
+    )
 
 
 def test_both_directions_decide_who_follows() -> None:

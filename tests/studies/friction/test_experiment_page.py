@@ -57,18 +57,19 @@ def test_designs_are_led_by_who_follows(tmp_path: Path) -> None:
     answer, listed, _ = lead(found).splitlines()
     assert answer == "None of 3 ways to train follows with every seed at any friction up to 30 %."
     assert listed == (
-        "With friction up to 30 % of the torque limit every seed follows: partdesigns-none, 1 seed, nowhere; "
-        "partdesigns-direct, 1 seed, nowhere; partdesigns-deception, 1 seed, nowhere."
+        "With friction up to 30 % of the torque limit every seed follows: a purpose (partdesigns-none), "
+        "1 seed, nowhere; a purpose (partdesigns-direct), 1 seed, nowhere; a purpose (partdesigns-deception), 1 seed, "
+        "nowhere."
     )
     assert {"following", "methods-student"} <= set(sheets_of(found)) and "verdicts" not in sheets_of(found)
     following = [replace(cell, follow=cell.friction_level < 0.1) for cell in found.following]
-    assert "partdesigns-none, 1 seed, at 0 %;" in lead(replace(found, following=following))
-    assert "the most do at 1 of 2 frictions: a purpose; a purpose; a purpose." in lead(
+    assert "a purpose (partdesigns-none), 1 seed, at 0 %;" in lead(replace(found, following=following))
+    assert "the most do at 1 of 2 frictions: a purpose (partdesigns-none); a purpose" in lead(
         replace(found, following=following)
     )
     following = [replace(cell, follow="none" in cell.method) for cell in found.following]
     assert lead(replace(found, following=following)).startswith(
-        "1 of 3 ways to train follows with every seed up to 30 % friction: a purpose."
+        "1 of 3 ways to train follows with every seed up to 30 % friction: a purpose (partdesigns-none)."
     )
     assert "verdicts" in sheets_of(experiment(tmp_path / "first", ("1",)))
 
@@ -125,7 +126,7 @@ def test_tables_show_means_with_intervals_and_single_seeds_without(tmp_path: Pat
     """0.9, 1.0, 1.1: 1.00 ± 4.3027 * 0.1 / √3 = 0.25. If it failed, one run would look as certain as five."""
     several = methods_sheet(experiment(tmp_path / "a"), ["coulomb20-none"], "student")
     assert several.header[1:] == ("0 %", "20 %") and several.rows[0] == (
-        "coulomb20-none, forward",
+        "none, forward",
         "1.00 ± 0.25",
         "0.50 ± 0.12",
     )

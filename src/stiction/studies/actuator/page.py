@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from stiction.formats.results import COLUMNS, ResultRow
 from stiction.report.following import shade_following
 from stiction.report.page import Section, figure_uri, fold, legend, mark_look, new_figure, paragraph, picture, table
+from stiction.studies.actuator.config import VARIANTS
 from stiction.studies.actuator.robots import FACTORS, FRICTION_FACTORS
 from stiction.studies.study import Report
 
@@ -50,11 +51,12 @@ def lead(means: Sequence[Sequence[str]]) -> list[str]:
     """Return what the first policy reaches, and what those trained through a net do. means: lines of `mean_table`."""
     (first, own, _, drawn, _, free, _), *others = means
     said = [
-        f"{first}, trained without joint friction, reaches {own} of the commanded speed on the robot that was logged, "
-        f"{drawn} on other robots with friction, and {free} on one without."
+        f"A policy that was trained without joint friction ({first}) reaches {own} of the commanded speed on the robot "
+        f"that was logged, {drawn} on other robots with friction, and {free} on one without."
     ]
     said += [
-        f"{name}, trained through an Actuator Net, reaches {own}, {drawn} and {free}."
+        f"Trained through an Actuator Net of {VARIANTS.get(name.partition('-')[2], 'its walks')} ({name}), it reaches "
+        f"{own}, {drawn} and {free}."
         for name, own, _, drawn, _, free, _ in others
     ]
     return said

@@ -20,6 +20,7 @@ from stiction.report.page import (
     new_figure,
     paragraph,
     picture,
+    same_scale,
     table,
 )
 from stiction.studies.adaptation.probes import HISTORIES, TEST_OF
@@ -94,9 +95,7 @@ def draw_effects(methods: dict[str, Any], latents: dict[str, str]) -> Figure:
             )
         axis.axhline(0.0, color=INK, linewidth=0.8)
         axis.set(title=method, xlabel="friction, % of torque limit")
-    ends = [end for axis in axes for end in axis.get_ylim()]
-    for axis in axes:
-        axis.set_ylim(min(ends), max(ends))  # the trainings are to be compared
+    same_scale(axes)
     axes[0].set_ylabel("change of the speed ratio")
     legend(axes[0])
     return figure
@@ -172,14 +171,14 @@ def answers(summary: dict[str, Any]) -> list[str]:
 def effect_text(summary: dict[str, Any]) -> str:
     """Return how much of its command a policy's speed changes by another latent, as a sentence to be read aloud."""
     parts = []
-    for latent in ("swapped", "peer"):
+    for latent in GIVEN:
         sizes = {
             method: max((abs(e["difference"]) for e in one["effects"] if _is_speed(e, latent)), default=None)
             for method, one in summary["methods"].items()
         }
         said = [f"{100 * size:.0f} % ({method})" for method, size in sizes.items() if size is not None]
         if said:
-            parts.append(f"{GIVEN[latent]}, by up to {', '.join(said)}")
+            parts.append(f"by up to {', '.join(said)} when {GIVEN[latent]}")
     return f"A policy's speed changes, of the command, {'; '.join(parts)}."
 
 
@@ -188,10 +187,11 @@ def _is_speed(effect: dict[str, Any], latent: str) -> bool:
 
 
 GIVEN = {
-    "swapped": "when it is given the latent (what the last frames told) of a robot with other friction",
-    "peer": "when it is given that of a robot with the same friction",
+    "mean": "its latent (what the last frames told) is frozen at its mean",
+    "swapped": "it is given the latent of a robot with other friction",
+    "peer": "it is given that of a robot with the same friction",
 }
-"""Other robots' latents, as the answer says them."""
+"""Latents in place of a robot's own, as the answer says them."""
 
 
 def lead(summary: dict[str, Any]) -> list[str]:
@@ -204,9 +204,9 @@ def lead(summary: dict[str, Any]) -> list[str]:
         seeds = f"{len(runs)} training seeds" if len(runs) > 1 else "one training seed"
         robot, joint = means["latent", "robot"], means["latent", "joint"]
         lines.append(
-            f"{method}, {seeds}: over a walk, the latent z* tells how rough the robot is with R² {robot:.2f}, and each "
-            f"joint's friction with R² {joint:.2f}; the moments of what it is made of, {means['moments', 'robot']:.2f} "
-            f"and {means['moments', 'joint']:.2f}."
+            f"From the latent z* of {method} ({seeds}), over a walk, the mean friction of a robot can be read with R² "
+            f"{robot:.2f}, that of each joint with R² {joint:.2f}; from the moments of the frames that z* is made of, "
+            f"with {means['moments', 'robot']:.2f} and {means['moments', 'joint']:.2f}."
         )
     return lines
 

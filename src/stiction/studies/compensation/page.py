@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from stiction.core.records import from_plain
+from stiction.core.records import from_plain, header, texts
 from stiction.formats.following import DEFINITION
 from stiction.formats.results import ResultRow
-from stiction.joints.compensation import parse_compensation
+from stiction.joints.compensation import Compensation, parse_compensation
+from stiction.report.following import places_text
 from stiction.report.page import Section, fold, paragraph, row_table, table
 from stiction.studies.compensation.standing import Standing
 from stiction.studies.compensation.walking import Followed, followed
@@ -37,10 +38,10 @@ def report(
         Section("Every pair of a policy and a friction", (fold("Every row", [row_table(who, grouped=True)]),)),
     ]
     if stood:
-        sections.append(Section("Standing still on a virtual robot", (row_table(stood),)))
+        sections.append(Section("Standing still on a virtual robot", (standing_table(stood),)))
     return Report(
         title="Is it enough to feed friction forward in the motors?",
-        lead="\n".join([*answer(who), *lead(who)]),
+        lead="\n".join(answer(who)),
         tables={"walks": rows, "following": who, "standing": stood},
         sections=sections,
         summary=summary,
@@ -53,8 +54,12 @@ def way_of(policy: str) -> tuple[str, str]:
     name, plus, label = policy.partition("+")
     if not plus:
         return name, AS_IS
-    how = parse_compensation(label.replace("forward", "error"))
-    return name, f"{WAYS[how.by]}, share {how.share:g}"
+    return name, way_text(parse_compensation(label.replace("forward", "error")))
+
+
+def way_text(how: Compensation) -> str:
+    """Return a way to feed friction forward in words."""
+    return f"{WAYS[how.by]}, share {how.share:g}"
 
 
 def follows(row: Followed) -> bool:
@@ -75,7 +80,7 @@ def level_table(rows: Sequence[Followed]) -> Any:
 
 
 def answer(rows: Sequence[Followed]) -> list[str]:
-    """Return whether it is enough, as a sentence to be read aloud for each policy that walked with friction fed so.
+    """Return whether it is enough, as a sentence to be read aloud for each policy; others only where they follow.
 
     It is where a way follows at every friction that was tried.
     """
@@ -85,39 +90,38 @@ def answer(rows: Sequence[Followed]) -> list[str]:
         for row in rows:
             if way_of(row.policy)[0] == name:
                 ways.setdefault(way_of(row.policy)[1], []).append(row)
-        alone = [f"{100 * row.friction_level:g} %" for row in ways.pop(AS_IS, []) if follows(row)]
+        alone = f"follows {_where(ways.pop(AS_IS, []))} as it is"
         if not ways:
+            lines.append(f"{name} {alone}.")
             continue
-        tried = _where([f"{100 * row.friction_level:g} %" for row in next(iter(ways.values()))])
         count = sum(all(map(follows, own)) for own in ways.values())
         enough = f"is enough in {count} of {len(ways)} ways" if count else f"is not enough in any of {len(ways)} ways"
-        lines.append(
-            f"In the simulator of the training it {enough}: {name} then {'follows' if count else 'does not follow'} "
-            f"{tried}; as it is, {_where(alone)}."
-        )
+        reached = {way: sum(map(follows, own)) for way, own in ways.items()}
+        best = [way for way, number in reached.items() if number == max(reached.values())]
+        shown = f"{'; '.join(best[:3])}{f'; {len(best) - 3} more' if best[3:] else ''}"
+        best_said = f"with friction fed forward at best {_where(ways[best[0]])} ({shown})"
+        said = best_said if max(reached.values()) else "no way helps"
+        lines.append(f"In the simulator of the training it {enough}: {name} {alone}, and {said}.")
     return lines
 
 
-def lead(rows: Sequence[Followed]) -> list[str]:
-    """Return at which frictions each policy follows, as it is and with the ways of most frictions."""
-    lines = []
-    for name in dict.fromkeys(way_of(row.policy)[0] for row in rows):
-        found: dict[str, list[str]] = {}
-        for row in rows:
-            if way_of(row.policy)[0] == name:
-                reached = found.setdefault(way_of(row.policy)[1], [])
-                reached += [f"{100 * row.friction_level:g} %"] if follows(row) else []
-        own, fed = found.pop(AS_IS, None), found
-        said = [] if own is None else [f"{name} follows {_where(own)} as it is"]
-        if fed:
-            most = max(map(len, fed.values()))
-            best = [way for way, reached in fed.items() if len(reached) == most]
-            shown = f"{'; '.join(best[:3])}{f' and {len(best) - 3} more ways' if best[3:] else ''}"
-            said.append(f"with friction fed forward at best {_where(fed[best[0]])} ({shown})")
-        lines.append(f"{', and '.join(said)}.")
-    return lines
+def standing_table(rows: Sequence[Standing]) -> Any:
+    """Return how robots stood, under each friction."""
+    groups = {row.friction_level: [one for one in rows if one.friction_level == row.friction_level] for row in rows}
+    ordered = [row for own in groups.values() for row in own]
+    titles, cells = header(Standing), map(texts, ordered)
+    lines = [
+        [
+            f"{row.engine}, robot {row.robot}, friction {row.friction_level} of the torque limit",
+            AS_IS if row.fed == "none" else way_text(parse_compensation(row.fed)),
+            *own[4:],
+        ]
+        for row, own in zip(ordered, cells, strict=True)
+    ]
+    return table(["friction", "friction fed forward", *titles[4:]], lines, grouped=True)
 
 
-def _where(frictions: Sequence[str]) -> str:
-    """Return at which frictions something follows, in words."""
-    return f"at {', '.join(frictions)} friction" if frictions else "at no friction"
+def _where(rows: Sequence[Followed]) -> str:
+    """Return at which of the frictions that were tried something follows, in words."""
+    tried = {f"{100 * row.friction_level:g} %": follows(row) for row in rows}
+    return places_text([at for at, good in tried.items() if good], [*tried])

@@ -136,12 +136,19 @@ def lead(result: DampingResult) -> str:
         max((row.limited_difference for row in result.robots if row.limited_difference is not None), default=0.0),
     )
     joint, free, limited = map(angle_text, differences)
+    one_number = max(differences[:2]) < ROUNDING < differences[2]
     return (
-        "Damping moved from the derivative gain kd to the viscous friction B, at the same B + k·kd, changes an angle "
-        f"by at most {joint} rad in one exactly simulated joint with dry friction up to "
-        f"{100 * max(row.level for row in friction):g} % of the torque limit, {free} rad in whole robots whose motors "
-        f"stay under their limits, and {limited} rad in those that reach one."
+        f"{ONE_NUMBER if one_number else ''}Damping moved from the derivative gain kd to the viscous friction B, at "
+        f"the same B + k·kd, changes an angle by at most {joint} rad in one exactly simulated joint with dry friction "
+        f"up to {100 * max(row.level for row in friction):g} % of the torque limit, {free} rad in whole robots whose "
+        f"motors stay under their limits, and {limited} rad in those that reach one."
     )
+
+
+ROUNDING = 1e-9
+"""Differences of an angle under it are those of rounding [rad]."""
+
+ONE_NUMBER = "They are one number while the motor stays under its torque limit, and two where it reaches it.\n"
 
 
 def sections(result: DampingResult, figure: Figure, study: dict[str, Any]) -> list[Section]:

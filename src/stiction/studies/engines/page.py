@@ -290,20 +290,26 @@ def report(result: EnginesResult, settings: dict[str, Any]) -> Report:
 
 
 def lead(result: EnginesResult) -> list[str]:
-    """Return how many figures each engine passes at each timestep, and how far walks differ between simulators."""
+    """Return which engines pass every figure at each timestep, and how far walks differ between simulators."""
     rows, lines = result.conformance, []
     for step in dict.fromkeys(row.timestep for row in rows):
         counts: dict[str, list[bool]] = {}
         for row in rows:
             if row.timestep == step:
                 counts.setdefault(row.engine, []).append(row.passed)
-        said = ", ".join(f"{engine} {sum(passed)} of {len(passed)}" for engine, passed in counts.items())
-        lines.append(f"At steps of {1000 * step:g} ms, figures within their bounds: {said}.")
+        wrong = [
+            f"{engine} {passed.count(False)} of {len(passed)}" for engine, passed in counts.items() if not all(passed)
+        ]
+        right = [engine for engine, passed in counts.items() if all(passed)]
+        said = ", ".join(right) if wrong else "every engine"
+        parts = [f"{said} {'does' if len(right) == 1 or not wrong else 'do'} all that is asked"] if right else []
+        parts += [f"out of their bounds are {', '.join(wrong)} figures"] if wrong else []
+        lines.append(f"At steps of {1000 * step:g} ms {'; '.join(parts)}.")
     apart = {
         name: distance(result.walks, name, MUJOCO) for name in dict.fromkeys(row.simulator for row in result.walks)
     }
-    said = ", ".join(f"{name} {100 * by:.0f} %" for name, by in apart.items() if name != MUJOCO and by is not None)
-    return [*lines, *([f"The same walks differ from {MUJOCO}'s by, of the commanded speed: {said}."] if said else [])]
+    said = ", ".join(f"{100 * by:.0f} % in {name}" for name, by in apart.items() if name != MUJOCO and by is not None)
+    return [*lines, *([f"The same walks differ from {MUJOCO}'s, of the commanded speed, by {said}."] if said else [])]
 
 
 def failure(row: FigureRow) -> str:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import groupby
 
 from stiction.formats.following import Following
-from stiction.joints.friction import level_number
+from stiction.joints.friction import level_text
 from stiction.locomotion.friction import FRICTION_RANGES
+from stiction.report.following import places_text
 from stiction.studies.claims import said_of
 from stiction.studies.friction.manifest import EVALUATED, TWO_PHASE
 from stiction.studies.friction.records import HIGHEST, STUDENT, Experiment, short_name
@@ -68,32 +68,39 @@ def _is_first(experiment: Experiment) -> bool:
 
 def _methods_answer(experiment: Experiment, conditions: Sequence[str]) -> str:
     """Return where every seed of the training methods follows, to be read aloud; those that never do come last."""
-    nominal = {condition.name: condition.nominal for condition in experiment.conditions}
-    said = []
-    for name in conditions:
-        low, high = (100 * nominal[name] * end for end in FRICTION_RANGES[short_name(name)])
-        how = f"with {low:g} to {high:g} % ({short_name(name)})" if high else f"without friction ({short_name(name)})"
-        said.append((how, " and ".join(_spans(experiment, name))))
-    parts = [f"trained {how}, {where}" for how, where in said if where]
-    parts += [f"trained {how}, nowhere" for how, where in said if not where]
-    return f"With this much friction, of each joint's torque limit, every seed follows: {'; '.join(parts)}."
+    how = named(experiment)
+    said = [f"{how[name]}, {_where_all_follow(experiment, name)}" for name in conditions]
+    listed = "; ".join(sorted(said, key=lambda one: one.endswith("nowhere")))
+    return f"With this much friction, of each joint's torque limit, every seed follows: {listed}."
+
+
+def named(experiment: Experiment) -> dict[str, str]:
+    """Return what each condition is, in words that stand alone: `trained without friction (none)`."""
+    words = _purposes(experiment)
+    for condition in experiment.conditions:
+        name = short_name(condition.name)
+        if condition.part == "1":
+            low, high = (100 * condition.nominal * end for end in FRICTION_RANGES[name])
+            words[condition.name] = f"trained with {low:g} to {high:g} %" if high else "trained without friction"
+        words[condition.name] += f" ({name})"
+    return words
 
 
 def _ways_answer(experiment: Experiment, conditions: Sequence[str]) -> str:
     """Return how many designs or methods follow at every friction, or how far the best come, to be read aloud."""
     counts = {name: sum(cell.every_seed for cell in _cells(experiment, name)) for name in conditions}
     tried = {name: len(_cells(experiment, name)) for name in conditions}
-    named = _purposes(experiment)
+    how = named(experiment)
     everywhere = [name for name in conditions if counts[name] == tried[name]]
     if everywhere:
-        said = "; ".join(named[name] for name in everywhere)
+        said = "; ".join(how[name] for name in everywhere)
         verb = "follows" if len(everywhere) == 1 else "follow"
         number = f"{len(everywhere)} of {len(conditions)} ways to train"
         return f"{number} {verb} with every seed up to {MOST} friction: {said}."
     best = max(counts.values())
     if not best:
         return f"None of {len(conditions)} ways to train follows with every seed at any friction up to {MOST}."
-    those = [named[name] for name in conditions if counts[name] == best]
+    those = [how[name] for name in conditions if counts[name] == best]
     at = f"at {best} of {max(tried.values())} frictions"
     return (
         f"None of {len(conditions)} ways to train follows with every seed at every friction up to {MOST}; "
@@ -120,18 +127,15 @@ def _cells(experiment: Experiment, condition: str) -> list[Following]:
     return sorted((cell for cell in own if cell.friction_level <= HIGHEST), key=lambda cell: cell.friction_level)
 
 
-def _spans(experiment: Experiment, condition: str) -> list[str]:
+def _where_all_follow(experiment: Experiment, condition: str) -> str:
     """Return at how much friction every student of a condition follows: `from 0 to 30 %`."""
-    spans = []
-    for follow, group in groupby(_cells(experiment, condition), key=lambda cell: cell.every_seed):
-        ends = [f"{level_number(cell.friction_law, cell.friction_level):g}" for cell in group]
-        if follow:
-            spans.append(f"from {ends[0]} to {ends[-1]} %" if ends[1:] else f"at {ends[0]} %")
-    return spans
+    cells = _cells(experiment, condition)
+    named = {level_text(cell.friction_law, cell.friction_level): cell.every_seed for cell in cells}
+    return places_text([at for at, follow in named.items() if follow], [*named])
 
 
 def _where(experiment: Experiment, condition: str) -> str:
-    """Return a condition, its seeds, and where they all follow: `groups, 2 seeds, from 0 to 30 %`."""
+    """Return a condition, its seeds, and where they all follow: `a larger student (large), 2 seeds, at 30 %`."""
     seeds = max((cell.seeds for cell in _cells(experiment, condition)), default=0)
-    spans = " and ".join(_spans(experiment, condition)) or "nowhere"
-    return f"{short_name(condition)}, {seeds} seed{'s' * (seeds != 1)}, {spans}"
+    where = _where_all_follow(experiment, condition)
+    return f"{named(experiment)[condition]}, {seeds} seed{'s' * (seeds != 1)}, {where}"

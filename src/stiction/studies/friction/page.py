@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -28,10 +27,12 @@ from stiction.report.page import (
     new_figure,
     paragraph,
     picture,
+    same_scale,
+    settings_table,
 )
 from stiction.studies import study
 from stiction.studies.claims import JUDGED
-from stiction.studies.friction.answer import compared, has_claims, lead, question
+from stiction.studies.friction.answer import compared, has_claims, lead, named, question
 from stiction.studies.friction.manifest import TWO_PHASE
 from stiction.studies.friction.records import HIGHEST, STUDENT, ConditionRecord, Experiment, SeedMean, short_name
 
@@ -89,6 +90,7 @@ def draw_budget(experiment: Experiment, conditions: Sequence[str], law: str = "c
         axis.set(title=f"{who}, {WORDS[command]}, {speed:g} m/s", ylabel="speed reached / commanded")
     for axis in axes[-2:]:
         axis.set_xlabel(level_axis(law))
+    same_scale(axes)
     for axis in axes[1::2]:
         label_ends(axis)
     legend(axes[0])
@@ -204,7 +206,7 @@ def methods_sheet(experiment: Experiment, conditions: Sequence[str], who: str) -
     means = {(m.condition, m.command, m.friction_level): m for m in own}
     levels = sorted({m.friction_level for m in own if m.friction_level <= HIGHEST})
     rows = [
-        (f"{name}, {word}", *(mean_text(means.get((name, command, level))) for level in levels))
+        (f"{short_name(name)}, {word}", *(mean_text(means.get((name, command, level))) for level in levels))
         for name in conditions
         for command, word in WORDS.items()
     ]
@@ -217,7 +219,12 @@ def methods_sheet(experiment: Experiment, conditions: Sequence[str], who: str) -
 
 def following_sheet(experiment: Experiment, conditions: Sequence[str]) -> Sheet:
     """Return how many seeds of some conditions follow, a column a level up to `HIGHEST`, students before teachers."""
-    names = {f"{name}/{who}": f"{name}, {who}" for who in policies_of(experiment) for name in conditions}
+    how, evaluated = named(experiment), policies_of(experiment)
+    names = {
+        f"{name}/{who}": f"{how[name]}, {who}" if len(evaluated) > 1 else how[name]
+        for who in evaluated
+        for name in conditions
+    }
     own = [cell for cell in experiment.following if cell.method in names]
     levels = sorted({cell.friction_level for cell in own if cell.friction_level <= HIGHEST})
     at = {(cell.method, cell.friction_level): cell.text for cell in own}
@@ -393,7 +400,7 @@ def _run_blocks(experiment: Experiment, runs: Sheet) -> tuple[Markup, ...]:
     summary = experiment.summary
     settings = {name: value for name, value in summary["evaluation"].items() if name != "noise"}
     return (
-        paragraph(f"Evaluation: {json.dumps(settings)}; held fixed: {json.dumps(summary['conditions_of_evaluation'])}"),
         paragraph("Everything here is simulation. A training seed is one sample, however many episodes it walks."),
+        fold("Settings of the evaluation", (settings_table(settings | summary["conditions_of_evaluation"]),)),
         fold(runs.title, (runs.html(),)),
     )

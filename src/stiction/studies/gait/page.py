@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -151,14 +151,24 @@ def bars(contact: np.ndarray, period: float) -> list[tuple[float, float]]:
 
 
 def lead(rows: Sequence[GaitRow]) -> str:
-    """Return which gait the policies of each variant have, as a sentence."""
-    said = []
+    """Return which reward makes the tripod, to be read aloud, then which gait the policies of each variant have."""
+    said, tripod = [], {}
     for variant, trained in VARIANTS.items():
         own = [row for row in rows if row.variant == variant]
         counts = Counter(row.gait for row in own).most_common()
         walks = " and ".join(f"{NAMED.get(gait, gait)} in {number} of {len(own)} walks" for gait, number in counts)
         said += [f"with {trained}: {walks}"] if own else []
-    return f"Trained {'; '.join(said)}."
+        if own:
+            tripod[variant] = all(row.gait == "tripod" for row in own)
+    return f"{_makes(tripod)}Trained {'; '.join(said)}."
+
+
+def _makes(tripod: Mapping[str, bool]) -> str:
+    """Return which rewards make the tripod, where all four variants walked: variant -> whether in all of its walks."""
+    if set(tripod) != set(VARIANTS):
+        return ""
+    makers = [VARIANTS[name] for name in VARIANTS if tripod[name]]
+    return f"The tripod comes {', and '.join(f'with {one}' for one in makers) or 'with none of them'}.\n"
 
 
 JUDGED = (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -36,6 +35,7 @@ from stiction.report.page import (
     new_figure,
     paragraph,
     picture,
+    settings_table,
     table,
 )
 from stiction.robots.terrain import STEPS, TREAD
@@ -445,7 +445,13 @@ def run_blocks(result: Replication) -> tuple[Markup, ...]:
         (name, p["way"], str(p["seed"]), p["revision"], p["digest"][:16], p["command"])
         for name, p in summary["policies"].items()
     ]
-    grids = [paragraph(f"{name}: {json.dumps(grid)}") for name, grid in summary["grids"].items()]
+    grids = [
+        fold(
+            grid["title"],
+            [settings_table({key: value for key, value in grid.items() if key not in ("title", "warnings")})],
+        )
+        for grid in summary["grids"].values()
+    ]
     return (
         table(("method", "what it is"), list(result.methods.items())),
         fold("Policies", [table(("policy", "method", "seed", "revision", "digest", "made by"), policies)]),
