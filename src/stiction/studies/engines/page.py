@@ -297,13 +297,12 @@ def lead(result: EnginesResult) -> list[str]:
         for row in rows:
             if row.timestep == step:
                 counts.setdefault(row.engine, []).append(row.passed)
-        wrong = [
-            f"{engine} {passed.count(False)} of {len(passed)}" for engine, passed in counts.items() if not all(passed)
-        ]
-        right = [engine for engine, passed in counts.items() if all(passed)]
-        said = ", ".join(right) if wrong else "every engine"
-        parts = [f"{said} {'does' if len(right) == 1 or not wrong else 'do'} all that is asked"] if right else []
-        parts += [f"out of their bounds are {', '.join(wrong)} figures"] if wrong else []
+        missed = {engine: passed.count(False) for engine, passed in counts.items() if not all(passed)}
+        right = [engine for engine in counts if engine not in missed]
+        parts = [f"{', '.join(right)} {'does' if len(right) == 1 else 'do'} all that is asked"] if right else []
+        parts += [f"{engine} misses {number} of {len(counts[engine])} figures" for engine, number in missed.items()]
+        if not missed:
+            parts = ["every engine does all that is asked"]
         lines.append(f"At steps of {1000 * step:g} ms {'; '.join(parts)}.")
     apart = {
         name: distance(result.walks, name, MUJOCO) for name in dict.fromkeys(row.simulator for row in result.walks)

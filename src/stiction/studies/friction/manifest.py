@@ -241,7 +241,7 @@ MANIFEST: tuple[Condition, ...] = (
         ("--method", "direct", "--friction-law", "effort", "--friction-level", "0.442"),
     ),
     _coulomb(
-        *("load-beside", "5", "up to 10 % of the limit, and beside it up to 0.1 of the load", "deception"),
+        *("load-beside", "5", "friction up to 10 % of the limit, and up to 0.1 of the load beside it", "deception"),
         *("--task.friction.range", "0", "0.5", "--task.friction.load", "0", "0.1"),
     ),
     _coulomb(
@@ -299,7 +299,7 @@ MANIFEST: tuple[Condition, ...] = (
         "spread", "joints differ by half about their robot's mean", "deception", "--task.friction.spread", "0.5", "1.5"
     ),
     _method(
-        *("with-load", "up to 10 % of the limit, and beside it up to 0.1 of the load", "deception"),
+        *("with-load", "friction up to 10 % of the limit, and up to 0.1 of the load beside it", "deception"),
         *("--task.friction.range", "0", "0.5", "--task.friction.load", "0", "0.1"),
     ),
     # The set that runs from t - H to t has H + 1 frames.
