@@ -54,16 +54,10 @@ def experiment(folder: Path, parts: tuple[str, ...] = ("1",), seeds: int = 3) ->
 def test_designs_are_led_by_who_follows(tmp_path: Path) -> None:
     """They test no sentence of the paper: a page that begins with 18 untested ones would say nothing."""
     found = experiment(tmp_path, ("designs",), seeds=1)
-    answer, listed, _ = lead(found).splitlines()
+    answer, _ = lead(found).splitlines()
     assert answer == "None of 3 ways to train follows with every seed at any friction up to 30 %."
-    assert listed == (
-        "With friction up to 30 % of the torque limit every seed follows: a purpose (partdesigns-none), "
-        "1 seed, nowhere; a purpose (partdesigns-direct), 1 seed, nowhere; a purpose (partdesigns-deception), 1 seed, "
-        "nowhere."
-    )
     assert {"following", "methods-student"} <= set(sheets_of(found)) and "verdicts" not in sheets_of(found)
     following = [replace(cell, follow=cell.friction_level < 0.1) for cell in found.following]
-    assert "a purpose (partdesigns-none), 1 seed, at 0 %;" in lead(replace(found, following=following))
     assert "the most do at 1 of 2 frictions: a purpose (partdesigns-none); a purpose" in lead(
         replace(found, following=following)
     )

@@ -53,9 +53,6 @@ def lead(experiment: Experiment) -> str:
     walked = [name for name in compared(experiment) if _cells(experiment, name)]
     if has_claims(experiment):
         lines.insert(0, said_of(experiment.verdicts, "sentences of the paper on training with friction"))
-    else:
-        listed = "; ".join(_where(experiment, condition) for condition in walked)
-        lines.insert(0, f"With friction up to {MOST} of the torque limit every seed follows: {listed}.")
     if walked:
         lines.insert(0, (_methods_answer if _is_first(experiment) else _ways_answer)(experiment, walked))
     return "\n".join(lines)
@@ -132,10 +129,3 @@ def _where_all_follow(experiment: Experiment, condition: str) -> str:
     cells = _cells(experiment, condition)
     named = {level_text(cell.friction_law, cell.friction_level): cell.every_seed for cell in cells}
     return places_text([at for at, follow in named.items() if follow], [*named])
-
-
-def _where(experiment: Experiment, condition: str) -> str:
-    """Return a condition, its seeds, and where they all follow: `a larger student (large), 2 seeds, at 30 %`."""
-    seeds = max((cell.seeds for cell in _cells(experiment, condition)), default=0)
-    where = _where_all_follow(experiment, condition)
-    return f"{named(experiment)[condition]}, {seeds} seed{'s' * (seeds != 1)}, {where}"
