@@ -111,7 +111,7 @@ class DeployCfg:
     fault: tuple[str, ...] = ()
     """Faults of the virtual robot's run, NAME@SECOND after the policy took over: tilt@3. A wrong name lists them."""
     overwrite: bool = False
-    """Write over results of other settings in --out."""
+    """Write over what a run of other settings left in --out, but for its log: that of a run is never written over."""
     json: bool = False
     """Print the report as JSON on standard output, and nothing else."""
 
