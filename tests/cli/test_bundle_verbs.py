@@ -14,6 +14,7 @@ from words import but
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
+
 def test_verify_prints_what_was_checked(bundle: Path, capsys: pytest.CaptureFixture) -> None:
     """A person must see what the word `passed` covers."""
     assert main(["verify", str(bundle)]) == 0
