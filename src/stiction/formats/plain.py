@@ -84,7 +84,7 @@ def build(
     """
     if not isinstance(data, dict):
         raise error(f"{where} is {str(data)[:80]}; expected an object")
-    hints, no_default = _declared(kind)
+    hints, no_default = _declared(kind)  # type: ignore[arg-type]
     if odd := sorted(no_default.union(required) - data.keys()) or sorted(data.keys() - hints.keys()):
         raise error(f"{where}: field {odd[0]!r} is missing or unknown; was it written by another version?")
     return kind(**{name: _value(hints[name], value, f"{where}.{name}", error) for name, value in data.items()})
