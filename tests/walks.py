@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -88,23 +89,30 @@ def walk(
     ]
 
 
-def fast_walk(friction: np.ndarray, commands: list[tuple[float, float, float]], every: int) -> list[WalkLog]:
-    """Return logs of robots whose physics and joint controllers run at 1 kHz, with one sample in `every`.
-
-    The torque is the mean over the samples that it stands for, the rest is what holds at its own sample.
-    """
+def fast_motion(
+    friction: np.ndarray, commands: list[tuple[float, float, float]]
+) -> list[tuple[dict[str, np.ndarray], np.random.Generator]]:
+    """Return what robots do whose physics and joint controllers run at 1 kHz, each with its generator of noise."""
     bundle = walking_bundle()
     contract = replace(bundle.contract, physics_timestep=0.001, decimation=20)
     generators = [np.random.default_rng(index) for index in range(len(friction))]
     policy = load_policy(contract, bundle.policy, (len(friction),))
     rollout = Rollout(contract, policy, SPEC, friction, generators)
+    truths = record_motion(rollout, contract.array("kd"), np.array(commands), 500)
+    return [(truth, generator) for truth, generator in zip(truths, generators) if truth is not None]
+
+
+def sampled(motion: list[tuple[dict[str, np.ndarray], np.random.Generator]], every: int) -> list[WalkLog]:
+    """Return logs of what `fast_motion` returned, with one sample in `every`.
+
+    The torque is the mean over the samples that it stands for, the rest is what holds at its own sample.
+    """
     logs = []
-    for truth, generator in zip(record_motion(rollout, contract.array("kd"), np.array(commands), 500), generators):
-        assert truth is not None
+    for truth, generator in motion:
         length = len(truth["time"]) // every * every
         signals = {name: array[:length:every] for name, array in truth.items()}
         signals["joint_torque"] = truth["joint_torque"][:length].reshape(-1, every, SPEC.num_joints).mean(axis=1)
-        logs.append(measure_walk(WalkLog(header(0.001 * every), **signals), LogNoiseCfg(), generator))
+        logs.append(measure_walk(WalkLog(header(0.001 * every), **signals), LogNoiseCfg(), deepcopy(generator)))
     return logs
 
 

@@ -2,8 +2,6 @@
 
 import hashlib
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -11,27 +9,10 @@ import pytest
 from stiction.cli.main import main
 from stiction.formats.results import ResultRow, read_results
 from stiction.report.terminal import print_rows
+from without import run_without
 from words import but
 
 pytestmark = pytest.mark.usefixtures("undrawn")
-
-WITHOUT = """
-import sys
-class Refuse:
-    def find_spec(self, name, path=None, target=None):
-        if name.split(".")[0] in {blocked}:
-            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
-sys.meta_path.insert(0, Refuse())
-from stiction.cli.main import main
-sys.exit(main({arguments}))
-"""
-"""Runs a verb where importing some packages fails."""
-
-
-def run_without(blocked: set[str], *arguments: str) -> subprocess.CompletedProcess:
-    """Run the program in a process of its own that cannot import some packages."""
-    code = WITHOUT.format(blocked=blocked, arguments=list(arguments))
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
 
 
 def test_verify_prints_what_was_checked(bundle: Path, capsys: pytest.CaptureFixture) -> None:
@@ -77,7 +58,8 @@ def test_verify_takes_the_digest_that_was_published(bundle: Path, capsys: pytest
 
 def test_verify_needs_neither_torch_nor_a_simulator(bundle: Path) -> None:
     """It runs on the robot's computer."""
-    done = run_without({"torch", "mujoco", "onnx", "rsl_rl", "tensordict"}, "verify", str(bundle), "--json")
+    missing = {"torch", "mujoco", "onnx", "rsl_rl", "tensordict"}
+    done = run_without(missing, "verify", str(bundle), "--json", figures=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert json.loads(done.stdout)["ok"] is True
 
@@ -173,6 +155,7 @@ def test_demo_runs_without_torch_and_without_opengl(
 ) -> None:
     """The extra `sim` is enough for it; a server without graphics is told so once, and gets its page."""
     monkeypatch.setenv("MUJOCO_GL", "disable")
+    monkeypatch.delenv("STICTION_DATA", raising=False)  # What is shown of a measured record is the same with torch.
     arguments = ["--out", str(tmp_path / "demo"), "--bundles", str(bundle), "--episodes", "1", "--seconds", "3.5"]
     done = run_without({"torch", "onnx", "rsl_rl", "tensordict", "safetensors"}, "demo", *arguments)
     assert done.returncode == 0, done.stderr

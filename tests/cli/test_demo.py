@@ -19,6 +19,8 @@ from stiction.report.page import marked
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 SHORT = ["--episodes", "1", "--seconds", "3.5"]
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +13,7 @@ from stiction.cli.main import main
 from stiction.formats.joints import load_joints
 from stiction.formats.log import Log, write_log
 from stiction.identify.example import SATURN_LITE, example_log
+from without import run_without
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -128,17 +127,7 @@ def test_wrong_usage_is_status_2(log: Path) -> None:
 
 def test_it_needs_neither_torch_nor_mujoco(log: Path, tmp_path: Path) -> None:
     """The base install has neither: importing either is made an error, and the verb still runs."""
-    code = (
-        "import sys\n"
-        "class Absent:\n"
-        "    def find_spec(self, name, path=None, target=None):\n"
-        "        if name.split('.')[0] in ('torch', 'mujoco', 'rsl_rl'):\n"
-        "            raise ModuleNotFoundError(name, name=name)\n"
-        "sys.meta_path.insert(0, Absent())\n"
-        "from stiction.cli.main import main\n"
-        f"sys.exit(main(['identify', {str(log)!r}, '--out', {str(tmp_path / 'out')!r}, '--json']))\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    done = run_without(["torch", "mujoco", "rsl_rl"], "identify", str(log), "--out", str(tmp_path / "out"), "--json")
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["joints"]
 

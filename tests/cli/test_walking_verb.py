@@ -1,8 +1,6 @@
 """A walk from `evaluate --log` to `identify`, as a user does it."""
 
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +14,7 @@ from stiction.cli.main import main
 from stiction.formats.joints import load_joints, read_training
 from stiction.formats.tables import write_csv
 from stiction.formats.walk import read_walk, write_walk
+from without import run_without
 from words import but
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -62,30 +61,10 @@ def test_json_is_all_of_the_output(log: Path, tmp_path: Path, capsys: pytest.Cap
     assert joints["FR_shank"]["friction_ratio"]["value"] == pytest.approx(0.1, abs=0.02)
 
 
-WITHOUT = """
-import sys
-class Refuse:
-    def find_spec(self, name, path=None, target=None):
-        if name.split(".")[0] in sys.argv[1].split(","):
-            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
-sys.meta_path.insert(0, Refuse())
-from stiction.cli.main import main
-sys.exit(main(["identify", *sys.argv[2:]]))
-"""
-
-
 def test_the_base_install_says_which_extra_a_walk_needs(log: Path, tmp_path: Path) -> None:
     """Its links' dynamics are MuJoCo's: without it one line names what to install, and torch is never needed."""
-    missing = ["torch", "mujoco"], ["torch"]
-    lacking, enough = (
-        subprocess.run(
-            [sys.executable, "-c", WITHOUT, ",".join(names), str(log), "--out", str(tmp_path), "--json"],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        for names in missing
-    )
+    words = "identify", str(log), "--out", str(tmp_path), "--json"
+    lacking, enough = (run_without(names, *words) for names in (["torch", "mujoco"], ["torch"]))
     assert lacking.returncode == 1 and "[sim]" in lacking.stderr
     assert lacking.stderr.count("\n") == 1
     assert enough.returncode == 0, enough.stderr

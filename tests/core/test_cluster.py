@@ -97,7 +97,7 @@ def test_a_training_is_a_task(cluster: Any, tmp_path: Path) -> None:
         *("--teacher.iterations", "1", "--teacher.steps", "4", "--teacher.mini-batches", "2"),
         *("--student.iterations", "1", "--student.steps", "4", "--student.mini-batches", "2"),
     )
-    bad = (*small, "--task.randomization.payload", "-1000", "0")
+    bad = ("--robot", "nosuch")
     runs = [
         PlannedRun.of(Run(Condition(name, "1", "a test", words), 0), tmp_path / "runs")
         for name, words in (("good", small), ("bad", bad))
@@ -106,7 +106,7 @@ def test_a_training_is_a_task(cluster: Any, tmp_path: Path) -> None:
         assert used is not None
         failed = train_missing(runs, used.processors, poll=0.1)
     assert [run.state() for run in runs] == ["finished", "missing"]
-    assert list(failed) == ["bad-s0"] and "leaves no mass" in failed["bad-s0"]
+    assert list(failed) == ["bad-s0"] and "nosuch" in failed["bad-s0"]
 
 
 def test_a_node_with_other_code_is_refused(cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -212,6 +212,7 @@ def test_a_history_of_another_length_reaches_networks_contract_and_driver(tmp_pa
         TaskCfg(history=0)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_one_command_studies_what_adaptation_does(run: RunDirectory, tmp_path: Path, monkeypatch, capsys) -> None:
     """A user's whole way: walks on lent latents, probes, page. Two runs of one name are refused."""
     monkeypatch.setattr(probes, "HISTORIES", (11,))  # A probe of two thousand features takes seconds.

@@ -58,7 +58,7 @@ def largest(one: dict[str, torch.Tensor], other: dict[str, torch.Tensor]) -> flo
     return max(float((one[name].float() - other[name].float()).abs().max()) for name in one)
 
 
-@pytest.mark.parametrize(("by_mask", "steps"), [(True, 150), (False, 50)], ids=["masks", "numbers"])
+@pytest.mark.parametrize(("by_mask", "steps"), [(True, 80), (False, 50)], ids=["masks", "numbers"])
 def test_the_task_on_the_device_is_that_on_the_host(by_mask: bool, steps: int) -> None:
     """Every group, reward, figure and reset: a policy must not learn another task on a GPU."""
     host, device = pair(by_mask)

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import sys
 from collections.abc import Collection, Mapping
+from functools import cache
 from pathlib import Path
 from types import UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
@@ -17,6 +18,9 @@ Record = TypeVar("Record")
 
 LARGEST_TEXT = 2**26
 """Bytes of JSON that are read."""
+
+_TAKEN = (float, int, str, bool)
+"""Types whose values are taken as they are: long lists hold little else."""
 
 
 def read_object(
@@ -80,15 +84,21 @@ def build(
     """
     if not isinstance(data, dict):
         raise error(f"{where} is {str(data)[:80]}; expected an object")
-    hints = get_type_hints(kind)
-    no_default = {
-        field.name
-        for field in dataclasses.fields(kind)  # type: ignore[arg-type]
-        if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
-    }
+    hints, no_default = _declared(kind)  # type: ignore[arg-type]
     if odd := sorted(no_default.union(required) - data.keys()) or sorted(data.keys() - hints.keys()):
         raise error(f"{where}: field {odd[0]!r} is missing or unknown; was it written by another version?")
     return kind(**{name: _value(hints[name], value, f"{where}.{name}", error) for name, value in data.items()})
+
+
+@cache
+def _declared(kind: type) -> tuple[dict[str, Any], frozenset[str]]:
+    """Return the types of a dataclass's fields by name, and the names of those without a default."""
+    needed = (
+        field.name
+        for field in dataclasses.fields(kind)
+        if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+    )
+    return get_type_hints(kind), frozenset(needed)
 
 
 def _value(hint: Any, value: Any, where: str, error: type[FileError]) -> Any:
@@ -102,6 +112,8 @@ def _value(hint: Any, value: Any, where: str, error: type[FileError]) -> Any:
     if get_origin(hint) is tuple:
         if not isinstance(value, list):
             raise error(f"{where} is {str(value)[:80]}; expected a list")
+        if inner[0] in _TAKEN:
+            return tuple(value)
         return tuple(_value(inner[0], item, where, error) for item in value)
     if get_origin(hint) is Mapping and isinstance(value, dict):
         return {name: _value(inner[1], item, f"{where}.{name}", error) for name, item in value.items()}

@@ -8,6 +8,7 @@ error: how many of its own standard deviations it may be off.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
@@ -119,20 +120,30 @@ def bootstrap_reach(blocks: Blocks) -> np.ndarray:
     At least Student's point for B − 1 degrees of freedom, at most `LARGEST_REACH` times it.
     """
     least = float(student.ppf(0.975, blocks.count - 1))
-    draws = np.random.default_rng(SEED).multinomial(blocks.count, np.full(blocks.count, 1 / blocks.count), DRAWS)
-    curvature = np.einsum("db,bij->dij", draws, blocks.curvature)
+    draws = _draws(blocks.count)
+    # As products of matrices: sums over single indices, of three factors above all, take several times as long.
+    parameters = blocks.gradient.shape[1]
+    flat = blocks.curvature.reshape(blocks.count, -1)
+    curvature = (draws @ flat).reshape(-1, parameters, parameters)
     scale = 1 / np.sqrt(np.einsum("bii->i", blocks.curvature).clip(1e-300))
-    solvable = np.linalg.cond(curvature * np.outer(scale, scale)) < 1e10
+    solvable = np.linalg.cond(curvature * np.outer(scale, scale), 1) < 1e10
     draws, curvature = draws[solvable], curvature[solvable]
     if len(draws) < DRAWS // 2:
         return np.full(len(scale), LARGEST_REACH * least)
     bread = np.linalg.inv(curvature)
-    change = np.einsum("dij,db,bj->di", bread, draws, blocks.gradient)
-    left = blocks.gradient[None] - np.einsum("bij,dj->dbi", blocks.curvature, change)
-    influence = np.einsum("dij,dbj->dbi", bread, left)
-    spread = np.sqrt(np.einsum("db,dbi->di", draws, influence**2).clip(1e-300))
+    change = (bread @ (draws @ blocks.gradient)[..., None])[..., 0]
+    told = change @ blocks.curvature.reshape(-1, parameters).T
+    left = blocks.gradient - told.reshape(-1, blocks.count, parameters)
+    influence = left @ bread.swapaxes(1, 2)
+    spread = np.sqrt((draws[:, None, :] @ influence**2)[:, 0].clip(1e-300))
     reach = np.quantile(np.abs(change) / spread, 0.95, axis=0)
     return np.clip(reach, least, LARGEST_REACH * least)
+
+
+@cache
+def _draws(count: int) -> np.ndarray:
+    """Return how often each of some blocks is drawn in each resample; shape (DRAWS, count)."""
+    return np.random.default_rng(SEED).multinomial(count, np.full(count, 1 / count), DRAWS).astype(float)
 
 
 def with_intervals(values: np.ndarray, covariance: np.ndarray, reach: np.ndarray | float) -> tuple[Estimate, ...]:
