@@ -23,6 +23,12 @@ def test_arrays_by_joint_become_a_log() -> None:
     assert (log.setup_of("hip").kp, log.setup_of("knee").kp, log.setup_of("knee").kd) == (3.0, None, 0.5)
 
 
+def test_a_log_says_what_it_has() -> None:
+    """A prompt would show arrays, and forty settings that nobody gave."""
+    log = stiction.from_arrays(time=TIME, position={"hip": TIME}, torque={"hip": TIME}, kp=3.0)
+    assert repr(log).splitlines() == ["the arrays: 500 samples, 0.998 s", "hip: position, torque", "said: kp 3.0"]
+
+
 class Frame:
     """What pandas and polars have in common."""
 

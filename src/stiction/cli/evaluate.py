@@ -80,7 +80,7 @@ class EvaluateCfg:
     action_delay: float = 0.0
     """Delay between joint target and motor [s], in whole physics steps, at most 8 of them; of the engine mujoco."""
     robot: str | None = None
-    """A robot of your own, `package.module:NAME`; by default the shipped robot that the bundle names."""
+    """A robot of your own, its file or `package.module:NAME`; by default the robot that the bundle names."""
     log: Path | None = None
     """Also log the walks as a robot would, for `stiction identify` and `stiction train-actuator`: a folder for one NPZ
     per bundle, level, command and robot. The first --log-robots episodes, at the physics rate."""
