@@ -52,12 +52,21 @@ def test_the_citation_names_the_version() -> None:
     assert f"\nversion: {PROJECT['version']}\n" in (CHECKOUT / "CITATION.cff").read_text()
 
 
+def anchors_of(page: Path) -> set[str]:
+    """Return the anchors of a page's headings, which a repository's pages and the site must agree on."""
+    text = re.sub(r"^ *```.*?^ *```$", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+    words = [re.sub(r"[^\w\- ]", "", line.lower()) for line in re.findall(r"^#+ +(.*)$", text, re.MULTILINE)]
+    return {line.strip().replace(" ", "-") for line in words if "  " not in line.strip()}
+
+
 @pytest.mark.parametrize("document", DOCUMENTS, ids=[path.name for path in DOCUMENTS])
 def test_links_between_documents_lead_somewhere(document: Path) -> None:
-    """If this failed, a reader would click into nothing."""
-    links = re.findall(r"\]\(([^)#]+)[^)]*\)", document.read_text())
-    missing = [link for link in links if "://" not in link and not (document.parent / link).exists()]
-    assert not missing, f"{document.name} links to {missing}"
+    """If this failed, a reader would click into nothing, or land on top of a page; a % in a heading has two anchors."""
+    for link in re.findall(r"\]\(([^)\s]+)\)", document.read_text()):
+        file, _, anchor = link.partition("#")
+        page = document.parent / file if file else document
+        assert "://" in link or page.exists(), f"{document.name} links to {link}"
+        assert "://" in link or not anchor or anchor in anchors_of(page), f"{document.name} links to {link}"
 
 
 def test_the_readme_is_one_page() -> None:

@@ -82,7 +82,7 @@ def __getattr__(name: str) -> Any:
     elif name in PUBLIC:
         found = _public(name)
     else:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name, obj=sys.modules[__name__])
     globals()[name] = found
     return found
 

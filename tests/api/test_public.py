@@ -42,6 +42,9 @@ def test_type_checkers_see_the_names_that_there_are() -> None:
 def test_a_name_that_there_is_not_is_an_attribute_error() -> None:
     """`hasattr`, and an import of it, have to say no."""
     assert not hasattr(stiction, "identfy")
+    code = "import stiction; stiction.load_plicy"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False)
+    assert "Did you mean: 'load_policy'?" in said.stderr
 
 
 def test_functions_are_documented_and_typed() -> None:
@@ -87,3 +90,52 @@ def test_a_package_that_is_missing_is_named_in_one_line(tmp_path: Path) -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True, env=environment
     )
     assert "[sim]" in said.stdout and said.stdout.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "args", "options", "said"),
+    [
+        ("load_log", (None,), {}, "load_log: path is None; expected str or Path"),
+        ("load_log", ("x.csv",), {"colums": {}}, "load_log: unknown option 'colums'; did you mean 'columns'? known: "),
+        ("load_log", ("x.csv",), {"rate": "fast"}, "load_log: rate is 'fast'; expected float or None"),
+        ("load_joints", (5,), {}, "load_joints: path is 5; expected str or Path"),
+        ("identify", (None,), {}, "no log given; expected one of load_log or from_arrays"),
+        ("identify", ("x.csv",), {"joint": 5}, "identify: joint is 5; expected str or Sequence[str]"),
+        ("identify", ("x.csv",), {"jiont": "hip"}, "identify: unknown option 'jiont'; did you mean 'joint'?"),
+        ("identify", ("x.csv",), {"torque_source": "motor"}, "output_side; did you mean 'motor_side'?"),
+        ("identify", ("x.csv",), {"torque_limit": True}, "identify: torque_limit is True; expected float or None"),
+        ("excite", ("go2",), {}, "excite: too many positional arguments; expected excite(robot=..., joint=..."),
+        ("excite", (), {"position_limits": (1, 2, 3)}, "(1, 2, 3); expected tuple[float, float] or None"),
+        ("load_robot", (stiction,), {}, "load_robot: robot is a _Root; expected str or Path"),
+        ("load_policy", (["a"],), {}, "load_policy: bundle is ['a']; expected str or Path"),
+        ("verify", ("a",), {"aginst": "b"}, "verify: unknown option 'aginst'; did you mean 'against'?"),
+        ("evaluate", (5,), {}, "evaluate: policies is 5; expected Verified or str or Path or Callable"),
+        (
+            "evaluate",
+            ("a",),
+            {"frction_levels": [0]},
+            "unknown option 'frction_levels'; did you mean 'friction_levels'",
+        ),
+        ("evaluate", ("a",), {"friction_levels": ["a"]}, "friction_levels is ['a']; expected float or Sequence[float]"),
+        ("evaluate", ("a",), {"jobs": -2}, "--jobs -2: expected at least 1"),
+        ("train", (), {}, "train: missing a required argument: 'out'; expected train(out, robot=..."),
+        (
+            "train",
+            ("r",),
+            {"preset": "quik"},
+            "train: preset is 'quik'; expected full, quick, two-phase, paper, literal; did",
+        ),
+        ("train", ("r",), {"config": 5}, "train: config is 5; expected TrainCfg or None"),
+        ("export", (None,), {}, "export: run is None; expected Trained or str or Path"),
+    ],
+)
+def test_a_wrong_argument_is_one_line_that_names_it(
+    name: str, args: tuple, options: dict, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else a mistake would end deep inside, as a TypeError of pathlib, or as a KeyError of a preset."""
+    if name in ("evaluate", "train"):
+        pytest.importorskip("torch", reason="the extra 'train' is needed to train")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(stiction.StictionError) as caught:
+        getattr(stiction, name)(*args, **options)
+    assert said in str(caught.value) and not list(tmp_path.iterdir())

@@ -14,6 +14,9 @@ from words import but
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
+SHIPPED = "saturn_lite-flat-none-0.2"
+"""A policy that comes along."""
+
 
 def test_verify_prints_what_was_checked(bundle: Path, capsys: pytest.CaptureFixture) -> None:
     """A person must see what the word `passed` covers."""
@@ -188,14 +191,38 @@ def test_evaluate_refuses_bad_input_in_one_line(
     assert captured.out == ""
 
 
-def test_export_refuses_what_is_no_run(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """One line, no traceback."""
+@pytest.mark.parametrize(
+    ("source", "said"),
+    [
+        ("nothing", "no run in nothing; expected a folder that `stiction train` made"),
+        ("mnie", "no run in mnie; did you mean 'mine'? expected"),
+        ("log.csv", "no run in log.csv; expected"),
+        (SHIPPED, f"{SHIPPED} is a policy bundle already; --to webots"),
+    ],
+)
+def test_export_refuses_what_is_no_run(
+    source: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    """One line that says what it is instead, and nothing is made beside it."""
     pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to export")
-    assert main(["export", str(tmp_path / "nothing")]) == 1
-    assert "nothing" in capsys.readouterr().err
+    monkeypatch.chdir(tmp_path)
+    Path("mine").mkdir()
+    Path("log.csv").touch()
+    assert main(["export", source]) == 1
+    assert said in capsys.readouterr().err and sorted(path.name for path in tmp_path.iterdir()) == ["log.csv", "mine"]
 
 
-@pytest.mark.parametrize("arguments", [["verify"], ["evaluate"], ["export"], ["evaluate", "x", "--nonsense"]])
+def test_a_bundle_that_is_not_there_is_one_failure_for_every_verb(capsys: pytest.CaptureFixture) -> None:
+    """`sign` asked for a key first, and a script could not tell a name from a missing option."""
+    for verb in ("verify", "evaluate", "sign"):
+        assert main([verb, "nosuch"]) == 1
+        assert f"stiction {verb}: unknown policy 'nosuch'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["verify"], ["evaluate"], ["export"], ["sign"], ["sign", SHIPPED], ["evaluate", "x", "--nonsense"], ["--json"]],
+)
 def test_wrong_usage_is_status_two(arguments: list[str], capsys: pytest.CaptureFixture) -> None:
     """No bundle given is a mistake of the command line."""
     try:

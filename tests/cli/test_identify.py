@@ -92,7 +92,8 @@ def test_a_result_never_replaces_a_log_or_its_sidecar(
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["none.csv"], "no log at"),
+        (["none.csv"], "no log at none.csv; expected"),
+        (["swing.cvs"], "no log at swing.cvs; did you mean 'swing.csv'? expected"),
         (["swing.csv", "--joint", "hip"], "unknown joint 'hip'"),
         (["swing.csv", "--columns", "position"], "ROLE=NAME"),
         (["swing.csv", "--torque-scale", "-1"], "must be positive"),
@@ -117,9 +118,8 @@ def test_what_a_user_can_mend_is_one_line_and_status_1(
 
 
 def test_wrong_usage_is_status_2(log: Path) -> None:
-    """No log at all, and unknown options."""
-    assert main(["identify"]) == 2
-    for arguments in ([str(log), "--nonsense"], [str(log), "--kp", "x"]):
+    """No log at all, unknown options, and `walk` misspelt."""
+    for arguments in ([], ["wlak", str(log)], [str(log), "--nonsense"], [str(log), "--kp", "x"]):
         with pytest.raises(SystemExit) as caught:
             main(["identify", *arguments])
         assert caught.value.code == 2

@@ -37,8 +37,9 @@ def test_from_a_walk_to_a_net(tmp_path: Path, capsys: pytest.CaptureFixture) -> 
     summary = json.loads(capsys.readouterr().out)
     assert summary["torque_source"] == "output_side" and list(summary["commands"]) == ["vx=-0.5"]
     assert {path.name for path in out.iterdir()} == {FILE, "fit.npz", "summary.json", "settings.json", "report.html"}
-    assert main(["train-actuator", "--out", str(out)]) == 1
-    assert "no log given" in capsys.readouterr().err
+    with pytest.raises(SystemExit) as stop:
+        main(["train-actuator", "--out", str(out)])
+    assert stop.value.code == 2 and "no log given" in capsys.readouterr().err
 
 
 def weights(run: Path) -> dict:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Literal
 
 import pytest
@@ -80,6 +81,7 @@ def test_words_become_options() -> None:
         (("go2", "--seconds"), ("--seconds", "a value is missing")),
         (("go2", "go1"), ("go1", "a word that no option takes")),
         ((), ("ROBOT is missing", "Who walks")),
+        (("--steps", "3"), ("stiction walk: ROBOT is missing: Who walks;",)),
         (("go2", "--\x1b[31m"), ("unknown option --\\u001b",)),
     ],
 )
@@ -130,3 +132,22 @@ def test_an_argument_that_may_be_left_out_is_in_brackets_and_its_typo_is_found(c
     assert printed.out.startswith("usage: stiction show [WHAT] [options]\n")
     assert "What to show. One of robots, policies. [robots]" in printed.out
     assert "WHAT 'robts'; expected robots, policies; did you mean 'robots'?" in printed.err
+
+
+@dataclass(frozen=True, kw_only=True)
+class Carry:
+    """Options of a carrier."""
+
+    what: Annotated[Path, tyro.conf.Positional]
+    """What to carry."""
+    to: Path
+    """Where to."""
+
+
+def test_only_what_is_missing_is_said_to_be_missing(capsys: pytest.CaptureFixture) -> None:
+    """An argument that was given would be asked for, and the option that was not be overlooked."""
+    for words, missing in (((), ("WHAT", "--to PATH")), (("box",), ("--to PATH",)), (("--to", "x"), ("WHAT",))):
+        with pytest.raises(SystemExit):
+            read_options(Carry, words, "stiction carry", "Carry.")
+        found = capsys.readouterr().err
+        assert [name for name in ("WHAT", "--to PATH") if f"{name} is missing" in found] == list(missing), found

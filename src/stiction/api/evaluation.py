@@ -10,13 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from stiction.api.options import options_of
+from stiction.api.options import options_of, public, several
 from stiction.api.policy import Verified
 from stiction.api.result import Progress, Result, html_table, silent
 from stiction.core.errors import ConfigurationError
-from stiction.core.extras import says_what_is_missing
 from stiction.core.lock import output_folder
-from stiction.core.provenance import num_threads
 from stiction.core.records import header, texts
 from stiction.core.scratch import scratch
 from stiction.formats.results import DIRECTIONS, SCHEMA_VERSION, ResultRow
@@ -88,16 +86,16 @@ class Evaluated(Result):
         write_evaluation(folder, list(self.rows), self.summary, samples_of(self.summary["rows"], ways) if ways else ())
 
 
-@says_what_is_missing
+@public
 def evaluate(
     *policies: Verified | str | Path | Callable[..., Any],
     robot: str | Path | None = None,
     callable_period: float = 0.02,
-    friction_levels: Sequence[float] = (0.0, 0.1, 0.2),
+    friction_levels: float | Sequence[float] = (0.0, 0.1, 0.2),
     friction_law: str = "coulomb",
-    commands: Sequence[str] = DIRECTIONS,
-    engines: Sequence[str] = ("mujoco",),
-    terrains: Sequence[str] = ("flat",),
+    commands: str | Sequence[str] = DIRECTIONS,
+    engines: str | Sequence[str] = ("mujoco",),
+    terrains: str | Sequence[str] = ("flat",),
     episodes: int = 32,
     seconds: float = 20.0,
     seed: int = 0,
@@ -138,23 +136,22 @@ def evaluate(
     """
     from stiction.evaluate.evaluate import EvaluationCfg
     from stiction.evaluate.grid import GridCfg
+    from stiction.report.terminal import jobs_of
 
     if not policies:
         raise ConfigurationError("evaluate: no policy; expected one of load_policy, list_policies, or a function")
     known = {name: options.pop(name) for name in list(options) if name in OF_WALK}
     walked: dict[str, Any] = {
-        "friction_levels": tuple(friction_levels),
+        "friction_levels": several(friction_levels),
         "friction_law": friction_law,
-        "commands": tuple(commands),
+        "commands": several(commands),
     }
     walked |= {"episodes": episodes, "seconds": seconds, "seed": seed}
-    base = options_of(EvaluationCfg, known | walked, "evaluate")
-    asked = options | {"engines": tuple(engines), "terrains": tuple(terrains)}
-    cfg = replace(options_of(GridCfg, asked, "evaluate"), base=base)
+    base = options_of(EvaluationCfg, known | walked, evaluate)
+    asked = options | {"engines": several(engines), "terrains": several(terrains)}
+    cfg = replace(options_of(GridCfg, asked, evaluate), base=base)
     named = None if robot is None else str(robot)
-    return _walk(
-        policies, cfg, named, callable_period, jobs or num_threads(), progress, None if out is None else Path(out)
-    )
+    return _walk(policies, cfg, named, callable_period, jobs_of(jobs), progress, None if out is None else Path(out))
 
 
 def _walk(

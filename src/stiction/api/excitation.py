@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from stiction.api.options import options_of
+from stiction.api.options import options_of, public
 from stiction.api.result import Progress, Result, html_table, silent
 from stiction.core.errors import ConfigurationError, RobotError, unknown_name
-from stiction.core.extras import says_what_is_missing
 from stiction.core.records import header, texts
 from stiction.formats.design import ExcitationDesign, Predicted, percent, write_signals
 from stiction.formats.log import Log, write_log
@@ -99,7 +98,7 @@ class Designed(Result):
         write_excitation_page(folder)
 
 
-@says_what_is_missing
+@public
 def excite(
     *,
     robot: str | Path | None = None,
@@ -136,7 +135,7 @@ def excite(
 
     """
     named = {"torque_limit": torque_limit, "position_limits": position_limits}
-    given = options_of(ExciteSetup, named | options | {"duration": duration, "rate": rate, "seed": seed}, "excite")
+    given = options_of(ExciteSetup, named | options | {"duration": duration, "rate": rate, "seed": seed}, excite)
     designed = design(given, joint, None if robot is None else str(robot), "stiction.excite(...)", progress)
     if out is not None:
         designed.save(out)

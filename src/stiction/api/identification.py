@@ -10,10 +10,9 @@ from typing import Any, Literal
 from markupsafe import Markup
 
 from stiction.api.logs import Log, as_log
-from stiction.api.options import options_of
+from stiction.api.options import options_of, public, several
 from stiction.api.result import Progress, Result, html_table, silent
 from stiction.core.errors import ConfigurationError, FileError
-from stiction.core.extras import says_what_is_missing
 from stiction.formats import joints as files
 from stiction.formats.joints import FitSignals, JointRecord, JointsFile, write_fit
 from stiction.identify.limb.setup import LimbSetup
@@ -108,12 +107,12 @@ class Identified(Result):
         write_identification_page(folder, command)
 
 
-@says_what_is_missing
+@public
 def identify(
     log: Log | str | Path | Any,
     *more_logs: Log | str | Path | Any,
     joint: str | Sequence[str] = (),
-    repeat: Sequence[Any] = (),
+    repeat: Log | str | Path | Sequence[Any] = (),
     robot: str | Path | None = None,
     kp: float | None = None,
     kd: float | None = None,
@@ -156,15 +155,17 @@ def identify(
     3
 
     """
+    from stiction.report.terminal import jobs_of
+
     named: dict[str, Any] = {"kp": kp, "kd": kd, "torque_limit": torque_limit}
     named |= {"torque_source": torque_source, "test_condition": test_condition}
     limb = {name: options.pop(name) for name in list(options) if name in LimbSetup.__dataclass_fields__}
-    setup = options_of(IdentifySetup, named | options, "identify")
+    setup = options_of(IdentifySetup, named | options, identify)
     first, *others = [as_log(one) for one in (log, *more_logs)]
-    wanted = (joint,) if isinstance(joint, str) else tuple(joint)
-    repeats = [as_log(one) for one in repeat]
+    wanted, jobs = several(joint), None if jobs is None else jobs_of(jobs)
+    repeats = [as_log(one) for one in (repeat if isinstance(repeat, list | tuple) else (repeat,))]
     if robot is not None:
-        of_limb = options_of(LimbSetup, limb, "identify")
+        of_limb = options_of(LimbSetup, limb, identify)
         found = identify_limb(first, str(robot), setup, of_limb, wanted, repeats, others)
     elif limb:
         raise ConfigurationError(f"{next(iter(limb))} is for the log of a whole limb; name its robot too")
@@ -221,6 +222,7 @@ def identify_limb(
     return Identified(found.joints, found.signals)
 
 
+@public
 def load_joints(path: str | Path) -> Identified:
     """Return an earlier identification: its `joints.json`, or the folder with it; signals too, where they lie there.
 

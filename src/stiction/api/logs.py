@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from stiction.api.options import public, several
 from stiction.core.errors import LogError, unknown_name
-from stiction.core.extras import says_what_is_missing
+from stiction.core.names import kind_of
 from stiction.formats.log import SIGNALS, UNNAMED, Log, LogSetup, by_joint, setup_from_dict
 from stiction.identify.logs import open_log, parse_columns
 
@@ -24,13 +25,13 @@ LONGEST_JOINT_POSITION = 1000.0
 """Angles beyond this are hardly radians [rad]."""
 
 
-@says_what_is_missing
+@public
 def load_log(
     path: str | Path,
     *,
-    columns: Mapping[str, str] | Sequence[str] | None = None,
+    columns: Mapping[str, str] | str | Sequence[str] | None = None,
     joint: str | None = None,
-    names: Sequence[str] = (),
+    names: str | Sequence[str] = (),
     rate: float | None = None,
     sidecar: str | Path | None = None,
     time_scale: float | None = None,
@@ -58,17 +59,18 @@ def load_log(
     stiction.core.errors.LogError: no log at missing.csv; expected a .csv ...
 
     """
-    roles = columns if isinstance(columns, Mapping) else parse_columns(tuple(columns or ()))
+    roles = columns if isinstance(columns, Mapping) else parse_columns(several(columns or ()))
     beside = None if sidecar is None else Path(sidecar)
-    return open_log(Path(path), roles, joint, names, rate, beside, time_scale, begin, end)
+    return open_log(Path(path), roles, joint, several(names), rate, beside, time_scale, begin, end)
 
 
 def from_arrays(frame: Any = None, **given: Any) -> Log:
     """Return a log of what is in memory: arrays, or a data frame of pandas, polars or pyarrow.
 
     Args:
-        frame: a table with the columns `time`, `position.<joint>`, `velocity.<joint>`, `target.<joint>`,
-            `torque.<joint>`; in place of the arrays. None of these libraries is needed.
+        frame: in place of the arrays: a table, or a mapping from column to array such as an `.npz` file that is open,
+            with the columns `time`, `position.<joint>`, `velocity.<joint>`, `target.<joint>`, `torque.<joint>`. None of
+            these libraries is needed.
         given: `time` [s], shape (T,), rising; `position` [rad], `velocity` [rad/s], `target` [rad], `torque` [N m],
             `disturbance`, `feedforward` [N m]: an array of shape (T,) for one joint, or a mapping from joint to array.
             And what a sidecar says: `kp` [N m/rad], `kd` [N m s/rad], `torque_limit` [N m], `test_condition`, ...:
@@ -106,17 +108,18 @@ def from_arrays(frame: Any = None, **given: Any) -> Log:
     checked = {name: _signal(name, values, len(time)) for name, values in table.items()}
     if not checked:
         raise LogError(f"{SOURCE}: no signal of a joint; expected position, and target or torque, of at least one")
-    return Log(SOURCE, time, by_joint(checked, None), _setup(given))
+    joints = by_joint(checked, None)
+    return Log(SOURCE, time, joints, _setup(given, joints))
 
 
 def _columns_of(frame: Any) -> dict[str, Any]:
-    """Return the columns of a data frame that a log has; pandas, polars and pyarrow agree on this much."""
+    """Return the columns of a table that a log has; pandas, polars, pyarrow and mappings agree on this much."""
     names = getattr(frame, "column_names", None)  # of pyarrow, whose `columns` are the data
-    names = list(getattr(frame, "columns", ()) if names is None else names)
+    names = list(getattr(frame, "columns", frame if isinstance(frame, Mapping) else ()) if names is None else names)
     if not names or not all(isinstance(name, str) for name in names):
         raise LogError(
             f"{SOURCE}: {type(frame).__name__} is no table with named columns; expected a data frame of pandas, polars "
-            "or pyarrow, or arrays by name: time=..., position=..."
+            "or pyarrow, a mapping, or arrays by name: time=..., position=..."
         )
     found = {name: frame[name] for name in names if name.partition(".")[0] in OF_FRAME}
     if "time" not in found:
@@ -174,15 +177,19 @@ def _signal(name: str, values: Any, count: int) -> np.ndarray:
     return array
 
 
-def _setup(given: dict[str, Any]) -> LogSetup:
-    """Return what a sidecar would say; a mapping from joint to value is what is different for each."""
-    data: dict[str, Any] = {"joints": dict(given.pop("joints", {}))}
+def _setup(given: dict[str, Any], joints: Mapping[str, Any]) -> LogSetup:
+    """Return what a sidecar would say; a mapping from joint, or its kind, to value is what is different for each."""
+    own = given.pop("joints", {})
+    data: dict[str, Any] = {"joints": dict(own) if isinstance(own, Mapping) else own}
     for name, value in given.items():
         if isinstance(value, Mapping) and name != "columns":
-            for joint, own in value.items():
-                data["joints"].setdefault(joint, {})[name] = own
+            for joint, one in value.items():
+                data["joints"].setdefault(joint, {})[name] = one
         else:
             data[name] = value
+    for joint in data["joints"] if isinstance(own, Mapping) else ():
+        if joint not in {*joints, *map(kind_of, joints)}:
+            raise LogError(f"{SOURCE}: {unknown_name('joint', str(joint), joints)}")
     return setup_from_dict(data, SOURCE)
 
 
@@ -190,6 +197,8 @@ def as_log(log: Any) -> Log:
     """Return a log: itself, a file's by its path, or a data frame's."""
     if isinstance(log, Log):
         return log
+    if log is None:
+        raise LogError("no log given; expected one of load_log or from_arrays, a path, or a data frame")
     return load_log(log) if isinstance(log, str | Path) else from_arrays(log)
 
 

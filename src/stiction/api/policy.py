@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from stiction.api.options import public
 from stiction.api.result import Result, html_table
-from stiction.core.extras import says_what_is_missing
+from stiction.core.errors import PolicyError
 from stiction.deploy.check import BundleCheck, check_bundle, read_allowed, robot_of
 from stiction.deploy.policy import Network, Policy
 from stiction.deploy.policy import load_policy as open_policy
@@ -93,7 +94,10 @@ class LoadedPolicy(Verified):
 
     def network(self, observation: np.ndarray) -> np.ndarray:
         """Return the network's actions, float32, shape (N, J), for observations of shape (N, size)."""
-        network = Network(self.bundle.policy, self.contract.observation.size, self.contract.num_joints)
+        size = self.contract.observation.size
+        if np.ndim(observation) != 2 or np.shape(observation)[1] != size:
+            raise PolicyError(f"an observation of shape {np.shape(observation)}; expected (N, {size})")
+        network = Network(self.bundle.policy, size, self.contract.num_joints)
         return network(np.ascontiguousarray(observation, dtype=np.float32))
 
 
@@ -108,7 +112,7 @@ def list_policies() -> list[str]:
     return list(shipped_bundles())
 
 
-@says_what_is_missing
+@public
 def verify(
     bundle: str | Path,
     *,
@@ -137,7 +141,7 @@ def verify(
     return verified(bundle, against, key, expect_digest, allow)
 
 
-@says_what_is_missing
+@public
 def load_policy(
     bundle: str | Path,
     *,

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
+from stiction.api.options import public
 from stiction.api.result import Result, html_table
-from stiction.core.extras import says_what_is_missing
 from stiction.core.plugins import find_named
 from stiction.robots.catalog import find_robot, is_file_name, robot_names
 from stiction.robots.model import Robot
@@ -111,7 +111,7 @@ def read(name: str | Path) -> Derived:
     return from_file(Path(name))
 
 
-@says_what_is_missing
+@public
 def load_robot(robot: str | Path) -> Robot:
     """Return a robot: a shipped one by its name, or one's own from a file.
 
@@ -132,7 +132,7 @@ def load_robot(robot: str | Path) -> Robot:
     return find_robot(str(robot))
 
 
-@says_what_is_missing
+@public
 def check_robot(robot: Robot | str | Path) -> RobotCheck:
     """Check a robot before it is trusted: masses, inertias, limits, motors, pose, feet, mirror, and that it stands.
 

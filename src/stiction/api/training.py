@@ -11,10 +11,10 @@ from typing import Any, Literal
 from markupsafe import Markup
 
 from stiction.api.identification import Identified
+from stiction.api.options import public, several
 from stiction.api.policy import LoadedPolicy, load_policy
 from stiction.api.result import Result, html_table
 from stiction.core.errors import ConfigurationError
-from stiction.core.extras import says_what_is_missing
 from stiction.core.lock import output_folder, replaced_folder
 from stiction.formats.joints import read_training
 from stiction.locomotion.friction import FrictionMethod
@@ -65,7 +65,7 @@ class Trained(Result):
         raise ConfigurationError(f"the run is in {self.path} already; export(run) makes its bundle")
 
 
-@says_what_is_missing
+@public
 def train(
     out: str | Path,
     *,
@@ -74,7 +74,7 @@ def train(
     friction_level: float | None = None,
     friction_from: Identified | str | Path | None = None,
     joints: str | Path | None = None,
-    joint_map: Sequence[str] = (),
+    joint_map: str | Sequence[str] = (),
     preset: Literal["full", "quick", "two-phase", "paper", "literal"] = "full",
     config: TrainCfg | None = None,
     seed: int = 0,
@@ -92,7 +92,7 @@ def train(
         friction_from: an identification, or its `training.json`, in place of `method` and `friction_level`.
         joints: a `joints.json` whose inertia, damping and friction become the robot's nominal ones.
         joint_map: RECORDED=JOINT pairs where its records have other names.
-        preset: defaults of everything else: `quick` is some ten minutes of one core, `full` twenty-five.
+        preset: defaults of everything else: `quick` is ten to seventeen minutes of one core, `full` over twice that.
         config: everything else, in place of `preset`: `replace(stiction.rma.config.preset("quick"), num_envs=256)`.
         seed: of everything random in the run.
         device: where it is simulated.
@@ -126,7 +126,7 @@ def train(
         )
         cfg = replace(cfg, task=replace(cfg.task, friction=friction))
     cfg.check_effects()
-    run, cfg = begin_run(Path(out), cfg, "stiction.train(...)", tuple(joint_map), say)
+    run, cfg = begin_run(Path(out), cfg, "stiction.train(...)", several(joint_map), say)
     with output_folder(run.path):
         return Trained(run.path, run_training(cfg, run, identified_values(run.header()), progress))
 
@@ -141,13 +141,13 @@ def _proposal(given: Identified | str | Path) -> tuple[dict[str, Any], str]:
     return proposed, "the identification"
 
 
-@says_what_is_missing
+@public
 def export(
     run: Trained | str | Path,
     *,
     out: str | Path | None = None,
     joints: str | Path | None = None,
-    joint_map: Sequence[str] = (),
+    joint_map: str | Sequence[str] = (),
     wear: str | Path | None = None,
     robot: str | None = None,
     say: Callable[[str], None] = lambda line: None,
@@ -168,9 +168,9 @@ def export(
     Raises `StictionError`: the run is not finished, or was altered.
 
     >>> import stiction
-    >>> stiction.export("runs/none")  # doctest: +ELLIPSIS
+    >>> stiction.export("runs/none")
     Traceback (most recent call last):
-    stiction.core.errors.FileError: cannot read runs/none/config.json: ...
+    stiction.core.errors.FileError: no run in runs/none; expected a folder that `stiction train` made
 
     """
     from stiction.evaluate.export import export_run
@@ -181,7 +181,7 @@ def export(
     target = folder / "bundle" if out is None else Path(out)
     known, monitor = (None if path is None else Path(path) for path in (joints, wear))
     with replaced_folder(target):
-        export_run(folder, target, monitor, known, tuple(joint_map), say, robot)
+        export_run(folder, target, monitor, known, several(joint_map), say, robot)
     return load_policy(target)
 
 

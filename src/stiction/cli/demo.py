@@ -56,7 +56,7 @@ class DemoCfg:
     preset: Literal["quick", "full"] = "quick"
     """Preset of `stiction train`, with --train."""
     bundles: tuple[Path, ...] = ()
-    """Bundles to show in place of the shipped ones."""
+    """Bundles to show in place of those that come with the package, directories or names."""
     episodes: int = 16
     """Episodes per policy, level and command."""
     seconds: float = 12.0
@@ -95,12 +95,13 @@ def main(arguments: list[str]) -> None:
 def _run(cfg: DemoCfg, arguments: list[str]) -> tuple[Path, dict[str, Any], list[str]]:
     """Run the whole line; return the page, the summary and what was left out."""
     from stiction.deploy.check import check_bundle
+    from stiction.formats.bundle import find_bundle
 
     start = time.perf_counter()
     warnings: list[str] = []
-    checks = [check_bundle(path) for path in cfg.bundles]
+    bundles = [find_bundle(path) for path in cfg.bundles]
+    checks = [check_bundle(path) for path in bundles]
     joints = [_identify_example(cfg.out), *_identify_record(cfg.out, warnings)]
-    bundles = list(cfg.bundles)
     if not bundles:
         bundles = _find_policies(cfg, warnings)
         checks = [check_bundle(path) for path in bundles]

@@ -12,7 +12,8 @@ import tyro
 from stiction.core.options import read_options, refuse
 from stiction.locomotion.config import TaskCfg
 
-DESCRIPTION = """Measure that every randomised parameter changes the physics as its own formula says.
+DESCRIPTION = """Measure that every randomised parameter changes the physics as its own formula says. Without
+--randomization: say what this machine is.
 
 Nothing is read back: robots with both ends of each range are simulated, and the difference of their motion is
 compared with the formula's. Exit status 1 where a parameter does nothing, or not what it says.

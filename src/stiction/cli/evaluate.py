@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-import sys
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from stiction.core.lock import output_folder
-from stiction.core.options import read_options
+from stiction.core.options import read_options, refuse
 from stiction.formats.results import DIRECTIONS
 from stiction.formats.settings import results_folder
 from stiction.locomotion.friction import law_choice, law_help
@@ -81,7 +80,7 @@ class EvaluateCfg:
     action_delay: float = 0.0
     """Delay between joint target and motor [s], in whole physics steps, at most 8 of them; of the engine mujoco."""
     robot: str | None = None
-    """A robot of your own, `package.module:NAME`; by default the shipped robot that the bundle names."""
+    """A robot of your own, its file or `package.module:NAME`; by default the robot that the bundle names."""
     log: Path | None = None
     """Also log the walks as a robot would, for `stiction identify` and `stiction train-actuator`: a folder for one NPZ
     per bundle, level, command and robot. The first --log-robots episodes, at the physics rate."""
@@ -113,8 +112,7 @@ def main(arguments: list[str]) -> int:
             judge_again(cfg, command)
         return 0
     if not cfg.bundles and cfg.policy_callable is None:
-        print("stiction evaluate: no bundle given; `stiction evaluate --help` shows the usage", file=sys.stderr)
-        return 2
+        refuse("stiction evaluate", "no bundle given")
     jobs = jobs_of(cfg.jobs)
     from stiction.core.provenance import num_threads
     from stiction.core.records import part_of

@@ -32,7 +32,7 @@ class ExciteConfig(ExciteSetup):
     """Options of the verb."""
 
     robot: str | None = None
-    """A robot, saturn_lite or go1 or package.module:NAME, whose joint fills in gains, limits, and the bare motor's
+    """A shipped robot, a robot's file or package.module:NAME, whose joint fills in gains, limits, and the bare motor's
     inertia and friction."""
     joint: str = "joint"
     """Name of the joint, FL_shank, or its kind, shank."""

@@ -66,6 +66,9 @@ class ExportCfg:
     """Print the summary as JSON on standard output, and nothing else."""
 
 
+OTHERS = ("webots", "deploy.yaml", "rl_sar", "mjlab")
+"""What a bundle can be exported to."""
+
 BELONGS = {
     "wear": "bundle",
     "joints": "bundle",
@@ -94,7 +97,12 @@ def main(arguments: list[str]) -> None:
 def _to_bundle(cfg: ExportCfg) -> None:
     """Export one run as a bundle."""
     from stiction.evaluate.export import export_run
+    from stiction.formats.bundle import CONTRACT, shipped_bundles
+    from stiction.rma.run import RunDirectory
 
+    if (cfg.source / CONTRACT).exists() or str(cfg.source) in shipped_bundles():
+        raise ConfigurationError(f"{cfg.source} is a policy bundle already; --to {', '.join(OTHERS)} takes one")
+    RunDirectory(cfg.source).header()  # where there is no run, no folder is made for its bundle
     out = cfg.out or cfg.source / "bundle"
 
     def say(note: str) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
@@ -14,9 +13,9 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from stiction.core.errors import ConfigurationError, RobotError
+from stiction.core.errors import ConfigurationError, RobotError, nearest
 from stiction.core.memory import DEFAULT_LIMIT, limit_memory
-from stiction.core.options import read_options
+from stiction.core.options import read_options, refuse
 from stiction.core.records import part_of
 from stiction.formats.joints import PARAMETERS, JointRecord, JointsFile
 from stiction.formats.log import Log, sidecar_of
@@ -179,6 +178,9 @@ def main(arguments: list[str]) -> int:
     if any(is_walk_log(Path(text)) for text in arguments if not text.startswith("-")):
         return _identify_walk(arguments)
     config = read_options(IdentifyConfig, arguments, "stiction identify", DESCRIPTION, groups=GROUPS)
+    first = "".join(map(str, config.log[:1]))
+    if "." not in first and (meant := nearest(first, [WALK])) and not Path(first).exists():
+        refuse("stiction identify", f"no log at {first}{meant}")
     with limit_memory(memory_of(config.memory_limit)):
         return _identify_joints(config, shlex.join(["stiction", "identify", *arguments]))
 
@@ -191,8 +193,7 @@ def _identify_joints(config: IdentifyConfig, command: str) -> int:
     from stiction.report.terminal import work_progress
 
     if not config.log:
-        print("stiction identify: no log: expected LOG, or several runs, LOG LOG LOG", file=sys.stderr)
-        return 2
+        refuse("stiction identify", "no log given; expected one, or several runs of the same joints")
     if config.init:
         name = config.joint[0] if len(config.joint) == 1 else None
         columns = parse_columns(config.columns)

@@ -67,7 +67,7 @@ class EngineRow:
     """As `--engines` takes it."""
     here: bool = field(metadata=column("installed"))
     """Whether it can be used now."""
-    install: str = field(metadata=column("where not, install"))
+    install: str = field(metadata=column("if not: install it by"))
     """The command that installs its extra; a dash where it is there."""
 
 

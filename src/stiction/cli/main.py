@@ -20,7 +20,7 @@ VERBS = {
     "excite": "design the log that identification needs, before the robot is touched",
     "identify": "find a joint's inertia and friction from a log, with intervals",
     "convert": "write identified joints as MuJoCo, URDF, Isaac Lab or Webots reads them",
-    "train": "train a teacher and a student for a robot, with or without joint friction",
+    "train": "train a policy that walks, with or without joint friction",
     "evaluate": "drive a policy bundle over engines, virtual robots, friction, grounds and commands, and tabulate",
     "replicate": "run the paper's comparison over engines and a virtual robot, and judge its sentences",
     "train-actuator": "fit an Actuator Net to logs of walks, in place of the PD law in training",
@@ -32,7 +32,7 @@ VERBS = {
     "deploy": "run a policy bundle on a robot, real or virtual, under a supervisor that fails safe",
     "view": "watch policies walk in the browser, and turn their joints' friction up while they do",
     "bench": "measure the throughput ratios on this machine, side by side in one run",
-    "doctor": "measure that every randomised parameter really changes the physics",
+    "doctor": "measure that every randomised parameter really changes the physics; or say what this machine is",
 }
 """Verb -> what it does, in the order in which the data flows. The module is `stiction.cli.<verb>`, with _ for -."""
 
@@ -49,7 +49,12 @@ HELP = frozenset({"-h", "--help", "--help-all"})
 
 USAGE = "usage: stiction VERB [--help] [options]\n\nverbs:\n"
 EPILOG = """
-`stiction VERB --help` lists the options of a verb. `stiction --version` prints the version. `--debug`, with any verb,
+Examples:
+  stiction demo
+  stiction identify log.csv --kp 20 --kd 1 --torque-limit 45
+  stiction verify saturn_lite-flat-deception-0.2
+
+`stiction VERB --help` explains a verb. `stiction --version` prints the version. `--debug`, with any verb,
 prints the traceback of an error before its line.
 """
 
@@ -73,7 +78,8 @@ def main(arguments: list[str]) -> int:
         print(f"stiction {__version__}")
         return 0
     if verb not in VERBS:
-        print(f"stiction: {unknown_name('verb', verb, VERBS)}", file=sys.stderr)
+        where = "; options stand behind the verb" if verb.startswith("-") else ""
+        print(f"stiction: {unknown_name('verb', verb, VERBS)}{where}", file=sys.stderr)
         return 2
     limit_library_threads()
     open_fast_gemm()

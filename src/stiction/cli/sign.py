@@ -11,7 +11,8 @@ from typing import Annotated
 import tyro
 
 from stiction.core.errors import ConfigurationError, FileError
-from stiction.core.options import read_options
+from stiction.core.options import read_options, refuse
+from stiction.formats.bundle import SIGNATURE, find_bundle
 
 
 @dataclass(frozen=True)
@@ -40,8 +41,11 @@ def main(arguments: list[str]) -> None:
         public = make_key(cfg.new_key)
         _say(cfg, {"key": str(cfg.new_key), "public": str(public)}, f"{cfg.new_key}: private; {public}: public")
         return
-    if cfg.bundle is None or cfg.key is None:
-        raise ConfigurationError("name a bundle and a key: stiction sign BUNDLE --key maker.pem")
+    if cfg.bundle is None:
+        refuse("stiction sign", "BUNDLE is missing: Directory of the bundle")
+    find_bundle(cfg.bundle)
+    if cfg.key is None:
+        refuse("stiction sign", "--key PATH is missing: Your private key, a PEM file")
     fingerprint = sign_bundle(cfg.bundle, cfg.key)
     _say(cfg, {"bundle": str(cfg.bundle), "signature": fingerprint}, f"{cfg.bundle}: signed by the key {fingerprint}")
 
@@ -50,7 +54,6 @@ def sign_bundle(path: Path, key: Path) -> str:
     """Check a bundle and put the key's signature into it; return the key's fingerprint."""
     from stiction.core.files import write_bytes
     from stiction.deploy.check import check_bundle
-    from stiction.formats.bundle import SIGNATURE, find_bundle
     from stiction.formats.signature import sign
 
     def passphrase() -> str:

@@ -7,6 +7,7 @@ import sys
 
 import stiction.studies
 from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.core.options import refuse
 from stiction.core.plugins import find_named
 from stiction.studies.study import Study
 
@@ -51,7 +52,8 @@ def main(arguments: list[str]) -> int:
         return 0
     names = study_names()
     if name not in names and ":" not in name:
-        said = f"stiction study: {unknown_name('study', name, names)}" if name else overview().rstrip()
-        print(said, file=sys.stderr)
+        if name:
+            refuse("stiction study", unknown_name("study", name, names))
+        print(overview().rstrip(), file=sys.stderr)
         return 2
     return find_study(name).main(arguments[1:], f"study {name}")

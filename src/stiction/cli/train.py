@@ -193,7 +193,7 @@ def _report(run: RunDirectory, summary: dict[str, Any], as_json: bool) -> None:
         for phase, stop in summary.get("stopped", {}).items()
     )
     print(
-        f"{early}student in {run.path}: tracking error {student['walk/tracking_error']:.3f} m/s, "
+        f"{early}policy in {run.path}: tracking error {student['walk/tracking_error']:.3f} m/s, "
         f"tripod share {student['walk/tripod_share']:.0%}, {summary['seconds'] / 60:.1f} min\n"
         f"curves: {curves}\nnext: stiction export {run.path}",
         file=sys.stderr,

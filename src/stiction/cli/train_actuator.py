@@ -9,7 +9,7 @@ from typing import Annotated
 
 import tyro
 
-from stiction.core.options import read_options
+from stiction.core.options import read_options, refuse
 from stiction.joints.net import ActuatorCfg
 
 DESCRIPTION = """Fit an Actuator Net (what torque a motor gives, from its joint's last samples) to logs that declare on
@@ -47,6 +47,8 @@ def _logs_in(path: Path) -> list[Path]:
 def main(arguments: list[str]) -> int:
     """Run the verb."""
     options = read_options(TrainActuator, arguments, "stiction train-actuator", DESCRIPTION)
+    if not options.logs:
+        refuse("stiction train-actuator", "no log given; expected files, or folders of walking logs")
 
     import torch
 
@@ -63,7 +65,7 @@ def main(arguments: list[str]) -> int:
     files = [file for path in options.logs for file in _logs_in(path)]
     if not files:
         raise ConfigurationError(
-            "no log given; expected files, or folders with the NPZ logs of `stiction evaluate --log`"
+            f"no log in {', '.join(map(str, options.logs))}; expected NPZ logs of `stiction evaluate --log`"
         )
     with results_folder(options.out, "train-actuator", options):
         runs = [read_run(file) for file in files]

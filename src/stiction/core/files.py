@@ -13,10 +13,14 @@ import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from io import BufferedReader, TextIOWrapper
+from itertools import islice
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
-from stiction.core.errors import StictionError, UnwrittenError
+from stiction.core.errors import StictionError, UnwrittenError, nearest
+
+MOST_BESIDE = 1000
+"""Files of a folder among which the nearest name is looked for."""
 
 
 @contextmanager
@@ -119,10 +123,21 @@ def read_bounded(path: Path, expected: str, error: type[StictionError], most: in
         with open_regular(path) as file:
             content = file.read(most + 1)
     except OSError as fault:
-        raise error(f"cannot read {path}: {fault.strerror or fault}; expected {expected}") from fault
+        raise error(
+            f"cannot read {path}: {fault.strerror or fault}{near_file(path) or ';'} expected {expected}"
+        ) from fault
     if len(content) > most:
         raise error(f"{path.name}: over {most} bytes; expected {expected}")
     return content
+
+
+def near_file(path: Path) -> str:
+    """Return `; did you mean 'swing.csv'?` with the nearest name in the folder, of a file that is not there."""
+    try:
+        beside = [] if path.exists() else [entry.name for entry in islice(path.parent.iterdir(), MOST_BESIDE)]
+    except OSError:
+        beside = []
+    return nearest(path.name, beside)
 
 
 def _sync(path: Path) -> None:

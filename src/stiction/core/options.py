@@ -134,9 +134,8 @@ def _wrong(parser: argparse.ArgumentParser, arguments: Sequence[str], said: str)
             else f"{name}: a value is missing; expected {wanted}"
         )
     if text.startswith("Missing from"):
-        missing = [
-            action for action in parser._actions if action.required and not set(action.option_strings) & {*names}
-        ]
+        lacking = {word for line in said.splitlines() for word in line.strip("│| ").split()[:1]}
+        missing = [action for action in parser._actions if action.required and _heading(action) in lacking]
         if missing:
             return "; ".join(
                 f"{_name(action)} is missing: {_sentence(_meaning(action)[0]).rstrip('.')}" for action in missing
@@ -144,6 +143,11 @@ def _wrong(parser: argparse.ArgumentParser, arguments: Sequence[str], said: str)
     if text.startswith("Unrecognized"):
         return f"{text.partition(': ')[2]}: a word that no option takes"
     return text or "the options cannot be read"
+
+
+def _heading(action: argparse.Action) -> str:
+    """Return the word by which tyro heads what it says of a missing option; an argument has the name of its kind."""
+    return action.option_strings[0] if action.option_strings else str(action.metavar).split()[0]
 
 
 def _plain(said: str) -> str:

@@ -98,7 +98,7 @@ def read_rows(path: Path, kind: type[Row], optional: bool = False) -> list[Row]:
         with open_text(path) as file:
             lines = list(csv.reader(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise FileError(f"{path} cannot be read: {error}") from error
+        raise FileError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
     # The header alone is translated: the order of the cells is that of the fields, then as now.
     now = {field.metadata.get("was"): field.name for field in fields(kind)}  # type: ignore[arg-type]
     if not lines or [now.get(name, name) for name in lines[0]] != list(types):
@@ -228,4 +228,4 @@ def make_folder(out: Path, option: str = "--out") -> None:
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise FileError(f"the directory {out} cannot be made: {error}; choose another {option}") from error
+        raise FileError(f"the directory {out} cannot be made: {error.strerror}; choose another {option}") from error

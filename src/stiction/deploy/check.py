@@ -42,7 +42,10 @@ def robot_of(contract: Contract, robot: str | None = None) -> Robot:
         )
     spec = find_robot(robot or contract.robot)
     if spec.joint_names != contract.joint_names:
-        raise RobotError(f"robot {spec.name!r} has the joints {spec.joint_names}, the bundle {contract.joint_names}")
+        raise RobotError(
+            f"robot {spec.name!r} has other joints than the bundle, {', '.join(spec.joint_names)} and not "
+            f"{', '.join(contract.joint_names)}; leave --robot out, or name the one that the policy is for"
+        )
     for field, what in ALIKE.items():
         if not np.allclose(spec.joint_values(field), contract.array(field)):
             raise RobotError(f"robot {spec.name!r} has other {what} than the bundle; name the right one with --robot")

@@ -168,7 +168,7 @@ def _read_files(folder: Path) -> dict[str, bytes]:
     try:
         found = {entry.name: entry.lstat() for entry in folder.iterdir()}
     except OSError as error:
-        raise BundleError(f"{folder}: cannot be listed: {error}") from error
+        raise BundleError(f"{folder}: cannot be listed: {error.strerror}") from error
     if not found.keys() & {*FILES, SUMS}:
         inside = folder / "bundle"
         raise BundleError(
@@ -192,7 +192,7 @@ def _read_files(folder: Path) -> dict[str, bytes]:
     try:
         return {name: (folder / name).read_bytes() for name in found}
     except OSError as error:
-        raise BundleError(f"{folder}: cannot be read: {error}") from error
+        raise BundleError(f"{folder}: cannot be read: {error.strerror}") from error
 
 
 def _explain_sums(folder: Path, sums: bytes, digests: dict[str, str]) -> None:

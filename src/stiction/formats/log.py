@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from stiction.core.errors import LogError, nearest, unknown_name
+from stiction.core.errors import LogError, escaped, nearest, unknown_name
 from stiction.core.files import write_text
 from stiction.core.names import kind_of
 from stiction.formats.plain import is_number, read_object
@@ -303,7 +303,7 @@ class BodySignals:
         return replace(self, **changed)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Log:
     """A log as read: nothing resampled, nothing filtered."""
 
@@ -321,6 +321,15 @@ class Log:
     """What was taken off the time stamps of the file [s]: those of another part of the same log count on from there."""
     body: BodySignals | None = None
     """What the body measured; None where nobody asked for it."""
+
+    def __repr__(self) -> str:
+        """Return how long it is, what each joint has, what is said of the motors, and the notes; a line each."""
+        span = f"{self.time[-1] - self.time[0]:.4g} s" if len(self.time) else "nothing"
+        lines = [f"{self.source}: {len(self.time)} samples, {span}"]
+        for name, signals in self.joints.items():
+            lines.append(f"{name}: {', '.join(role for role in SIGNALS if getattr(signals, role) is not None)}")
+        said = ", ".join(f"{name} {value}" for name, value in self.setup.to_dict().items())
+        return escaped("\n".join([*lines, f"said: {said or 'no gains, no torque limit'}", *self.notes]))
 
     def joint(self, name: str | None) -> tuple[str, JointSignals]:
         """Return a joint by name, or the only one for None; raise `LogError` naming what there is."""

@@ -88,7 +88,7 @@ def _differing(before: dict[str, Any], now: dict[str, Any], prefix: str = "") ->
 
 def _words(value: Any) -> str:
     """Return a value as a person types it."""
-    text = " ".join(map(str, value)) if isinstance(value, list) else str(value)
+    text = " ".join(map(str, value)) if isinstance(value, list) else str("not given" if value is None else value)
     return text[:60] or "none"
 
 

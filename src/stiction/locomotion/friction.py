@@ -90,9 +90,9 @@ class FrictionCfg:
     it in by steps. none: without friction. dreamwaq, hinf: other ways to learn, without friction unless
     --task.friction.range or --task.friction.mixture asks for it."""
     level: Annotated[float | None, arg(aliases=("--friction-level",))] = None
-    """Nominal friction, as a share of each joint's torque limit [1]; of the laws load and effort, their coefficient. By
-    default the robot's own: in N m, as measured; of load and effort from the load_coefficient of --joints, by the
-    robot's model where that multiplies something else."""
+    """Nominal friction, as a share of each joint's torque limit [1], by default the robot's own; of the laws load and
+    effort, their coefficient. The robot's own is in N m, as measured; of load and effort it is from the
+    load_coefficient of --joints, by the robot's model where that multiplies something else."""
     law: Annotated[str, law_choice(), law_help("Law of the dry friction.", "--friction-law")] = "coulomb"
     """One of `simulated_laws`."""
     per: Literal["robot", "joint"] = "robot"

@@ -19,7 +19,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load, save
 
 from stiction.core.errors import FileError, TrainingError, UnwrittenError
-from stiction.core.files import digest_of, open_regular, read_bounded, write_bytes, write_text
+from stiction.core.files import digest_of, near_file, open_regular, read_bounded, write_bytes, write_text
 from stiction.core.lock import output_folder
 from stiction.core.provenance import git_revision, machine
 from stiction.core.records import from_plain
@@ -239,6 +239,10 @@ class RunDirectory:
     def header(self) -> dict[str, Any]:
         """Return config.json whole. Raises `StictionError` where it cannot be read."""
         file = self.path / "config.json"
+        if not file.exists():
+            raise FileError(
+                f"no run in {self.path}{near_file(self.path) or ';'} expected a folder that `stiction train` made"
+            )
         data = read_object(file, A_CONFIG)
         if missing := [name for name, kind in HEADER.items() if not isinstance(data.get(name), kind)]:
             raise FileError(f"{file}: holds no {missing[0]!r}; expected {A_CONFIG}")

@@ -113,6 +113,8 @@ def _find(name: str) -> Robot:
     if name not in robot_names() and name and Path(name[:1000]).is_dir():
         raise RobotError(f"robot {name!r} is a folder; name the robot.yaml, .xml or .urdf in it")
     module_name, _, variable = name.partition(":")
+    if not variable and "." in name and Path(name[:1000]).is_file():
+        raise RobotError(f"robot {name!r}: expected a robot.yaml, a MuJoCo (.xml) or URDF (.urdf) file")
     if not variable and "." not in name:
         if name not in robot_names():
             message = unknown_name("robot", name, robot_names())

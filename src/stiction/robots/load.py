@@ -8,6 +8,7 @@ from pathlib import Path
 import mujoco
 
 from stiction.core.errors import RobotError
+from stiction.core.files import near_file
 from stiction.robots.derive import Derived, derive
 from stiction.robots.description import Description, read_description
 from stiction.robots.fixed import load_mechanism
@@ -24,7 +25,7 @@ def load_robot(path: Path) -> Derived:
     Raises `RobotError` where the file is none, or does not say enough.
     """
     if not path.is_file():
-        raise RobotError(f"robot {str(path)!r}: there is no such file")
+        raise RobotError(f"robot {str(path)!r}: there is no such file{near_file(path)}")
     if path.suffix.lower() == ".json":
         return Derived(read_robot(path), (), ())
     if path.suffix.lower() in (".xml", ".urdf"):

@@ -111,7 +111,9 @@ class Case:
     def __post_init__(self) -> None:
         """Refuse groups that do not exist, and friction where the cell has none."""
         if wrong := sorted(set(self.groups) - set(GROUPS)):
-            raise ConfigurationError(f"cell {self.cell!r}: {unknown_name('group', wrong[0], (*CELLS, *GROUPS))}")
+            raise ConfigurationError(
+                f"cell {self.cell!r}: {unknown_name('group', wrong[0], dict.fromkeys((*CELLS, *GROUPS)))}"
+            )
         if "friction" not in self.groups and not self.level.is_none:
             raise ConfigurationError(f"cell {self.cell!r} has no friction; expected level 0, not {self.level.label}")
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from stiction.core.errors import LogError
+from stiction.core.files import near_file
 from stiction.formats.log import (
     BODY,
     TEXT,
@@ -86,7 +87,7 @@ def open_log(
     if path.is_dir():
         raise LogError(_of_directory(path))
     if not path.is_file():
-        raise LogError(f"no log at {path}; expected a {KINDS} file")
+        raise LogError(f"no log at {path}{near_file(path) or ';'} expected a {KINDS} file")
     setup = read_setup(path) if sidecar is None else read_sidecar(sidecar)
     given: dict[str, Any] = {"rate": rate, "time_scale": time_scale, "begin": begin, "end": end}
     setup = replace(setup, **{name: value for name, value in given.items() if value is not None})

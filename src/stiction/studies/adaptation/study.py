@@ -57,7 +57,8 @@ def run(options: AdaptationOptions, work: Work) -> Report:
 
 DESCRIPTION = (
     "What does adaptation do? Every student also walks with its latent z* frozen at its mean and taken from another "
-    "robot, and a linear probe reads each joint's friction from z*, and from the history behind it."
+    "robot, and a linear probe reads each joint's friction from z*, and from the history behind it.\n\n"
+    "Example:\n  stiction study adaptation runs/seed-0 runs/seed-1 --out adaptation"
 )
 
 STUDY = Study(

@@ -20,7 +20,11 @@ if TYPE_CHECKING:
 DESCRIPTION = """The experiment on training with dry friction: every run of its manifest, and what follows from them.
 
 `stiction study friction --train` trains what is missing, goes on with what was interrupted, and then evaluates;
-without --train it evaluates what is finished. Stop it at any time: nothing is done twice."""
+without --train it evaluates what is finished. Stop it at any time: nothing is done twice.
+
+Examples:
+  stiction study friction --preset quick --parts 1 --train --runs runs --out friction
+  stiction study friction --preset quick --parts 1 --runs runs --out friction"""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -41,7 +41,7 @@ class GaitOptions(RedrawnOptions):
     seed: int = 0
     """Seed of initial states and sensor noise."""
     robot: str | None = None
-    """A robot of your own, `package.module:NAME`; by default the shipped robot that the bundle names."""
+    """A robot of your own, its file or `package.module:NAME`; by default the robot that the bundle names."""
     out: Path = Path("stiction-gait")
     """Directory for gaits.csv, feet.csv, claims.csv, contacts.npz, gait.png, summary.json and report.html."""
 

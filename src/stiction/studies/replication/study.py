@@ -25,7 +25,7 @@ its own, on flat ground and stairs. Each sentence of the paper gets a verdict wi
 quick: the shipped policies, some ten minutes on two cores. One training seed a method: numbers, no verdicts. A
 verdict takes several training seeds of every method that a sentence compares: give bundles or runs of each seed with
 --policies, or --preset full, which trains what is missing first (days on two cores): three seeds or more of each
-method on flat ground, and of two over stairs; none of an Actuator Net over stairs, so that E9 is not tested. A training
+method on flat ground, and of two over stairs; none of an Actuator Net over stairs. A training
 that fails is named and left out, and the exit status is 1. Stop it at any time: the same command goes on; a walk in
 progress, or a bench of some minutes, is begun anew."""
 
