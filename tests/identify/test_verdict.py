@@ -79,8 +79,10 @@ LIMIT = {"torque_limit": 40.0}
     ("ends", "condition", "answer", "decides"),
     [
         ((0.012, 0.02), "loaded", "Yes", "at least 1.2 %"),
-        ((0.004, 0.012), "loaded", "Probably", "up to 1.2 %"),
-        ((0.004, 0.006), "in_air", "Probably", "2 times 0.6 %"),
+        ((0.012, 0.02), "loaded", "Yes", "every seed that was trained without friction still follows with that much"),
+        ((0.004, 0.012), "loaded", "A little", "up to 1.2 %"),
+        ((0.004, 0.006), "in_air", "A little", "2 times 0.6 %"),
+        ((0.004, 0.2), "loaded", "Probably", "up to 20 %"),
         ((0.003, 0.004), "in_air", "No", "at most 0.4 %, even times 2"),
         ((-0.01, 0.03), "in_air", "Cannot be told", "up to 3 %"),
         ((-0.001, 0.002), "in_air", "No", "at most 0.2 %"),
@@ -89,7 +91,10 @@ LIMIT = {"torque_limit": 40.0}
 def test_whether_it_matters_is_one_word_and_the_number_that_decides(
     ends: tuple[float, float], condition: str, answer: str, decides: str
 ) -> None:
-    """By hand against the package's 1 % that slowed policies; a yes must hold at the interval's lower end."""
+    """By hand against the package's 1 % that slowed policies; a yes must hold at the interval's lower end.
+
+    Up to 5 % every seed that was trained without friction follows: that it matters, and `--method none`, would be odd.
+    """
     middle = sum(ends) / 2
     share = Estimate(middle, 0.001, ends)
     told = judge(
@@ -161,7 +166,7 @@ def test_the_most_sensitive_engine_sets_the_thresholds() -> None:
     thresholds = Thresholds.of(found(MUJOCO, PHYSX, ROBOTS))
     assert (thresholds.noticeable, thresholds.severe, thresholds.dead_band) == (0.02, 0.2, 0.009)
     assert "three training seeds, friction of 2 % of the torque limit cost such policies 1 to 3 %" in thresholds.text
-    slowed = "with 9 % in the simulator that trained them, and with 6 % in PhysX and on virtual robots"
+    slowed = "with 9 % in the simulator of the training, and with 6 % in PhysX and on virtual robots"
     assert slowed in thresholds.text and "without friction" not in thresholds.text
     alone = Thresholds.of(found(ROBOTS)).text
     assert alone.endswith("80 % of it with 6 % on virtual robots, where it was at 71 % without friction.")

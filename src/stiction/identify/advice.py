@@ -41,6 +41,13 @@ class Advice:
     """The study."""
 
     @property
+    def borne(self) -> bool:
+        """Whether every seed that was trained without friction follows up to the next tested level above `asked`."""
+        own = {cell.friction_level: cell.every_seed for cell in self.source.cells if cell.method == "none"}
+        above = [level for level in own if level >= self.asked]
+        return bool(above) and all(follow for level, follow in own.items() if level <= min(above))
+
+    @property
     def training(self) -> TrainedWith:
         """How the policies of the method were trained."""
         return self.source.methods[self.method]

@@ -46,7 +46,7 @@ WHAT_IF = (
 WITHOUT_FRICTION: dict[str, Any] = {"method": "none", "level": 0.0, "law": "coulomb", "per": "robot"}
 """The fields of `FrictionCfg` where there is no friction to train for."""
 
-PLACES = {"mujoco": "in the simulator that trained them", "physx": "in PhysX", "ode-webots": "in ODE"}
+PLACES = {"mujoco": "in the simulator of the training", "physx": "in PhysX", "ode-webots": "in ODE"}
 """Engine -> how people call it; a plus in its name means a virtual robot."""
 
 COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
@@ -300,7 +300,7 @@ def judge(record: JointRecord, sources: Mapping[str, Source] | None = None, legs
         None if beyond else level,
         (
             _how_much(record),
-            _matters(record, thresholds, legs and rotary),
+            _matters(record, thresholds, legs and rotary, advice),
             _to_run(record, level, advice, legs and rotary, _harmless(record, thresholds)),
         ),
         tuple(details),
@@ -373,8 +373,8 @@ def _ignored(band: Estimate, unit: str) -> str:
     return f"the joint ignores position errors up to f/kp, {_span(band, 1, unit)}, at the gains of the log."
 
 
-def _matters(record: JointRecord, thresholds: Thresholds, legs: bool) -> str:
-    """Say whether it matters, with the one number that decides."""
+def _matters(record: JointRecord, thresholds: Thresholds, legs: bool, advice: Advice | None) -> str:
+    """Say whether it matters, with the one number that decides, and where policies that never met it follow still."""
     ratio, band, begin = record.friction_ratio, record.dead_band, "Does it matter?"
     if not legs:
         unit = " rad" if record.axis == "rotary" else " m"
@@ -388,17 +388,21 @@ def _matters(record: JointRecord, thresholds: Thresholds, legs: bool) -> str:
     margin = _margin(record)
     noticed = 100 * thresholds.noticeable
     least = f"{noticed:.4g} % of the torque limit is the least that slowed walking policies in simulation"
+    borne = advice is not None and advice.borne
+    probably = "A little" if borne else "Probably"
+    still = f"; every seed that was trained without friction still follows with that much, {PLACES[TRAINED_IN]}"
+    decides = f"{least}{still if borne else ''}."
     if low >= thresholds.noticeable:
-        return f"{begin} Yes: it is at least {100 * low:.4g} %; {least}."
+        return f"{begin} Yes: it is at least {100 * low:.4g} %; {decides}"
     if _harmless(record, thresholds):
         times = "" if margin == 1.0 else f", even times {margin:g} for load too little"
         return f"{begin} No: it is at most {100 * high:.4g} %{times}; {least}."
     if record.objections:
         return f"{begin} Cannot be told: it may be nothing, or up to {100 * high:.4g} %; {least}."
     if high >= thresholds.noticeable:
-        return f"{begin} Probably: it may be up to {100 * high:.4g} %; {least}."
+        return f"{begin} {probably}: it may be up to {100 * high:.4g} %; {decides}"
     if margin * high >= thresholds.noticeable:
-        return f"{begin} Probably: under load it may be {margin:g} times {100 * high:.4g} %; {least}."
+        return f"{begin} {probably}: under load it may be {margin:g} times {100 * high:.4g} %; {decides}"
     reached = 0.0 if band is None else band.interval95[1]
     return f"{begin} Probably: at such low gains the dead band is up to {reached:.4g} rad wide."
 
