@@ -76,7 +76,9 @@ def main(arguments: list[str]) -> int:
     from stiction.formats.actuator import read_actuator
     from stiction.report.terminal import Terminal
     from stiction.rma.presets import preset
+    from stiction.robots.catalog import find_robot
 
+    find_robot(options.robot)
     note, origin = Terminal(stderr=True, quiet=options.json), Origin.now()
     note.print("task against bare simulator ...")
     base = replace(preset("two-phase", options.device), num_envs=options.num_envs)

@@ -95,8 +95,10 @@ def main(arguments: list[str]) -> None:
 def _run(cfg: DemoCfg, arguments: list[str]) -> tuple[Path, dict[str, Any], list[str]]:
     """Run the whole line; return the page, the summary and what was left out."""
     from stiction.deploy.check import check_bundle
+    from stiction.evaluate.evaluate import EvaluationCfg
     from stiction.formats.bundle import find_bundle
 
+    EvaluationCfg((0.0,), COMMANDS, episodes=cfg.episodes, seconds=cfg.seconds)  # Refused before any work is done.
     start = time.perf_counter()
     warnings: list[str] = []
     bundles = [find_bundle(path) for path in cfg.bundles]
