@@ -154,6 +154,7 @@ def _settle(
         path = motion[0]
         if change < SETTLED:
             return motion, phases
+        # Not `>`: a path of NaN ends here too.
         if not change < 1e6 * max(1.0, previous):
             break
     raise ConfigurationError(
