@@ -43,10 +43,12 @@ def seconds(source: str, time: np.ndarray, name: str, scale: float | None) -> tu
     if named is not None and SHORTEST_STEP <= step * named <= LONGEST_STEP:
         word = next((word for word, unit in UNITS.items() if unit == named), "")
         return (*_scaled(time, named), (f"the time is in {word}, as its column {name!r} says",) if word else ())
+    # Nobody said: stamps that can be seconds are. Not `<=`, so that NaN, where no two stamps differ, ends here too.
     if not step > LONGEST_STEP:
         return time, 0.0, ()
     known = time[np.isfinite(time)]
     start, whole = float(known[0]), step >= 2 and bool((known == np.rint(known)).all())
+    # By their size since 1970 if that fits a unit; small whole numbers by a step that only one unit makes a usual one.
     dated = [word for word, unit in UNITS.items() if EPOCH[0] <= start * unit < EPOCH[1]]
     fitting = [
         word

@@ -187,6 +187,7 @@ def join_logs(logs: Sequence[Log]) -> Log:
             )
         if list(after.joints) != list(first.joints):
             raise LogError(f"{after.source}: has other joints than {first.source}; expected parts of one log")
+    # Every signal is in all parts or in none: joined otherwise, its samples would not be the time's.
     joints = {}
     for name, signals in first.joints.items():
         parts = [log.joints[name] for log in logs]

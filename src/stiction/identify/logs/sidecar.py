@@ -108,6 +108,7 @@ def propose(
         data["names"] = list(log.joints)
         said.append("names: the log numbers its joints; give them their names, in its order")
     found = {
+        # A voltage or a duty is no torque, and shows neither its gains nor its limit.
         name: _guess(name, signals if drive is None else replace(signals, torque=None), log, said)
         for name, signals in log.joints.items()
     }
