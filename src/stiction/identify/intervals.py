@@ -58,11 +58,14 @@ def correlation_time(residual: np.ndarray) -> float:
     residual: shape (num_samples,).
     """
     centred = residual - residual.mean()
+    # Twice as long, with zeros: the transform is periodic, and would correlate the end with the beginning.
     length = next_fast_len(2 * len(centred), real=True)
     correlation = irfft(np.abs(rfft(centred, length)) ** 2, length)[: len(centred)]
     if correlation[0] <= 0:
         return 1.0
     correlation /= correlation[0]
+    # `argmax` is 0 where no lag is under it. All lags must not be summed: those of a centred series add up to -1/2,
+    # whatever it remembers.
     end = int(np.argmax(correlation < 0.05)) or len(correlation)
     return float(max(1.0, 2 * correlation[:end].sum() - 1))
 
@@ -134,6 +137,7 @@ def bootstrap_reach(blocks: Blocks) -> np.ndarray:
     change = (bread @ (draws @ blocks.gradient)[..., None])[..., 0]
     told = change @ blocks.curvature.reshape(-1, parameters).T
     left = blocks.gradient - told.reshape(-1, blocks.count, parameters)
+    # Each resample is studentised by its own sandwich, of what its blocks leave unexplained at its own estimates.
     influence = left @ bread.swapaxes(1, 2)
     spread = np.sqrt((draws[:, None, :] @ influence**2)[:, 0].clip(1e-300))
     reach = np.quantile(np.abs(change) / spread, 0.95, axis=0)

@@ -83,6 +83,8 @@ def parameter_torques(model: Model, values: dict[str, float], joint: Joint, moti
     """
     ones = np.ones_like(motion.position)
     sign, forward, backward = motion.sign * ones, (motion.sign > 0) * ones, (motion.sign < 0) * ones
+    # Signs are those of what pushes the joint: a larger parameter on the left of the equation pushes it back, and more
+    # friction backward pushes it forward.
     torques = {
         "inertia": -motion.acceleration,
         "viscous_friction": -motion.velocity,

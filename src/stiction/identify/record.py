@@ -71,6 +71,7 @@ def hanging_bias(fit: Fit, hanging: float) -> Estimate | None:
     if size**2 < CLEAR**2 * largest:
         return None
     gradient = {"gravity_sin": -across / size**2, "gravity_cos": -along / size**2}
+    # Into ±π, for an angle is only known up to a turn.
     phase = (np.arctan2(across, along) - hanging + np.pi) % (2 * np.pi) - np.pi
     found = fit.combination(gradient, "gravity_cos", phase)
     return found if found.interval95[1] - found.value < WIDEST_BIAS else None
@@ -211,6 +212,7 @@ def make_record(fits: JointFits) -> JointRecord:
         combinations = {name: one for name, one in combinations.items() if name != "B/k"} | together
     level = estimates["coulomb_friction"]
     in_si = run.measured and (setup.calibrated or setup.drive.column != "torque")
+    # Where the torque is not known in N m the limit is in the unit of what the estimators saw, and k cancels.
     limited = parameters["coulomb_friction"] if in_si else level
     ratio = None
     if setup.torque_limit is not None and limited is not None:

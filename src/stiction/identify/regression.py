@@ -79,6 +79,7 @@ class Fit:
     def inflation(self) -> dict[str, float]:
         """Norm of each column over the norm of its part orthogonal to the others; 1 is best, 1e12 a copy of another."""
         scaled = self.jacobian / np.linalg.norm(self.jacobian, axis=0).clip(1e-300)
+        # The square roots of the diagonal of (XᵀX)⁻¹, by the factor R: XᵀX itself would square the condition number.
         _, sizes, directions = np.linalg.svd(np.linalg.qr(scaled, mode="r"))
         lengths = np.linalg.norm(directions / sizes.clip(1e-12)[:, None], axis=0)
         return dict(zip(self.names, lengths.tolist(), strict=True))
@@ -196,6 +197,7 @@ def check_fit(source: str, fit: Fit) -> None:
 
     And if the link has gravity of its own that pulls on it just as the payload does, in every run that was fitted.
     """
+    # Not `>=`, which is false for NaN.
     if not fit.inflation.get(INVERSE_STRENGTH, 0.0) < MAX_INFLATION:
         raise LogError(
             f"{source}: the payload's weight cannot be told from the link's own, so the motor strength and the inertia "
@@ -281,6 +283,8 @@ def _stribeck_velocity(rows: Rows, names: tuple[str, ...], columns: dict[str, np
 
     It is sought between the speed that one row in twenty is under and half of the top speed.
     """
+    # All else is linear and solved for at each v_s, so that the search has one unknown. It finds one valley only: a
+    # grid says which.
     linear = [name for name in names if name != "stribeck_velocity"]
 
     def cost(logarithm: float) -> float:

@@ -137,6 +137,7 @@ def friction_level(ratio: Estimate, condition: str | None) -> float:
     May be `TRAINABLE` or more; who proposes it has to check.
     """
     high = max(ratio.interval95[1], 0.0)
+    # 100 times 0.07 is a hair over 7 in floating point, which is no reason for one per cent more.
     return math.ceil(100 * high * (1.0 if condition == "loaded" else MARGIN) - 1e-9) / 100
 
 
@@ -277,6 +278,7 @@ def judge(record: JointRecord, sources: Mapping[str, Source] | None = None, legs
     """
     thresholds, rotary = Thresholds.of(sources), record.axis == "rotary"
     known = record.coulomb_friction or record.friction_ratio or record.dead_band
+    # A record of an older file may lack the objection that its friction reaches zero.
     if known is not None and not record.objections:
         record = replace(record, objections=no_friction_shown(known, "N m" if rotary else "N"))
     ratio, condition = record.friction_ratio, record.test_condition

@@ -48,7 +48,7 @@ def seconds(source: str, time: np.ndarray, name: str, scale: float | None) -> tu
         return time, 0.0, ()
     known = time[np.isfinite(time)]
     start, whole = float(known[0]), step >= 2 and bool((known == np.rint(known)).all())
-    # By their size since 1970 if that fits a unit; small whole numbers by a step that only one unit makes a usual one.
+    # By their size since 1970, where that fits a unit; other whole numbers by a step that one unit alone makes usual.
     dated = [word for word, unit in UNITS.items() if EPOCH[0] <= start * unit < EPOCH[1]]
     fitting = [
         word

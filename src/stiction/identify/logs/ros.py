@@ -309,7 +309,7 @@ def _decoder(source: str, topic: Topic) -> Callable[[bytes], Content]:
     def decoded(data: bytes) -> Content:
         try:
             return take(f"{source}: {topic.name}", decode(data))
-        # As a ValueError it is caught with all other damage, by who cannot name the class: Unitree's need no mcap.
+        # As a ValueError it is caught with all other damage, where mcap, which Unitree's do not need, may be missing.
         except McapError as error:
             raise ValueError(str(error)) from error
 
