@@ -172,6 +172,7 @@ def _link_inertia(run: LimbRun) -> np.ndarray:
     """Return the inertia of the links about each joint in the middle of the motion [kg m²], shape (J,)."""
     each = np.eye(run.mechanism.num_joints)
     middle = np.tile(np.median(run.position, axis=0), (len(each), 1))
+    # Each joint in turn is accelerated by 1 rad/s², and none: weight is in both, and drops out.
     moved, held = (link_torques(run.mechanism, middle, 0 * each, one).nominal for one in (each, 0 * each))
     return (moved - held).diagonal()
 
@@ -183,16 +184,19 @@ def fit_limb(names: tuple[str, ...], prior: np.ndarray, rows: tuple[JointRows, .
     weight = np.ones(len(rows))
     values, residuals = np.zeros(len(prior)), [one.torque for one in rows]
     for number in range(ROUNDS):
+        # The first round has no residuals yet, and weighs all joints alike.
         if number:
             sizes = np.maximum([float(np.sqrt(np.mean(one**2))) for one in residuals], floor)
             weight = 1 / (sizes * np.sqrt([correlation_time(one) for one in residuals]))
         scaled = np.concatenate([factor * one.regressor for factor, one in zip(weight, rows)])
         target = np.concatenate([factor * one.torque for factor, one in zip(weight, rows)])
+        # Columns of unit length: accelerations and signs differ by orders of magnitude, which normal equations square.
         length = np.linalg.norm(scaled, axis=0).clip(1e-300)
         gram = (scaled / length).T @ (scaled / length) + np.diag(knowledge / length**2)
         values = np.linalg.solve(gram, (scaled / length).T @ target) / length
         residuals = [one.torque - one.regressor @ values for one in rows]
     count = min(block_count(one) for one in residuals)
+    # Blocks are spans of time for all joints together, for their residuals have their causes in common.
     span = max(float(one.joint.run.prepared.time[-1]) for one in rows) + 1e-9
     block = np.concatenate([(one.time / span * count).astype(int) for one in rows])
     blocks = make_blocks(scaled / length, target - scaled @ values, block)

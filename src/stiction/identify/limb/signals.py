@@ -73,6 +73,7 @@ def match_joints(log: Log, mechanism: Mechanism, pairs: tuple[str, ...]) -> dict
         wanted[recorded] = model
     found: dict[str, int] = {}
     for recorded in log.joints:
+        # A pair comes first, for a log may call another joint by the name of a slide.
         if recorded in mechanism.rigid and recorded not in wanted:
             continue
         name = wanted.get(recorded, recorded)

@@ -280,6 +280,7 @@ def _contact(
     force = force[:, list(order)]
     low, high = np.quantile(force, [0.02, 0.95], axis=0)
     height = np.einsum("tli,ti->tl", foot_positions(spec, position), up_in_frames(imu.quaternion))
+    # How high a foot swings says nothing of its load: from 5 cm on all are equally up.
     depth = (height.min(axis=1, keepdims=True) - height).clip(-0.05)
     for number, name in enumerate(spec.foot_names):
         if high[number] <= low[number]:

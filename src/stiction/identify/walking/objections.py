@@ -82,6 +82,7 @@ def joint_objections(fit: BlockFit, accelerometer: bool) -> tuple[Objection, ...
     accelerometer: whether there was one; what the base's acceleration does is else taken for viscous friction.
     """
     found = []
+    # Without an accelerometer the first is left out.
     for name in ("viscous_friction", "coulomb_friction")[not accelerometer :]:
         low, high = fit.estimate(PARAMETERS.index(name)).interval95
         if high < 0:
@@ -201,6 +202,7 @@ def _swing(
     found: list[tuple[float, str, Estimate]] = []
     for number, name in enumerate(spec.foot_names):
         phase = swings(down[:, number], margin)
+        # Begin and end alternate, for the ends of a log are in no swing: every other change is a start, or an end.
         starts, ends = (np.flatnonzero(np.diff(phase > 0, **side)) for side in ({"prepend": False}, {"append": False}))
         first, last = (phase * _near(places, len(phase), edge) for places in (starts[::2], ends[1::2] - edge + 1))
         for part, force in zip((phase, first, last), (forces[0], forces[1], forces[1]), strict=True):

@@ -94,6 +94,7 @@ def swing_rows(log: WalkLog, motion: WalkMotion, spec: Robot, setup: WalkSetup) 
     for number, feet in enumerate(carries.T):
         if feet.any():
             phase = swings(bearing[:, number], margin)
+            # Numbers of swings must differ between legs: those of a leg are fewer than its samples.
             phase = np.where(phase > 0, phase + feet.argmax() * len(motion), 0)
         else:
             phase = 1 + time // round(BLOCK / motion.period)
