@@ -43,8 +43,9 @@ FEWEST_PER_CYCLE = 20
 
 
 class PoorMotion(LogError):
-    """The motion does not tell what is asked of it: `seen` says how, `remedy` what to do where nothing else is
-    known.
+    """The motion does not tell what is asked of it.
+
+    `seen` says in what, `remedy` what to do where no cause is known.
     """
 
     def __init__(self, where: str, seen: str, remedy: str) -> None:

@@ -106,6 +106,7 @@ class ClosedLoop:
         except StictionError as error:
             raise LoopError(f"output error is not done: {error}") from error
         commanded = self._commanded(gains, target, motion, delay)
+        # The log has what was asked for: a motor of strength k is at its limit from limit/k on.
         limit = gains.torque_limit / gains.strength
         return Response(motion, motion.position + values["log_bias"], np.clip(commanded, -limit, limit), joint, gains)
 

@@ -72,9 +72,9 @@ class Comparison:
 
     @property
     def disputed(self) -> tuple[str, ...]:
-        """Parameters whose gap is beyond chance, and between parts of a log large enough to matter.
+        """Parameters whose gap is beyond chance and, between parts of a log, large enough to matter.
 
-        Of an alternative reading of the whole log, which is right about all parameters or none: all.
+        An alternative reading of the whole log is right about all parameters or none: if one is disputed, all are.
         """
         least = 0.0 if self.alternative else SMALLEST_GAP
         found = tuple(

@@ -194,6 +194,7 @@ def fit_strength(run: Run, base: Fit) -> OutputError:
         raise LoopError("output error is not done where only several logs together tell the strength k")
     if base.model.gravity:
         raise LoopError("output error is not done where the strength k and gravity on the link are unknown together")
+    # The regression's values are over k, the simulation's in SI units.
     payload, strength = run.setup.payload, 1 / base.by_name[INVERSE_STRENGTH]
     start = {name: strength * value for name, value in base.by_name.items() if name != INVERSE_STRENGTH}
     if not strength > 0:

@@ -104,10 +104,11 @@ def robust_covariance(blocks: Blocks) -> np.ndarray:
 def jackknife_covariance(blocks: Blocks, knowledge: np.ndarray) -> np.ndarray:
     """Return the covariance of estimates with Gaussian priors about zero, shape (P, P).
 
-    knowledge: 1/σ² of each prior, 0 where nothing is known, shape (P,). (Σ A + diag(knowledge)) p = Σ g + ...: leaving
-    one block out moves the estimates by −(Σ A + diag − A_b)⁻¹ g_b exactly; the spread of that is the data's part. The
-    priors' own part is that of what is estimated scattering about zero as they say. The sandwich of `robust_covariance`
-    would be too small where parameters are nearly as many as blocks.
+    knowledge: 1/σ² of each prior, 0 where nothing is known, shape (P,). The estimates solve a system with the matrix
+    M = Σ A + diag(knowledge). Without block b they move by exactly −(M − A_b)⁻¹ g_b, g being of residuals at the whole
+    fit: the spread of that over the blocks is the data's part. The priors' part, M⁻¹ diag(knowledge) M⁻¹, is for true
+    values that scatter about zero by σ. The sandwich of `robust_covariance` would be too small where parameters are
+    nearly as many as blocks.
     """
     total = blocks.curvature.sum(axis=0) + np.diag(knowledge)
     moved = -np.linalg.solve(total - blocks.curvature, blocks.gradient[..., None])[..., 0]

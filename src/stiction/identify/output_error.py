@@ -191,6 +191,7 @@ def fit_output_error(
     if not 0 <= delay < np.inf:
         raise ConfigurationError(f"delay {delay} s: expected a number that is not negative")
     fixed["delay"] = delay
+    # Not the maximum, which a single outlier would set.
     top = float(np.quantile(np.abs(velocity[signals.valid]), 0.99))
     free = nearest_joint({name: float(start[name]) for name in model.names if name not in fixed})
     free |= {name: {"delay": delay, "motor_strength": gains.strength}.get(name, 0.0) for name in unknown}
@@ -202,6 +203,7 @@ def fit_output_error(
     forgotten = set(START) if not signals.valid[:START_SAMPLES].any() else {"start_velocity"} if still else set()
     fixed |= {name: value for name, value in begin.items() if name in forgotten}
     free |= {name: value for name, value in begin.items() if name not in forgotten}
+    # The delay has a value in any case, to start from if it is unknown.
     fixed = {name: value for name, value in fixed.items() if name not in free}
     loop = ClosedLoop(signals, gains, model, fixed, velocity_delay)
     wait = int(np.ceil(SETTLING * _slowest(gains, fixed | free) / signals.step))

@@ -364,9 +364,8 @@ def identify_log(
     """Identify several joints, every one of the log's by default.
 
     Returns the joints that were identified, and for those that were refused an empty record whose warning says why,
-    both in the order of the log, or of `joints`. more: further runs, fitted together with the log. `workers`:
-    processes, by default one a core. Raises `StictionError`
-    where a joint is not in the log, or none could be identified.
+    both in the order of the log, or of `joints`. more: further runs, fitted together with the log; workers: processes,
+    by default one a core. Raises `StictionError` where a joint is not in the log, or none could be identified.
     """
     names = [log.joint(name)[0] for name in joints] or list(log.joints)
     found: dict[str, Identification] = {}

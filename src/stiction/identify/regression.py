@@ -125,6 +125,7 @@ class Fit:
         if self.instrument is None:
             inertia = named["inertia"]
             more = self.rows.attenuation * abs(inertia.value)
+            # Noise in a regressor draws its coefficient towards zero, so that the truth can only lie further up.
             ends = (inertia.interval95[0], inertia.interval95[1] + more)
             named["inertia"] = Estimate(inertia.value, float(np.hypot(inertia.std, more / 2)), ends)
         return named
@@ -166,6 +167,7 @@ def fit_at(rows: Rows, model: Model, values: dict[str, float]) -> Fit:
     rise = values["static_friction"] - values["coulomb_friction"]
     columns["stribeck_velocity"] = rise * columns["steepening"]
     jacobian = np.stack([columns[name] for name in model.names], axis=1)
+    # A stand-in for the residual: to predict takes the fit that it belongs to.
     fit = Fit(model, model.names, np.array([values[name] for name in model.names]), jacobian, rows.torque, rows)
     return replace(fit, residual=rows.torque - predict_torque(fit, rows))
 
@@ -177,6 +179,7 @@ def predict_torque(fit: Fit, rows: Rows) -> np.ndarray:
         columns |= _rise(rows, found["stribeck_velocity"])
     elif fit.model.law == "load":
         columns |= {"load_coefficient": _load(rows, found, columns) * rows.direction}
+    # Where 1/k is a parameter the payload is its column.
     payload = 0.0 if INVERSE_STRENGTH in found else rows.payload
     terms = (value * columns[name] for name, value in found.items() if name != "stribeck_velocity")
     return payload + sum(terms, np.zeros(len(rows)))

@@ -109,6 +109,7 @@ def even_grid(source: str, time: np.ndarray) -> tuple[Grid, Timing]:
     source: the log's name, for messages. Raises `LogError` for stamps that are not in seconds, run backwards at large,
     or of which more than a fifth is missing or double.
     """
+    # Put the stamps in order, and refuse what is no clock.
     samples = len(time)
     setbacks = np.maximum.accumulate(time) - time
     order = np.argsort(time, kind="stable")
@@ -132,6 +133,7 @@ def even_grid(source: str, time: np.ndarray) -> tuple[Grid, Timing]:
             f"{source}: {dropped} of {points + 1} samples are missing at one every {step:.4g} s; expected at most "
             f"{LARGEST_LOSS:.0%}: cut the log to a part without gaps, or log at an even rate"
         )
+    # Say how good the stamps are.
     times = np.arange(points + 1) * step
     intervals = np.diff(stamps)
     near = (intervals if dropped == 0 else intervals[intervals < 1.5 * step]) / step

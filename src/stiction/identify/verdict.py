@@ -263,9 +263,7 @@ LEG_WORDS = frozenset(
 
 
 def is_leg(name: str) -> bool:
-    """Return whether a joint is a leg's, by its name: `FL_calf_joint` is, `shoulder_pan` and `joint_3` are not known
-    to.
-    """
+    """Return whether a joint is a leg's, by its name: `FL_calf_joint` is; of `joint_3` it is not known."""
     return not LEG_WORDS.isdisjoint(kind_of(name).split("_"))
 
 

@@ -53,9 +53,10 @@ class Regime:
         self._crossed = self.transition - trace * np.eye(2)
 
     def changes(self, drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return g of each sample, and what each two of them excite in the recursion, for `stretch`.
+        """Return g of each sample, and what excites the recursion, for `stretch`.
 
-        drive: u at the samples [rad/s²], shape (num_samples,). Shapes (2, num_samples - 1) and (2, num_samples - 2).
+        That is g[n + 1] + (Φ − tr Φ) g[n], which needs no state, so that it is computed once for a whole run. drive: u
+        at the samples [rad/s²], shape (num_samples,). Shapes (2, num_samples - 1) and (2, num_samples - 2).
         """
         change = self.from_this[:, None] * drive[:-1] + self.from_next[:, None] * drive[1:]
         return change, change[:, 1:] + self._crossed @ change[:, :-1]
@@ -278,7 +279,7 @@ class StickSlip:
         return motor + (joint.push[samples] - joint.spring * position)
 
     def pull_at(self, index: int, position: float) -> float:
-        """Return the same at one sample, in a tenth of the time."""
+        """Return the same at one sample, in numbers of Python."""
         joint, gains = self.mechanism, self.gains
         motor = (gains.strength * gains.kp) * (self._targets[index] - position)
         if self.limited:

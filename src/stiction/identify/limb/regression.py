@@ -124,6 +124,7 @@ class LimbFit:
 
 def limb_rows(run: LimbRun, setup: LimbSetup) -> tuple[tuple[str, ...], np.ndarray, tuple[JointRows, ...]]:
     """Return names of the parameters, their priors, (P,), and the equations of each joint."""
+    # The links' torques depend on all joints, so they are computed once, at every sample that any joint uses.
     used = np.unique(np.concatenate([joint.run.prepared.used for joint in run.joints]))
     links = link_torques(run.mechanism, run.position[used], run.velocity[used], run.acceleration[used])
     moved = sorted({joint.number for joint in run.joints})

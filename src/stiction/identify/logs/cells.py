@@ -114,6 +114,7 @@ def complete_rows(log: Log) -> Log:
     its receiver did; velocity and torque are interpolated between theirs. Raises `LogError` where too little is left.
     """
     positions = [signals.position for signals in log.joints.values() if signals.position is not None]
+    # Keep the rows in which every joint has a position.
     there = np.isfinite(log.time)
     for values in positions:
         there &= np.isfinite(values)
@@ -122,6 +123,7 @@ def complete_rows(log: Log) -> Log:
             f"{log.source}: {int(there.sum())} of {len(there)} rows have a time and the position of every joint; give "
             "one joint at a time, --columns position=NAME, or log again"
         )
+    # Bring all other signals onto them; each may cost rows before its first value.
     filled: dict[str, dict[str, np.ndarray | None]] = {}
     interpolated = set()
     for name, signals in log.joints.items():

@@ -58,8 +58,9 @@ BROKEN_FILE = (struct.error, ValueError, KeyError, OverflowError, RuntimeError, 
 
 
 def read_packets(path: Path) -> Iterator[Packet]:
-    """Yield every message, in the order of the file; raise `LogError` for a damaged or incomplete file, and without
-    the libraries.
+    """Yield every message, in the order of the file.
+
+    Raises `LogError` for a damaged or incomplete file, and where the libraries are missing.
     """
     if path.suffix.lower() == ".db3":
         yield from _database(path)

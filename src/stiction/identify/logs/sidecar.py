@@ -77,6 +77,7 @@ def propose(
     except LogError:
         if chosen or suffix_of(path) in BAGS:
             raise
+        # Without a mapping its names say nothing, so that it is read by those that such columns often have.
         table = read_rows(path)
         chosen = guess_columns([name for name in table.columns if name not in table.faults])
         if not chosen:

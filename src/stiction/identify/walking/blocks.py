@@ -72,6 +72,7 @@ def fit_blocks(
     _, block = np.unique(block, return_inverse=True)
     count = int(block.max()) + 1
     scale = np.linalg.norm(regressor, axis=0)
+    # An empty column is left to its prior.
     scale[scale == 0] = 1.0
     scaled = regressor / scale
     parts = [block == number for number in range(count)]

@@ -156,6 +156,7 @@ def _check_turns(source: str, quaternion: np.ndarray, gyroscope: np.ndarray, ste
         return 1.0, ["the base hardly turns: the order of the quaternion, taken as w x y z, could not be checked"]
     left: dict[str, tuple[float, float]] = {}
     for order, places in ORDERS.items():
+        # The conjugate tells of the world in the base, as some drivers have it.
         for frame, signs in (("", 1.0), (" of the world in the base", np.array([1.0, -1.0, -1.0, -1.0]))):
             turns = _turn_rates(quaternion[:, places] * signs, span, step)
             slope = float(np.sum(turns * mean) / np.sum(mean**2))

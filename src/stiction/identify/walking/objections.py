@@ -103,7 +103,7 @@ def _own_torque(
     """Return what rotors and friction take of the motors' torque, and how vague that is [N m], shape (T, J) each.
 
     Friction of a joint that hardly moves may be anything up to its dry friction. Where that is not known it is taken to
-    be the same share of the motor's torque limit [N m], shape (J,), as of the others.
+    be the others' median share of the torque limit. fits: of each joint; limit: torque limits [N m], shape (J,).
     """
     known = [abs(found.fit.values[2]) / limit[joint] for joint, found in enumerate(fits) if found and found.fit]
     own, vague = np.zeros_like(motion.torque), np.tile(float(np.median(known)) * limit, (len(motion), 1))

@@ -51,8 +51,9 @@ def identify_walk(
     sampled: bool = False,
     unplaced: float = 0.0,
 ) -> WalkIdentification:
-    """Identify the joints of a walking robot. notes: on how the log was read, for whoever reads the result; sampled,
-    unplaced: see `walk_motion`.
+    """Identify the joints of a walking robot.
+
+    notes: on how the log was read, for whoever reads the result; sampled, unplaced: see `walk_motion`.
 
     A joint's own swings are asked first. Where they do not tell, the joints of its kind are taken to be alike and their
     swings are put together, under the kind's name. Where those do not tell either, the kind's record says why, and its

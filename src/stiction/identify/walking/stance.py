@@ -90,6 +90,7 @@ def stance_rows(log: WalkLog, motion: WalkMotion, spec: Robot, trunk: Body, setu
     legs_mass = spec.mass - spec.base.mass
     heavier = body.legs - legs_mass / trunk.mass * body.trunk - np.einsum("tij,tj->ti", body.arms, body.effort)
     target = body.trunk + body.legs - np.einsum("tij,tj->ti", body.arms, body.effort - motion.torque)
+    # Target and its change go along, to be eliminated from and smoothed as the columns are.
     columns = (
         _friction_columns(motion, spec, body.arms),
         body.arms,
