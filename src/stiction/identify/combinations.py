@@ -156,6 +156,7 @@ def position_torque(rows: Rows, fit: Fit) -> dict[str, Any]:
     that looks harmless. Returns `slope` and `std`, torque over position and its deviation [N m/rad], and `changes`: by
     how much inertia, viscous and Coulomb friction change with it, each over its value [1].
     """
+    # About its mean, where the offset does not change with it.
     both = fit_with_column(fit, "slope", rows.position - rows.position.mean())
     changes = {
         name: float(value / before - 1)

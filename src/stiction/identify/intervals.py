@@ -64,8 +64,8 @@ def correlation_time(residual: np.ndarray) -> float:
     if correlation[0] <= 0:
         return 1.0
     correlation /= correlation[0]
-    # `argmax` is 0 where no lag is under it. All lags must not be summed: those of a centred series add up to -1/2,
-    # whatever it remembers.
+    # `argmax` is 0 where no lag is below. Not all lags are summed: those of a centred series add up to -1/2, whatever
+    # it remembers.
     end = int(np.argmax(correlation < 0.05)) or len(correlation)
     return float(max(1.0, 2 * correlation[:end].sum() - 1))
 

@@ -143,7 +143,7 @@ def _identify(
     if loop.chosen is not None and (negative := negative_friction(loop.chosen.values)):
         choice, chosen, loop = choice.without_richer(base, negative), base, replace(loop, chosen=None)
     delay = _found_delay(run, loop)
-    # Torque made without the delay looks like another friction law, so that all is done again, once.
+    # Torque made without the delay is too early, which looks like another friction law: all is done again, once.
     if delay is not None:
         return _identify(log, joint, replace(setup, delay=delay), repeats, more, moving, found_ke)
     # Compare and predict; repeats that were fitted as well are no test of the fit.
@@ -251,10 +251,7 @@ def _symmetric(run: Run, others: Sequence[Run]) -> Fit:
 
 
 def _found_delay(run: Run, loop: InLoop) -> float | None:
-    """Return the delay that the loop showed and that the torque made from the PD law did not have [s], else None.
-
-    Such torque is too early, which looks like another friction law: all of it is done again, once, with the delay.
-    """
+    """Return the delay that the loop showed and that the torque made from the PD law did not have [s], else None."""
     if run.measured or run.setup.delay is not None or loop.symmetric is None:
         return None
     found = loop.symmetric.estimates.get("delay")

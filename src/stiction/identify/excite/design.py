@@ -80,6 +80,7 @@ def pattern_of(task: Task, point: np.ndarray) -> Pattern:
 def frequency_limit(task: Task) -> float:
     """Return the highest frequency worth trying [Hz]."""
     own = float(np.sqrt(task.gains.kp / task.values[0])) / (2 * np.pi)
+    # With fewer than 20 samples a period the log would be refused (`check_excitation`).
     return max(min(FASTEST, BEYOND * own, task.rate / 20), 4 * task.rate / task.count)
 
 
@@ -198,6 +199,7 @@ def choose_gains(task: Task, fixed: bool, progress: Callable[[float], None]) -> 
         raise ConfigurationError(nothing_moves(task))
     if fixed or not np.isfinite(best) or scores[0] <= best / REQUIRED_REDUCTION:
         return pairs[0], tuple(trials)
+    # From the given gains downwards: the highest that show about as much as the best.
     return next(gains for gains, worst in zip(pairs, scores, strict=True) if worst <= best / REQUIRED_REDUCTION), tuple(
         trials
     )

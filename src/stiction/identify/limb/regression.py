@@ -163,6 +163,7 @@ def fit_scale(names: tuple[str, ...], prior: np.ndarray, rows: tuple[JointRows, 
     scaled = []
     for one in rows:
         prepared = one.joint.run.prepared
+        # What the links ask for by the model is what was taken off the motor's torque.
         links = prepared.torque[prepared.used] - one.torque
         scaled.append(replace(one, regressor=np.hstack([one.regressor, links[:, None]])))
     found = fit_limb((*names, SCALE), np.append(prior, np.inf), tuple(scaled)).estimate(SCALE)

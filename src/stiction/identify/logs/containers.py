@@ -139,6 +139,7 @@ def _records(data: bytes, crc: int) -> Iterator[Any]:
     # Zero says that no checksum was computed.
     if crc and zlib.crc32(data) != crc:
         raise ValueError("a chunk's checksum is wrong")
+    # Not mcap's `breakup_chunk`, which inflates unasked and makes a list of all records.
     place = 0
     while place < len(data):
         kind, size = struct.unpack_from("<BQ", data, place)

@@ -195,6 +195,7 @@ def _longest_part(grid: Grid) -> tuple[slice, tuple[str, ...]]:
 def _refuse_slow(log: Log, names: list[str], body: BodySignals, step: float, length: float) -> None:
     """Refuse what is too short, and what comes too seldom for the acceleration of a leg in swing."""
     positions = np.stack([log.joints[name].position for name in names], axis=1)  # type: ignore[misc]
+    # A log may be written faster than its signals come, which then repeat themselves.
     periods = {"the log": step, "the joints' positions": step / _fresh(positions)}
     if body.gyroscope is not None:
         periods["the IMU"] = max(body.period or 0.0, step / _fresh(body.gyroscope))

@@ -159,6 +159,7 @@ def _turns(spec: Robot, motion: WalkMotion, standing: np.ndarray, weights: np.nd
     blocks: list[np.ndarray] = []
     for one in range(len(spec.feet)):
         for other in range(one):
+            # By half a window: no smoothed sample has one in it at which a foot did not stand.
             both = ~grow(~(standing[:, one] & standing[:, other]), len(weights) // 2)
             turned = -crosses(motion.base.angular_velocity, place[:, one] - place[:, other])
             for found, rate in ((said, turned), (seen, moved[:, one] - moved[:, other])):

@@ -207,5 +207,6 @@ def _reduce(
     table = table - unknown @ (np.linalg.pinv(unknown, rcond=1e-9) @ table)
     half = len(weights) // 2
     used = np.arange(half, len(table) - half, max(1, half))
+    # By half a window, for a smoothed equation has its neighbours in it.
     used = used[~grow(unusable, half)[used]]
     return smooth(table, weights)[used].reshape(-1, table.shape[2]), np.repeat(used, 6)
