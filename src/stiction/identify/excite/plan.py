@@ -67,6 +67,7 @@ def gain_sweep(task: Task, pattern: Pattern) -> tuple[GainPoint, ...]:
     for factor in SWEEP:
         stiffer = task.with_gains(softened(task.gains, factor))
         blind = replace(stiffer, noise=replace(task.noise, torque=None))
+        # A log without torque has no noise of it: the usual one shows what a sensor would be worth.
         seeing = replace(stiffer, noise=replace(task.noise, torque=task.noise.torque or LogNoise().torque))
         points.append(
             GainPoint(

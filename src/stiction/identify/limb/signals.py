@@ -104,6 +104,7 @@ def limb_run(log: Log, mechanism: Mechanism, declared: IdentifySetup, pairs: tup
             refused[recorded] = str(error)
     if not checked:
         raise LogError(next(iter(refused.values())))
+    # All joints have the log's time, and so one step.
     step = next(iter(checked.values()))[1].step
     corners = [choose_cutoff(one.position, step, position_noise(one.position)) for _, one, _, _ in checked.values()]
     corner = declared.cutoff or float(np.median(corners))
