@@ -141,6 +141,7 @@ def advise(low: float, high: float, sources: Mapping[str, Source] | None = None)
 
 def _nearest(tested: Set[float], level: float) -> float:
     """Return the tested level nearest to one; of two as near the lower."""
+    # Rounded, or the last bits of a difference would decide between two that are as near.
     return min(tested, key=lambda one: (round(abs(one - level), 9), one))
 
 

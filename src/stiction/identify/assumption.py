@@ -59,6 +59,7 @@ def assumption(record: JointRecord) -> tuple[tuple[str, ...], str]:
         return _of_gains(record)
     if "torque_by_weight" in data and record.coulomb_friction is not None:
         return _of_weight(data["torque_by_weight"])
+    # Where there is a mismatch, however small, the torque was held against gains and positions: that shows its scale.
     if given is None or record.coulomb_friction is None or data.get("controller_mismatch") is not None:
         return (), ""
     if source == "known_load":

@@ -49,6 +49,8 @@ def find_back_emf(runs: Sequence[Run], base: Fit) -> BackEmf | None:
     if all(driven) or factor is None:
         return None
     rows = base.rows
+    # One column more, the speed in runs by voltage alone: what they brake beyond the others is the error of the brake
+    # that was taken off.
     inside = sum((rows.run == index) * 1.0 for index, by_voltage in enumerate(driven) if by_voltage)
     both = fit_with_column(base, "brake", rows.velocity * inside)
     change = both.scatter()["brake"]

@@ -43,8 +43,9 @@ FEWEST_PER_CYCLE = 20
 
 
 class PoorMotion(LogError):
-    """The motion does not tell what is asked of it: `seen` says how, `remedy` what to do where nothing else is
-    known.
+    """The motion does not tell what is asked of it.
+
+    `seen` says in what, `remedy` what to do where no cause is known.
     """
 
     def __init__(self, where: str, seen: str, remedy: str) -> None:
@@ -132,6 +133,7 @@ def check_log(log: Log, joint: str, signals: JointSignals, torque_scale: float =
     table = {"time": log.time} | {name: values for name, values in vars(signals).items() if values is not None}
     for name, values in table.items():
         limit = LARGEST_TIME if name == "time" else LARGEST_VALUE
+        # Not `>`, which is false for NaN.
         bad = np.flatnonzero(~(np.abs(values) <= limit))
         if len(bad):
             raise LogError(
@@ -241,6 +243,7 @@ def check_excitation(source: str, velocity: np.ndarray, step: float) -> None:
             f"{source}: sampled at {1 / step:.4g} Hz, but the motion reaches {fastest:.3g} Hz; expected at least "
             f"{FEWEST_PER_CYCLE} samples a period: log faster or move more slowly"
         )
+    # Noise about a velocity of zero would count as turning round.
     moving = velocity[np.abs(velocity) > 0.05 * np.abs(velocity).max()]
     reversals = int(np.count_nonzero(np.diff(np.sign(moving))))
     if reversals < FEWEST_REVERSALS:

@@ -178,6 +178,7 @@ def choose_law(rows: Rows, base: Fit, strength_unknown: bool = False) -> Choice:
     objections = {law: _objection(rows, fits[law], base, gains[law], evidence[law]) for law in laws}
     admissible = [law for law in laws if not objections[law]] or ["coulomb"]
     best = min(admissible, key=lambda law: errors[law].sum())
+    # The simplest that the best does not beat beyond noise: laws are in the order of their number of parameters.
     chosen = next(law for law in admissible if law == best or not gain_of(errors[best], errors[law]).certain)
     reasons = {law: objections[law] or "no simpler law is as good, and this one is not beyond it" for law in laws}
     reasons |= {"coulomb": "predicts as well as any richer law" if chosen == "coulomb" else "beaten"}
@@ -315,6 +316,7 @@ def choose_in_loop(run: Run, base: Fit, loop: InLoop) -> SimulatedLaw | None:
     found = fit_in_loop(run, rich, start)
     if found is None or not _rises(found) or negative_friction(found.values):
         return None
+    # A late controller looks like friction that rises toward rest: if that explains the log better, it is that.
     late = fit_late(run, base, start)
     if late is not None and _misfit(late, plain) < _misfit(found, plain):
         return None
@@ -345,6 +347,7 @@ def _gain_in_loop(run: Run, base: Fit, rich: Fit, start: dict[str, float]) -> Ga
     """Compare both laws on each half of the log, fitted to the other one; None where a half tells too little."""
     half, valid = run.signals.time < run.signals.time[-1] / 2, run.signals.valid
     errors: list[list[float]] = [[], []]
+    # Fitted to `part`, judged in the other half.
     for part in (half, ~half):
         plain, richer = (fit_in_loop(run, fit, start, part) for fit in (base, rich))
         if plain is None or richer is None:

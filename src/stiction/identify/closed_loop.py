@@ -106,6 +106,7 @@ class ClosedLoop:
         except StictionError as error:
             raise LoopError(f"output error is not done: {error}") from error
         commanded = self._commanded(gains, target, motion, delay)
+        # The log has what was asked for: a motor of strength k is at its limit from limit/k on.
         limit = gains.torque_limit / gains.strength
         return Response(motion, motion.position + values["log_bias"], np.clip(commanded, -limit, limit), joint, gains)
 
@@ -126,6 +127,8 @@ class ClosedLoop:
         grid = np.arange(len(target))
         rate = np.interp(pieces.instant, grid, self.delayed(self.rate, delay))
         torques |= dict.fromkeys((*START, "log_bias"), zero)
+        # Of the equivalent joint: per second of delay the inertia changes by kp d − kd, viscous friction by −kp, and
+        # the target by −rate, which a motor at its limit does not follow.
         torques["delay"] = strength * (
             (kd - kp * delay) * pieces.acceleration + kp * pieces.velocity - kp * unsaturated * rate
         )
@@ -143,6 +146,7 @@ class ClosedLoop:
                 self.delayed(np.gradient(motion.velocity, signals.step), late),
             )
             commanded[:, names.index("delay")] += kp * (speed - self.delayed(self.rate, delay)) + kd * growth
+        # At the limit the torque depends on nothing.
         commanded[
             np.abs(self._commanded(response.gains, target, motion, delay)) * strength > self.gains.torque_limit
         ] = 0.0
@@ -232,6 +236,7 @@ def _late_scales(signals: np.ndarray, gains: PDGains, clear: np.ndarray, most: i
         declared = float(np.var(measured - spring - damper[rows]) / np.mean(measured**2))
         return declared, float(np.mean((measured - columns @ found) ** 2)), found
 
+    # In wide steps over all lags, then sample by sample about the best pair.
     best, at, scales = np.inf, (0, 0), np.ones(3)
     steps = {max(1, most // LATENESS_STEPS), 1}
     for step in sorted(steps, reverse=True):

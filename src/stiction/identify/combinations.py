@@ -58,6 +58,7 @@ def find_strength(fit: Fit, measured: bool, calibrated: bool, declared: float | 
     if INVERSE_STRENGTH in fit.names:
         inverse = fit.estimates()[INVERSE_STRENGTH]
         if strength_identified(fit):
+            # A reciprocal turns the interval's ends round.
             low, high = inverse.interval95
             more = STRENGTH_ERROR / inverse.value
             reached = (1 / high - more, 1 / low + more)
@@ -112,6 +113,7 @@ def product(estimate: Estimate, factor: Estimate) -> Estimate:
     value = estimate.value * factor.value
     reaches = []
     for side in (0, 1):
+        # Factors are positive. Of a negative value the lower end of the product comes from the factor's upper one.
         own = abs(estimate.interval95[side] - estimate.value) * factor.value
         others = abs(factor.interval95[side if value >= 0 else 1 - side] - factor.value) * abs(estimate.value)
         reaches.append(float(np.hypot(own, others)))
@@ -154,6 +156,7 @@ def position_torque(rows: Rows, fit: Fit) -> dict[str, Any]:
     that looks harmless. Returns `slope` and `std`, torque over position and its deviation [N m/rad], and `changes`: by
     how much inertia, viscous and Coulomb friction change with it, each over its value [1].
     """
+    # About its mean, where the offset does not change with it.
     both = fit_with_column(fit, "slope", rows.position - rows.position.mean())
     changes = {
         name: float(value / before - 1)

@@ -72,9 +72,9 @@ class Comparison:
 
     @property
     def disputed(self) -> tuple[str, ...]:
-        """Parameters whose gap is beyond chance, and between parts of a log large enough to matter.
+        """Parameters whose gap is beyond chance and, between parts of a log, large enough to matter.
 
-        Of an alternative reading of the whole log, which is right about all parameters or none: all.
+        An alternative reading of the whole log is right about all parameters or none: if one is disputed, all are.
         """
         least = 0.0 if self.alternative else SMALLEST_GAP
         found = tuple(
@@ -108,6 +108,8 @@ def splits(time: np.ndarray, velocity: np.ndarray) -> tuple[Split, Split]:
     """Cut a log into halves in time, and into its slow and its fast stretches; arrays of one shape."""
     half = time < (time[0] + time[-1]) / 2
     share = (time - time[0]) / max(float(time[-1] - time[0]), 1e-300)
+    # Whole stretches and not single samples: all fast motion passes through zero speed, and a slow part of reversals
+    # alone would tell nothing.
     stretch = np.minimum((share * STRETCHES).astype(int), STRETCHES - 1)
     size = np.maximum(np.bincount(stretch, minlength=STRETCHES), 1)
     typical = np.sqrt(np.bincount(stretch, velocity**2, STRETCHES) / size)[stretch]

@@ -130,6 +130,7 @@ def _check_duty(where: str, duty: np.ndarray, scale: float) -> None:
             f"{where}: the duty reaches {most:.4g}; expected a share from -1 to 1: in percent give --torque-scale "
             "0.01, in counts one over the count of full duty; if the column is in volts, --torque-column voltage"
         )
+    # Before it was scaled the column was at most one: no percent, and no count.
     if abs(scale) < PERCENT and most <= abs(scale):
         raise LogError(
             f"{where}: the duty column reaches {most / abs(scale):.4g}, which is {most:.2g} of full duty by "

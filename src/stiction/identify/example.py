@@ -124,9 +124,11 @@ def example_log(
     step = float(time[1] - time[0])
     angle = noise.position * rng.standard_normal(len(time))
     speed = _correlated(rng, len(time), noise.velocity, 0.005 / step)
+    # kp (a − θ − n) − kd (θ' + m) is the law of a target moved by −n − m kd/kp, so that the loop feels its noise.
     seen_target = target - angle - motor.gains.kd / motor.gains.kp * speed if noise.in_loop else target
     sampled = time
     if noise.jitter > 0:
+        # Less than half a step, so that no two samples change places.
         wander = np.clip(noise.jitter * rng.standard_normal(len(time)), -0.4, 0.4) * step
         sampled = np.clip(time + wander, time[0], time[-1])
         motion = _between(motor, time, seen_target, sampled, load)
@@ -169,6 +171,7 @@ def _between(
 def _correlated(rng: np.random.Generator, count: int, std: float, memory: float) -> np.ndarray:
     """Return stationary noise of size `std` whose correlation falls to 1/e in `memory` samples, shape (count,)."""
     keep = float(np.exp(-1 / memory))
+    # Begun in its stationary state: from zero the first samples would be too quiet.
     start = std * rng.standard_normal()
     fresh = std * np.sqrt(1 - keep**2) * rng.standard_normal(count)
     return lfilter([1.0], [1.0, -keep], fresh, zi=[keep * start])[0]

@@ -77,6 +77,7 @@ def close_loop(run: Run, base: Fit, chosen: Fit) -> InLoop:
     except LoopError as error:
         reason = str(error)
     richer = fit_in_loop(run, chosen) if chosen is not base else None
+    # By identity: rows of several logs are of no single run that could be simulated.
     instrumental = fit_with_instruments(run, base) if base.rows is run.rows else None
     scales = None if difference is None else difference.scales
     return InLoop(mismatch, symmetric, richer, instrumental, None, reason, scales)
@@ -162,6 +163,7 @@ def simulate_fit(
     setup, extra, signals = run.setup, _payload(run), _signals(run)
     start, known = start or fit.by_name, dict(known or {})
     model = replace(fit.model, gravity=fit.model.gravity or bool(extra))
+    # A payload has weight: the simulation needs gravity, which is then known and not fitted.
     if extra and not fit.model.gravity:
         known |= dict.fromkeys(GRAVITY_TERMS, 0.0)
     found = fit_output_error(
@@ -192,6 +194,7 @@ def fit_strength(run: Run, base: Fit) -> OutputError:
         raise LoopError("output error is not done where only several logs together tell the strength k")
     if base.model.gravity:
         raise LoopError("output error is not done where the strength k and gravity on the link are unknown together")
+    # The regression's values are over k, the simulation's in SI units.
     payload, strength = run.setup.payload, 1 / base.by_name[INVERSE_STRENGTH]
     start = {name: strength * value for name, value in base.by_name.items() if name != INVERSE_STRENGTH}
     if not strength > 0:

@@ -58,11 +58,14 @@ def correlation_time(residual: np.ndarray) -> float:
     residual: shape (num_samples,).
     """
     centred = residual - residual.mean()
+    # Twice as long, with zeros: the transform is periodic, and would correlate the end with the beginning.
     length = next_fast_len(2 * len(centred), real=True)
     correlation = irfft(np.abs(rfft(centred, length)) ** 2, length)[: len(centred)]
     if correlation[0] <= 0:
         return 1.0
     correlation /= correlation[0]
+    # `argmax` is 0 where no lag is below. Not all lags are summed: those of a centred series add up to -1/2, whatever
+    # it remembers.
     end = int(np.argmax(correlation < 0.05)) or len(correlation)
     return float(max(1.0, 2 * correlation[:end].sum() - 1))
 
@@ -101,10 +104,11 @@ def robust_covariance(blocks: Blocks) -> np.ndarray:
 def jackknife_covariance(blocks: Blocks, knowledge: np.ndarray) -> np.ndarray:
     """Return the covariance of estimates with Gaussian priors about zero, shape (P, P).
 
-    knowledge: 1/σ² of each prior, 0 where nothing is known, shape (P,). (Σ A + diag(knowledge)) p = Σ g + ...: leaving
-    one block out moves the estimates by −(Σ A + diag − A_b)⁻¹ g_b exactly; the spread of that is the data's part. The
-    priors' own part is that of what is estimated scattering about zero as they say. The sandwich of `robust_covariance`
-    would be too small where parameters are nearly as many as blocks.
+    knowledge: 1/σ² of each prior, 0 where nothing is known, shape (P,). The estimates solve a system with the matrix
+    M = Σ A + diag(knowledge). Without block b they move by exactly −(M − A_b)⁻¹ g_b, g being of residuals at the whole
+    fit: the spread of that over the blocks is the data's part. The priors' part, M⁻¹ diag(knowledge) M⁻¹, is for true
+    values that scatter about zero by σ. The sandwich of `robust_covariance` would be too small where parameters are
+    nearly as many as blocks.
     """
     total = blocks.curvature.sum(axis=0) + np.diag(knowledge)
     moved = -np.linalg.solve(total - blocks.curvature, blocks.gradient[..., None])[..., 0]
@@ -134,6 +138,7 @@ def bootstrap_reach(blocks: Blocks) -> np.ndarray:
     change = (bread @ (draws @ blocks.gradient)[..., None])[..., 0]
     told = change @ blocks.curvature.reshape(-1, parameters).T
     left = blocks.gradient - told.reshape(-1, blocks.count, parameters)
+    # Each resample is studentised by its own sandwich, of what its blocks leave unexplained at its own estimates.
     influence = left @ bread.swapaxes(1, 2)
     spread = np.sqrt((draws[:, None, :] @ influence**2)[:, 0].clip(1e-300))
     reach = np.quantile(np.abs(change) / spread, 0.95, axis=0)

@@ -79,10 +79,13 @@ class Model:
 def parameter_torques(model: Model, values: dict[str, float], joint: Joint, motion: Segments) -> dict[str, np.ndarray]:
     """Return for each of the model's parameters the torque of a unit change at both ends of each step.
 
-    values: the model's parameters; joint: what was simulated; cut: its motion. Arrays of shape (2, num_steps).
+    values: the model's parameters; joint: what was simulated; motion: what it did, cut at its events. Arrays of shape
+    (2, num_steps).
     """
     ones = np.ones_like(motion.position)
     sign, forward, backward = motion.sign * ones, (motion.sign > 0) * ones, (motion.sign < 0) * ones
+    # Signs are those of what pushes the joint: a larger parameter on the left of the equation pushes it back, and more
+    # friction backward pushes it forward.
     torques = {
         "inertia": -motion.acceleration,
         "viscous_friction": -motion.velocity,

@@ -273,6 +273,7 @@ def _hangs(run: Run) -> list[Objection]:
         found = hanging(run.where, run.prepared)
     except LogError:
         return []
+    # By the circle: an angle and the same one turn on are equal.
     if abs(np.angle(np.exp(1j * (found - said)))) <= SERIOUS:
         return []
     return [

@@ -83,6 +83,7 @@ def _damped_step(slopes: np.ndarray, rows: np.ndarray, bound: np.ndarray, dampin
         return step, 0.0
     units = scale[moving]
     values, directions = np.linalg.eigh(curvature[np.ix_(moving, moving)] / np.outer(units, units))
+    # In a direction that the data do not tell the curvature is what rounding left, and a step would go anywhere.
     known = values > RELATIVE_CURVATURE_FLOOR * values[-1]
     gradient = np.where(known, directions.T @ (gradient[moving] / units), 0.0)
     moved = gradient / np.where(known, values + damping, 1.0)
@@ -190,6 +191,7 @@ def fit_output_error(
     if not 0 <= delay < np.inf:
         raise ConfigurationError(f"delay {delay} s: expected a number that is not negative")
     fixed["delay"] = delay
+    # Not the maximum, which a single outlier would set.
     top = float(np.quantile(np.abs(velocity[signals.valid]), 0.99))
     free = nearest_joint({name: float(start[name]) for name in model.names if name not in fixed})
     free |= {name: {"delay": delay, "motor_strength": gains.strength}.get(name, 0.0) for name in unknown}
@@ -201,6 +203,7 @@ def fit_output_error(
     forgotten = set(START) if not signals.valid[:START_SAMPLES].any() else {"start_velocity"} if still else set()
     fixed |= {name: value for name, value in begin.items() if name in forgotten}
     free |= {name: value for name, value in begin.items() if name not in forgotten}
+    # The delay has a value in any case, to start from if it is unknown.
     fixed = {name: value for name, value in fixed.items() if name not in free}
     loop = ClosedLoop(signals, gains, model, fixed, velocity_delay)
     wait = int(np.ceil(SETTLING * _slowest(gains, fixed | free) / signals.step))
@@ -236,6 +239,7 @@ class _Search:
 
     def respond(self, values: np.ndarray) -> Response:
         """Simulate, unless it was done just before; the motion around the last derivatives is the guess."""
+        # The search asks for residuals, and then for the derivatives at the same point.
         if self._latest is None or self._latest[0] != values.tobytes():
             guess = self.measured["position"]
             if self._accepted is not None:
@@ -289,6 +293,7 @@ class _Search:
         for tolerance in tolerances:
             for name, row in self.residuals(values).items():
                 size = float(np.std(row[self.valid]))
+                # A simulated log without noise leaves nothing, and its weight must be finite all the same.
                 self.weights[name] = 1.0 / max(size, 1e-9 * float(np.std(self.measured[name])))
             values = levenberg_marquardt(self.weighted, self.slopes, values, lower, upper, tolerance)
         return values
@@ -307,6 +312,7 @@ def unidentified(jacobian: np.ndarray, names: tuple[str, ...]) -> tuple[list[int
         _, sizes, directions = np.linalg.svd(np.linalg.qr(jacobian[:, identified] / length[identified], mode="r"))
         if sizes[-1] * MAX_CONDITION > sizes[0]:
             break
+        # Of the names in that direction the one with the largest part goes, and the others are looked at again.
         parts = np.abs(directions[-1])
         lost |= {names[identified[place]] for place in np.flatnonzero(parts > MIN_SHARE)}
         del identified[int(np.argmax(parts))]
@@ -320,6 +326,7 @@ def _result(search: _Search, values: np.ndarray, velocity: np.ndarray) -> Output
     identified, lost = unidentified(slopes, search.names)
     count = min(block_count(row[search.valid]) for row in rows.values())
     samples, counted = int(search.valid.sum()), np.tile(search.valid, len(rows))
+    # Position and torque of one time are of one block, for their residuals depend on each other.
     block = np.tile(np.arange(samples) * count // samples, len(rows))
     blocks = make_blocks(slopes[counted][:, identified], weighted[counted], block)
     bounded = with_intervals(values[identified], robust_covariance(blocks), bootstrap_reach(blocks))

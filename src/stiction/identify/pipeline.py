@@ -111,6 +111,7 @@ def _identify(
     found_ke: BackEmf | None = None,
 ) -> Identification:
     """Identify one joint; arguments as of `identify_joint`. found_ke: ke from the data, already in `setup`."""
+    # Prepare all runs, and ask the log whether gravity pulls on the link.
     run = make_run(log, joint, setup, alone=not more)
     gravity = choose_gravity(run)
     if gravity is not None:
@@ -118,14 +119,17 @@ def _identify(
     others, unusable = _repeats(run, joint, setup, repeats)
     shared = replace(setup.for_repeat(), gravity=run.setup.gravity)
     runs = [run, *(make_run(other, joint, shared, alone=False) for other in more)]
+    # Fit viscous and Coulomb friction.
     base = _pooled(runs) if more else _symmetric(run, others)
     pooling = compare_runs(runs, base) if more else None
     rows, strength_unknown = base.rows, INVERSE_STRENGTH in base.names
     check_fit(run.where, base)
     drive = find_back_emf(runs, base) if found_ke is None else None
+    # A motor by voltage brakes itself: where the data told ke, all is done again, once, with the brake taken off.
     if drive is not None:
         return _identify(log, joint, replace(setup, ke=drive.ke), repeats, more, moving, drive)
     _check_values(run, base)
+    # Choose a law, by regression and, where that does not see a richer one, by simulation.
     choice = choose_law(rows, base, strength_unknown)
     chosen = base if choice.law == "coulomb" else fit_rows(rows, choice.model, strength_unknown)
     loop = close_loop(run, base, chosen) if not more else InLoop(reason=SEVERAL)
@@ -139,12 +143,15 @@ def _identify(
     if loop.chosen is not None and (negative := negative_friction(loop.chosen.values)):
         choice, chosen, loop = choice.without_richer(base, negative), base, replace(loop, chosen=None)
     delay = _found_delay(run, loop)
+    # Torque made without the delay is too early, which looks like another friction law: all is done again, once.
     if delay is not None:
         return _identify(log, joint, replace(setup, delay=delay), repeats, more, moving, found_ke)
+    # Compare and predict; repeats that were fitted as well are no test of the fit.
     unseen = others if rows is run.rows else ()
     comparisons = compare_parts(rows, base) if more else _comparisons(run, base, loop, unseen)
     predictions = (*_predictions(chosen, unseen), *unusable)
     fits = JointFits(run, rows, base, chosen, choice, loop, comparisons, gravity, predictions, pooling, found_ke)
+    # Make the record, which objections, verdict and warnings read in this order.
     record = make_record(fits)
     record = replace(record, objections=find_objections(fits, record, moving))
     if any(one.reason == NEGATIVE_FRICTION for one in record.objections):
@@ -235,6 +242,7 @@ def _symmetric(run: Run, others: Sequence[Run]) -> Fit:
         return _weighed(rows, model)
     if known:
         return fit_rows(rows, model)
+    # With a payload 1/k stays in the fit even where it is not told: `check_fit` then says which log is missing.
     if any(payloads) or pushed:
         scaled = fit_rows(rows, model, strength_unknown=True)
         if any(payloads) or strength_identified(scaled):
@@ -243,10 +251,7 @@ def _symmetric(run: Run, others: Sequence[Run]) -> Fit:
 
 
 def _found_delay(run: Run, loop: InLoop) -> float | None:
-    """Return the delay that the loop showed and that the torque made from the PD law did not have [s], else None.
-
-    Such torque is too early, which looks like another friction law: all of it is done again, once, with the delay.
-    """
+    """Return the delay that the loop showed and that the torque made from the PD law did not have [s], else None."""
     if run.measured or run.setup.delay is not None or loop.symmetric is None:
         return None
     found = loop.symmetric.estimates.get("delay")
@@ -258,6 +263,7 @@ def _check_values(run: Run, fit: Fit) -> None:
     found = fit.estimates()
     inertia, (low, high) = found["inertia"].value, found["inertia"].interval95
     poor = all(found[name].interval95[0] <= 0 for name in ("inertia", "viscous_friction", "coulomb_friction"))
+    # Gravity first: by itself it can turn the fitted inertia negative, for θ and θ'' are opposite in a sine.
     if (inertia <= 0 or poor) and _wants_gravity(run, fit):
         raise LogError(
             f"{run.where}: the torque follows the position, as with gravity, a spring or a cable, and without it the "
@@ -355,9 +361,8 @@ def identify_log(
     """Identify several joints, every one of the log's by default.
 
     Returns the joints that were identified, and for those that were refused an empty record whose warning says why,
-    both in the order of the log, or of `joints`. more: further runs, fitted together with the log. `workers`:
-    processes, by default one a core. Raises `StictionError`
-    where a joint is not in the log, or none could be identified.
+    both in the order of the log, or of `joints`. more: further runs, fitted together with the log; workers: processes,
+    by default one a core. Raises `StictionError` where a joint is not in the log, or none could be identified.
     """
     names = [log.joint(name)[0] for name in joints] or list(log.joints)
     found: dict[str, Identification] = {}

@@ -103,6 +103,7 @@ def prepare(
     noise = position_noise(signals.position)
     corner = choose_cutoff(signals.position, signals.step, noise) if cutoff is None else cutoff
     velocity, acceleration = derivatives(signals.position, signals.step, corner)
+    # As of `acceleration_noise`: below f white noise has the velocity variance 2 σ² step (2π)² f³ / 3.
     velocity_noise = noise * np.sqrt(2 * signals.step * (2 * np.pi) ** 2 * corner**3 / 3)
     threshold = max(LOW_SPEED * float(np.abs(velocity).max()), 3 * float(velocity_noise))
     outside = np.zeros_like(torque) if signals.disturbance is None else signals.disturbance
@@ -150,6 +151,7 @@ def slope(values: np.ndarray, step: float) -> np.ndarray:
 def position_noise(position: np.ndarray) -> float:
     """Return the standard deviation of the position's white noise [rad], from the upper half of its spectrum."""
     rest = position - sosfiltfilt(butter(ORDER, 0.5, output="sos"), position)
+    # Half of the spectrum holds half of the variance; near the ends the filter works on padding.
     return float(np.std(rest[20:-20]) * np.sqrt(2.0))
 
 
@@ -184,6 +186,7 @@ def _clear_samples(
     unclear[1:] |= np.diff(np.sign(velocity)) != 0
     reach = max(1, round(1 / (cutoff * step)))
     excluded = np.convolve(unclear, np.ones(2 * reach + 1), "same") > 0.5
+    # Near the ends the filter works on padding, and not on the log.
     excluded[: 2 * reach] = excluded[-2 * reach :] = True
     decimated = np.arange(0, len(velocity), _decimation(cutoff, step))
     return decimated[~excluded[decimated]]
@@ -238,6 +241,7 @@ class Rows:
         total = sum(spans.values())
         for run, span in spans.items():
             mine = self.run == run
+            # At least two a run: one can be left out then, and one of the run is still seen.
             pieces = max(2, round(count * span / total)) if len(spans) > 1 else count
             share = (self.time[mine] - self.time[mine].min()) / span
             index[mine] = start + np.minimum((share * pieces).astype(int), pieces - 1)

@@ -71,6 +71,7 @@ def hanging_bias(fit: Fit, hanging: float) -> Estimate | None:
     if size**2 < CLEAR**2 * largest:
         return None
     gradient = {"gravity_sin": -across / size**2, "gravity_cos": -along / size**2}
+    # Into ±π, for an angle is only known up to a turn.
     phase = (np.arctan2(across, along) - hanging + np.pi) % (2 * np.pi) - np.pi
     found = fit.combination(gradient, "gravity_cos", phase)
     return found if found.interval95[1] - found.value < WIDEST_BIAS else None
@@ -81,8 +82,9 @@ REPEAT_FACTOR, REPEAT_ERROR = 2.0, 0.1
 
 
 def predicted_badly(tried: dict[str, Any], own: float) -> bool:
-    """Return whether a law misses a repeat that it was tried on; own: its error on the log that it was fitted to
-    [1].
+    """Return whether a law misses a repeat that it was tried on.
+
+    own: its error on the log that it was fitted to [1].
     """
     return "refusal" in tried or tried["torque_error"] > min(REPEAT_FACTOR * own, REPEAT_ERROR)
 
@@ -196,6 +198,7 @@ def inertia_known(fit: Fit) -> bool:
 def make_record(fits: JointFits) -> JointRecord:
     """Put everything into the record; objections, verdict and warnings come later."""
     run, base, setup = fits.run, fits.base, fits.run.setup
+    # State the parameters where k is known, else the combinations that the log tells.
     strength = find_strength(base, run.measured, setup.calibrated, setup.motor_strength)
     estimates = admitting(all_admitting(fits, fits.symmetric()), fits.law())
     middle = float(run.signals.position.min() + run.signals.position.max()) / 2
@@ -204,18 +207,22 @@ def make_record(fits: JointFits) -> JointRecord:
     if scaled is not None:
         strength = Strength(scaled.estimates["motor_strength"], "known_load")
         parameters |= {name: estimate for name, estimate in scaled.estimates.items() if name in base.model.names}
+    # Take viscous friction apart from the motor's own brake.
     brakes = fits.braking
     if brakes is not None:
         viscous, together = split_viscous(brakes, estimates["viscous_friction"], strength)
         parameters["viscous_friction"] = viscous
         combinations = {name: one for name, one in combinations.items() if name != "B/k"} | together
     level = estimates["coulomb_friction"]
+    # Put dry friction over the torque limit, and over the gain.
     in_si = run.measured and (setup.calibrated or setup.drive.column != "torque")
+    # Where the torque is not known in N m the limit is in the unit of what the estimators saw, and k cancels.
     limited = parameters["coulomb_friction"] if in_si else level
     ratio = None
     if setup.torque_limit is not None and limited is not None:
         ratio = limited.scaled(friction_ratio(1.0, setup.torque_limit))
     gains_fit = setup.kp is not None and setup.calibrated
+    # It is friction at rest that a position error must overcome.
     holding = fits.law().get("static_friction", level)
     band = holding.scaled(dead_band(1.0, setup.kp)) if gains_fit and setup.kp else None
     law = _law(fits, strength)

@@ -79,6 +79,7 @@ class Fit:
     def inflation(self) -> dict[str, float]:
         """Norm of each column over the norm of its part orthogonal to the others; 1 is best, 1e12 a copy of another."""
         scaled = self.jacobian / np.linalg.norm(self.jacobian, axis=0).clip(1e-300)
+        # The square roots of the diagonal of (XᵀX)⁻¹, by the factor R: XᵀX itself would square the condition number.
         _, sizes, directions = np.linalg.svd(np.linalg.qr(scaled, mode="r"))
         lengths = np.linalg.norm(directions / sizes.clip(1e-12)[:, None], axis=0)
         return dict(zip(self.names, lengths.tolist(), strict=True))
@@ -124,6 +125,7 @@ class Fit:
         if self.instrument is None:
             inertia = named["inertia"]
             more = self.rows.attenuation * abs(inertia.value)
+            # Noise in a regressor draws its coefficient towards zero, so that the truth can only lie further up.
             ends = (inertia.interval95[0], inertia.interval95[1] + more)
             named["inertia"] = Estimate(inertia.value, float(np.hypot(inertia.std, more / 2)), ends)
         return named
@@ -165,6 +167,7 @@ def fit_at(rows: Rows, model: Model, values: dict[str, float]) -> Fit:
     rise = values["static_friction"] - values["coulomb_friction"]
     columns["stribeck_velocity"] = rise * columns["steepening"]
     jacobian = np.stack([columns[name] for name in model.names], axis=1)
+    # A stand-in for the residual: to predict takes the fit that it belongs to.
     fit = Fit(model, model.names, np.array([values[name] for name in model.names]), jacobian, rows.torque, rows)
     return replace(fit, residual=rows.torque - predict_torque(fit, rows))
 
@@ -176,6 +179,7 @@ def predict_torque(fit: Fit, rows: Rows) -> np.ndarray:
         columns |= _rise(rows, found["stribeck_velocity"])
     elif fit.model.law == "load":
         columns |= {"load_coefficient": _load(rows, found, columns) * rows.direction}
+    # Where 1/k is a parameter the payload is its column.
     payload = 0.0 if INVERSE_STRENGTH in found else rows.payload
     terms = (value * columns[name] for name, value in found.items() if name != "stribeck_velocity")
     return payload + sum(terms, np.zeros(len(rows)))
@@ -196,6 +200,7 @@ def check_fit(source: str, fit: Fit) -> None:
 
     And if the link has gravity of its own that pulls on it just as the payload does, in every run that was fitted.
     """
+    # Not `>=`, which is false for NaN.
     if not fit.inflation.get(INVERSE_STRENGTH, 0.0) < MAX_INFLATION:
         raise LogError(
             f"{source}: the payload's weight cannot be told from the link's own, so the motor strength and the inertia "
@@ -281,6 +286,8 @@ def _stribeck_velocity(rows: Rows, names: tuple[str, ...], columns: dict[str, np
 
     It is sought between the speed that one row in twenty is under and half of the top speed.
     """
+    # All else is linear and solved for at each v_s, so that the search has one unknown. It finds one valley only: a
+    # grid says which.
     linear = [name for name in names if name != "stribeck_velocity"]
 
     def cost(logarithm: float) -> float:

@@ -129,6 +129,7 @@ def hanging(where: str, prepared: Prepared) -> float:
     check_rows(where, rows, prepared)
     fit = fit_rows(rows, Model("coulomb", True))
     along, across = (fit.names.index(name) for name in GRAVITY_TERMS)
+    # The variance in the worst direction, for the phase need not lie along either term.
     largest = float(np.linalg.eigvalsh(fit.covariance[np.ix_((along, across), (along, across))])[-1])
     size = float(np.hypot(fit.values[along], fit.values[across]))
     if fit.inflation["inertia"] >= MAX_INFLATION or np.sqrt(largest) > LARGEST_PHASE * size:
@@ -214,6 +215,7 @@ def _driving_torque(source: str, signals: Uniform, setup: IdentifySetup) -> tupl
             f"{source}: no torque in the log, and without {missing} it cannot be reconstructed; log the motor's "
             "torque, or log the target and give --kp and --kd"
         )
+    # Not filtered here: this torque passes through the same filter as everything else later.
     velocity = np.gradient(signals.position, signals.step)
     spring, damper = setup.kp * (signals.target - signals.position), setup.kd * velocity
     unusable = np.abs(spring - damper) > SATURATED * (setup.torque_limit or np.inf)

@@ -114,6 +114,7 @@ class IdentifySetup:
     def with_sidecar(self, sidecar: LogSetup) -> IdentifySetup:
         """Return the setup with what is None filled from the log's sidecar."""
         shared = {item.name for item in fields(LogSetup)} & {item.name for item in fields(self)}
+        # Without a flag `unknowns` is an empty tuple, all else None.
         return replace(self, **{name: getattr(sidecar, name) for name in shared if getattr(self, name) in (None, ())})
 
     def for_repeat(self) -> IdentifySetup:

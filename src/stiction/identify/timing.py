@@ -109,9 +109,11 @@ def even_grid(source: str, time: np.ndarray) -> tuple[Grid, Timing]:
     source: the log's name, for messages. Raises `LogError` for stamps that are not in seconds, run backwards at large,
     or of which more than a fifth is missing or double.
     """
+    # Put the stamps in order, and refuse what is no clock.
     samples = len(time)
     setbacks = np.maximum.accumulate(time) - time
     order = np.argsort(time, kind="stable")
+    # Of samples with one stamp the first in the file stays, for the sort is stable.
     fresh = np.concatenate(([True], np.diff(time[order]) > 0))
     order = order[fresh]
     duplicated, disordered = samples - len(order), int(np.count_nonzero(setbacks > 0))
@@ -131,10 +133,12 @@ def even_grid(source: str, time: np.ndarray) -> tuple[Grid, Timing]:
             f"{source}: {dropped} of {points + 1} samples are missing at one every {step:.4g} s; expected at most "
             f"{LARGEST_LOSS:.0%}: cut the log to a part without gaps, or log at an even rate"
         )
+    # Say how good the stamps are.
     times = np.arange(points + 1) * step
     intervals = np.diff(stamps)
     near = (intervals if dropped == 0 else intervals[intervals < 1.5 * step]) / step
     off = np.abs(stamps - step * np.rint(stamps / step)) / step
+    # Stamps may have been stored as 32-bit floats: what that rounds off is no jitter.
     resolution = 4 * np.finfo(np.float32).eps * float(np.abs(time).max()) / step
     even = bool(off.max() <= max(EVEN, min(resolution, 0.01)) or _rounded(stamps, step))
     timing = Timing(
@@ -188,6 +192,7 @@ def _refined(stamps: np.ndarray, step: float) -> tuple[float, int]:
     more and more finely in twice as many. Counting intervals would add up the errors of jitter and missing samples.
     """
     length = min(FIRST_STAMPS, len(stamps))
+    # Neighbours drift apart by a quarter of a step over the stretch, so that no peak falls between two of them.
     candidates = step * np.arange(0.65, 1.35, 0.25 / length)
     while True:
         angles = 2 * np.pi * stamps[:length] / candidates[:, None]
@@ -196,6 +201,7 @@ def _refined(stamps: np.ndarray, step: float) -> tuple[float, int]:
             break
         length = min(2 * length, len(stamps))
         candidates = step * (1 + np.arange(-4, 5) / (8 * length))
+    # The first stamp jitters like all others, so the grid's phase is taken from all of them.
     phase = float(np.angle(np.exp(2j * np.pi * stamps / step).mean())) / (2 * np.pi)
     index = np.rint(np.minimum(stamps / step, 1e15) - phase)
     points = max(1, int(index[-1] - index[0]))
@@ -218,6 +224,7 @@ def _rounded(stamps: np.ndarray, step: float) -> bool:
 def _valid(times: np.ndarray, stamps: np.ndarray, step: float) -> np.ndarray:
     """Return False for the points of the grid in a long gap, or within `MARGIN` points of one."""
     valid = np.ones(len(times), dtype=bool)
+    # So many missing samples make an interval of one step more; the half step is for jitter.
     for place in np.flatnonzero(np.diff(stamps) > (LONGEST_BRIDGE + 1.5) * step):
         first = np.searchsorted(times, stamps[place] - (MARGIN - 0.5) * step)
         last = np.searchsorted(times, stamps[place + 1] + (MARGIN - 0.5) * step)
@@ -234,11 +241,13 @@ def resample(grid: Grid, values: np.ndarray, command: bool = False) -> np.ndarra
     if grid.on_grid and len(order) == len(grid.times):
         return order.copy()
     if command and is_stairs(order):
+        # A hair late, or rounding would keep a command that came at a point of the grid for the next one.
         place = np.searchsorted(grid.stamps, grid.times + EVEN * grid.step, side="right") - 1
         return order[np.clip(place, 0, len(order) - 1)]
     result = np.interp(grid.times, grid.stamps, order)
     breaks = np.flatnonzero(np.diff(grid.stamps) > (LONGEST_BRIDGE + 1.5) * grid.step) + 1
     for part in np.split(np.arange(len(order)), breaks):
+        # A cubic needs four points; the straight lines stand.
         if len(part) < 4:
             continue
         inside = (grid.times >= grid.stamps[part[0]]) & (grid.times <= grid.stamps[part[-1]])
@@ -270,6 +279,7 @@ def settling(bridged: np.ndarray, moving: np.ndarray, wait: int) -> np.ndarray:
     found = np.zeros(len(bridged), bool)
     edges = np.flatnonzero(np.diff(np.concatenate(([0], bridged.astype(int), [0]))))
     moved = np.concatenate(([0], np.cumsum(moving)))
+    # The longest first: there the simulation is furthest off.
     for _, end in sorted(edges.reshape(-1, 2).tolist(), key=lambda gap: gap[0] - gap[1]):
         settled = int(np.searchsorted(moved, moved[end] + wait))
         more = found.copy()

@@ -137,6 +137,7 @@ def friction_level(ratio: Estimate, condition: str | None) -> float:
     May be `TRAINABLE` or more; who proposes it has to check.
     """
     high = max(ratio.interval95[1], 0.0)
+    # 100 times 0.07 is a hair over 7 in floating point, which is no reason for one per cent more.
     return math.ceil(100 * high * (1.0 if condition == "loaded" else MARGIN) - 1e-9) / 100
 
 
@@ -262,9 +263,7 @@ LEG_WORDS = frozenset(
 
 
 def is_leg(name: str) -> bool:
-    """Return whether a joint is a leg's, by its name: `FL_calf_joint` is, `shoulder_pan` and `joint_3` are not known
-    to.
-    """
+    """Return whether a joint is a leg's, by its name: `FL_calf_joint` is; of `joint_3` it is not known."""
     return not LEG_WORDS.isdisjoint(kind_of(name).split("_"))
 
 
@@ -277,6 +276,7 @@ def judge(record: JointRecord, sources: Mapping[str, Source] | None = None, legs
     """
     thresholds, rotary = Thresholds.of(sources), record.axis == "rotary"
     known = record.coulomb_friction or record.friction_ratio or record.dead_band
+    # A record of an older file may lack the objection that its friction reaches zero.
     if known is not None and not record.objections:
         record = replace(record, objections=no_friction_shown(known, "N m" if rotary else "N"))
     ratio, condition = record.friction_ratio, record.test_condition

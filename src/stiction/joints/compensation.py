@@ -168,6 +168,7 @@ class DirectedController:
         """measured: whether by the measured speed, or the target's; others as of `Compensation.controller`."""
         self._share, self._cfg, self._friction, self._load = share, cfg, friction, load
         self._measured = measured
+        # The share of a gap that a first-order low-pass closes in a period, exact for a target that is held meanwhile.
         self._period, self._step = period, -np.expm1(-period / cfg.smoothing)
         self._smooth: np.ndarray | None = None
 
@@ -176,6 +177,7 @@ class DirectedController:
         if ids is None or self._smooth is None:
             self._smooth = None
         else:
+            # NaN marks those robots whose next target counts as their first.
             self._smooth[ids] = np.nan
 
     def torque(self, target: Any, position: Any, velocity: Any, given: Any = 0.0) -> np.ndarray:

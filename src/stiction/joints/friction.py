@@ -129,6 +129,7 @@ class Stribeck(FrictionLaw):
         speeds = [self.velocity * knot for knot in KNOTS]
         values = [self.coulomb + (self.static - self.coulomb) * height for height in SECANTS]
         chain = []
+        # Secants meet at their ends: without a jump of friction the acceleration is continuous, as `variation` assumes.
         for (speed, value), (next_speed, next_value) in pairwise(zip(speeds, values, strict=True)):
             slope = (next_value - value) / (next_speed - speed)
             chain.append(Piece(speed, value - slope * speed, slope))
@@ -162,6 +163,7 @@ class PositionDependent(FrictionLaw):
     """[N m/rad²]."""
     middle: float = 0.0
     """θ_m [rad]."""
+    # Without an annotation: it is the class's, and no field of the dataclass.
     depends_on_angle = True
 
     def __post_init__(self) -> None:
@@ -176,6 +178,7 @@ class PositionDependent(FrictionLaw):
     def at_angle(self, position: np.ndarray) -> np.ndarray:
         """Return slope (θ − θ_m) + curvature (θ − θ_m)², no less than −b_c."""
         away = position - self.middle
+        # What is cut off would make the whole friction negative, and drive the joint.
         return np.maximum(self.slope * away + self.curvature * away**2, -self.level)
 
     def slope_at_angle(self, position: np.ndarray) -> np.ndarray:
@@ -451,5 +454,6 @@ def level_number(law: str, level: float) -> float:
 
 def level_axis(law: str) -> str:
     """Return the label of an axis of levels."""
+    # A virtual robot's own friction, `real`, is no row of the table; it is a share of the limit, as Coulomb's is.
     label = LAWS.get(law, LAWS["coulomb"]).label
     return label if has_coefficient(law) else f"{label}, % of each joint's torque limit"

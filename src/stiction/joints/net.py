@@ -116,6 +116,7 @@ def _check(net: ActuatorNet) -> None:
     once = sorted(together) == sorted(names) and all(net.groups)
     _expect(once, "groups", net.groups, "every joint in one group")
     _expect(net.inputs in INPUT_SETS, "inputs", net.inputs, " or ".join(INPUT_SETS))
+    # Not `isinstance`: a bool is an int as well.
     _expect(type(net.history) is int and 0 <= net.history <= 100, "history", net.history, "0 to 100 samples")
     _expect(_number(net.period) and 1e-5 <= net.period <= 0.1, "period", net.period, "1e-5 to 0.1 s")
     _expect(net.torque_source in TORQUE_SOURCES, "torque_source", net.torque_source, " or ".join(TORQUE_SOURCES))
@@ -278,6 +279,7 @@ class ActuatorMemory:
 
     def torque(self, target: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """Take in one sample, (N, J) [rad, rad/s]; return the torques [N m], not clipped to the limits, (N, J)."""
+        # The two views overlap; NumPy copies as if the right side had been set aside first.
         self.past[:, 1:] = self.past[:, :-1]
         self.past[0, 0] = first_signal(self.net.inputs, target, position).T[self._order]
         self.past[1, 0] = velocity.T[self._order]
@@ -368,6 +370,7 @@ def fit_baseline(
 
 def _fit_joint(columns: np.ndarray, lost: np.ndarray) -> np.ndarray:
     """Return f, B and λ by least squares with λ in [0, 1]; columns: of f, B and λ, (T, 3), lost: (T,) [N m]."""
+    # `lstsq` takes the least norm: a column of zeros, of a joint that never moved or has no kd, gets zero.
     free = np.linalg.lstsq(columns, lost, rcond=None)[0]
     later = float(np.clip(free[2], 0.0, 1.0))
     if later == free[2]:

@@ -28,6 +28,7 @@ class PDGains:
 
     def __post_init__(self) -> None:
         """Refuse gains that no controller has."""
+        # NaN passes every comparison below, so it is asked for by itself.
         values = (self.kp, self.kd, self.torque_limit, self.strength)
         if any(np.isnan(values)) or self.kp <= 0 or self.kd < 0 or self.torque_limit <= 0 or self.strength <= 0:
             raise ConfigurationError(
@@ -54,6 +55,7 @@ def fed_forward(target: Any, position: Any, friction: Any, width: float = COMPEN
 
     target: a [rad]; position: θ as measured [rad]; friction: f [N m] for a torque, f/kp [rad] for an angle.
     """
+    # The method and not `np.clip`, for torch's tensors come here too.
     return friction * ((target - position) / width).clip(-1.0, 1.0)
 
 
@@ -62,6 +64,7 @@ def pd_torque(gains: PDGains, target: np.ndarray, position: np.ndarray, velocity
 
     target: a [rad]; position: θ [rad]; velocity: θ' [rad/s]; shapes broadcast.
     """
+    # The limit is of what the motor delivers, so the strength comes before it.
     torque = gains.strength * (gains.kp * (target - position) - gains.kd * velocity)
     return np.clip(torque, -gains.torque_limit, gains.torque_limit)
 

@@ -122,6 +122,7 @@ def simulate(
         return course.run(position, velocity), tuple(course.phases)
 
     if joint.gravity is None and not joint.friction.depends_on_angle:
+        # Nothing depends on where the joint is, so that one pass is exact.
         motion, phases = run(outside - joint.offset, joint.friction.load_coefficient * np.abs(outside), 0.0)
     else:
         path = np.asarray(target if guess is None else guess, float)
@@ -154,6 +155,7 @@ def _settle(
         path = motion[0]
         if change < SETTLED:
             return motion, phases
+        # Not `>`: a path of NaN ends here too.
         if not change < 1e6 * max(1.0, previous):
             break
     raise ConfigurationError(

@@ -39,6 +39,7 @@ class Regime:
         stiffness [1/s²]; damping [1/s]; step: time between samples [s].
         """
         self.stiffness, self.damping = stiffness, damping
+        # No root of s² + damping s + stiffness has a larger real part.
         growth = (max(-damping, 0.0) + max(-stiffness, 0.0) ** 0.5) * step
         self.longest = int(LARGEST_GROWTH / growth) if growth * MOST_SAMPLES > LARGEST_GROWTH else MOST_SAMPLES
         # Columns of the transition, and the answers to a constant and to a ramp of input.
@@ -52,9 +53,10 @@ class Regime:
         self._crossed = self.transition - trace * np.eye(2)
 
     def changes(self, drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return g of each sample, and what each two of them excite in the recursion, for `stretch`.
+        """Return g of each sample, and what excites the recursion, for `stretch`.
 
-        drive: u at the samples [rad/s²], shape (num_samples,). Shapes (2, num_samples - 1) and (2, num_samples - 2).
+        That is g[n + 1] + (Φ − tr Φ) g[n], which needs no state, so that it is computed once for a whole run. drive: u
+        at the samples [rad/s²], shape (num_samples,). Shapes (2, num_samples - 1) and (2, num_samples - 2).
         """
         change = self.from_this[:, None] * drive[:-1] + self.from_next[:, None] * drive[1:]
         return change, change[:, 1:] + self._crossed @ change[:, :-1]
@@ -68,6 +70,7 @@ class Regime:
         excitation[:, 0] = state
         excitation[:, 1] = self._crossed @ state + change[:, 0]
         excitation[:, 2:] = excited
+        # As a filter the recursion runs over a whole stretch in C; x' = Φ x + g would be a loop in Python.
         return lfilter(_ONE, self._recursion, excitation, axis=1)
 
     def acceleration(self, state: State, drive: float) -> float:
@@ -85,6 +88,7 @@ class Regime:
     def _series(self, state: State, drive: float, slope: float, elapsed: float) -> State:
         """Sum the series; q⁽ⁿ⁺²⁾ = u⁽ⁿ⁾ − stiffness q⁽ⁿ⁾ − damping q⁽ⁿ⁺¹⁾ gives each derivative from the two before."""
         stiffness, damping = self.stiffness, self.damping
+        # The first terms are written out, for the input and its slope are in these alone.
         first, second = state
         third = drive - stiffness * first - damping * second
         newer = slope - stiffness * second - damping * third
@@ -101,6 +105,7 @@ class Regime:
             factor *= elapsed / order
             term = newer * factor
             position += term
+            # One term may be zero by itself: without damping every other one is, where the joint starts at rest.
             if abs(term) <= 1e-17 * abs(position) and abs(older * factor) <= 1e-17:
                 break
         return position, velocity
@@ -119,13 +124,17 @@ class Regime:
             # It starts on the edge: it may turn inwards first, and leave later.
             if begin >= 0 or growth <= 0:
                 return 0.0
+            # It is furthest inside about where q'' is zero, and leaves for good after that.
             low, gap = -begin / growth, 0.0
             if low >= span or side * (self.inside(state, drive, drive_slope, low)[1] - speed) >= 0:
                 return 0.0
+        # The quadratic's root in the form that neither cancels nor divides by a growth of zero. From the edge itself,
+        # where the gap is zero, q' is back at twice the time of its extremum.
         root = begin * begin - 2.0 * growth * gap
         instant = -2.0 * gap / (begin + root**0.5) if gap < 0 <= root and begin + root**0.5 > 0 else 2.0 * low
         if not low < instant < high:
             instant = 0.5 * (low + high)
+        # Sixty halvings alone would reach the last bit, should Newton's method never help.
         for _ in range(60):
             now = self.inside(state, drive, drive_slope, instant)
             gap = side * (now[1] - speed)
@@ -240,6 +249,7 @@ class StickSlip:
             joint, gains, pieces = self.mechanism, self.gains, self.pieces[sign]
             kp, kd = (0.0, 0.0) if side else (gains.strength * gains.kp, gains.strength * gains.kd)
             law = pieces[piece]
+            # On a straight piece friction is a damper and a constant torque; a motor at its limit has no gains.
             pair = (kp + joint.spring) / joint.inertia, (joint.viscous + law.slope + kd) / joint.inertia
             if -pair[1] * self.step > STEEPEST or -pair[0] * self.step**2 > STEEPEST**2:
                 raise ConfigurationError(
@@ -269,7 +279,7 @@ class StickSlip:
         return motor + (joint.push[samples] - joint.spring * position)
 
     def pull_at(self, index: int, position: float) -> float:
-        """Return the same at one sample, in a tenth of the time."""
+        """Return the same at one sample, in numbers of Python."""
         joint, gains = self.mechanism, self.gains
         motor = (gains.strength * gains.kp) * (self._targets[index] - position)
         if self.limited:
@@ -344,9 +354,11 @@ class StickSlip:
                 return final, (sign if final[1] else 0), piece
             edge = slow if speed < slow else fast
             elapsed = regime.reach(state, drive, slope, left, sign * edge, final)
+            # It broke away by rounding alone, and would do so again and again.
             if edge == 0 and from_rest and elapsed < SHORTEST * self.step:
                 break
             self._note(index, since, since + elapsed, sign, side, piece, state)
+            # The speed is set to the edge's own, which Newton's method only nearly hits: it decides what comes next.
             state, since = (regime.inside(state, drive, slope, elapsed)[0], sign * edge), since + elapsed
             if edge == 0:
                 sign, from_rest = 0, False
@@ -403,9 +415,11 @@ class StickSlip:
         end = index + min(length, regime.longest)
         ahead = regime.stretch(state, change[:, index:end], excited[:, index : end - 1])
         speed = sign * ahead[1]
+        # At zero speed the joint stops; on the edge of another piece a stretch may well begin.
         left = speed <= slow if slow == 0 else speed < slow
         if fast < np.inf:
             left |= speed > fast
+        # Sample 0 is the state that the stretch starts from, whose event is over.
         left[0] = False
         events = left
         if self.limited:
@@ -415,4 +429,5 @@ class StickSlip:
         first = int(events.argmax())
         if not events[first]:
             return ahead, ahead.shape[1] - 1, False
+        # A piece ends between two samples, where `cross` finds it; saturation begins and ends on a sample.
         return (ahead, first - 1, True) if left[first] else (ahead, first, False)

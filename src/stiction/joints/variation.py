@@ -82,6 +82,8 @@ def segments(
     outside = np.zeros(len(instant)) if load is None else np.interp(instant, grid, load)
     if joint.gravity is not None:
         outside = outside - joint.gravity.torque(position)
+    # Whole samples of one linear system share a negative number, and one matrix exponential; each part of a sample has
+    # its own number from 0 on.
     cut = Segments(
         sign=sign,
         side=side,
@@ -114,6 +116,7 @@ def _acceleration(joint: Joint, gains: PDGains, cut: Segments) -> np.ndarray:
     """Return θ'' at both ends of each step [rad/s²], zero at rest."""
     commanded = gains.strength * (gains.kp * (cut.target - cut.position) - gains.kd * cut.velocity)
     level, slope = _laws(joint, cut)
+    # `where` computes both branches, and zero times an infinite limit would be NaN, with a warning.
     motor = np.where(cut.side == 0, commanded, cut.side * min(gains.torque_limit, 1e300))
     more = joint.friction.load_coefficient * np.abs(cut.load) + joint.friction.at_angle(cut.position)
     friction = cut.sign * (level + more) + slope * cut.velocity
@@ -130,6 +133,7 @@ def vary(joint: Joint, gains: PDGains, cut: Segments, torque: np.ndarray, start:
     moving = (cut.sign != 0).astype(float)
     spring, slope = 0.0, cut.sign * joint.friction.slope_at_angle(cut.position) / joint.inertia
     if joint.gravity is not None:
+        # Any spring would do, for `slope` has the rest; at the mean little is left that must be straight within a step.
         spring = mean_slope(joint.gravity, cut.position[0])
         share = 1.0 - cut.sign * joint.friction.load_coefficient * np.sign(cut.load)
         slope = slope + moving * (joint.gravity.slope(cut.position) * share - spring) / joint.inertia
@@ -147,12 +151,16 @@ def vary(joint: Joint, gains: PDGains, cut: Segments, torque: np.ndarray, start:
     keep[:-1][turning] = np.divide(after, before, out=np.zeros_like(after), where=before != 0)
     keep[:-1][(cut.sign[1:] == 0) | (cut.sign[:-1] == 0)] = 0.0
     response[:, 1] *= keep[:, None]
+    # `late` is the answer to a torque that rises from 0 to 1 over the step, `early` to one that falls from 1 to 0.
     transition, late = response[:, :, :2], response[:, :, 3]
     early = response[:, :, 2] - late
     torque = torque * (moving / joint.inertia)[:, None]
     right = np.empty((len(rest) + 1, 2, torque.shape[2]))
     right[0] = start
     right[1:] = early[:, :, None] * torque[0][:, None, :] + late[:, :, None] * torque[1][:, None, :]
+    # Each step's state depends on the one before, so the whole run is a lower triangle of three diagonals beside the
+    # main one: LAPACK solves all steps and all changes at once. A slope over the angle makes a torque of the change
+    # itself, at either end of a step, which is why it is in the matrix and not on the right.
     diagonals = np.zeros((4, len(rest) + 1, 2))
     diagonals[0] = 1.0
     diagonals[0, 1:, 0] += late[:, 0] * slope[1]
@@ -178,6 +186,7 @@ def _responses(stiffness: np.ndarray, damping: np.ndarray, span: np.ndarray, kin
     matrix[:, 1, 2], matrix[:, 2, 3] = span, 1.0
     # The norm in units in which angle and velocity are of one size.
     largest = float((np.abs(damping) * span + np.sqrt(np.abs(stiffness)) * span).max(initial=0.0))
+    # Down to a norm of a half, at which the fourteen terms leave less than rounding does.
     halvings = max(0, int(np.ceil(np.log2(max(largest, 1e-9)))) + 1)
     matrix /= 2.0**halvings
     power = exponential = np.broadcast_to(np.eye(4), matrix.shape)

@@ -70,6 +70,7 @@ def pattern_of(task: Task, point: np.ndarray) -> Pattern:
         slow_frequency=float(0.5 * slowest * (2.0 / slowest) ** point[1]),
         slow_amplitude=task.room,
         frequencies=tuple(float(slowest * (fastest / slowest) ** place) for place in frequencies),
+        # Not all of them zero, or there would be nothing for `fast_peak` to scale.
         amplitudes=tuple(float(value) + 1e-3 for value in amplitudes),
         phases=tuple(float(2 * np.pi * value) for value in phases),
         fast_peak=task.room,
@@ -79,6 +80,7 @@ def pattern_of(task: Task, point: np.ndarray) -> Pattern:
 def frequency_limit(task: Task) -> float:
     """Return the highest frequency worth trying [Hz]."""
     own = float(np.sqrt(task.gains.kp / task.values[0])) / (2 * np.pi)
+    # With fewer than 20 samples a period the log would be refused (`check_excitation`).
     return max(min(FASTEST, BEYOND * own, task.rate / 20), 4 * task.rate / task.count)
 
 
@@ -113,8 +115,10 @@ def search(task: Task, seed: int, progress: Callable[[float], None]) -> Pattern:
         init=np.concatenate([known, drawn]),
         maxiter=GENERATIONS,
         mutation=MUTATION,
+        # Neither an early end nor a polish: the number of motions is what `progress` counts to.
         tol=0.0,
         polish=False,
+        # SciPy hands it to a RandomState, which takes 32 bits.
         seed=stream_seed(seed, "search") % 2**32,
     )
     if found.fun >= OUT_OF_REACH:
@@ -163,6 +167,7 @@ def softened(gains: PDGains, factor: float) -> PDGains:
 def try_gains(task: Task, gains: PDGains) -> GainTrial:
     """Judge gains by the best of a few motions that need no search; a link that sags too much does not track."""
     sag = task.with_gains(gains).sag
+    # The sag is of the link with its gravity, so it is asked for before that is left out.
     task = task.with_gains(gains).without_gravity()
     extremes, least_damped = task.extremes(), task.least_damped()
     best, reach = None, 0.0
@@ -194,6 +199,7 @@ def choose_gains(task: Task, fixed: bool, progress: Callable[[float], None]) -> 
         raise ConfigurationError(nothing_moves(task))
     if fixed or not np.isfinite(best) or scores[0] <= best / REQUIRED_REDUCTION:
         return pairs[0], tuple(trials)
+    # From the given gains downwards: the highest that show about as much as the best.
     return next(gains for gains, worst in zip(pairs, scores, strict=True) if worst <= best / REQUIRED_REDUCTION), tuple(
         trials
     )

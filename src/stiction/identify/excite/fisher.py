@@ -126,6 +126,7 @@ def sensitivities(
     values: see `joint_of`; target: a [rad], shape (num_samples,); fast: one-sided differences, for half of the work.
     """
     base = run(values, gains, step, target)
+    # B and the offset may be zero, and no scale; kd brakes as B does, and the offset is a torque like the friction.
     scales = np.array([values[0], values[1] + gains.kd, *[values[2]] * (len(values) - 2)])
     found = np.empty((len(values), 2, len(target)))
     for index, scale in enumerate(scales):
@@ -158,6 +159,7 @@ def information(
 
 def _inverse(matrix: np.ndarray) -> np.ndarray:
     """Return the inverse of an information matrix, infinite on the diagonal where it has none."""
+    # With ones on the diagonal, or units would decide what counts as singular.
     scale = np.sqrt(np.diag(matrix))
     if not (scale > 0).all():
         return np.diag(np.full(len(matrix), np.inf))

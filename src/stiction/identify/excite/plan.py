@@ -67,6 +67,7 @@ def gain_sweep(task: Task, pattern: Pattern) -> tuple[GainPoint, ...]:
     for factor in SWEEP:
         stiffer = task.with_gains(softened(task.gains, factor))
         blind = replace(stiffer, noise=replace(task.noise, torque=None))
+        # A log without torque has no noise of it: the usual one shows what a sensor would be worth.
         seeing = replace(stiffer, noise=replace(task.noise, torque=task.noise.torque or LogNoise().torque))
         points.append(
             GainPoint(
@@ -183,14 +184,14 @@ def simulate_range(task: Task, pattern: Pattern) -> tuple[DesignSignals, dict[st
 def duration_for(task: Task, informations: list[Information], wanted: float) -> float:
     """Return the length in whole patterns [s] at which every joint's Coulomb friction is known to `wanted` [1].
 
-    beliefs: what the whole log tells about each joint; the variance falls as one over the time.
+    informations: of the whole log about each joint; the variance falls as one over the time.
     """
     worst = max(float(belief.relative[2]) for belief in informations)
     return task.count / task.rate * max(1, ceil(task.repeats * (worst / wanted) ** 2))
 
 
 def predictions(informations: list[Information]) -> tuple[Predicted, ...]:
-    """Return each parameter's predicted deviation, nominal (the first belief) and worst."""
+    """Return each parameter's predicted deviation, of the nominal joint, which is the first, and the worst of all."""
     nominal = informations[0]
     found = []
     for index, name in enumerate(nominal.names):

@@ -109,6 +109,7 @@ class ExciteSetup:
         if not self.position_only:
             _expect("noise_torque", self.noise_torque > 0, self.noise_torque, "a positive number")
         for name in ("start", "gravity_sin", "gravity_cos"):
+            # Any value will do, but for NaN and infinity.
             _expect(name, True, getattr(self, name), "a finite number")
         if not 1 <= self.spread <= 10:
             raise ConfigurationError(f"--spread {self.spread}: expected a factor from 1 (the guesses are right) to 10")

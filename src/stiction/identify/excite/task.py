@@ -155,11 +155,13 @@ class Task:
         in a heavy joint depends on the motion: both are there.
         """
         corners = self.candidates()
+        # Of I, B and f, behind the nominal joint: (−, −, +), (−, +, −), (−, +, +) and (+, −, +).
         return corners if len(corners) == 1 else [corners[index] for index in (2, 3, 4, 6)]
 
     def least_damped(self) -> np.ndarray:
         """Return the corner with the least damping for its inertia: it overshoots most."""
         corners = self.candidates()
+        # Heavy, and little friction of either kind: (+, −, −).
         return corners[5] if len(corners) > 1 else corners[0]
 
     def without_gravity(self) -> Task:
@@ -193,6 +195,7 @@ class Task:
         low, high = self.limits.position
         reach = np.stack([target[part], motion.position[part]]) - self.start
         return {
+            # Limits are scaled by what a part uses, and an empty part uses nothing: hence the 1e-9.
             "position": float(np.maximum(reach / (high - self.start), reach / (low - self.start)).max(initial=1e-9)),
             "speed": float(np.abs(motion.velocity[part]).max(initial=1e-9)) / self.limits.speed,
             "torque": float(np.abs(motion.torque[part]).max(initial=1e-9)) / self.limits.torque,

@@ -116,6 +116,7 @@ def _motions(
     """Return the motion of every link."""
     count = len(position)
     still = np.zeros((count, 3))
+    # A base that accelerates against gravity gives every link its weight, and no equation needs a term for it.
     pull = np.broadcast_to(-np.array(mechanism.gravity), (count, 3))
     base = _Motion(np.broadcast_to(np.eye(3), (count, 3, 3)), still, still, still, still, pull)
     found: list[_Motion] = []

@@ -69,6 +69,7 @@ def joint_record(limb: LimbRun, fit: LimbFit, free: LimbFit, scale: Estimate | N
     # Without a sensor the encoder's noise is in the torque and in the acceleration: the rotor would be their product.
     coulomb, armature = found["coulomb_friction"], found["inertia"] if run.measured else None
     together: dict[str, Estimate] = {}
+    # Take viscous friction apart from the motor's own brake.
     brakes = braking(run, None)
     if brakes is not None and (viscous := found["viscous_friction"]) is not None:
         strength = Strength(exact(1.0), "measured")

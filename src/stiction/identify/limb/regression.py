@@ -124,6 +124,7 @@ class LimbFit:
 
 def limb_rows(run: LimbRun, setup: LimbSetup) -> tuple[tuple[str, ...], np.ndarray, tuple[JointRows, ...]]:
     """Return names of the parameters, their priors, (P,), and the equations of each joint."""
+    # The links' torques depend on all joints, so they are computed once, at every sample that any joint uses.
     used = np.unique(np.concatenate([joint.run.prepared.used for joint in run.joints]))
     links = link_torques(run.mechanism, run.position[used], run.velocity[used], run.acceleration[used])
     moved = sorted({joint.number for joint in run.joints})
@@ -162,6 +163,7 @@ def fit_scale(names: tuple[str, ...], prior: np.ndarray, rows: tuple[JointRows, 
     scaled = []
     for one in rows:
         prepared = one.joint.run.prepared
+        # What the links ask for by the model is what was taken off the motor's torque.
         links = prepared.torque[prepared.used] - one.torque
         scaled.append(replace(one, regressor=np.hstack([one.regressor, links[:, None]])))
     found = fit_limb((*names, SCALE), np.append(prior, np.inf), tuple(scaled)).estimate(SCALE)
@@ -172,6 +174,7 @@ def _link_inertia(run: LimbRun) -> np.ndarray:
     """Return the inertia of the links about each joint in the middle of the motion [kg m²], shape (J,)."""
     each = np.eye(run.mechanism.num_joints)
     middle = np.tile(np.median(run.position, axis=0), (len(each), 1))
+    # Each joint in turn is accelerated by 1 rad/s², and none: weight is in both, and drops out.
     moved, held = (link_torques(run.mechanism, middle, 0 * each, one).nominal for one in (each, 0 * each))
     return (moved - held).diagonal()
 
@@ -183,16 +186,19 @@ def fit_limb(names: tuple[str, ...], prior: np.ndarray, rows: tuple[JointRows, .
     weight = np.ones(len(rows))
     values, residuals = np.zeros(len(prior)), [one.torque for one in rows]
     for number in range(ROUNDS):
+        # The first round has no residuals yet, and weighs all joints alike.
         if number:
             sizes = np.maximum([float(np.sqrt(np.mean(one**2))) for one in residuals], floor)
             weight = 1 / (sizes * np.sqrt([correlation_time(one) for one in residuals]))
         scaled = np.concatenate([factor * one.regressor for factor, one in zip(weight, rows)])
         target = np.concatenate([factor * one.torque for factor, one in zip(weight, rows)])
+        # Columns of unit length: accelerations and signs differ by orders of magnitude, which normal equations square.
         length = np.linalg.norm(scaled, axis=0).clip(1e-300)
         gram = (scaled / length).T @ (scaled / length) + np.diag(knowledge / length**2)
         values = np.linalg.solve(gram, (scaled / length).T @ target) / length
         residuals = [one.torque - one.regressor @ values for one in rows]
     count = min(block_count(one) for one in residuals)
+    # Blocks are spans of time for all joints together, for their residuals have their causes in common.
     span = max(float(one.joint.run.prepared.time[-1]) for one in rows) + 1e-9
     block = np.concatenate([(one.time / span * count).astype(int) for one in rows])
     blocks = make_blocks(scaled / length, target - scaled @ values, block)

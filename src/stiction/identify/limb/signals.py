@@ -73,6 +73,7 @@ def match_joints(log: Log, mechanism: Mechanism, pairs: tuple[str, ...]) -> dict
         wanted[recorded] = model
     found: dict[str, int] = {}
     for recorded in log.joints:
+        # A pair comes first, for a log may call another joint by the name of a slide.
         if recorded in mechanism.rigid and recorded not in wanted:
             continue
         name = wanted.get(recorded, recorded)
@@ -103,6 +104,7 @@ def limb_run(log: Log, mechanism: Mechanism, declared: IdentifySetup, pairs: tup
             refused[recorded] = str(error)
     if not checked:
         raise LogError(next(iter(refused.values())))
+    # All joints have the log's time, and so one step.
     step = next(iter(checked.values()))[1].step
     corners = [choose_cutoff(one.position, step, position_noise(one.position)) for _, one, _, _ in checked.values()]
     corner = declared.cutoff or float(np.median(corners))

@@ -43,10 +43,12 @@ def seconds(source: str, time: np.ndarray, name: str, scale: float | None) -> tu
     if named is not None and SHORTEST_STEP <= step * named <= LONGEST_STEP:
         word = next((word for word, unit in UNITS.items() if unit == named), "")
         return (*_scaled(time, named), (f"the time is in {word}, as its column {name!r} says",) if word else ())
+    # Nobody said: stamps that can be seconds are. Not `<=`, so that NaN, where no two stamps differ, ends here too.
     if not step > LONGEST_STEP:
         return time, 0.0, ()
     known = time[np.isfinite(time)]
     start, whole = float(known[0]), step >= 2 and bool((known == np.rint(known)).all())
+    # By their size since 1970, where that fits a unit; other whole numbers by a step that one unit alone makes usual.
     dated = [word for word, unit in UNITS.items() if EPOCH[0] <= start * unit < EPOCH[1]]
     fitting = [
         word
@@ -112,6 +114,7 @@ def complete_rows(log: Log) -> Log:
     its receiver did; velocity and torque are interpolated between theirs. Raises `LogError` where too little is left.
     """
     positions = [signals.position for signals in log.joints.values() if signals.position is not None]
+    # Keep the rows in which every joint has a position.
     there = np.isfinite(log.time)
     for values in positions:
         there &= np.isfinite(values)
@@ -120,6 +123,7 @@ def complete_rows(log: Log) -> Log:
             f"{log.source}: {int(there.sum())} of {len(there)} rows have a time and the position of every joint; give "
             "one joint at a time, --columns position=NAME, or log again"
         )
+    # Bring all other signals onto them; each may cost rows before its first value.
     filled: dict[str, dict[str, np.ndarray | None]] = {}
     interpolated = set()
     for name, signals in log.joints.items():

@@ -25,7 +25,8 @@ LARGEST_MESSAGE = 2**16
 """Bytes of a message about joints: 256 joints with names of 64 letters take 24 kB."""
 
 PATIENCE = 5_000_000
-"""Instructions of the database's machine per message; a plain read takes some tens."""
+"""A hundredth of the instructions that the database's machine may spend on a file; a plain read takes less than ten a
+message."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +58,9 @@ BROKEN_FILE = (struct.error, ValueError, KeyError, OverflowError, RuntimeError, 
 
 
 def read_packets(path: Path) -> Iterator[Packet]:
-    """Yield every message, in the order of the file; raise `LogError` for a damaged or incomplete file, and without
-    the libraries.
+    """Yield every message, in the order of the file.
+
+    Raises `LogError` for a damaged or incomplete file, and where the libraries are missing.
     """
     if path.suffix.lower() == ".db3":
         yield from _database(path)
@@ -70,6 +72,7 @@ def read_packets(path: Path) -> Iterator[Packet]:
         raise LogError(f"{path.name}: MCAP needs mcap and mcap-ros2-support; {remedy('logs')}") from error
     try:
         with open_regular(path) as file:
+            # The size is the bound for all that the file declares of itself.
             size = path.stat().st_size
             yield from _mcap(path.name, _Bounded(file, size), size)
     except (McapError, zstandard.ZstdError, *BROKEN_FILE) as error:
@@ -99,7 +102,9 @@ def _mcap(source: str, file: Any, size: int) -> Iterator[Packet]:
     from mcap.records import Channel, Chunk, Message, Schema, Statistics
     from mcap.stream_reader import StreamReader
 
+    # Chunks come as they are: the reader itself would inflate one before anybody has looked at its size.
     reader = StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=min(size, allowance()))
+    # Zero is the format's word for a channel without a schema.
     schemas: dict[int, str] = {0: ""}
     channels: dict[int, Any] = {}
     counted, declared, inflated = 0, None, 0
@@ -131,8 +136,10 @@ def _records(data: bytes, crc: int) -> Iterator[Any]:
     from mcap.records import Channel, Message, Schema
 
     kinds: dict[int, Any] = {int(Opcode.SCHEMA): Schema, int(Opcode.CHANNEL): Channel, int(Opcode.MESSAGE): Message}
+    # Zero says that no checksum was computed.
     if crc and zlib.crc32(data) != crc:
         raise ValueError("a chunk's checksum is wrong")
+    # Not mcap's `breakup_chunk`, which inflates unasked and makes a list of all records.
     place = 0
     while place < len(data):
         kind, size = struct.unpack_from("<BQ", data, place)
@@ -152,6 +159,7 @@ def _inflate(chunk: Any) -> bytes:
     import lz4.frame
     import zstandard
 
+    # One byte more than declared is asked for, or a chunk that goes on would look like a whole one.
     size = chunk.uncompressed_size
     if chunk.compression == "zstd":
         data = zstandard.ZstdDecompressor().stream_reader(chunk.data).read(size + 1)
@@ -177,6 +185,7 @@ def _database(path: Path) -> Iterator[Packet]:
     """Yield the messages of a rosbag2 database."""
     _check_pages(path)
     try:
+        # Immutable: no lock is taken, and no journal or write-ahead log beside the file is looked at.
         with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)) as base:
             _restrict(path.name, base)
             topics: dict[int, tuple[Topic, str]] = {}
@@ -188,6 +197,7 @@ def _database(path: Path) -> Iterator[Packet]:
             for number, topic, stamp, data in base.execute(
                 "SELECT id, topic_id, timestamp, data FROM messages ORDER BY id"
             ):
+                # The recorder numbers its messages from one on: a number that is missing is a message that was lost.
                 if number != last + 1:
                     raise ValueError(f"message {last + 1} is missing")
                 if not isinstance(stamp, int) or not isinstance(data, bytes):
@@ -210,6 +220,7 @@ def _check_pages(path: Path) -> None:
         raise LogError(f"cannot read {path}: {error.strerror or error}") from error
     if not head.startswith(b"SQLite format 3\0") or len(head) < 100:
         raise LogError(f"{path.name}: not a rosbag2 database, which is an SQLite file")
+    # A page of 65536 bytes does not fit into the field, and the format writes 1 for it.
     page = int.from_bytes(head[16:18], "big")
     pages = int.from_bytes(head[28:32], "big")
     if (65536 if page == 1 else page) * pages != size:
@@ -218,6 +229,7 @@ def _check_pages(path: Path) -> None:
 
 def _restrict(source: str, base: sqlite3.Connection) -> None:
     """Let the database be read and nothing else: two plain tables, no functions, bounded cells, a bounded effort."""
+    # The checks need pragmas and the schema's own table, which the authorizer denies, so that it is set behind them.
     base.execute("PRAGMA trusted_schema = OFF")
     base.execute("PRAGMA cell_size_check = ON")
     base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(allowance(), 2**30))

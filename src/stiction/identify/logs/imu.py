@@ -82,8 +82,10 @@ def read_body(
     if not arrays["quaternion"].any():
         del arrays["quaternion"]  # how the types say that the orientation is not known
     else:
+        # q and -q are one attitude; interpolated between the two, it would pass through zero.
         arrays["quaternion"] = continuous(arrays["quaternion"])
     notes = []
+    # One of them by headers, the other by receipt.
     if stamped == by_receipt:
         notes.append(f"{topic.name} and the joints are stamped by different clocks: a delay between them is not seen")
     covered = (stamps >= times[0]) & (stamps <= times[-1])
@@ -106,6 +108,7 @@ def _decode(kind: str, data: bytes) -> tuple[int, dict[str, list[float]]]:
     if length > LONGEST_FRAME:
         raise ValueError("its frame has a name without an end")
     place = -(-(12 + length) // 8) * 8  # doubles stand at multiples of eight from the message's start
+    # Orientation (4), rates (3) and acceleration (3), each followed by its covariance (9).
     read = struct.unpack_from(f"{order}37d", data, 4 + place)
     x, y, z, w = read[:4]
     values = {"quaternion": [w, x, y, z], "gyroscope": list(read[13:16]), "accelerometer": list(read[25:28])}

@@ -39,6 +39,7 @@ def read_mat(path: Path) -> Table:
     What has another number of samples has a fault. Raises `LogError`.
     """
     content = read_bytes(path)
+    # MATLAB itself puts 512 bytes, with a header as of version 5, in front of the HDF5.
     if content.startswith(b"\x89HDF") or content[512:516] == b"\x89HDF":
         raise LogError(f"{path.name}: MATLAB 7.3, which is HDF5; in MATLAB save it again with -v7, or as CSV")
     if not content.startswith(b"MATLAB 5.0 MAT-file"):
@@ -59,6 +60,7 @@ def _variables(content: bytes) -> dict[str, np.ndarray]:
         raise ValueError("no byte order in the header")
     found: dict[str, np.ndarray] = {}
     left = allowance()
+    # Nothing is padded here: a compressed variable ends at any byte, and the size of a plain one counts its padding.
     for kind, body in _elements(content[128:], order, padded=False):
         if kind == COMPRESSED:
             inner = _inflated(body, left)
@@ -93,6 +95,7 @@ def _elements(data: bytes, order: str, padded: bool = True) -> Iterator[tuple[in
         if end > len(data):
             raise ValueError(f"cut off: an element of {size} bytes, {len(data) - start} are left")
         yield kind, data[start:end]
+        # A small element takes all of its eight bytes, however few are filled.
         place = max(end, place + 8)
         if padded:
             place = min(-(-place // 8) * 8, len(data))
@@ -123,6 +126,7 @@ def _inflated(data: bytes, limit: int) -> bytes:
     """Return a deflated element; raise `ValueError` beyond `limit` bytes or where its end is missing."""
     inflater = zlib.decompressobj()
     inflated = inflater.decompress(data, limit + 1)
+    # `decompress` stops at the limit without a word, so one byte beyond it was asked for.
     if len(inflated) > limit:
         raise ValueError(f"inflates to more than {allowance()} bytes")
     if not inflater.eof:

@@ -158,6 +158,7 @@ def find_signals(source: str, table: Table, columns: Mapping[str, str] | None, j
         if not joints:
             raise LogError(f"{source}: no column position, velocity, target or torque; {recipe(table)}")
     time = names[time_name] if time_name else None
+    # Signals hold the table's own arrays, so identity tells which columns are in use, however they were chosen.
     used = {id(array) for signals in joints.values() for array in vars(signals).values() if array is not None}
     chosen = tuple(name for name, array in names.items() if id(array) in used or name == time_name)
     for name in chosen:
@@ -318,6 +319,7 @@ def _by_patterns(source: str, table: Columns, patterns: Mapping[str, str]) -> di
     """
     found: dict[str, Columns] = {}
     taken: set[str] = set()
+    # The longest first: `q_{joint}` would fit the columns of `q_ref_{joint}`, with joints called `ref_...`.
     for role, pattern in sorted(patterns.items(), key=lambda item: -len(item[1])):
         if pattern.count(PLACE) != 1:
             raise LogError(f"{source}: {role}={pattern} has {PLACE} more than once; expected one place for the joint")
@@ -329,5 +331,6 @@ def _by_patterns(source: str, table: Columns, patterns: Mapping[str, str]) -> di
         taken |= set(matches.values())
         for label, name in matches.items():
             found.setdefault(f"joint_{int(label)}" if numbered else label, {})[role] = table[name]
+    # Numbers by size, joint_2 before joint_10; names stay as the table has them, since sorting is stable.
     order = sorted(found, key=lambda name: (len(name), name) if name.startswith("joint_") else (0, ""))
     return {name: JointSignals(**found[name]) for name in order}

@@ -155,6 +155,7 @@ def _from_table(path: Path, columns: Mapping[str, str], joint: str | None, setup
         start += table.starts.get(found.time_name, 0.0)
     joints = _named(path.name, found.joints, table.names)
     log = Log(path.name, time, joints, notes=(*notes, *said), start=start, body=measured)
+    # Empty cells of columns that nobody uses cost no row.
     blank = {name: table.blanks[name] for name in (*found.used, *used) if name in table.blanks}
     return complete_rows(log) if blank else log
 
@@ -187,6 +188,7 @@ def join_logs(logs: Sequence[Log]) -> Log:
             )
         if list(after.joints) != list(first.joints):
             raise LogError(f"{after.source}: has other joints than {first.source}; expected parts of one log")
+    # Every signal is in all parts or in none: joined otherwise, its samples would not be the time's.
     joints = {}
     for name, signals in first.joints.items():
         parts = [log.joints[name] for log in logs]

@@ -254,6 +254,8 @@ def _numbers(tensor: Tensor, members: dict[str, bytes], folder: str, order: str)
     if math.prod(tensor.shape) == 0:
         return np.zeros(tensor.shape)
     last = tensor.offset + sum((size - 1) * step for size, step in zip(tensor.shape, tensor.stride, strict=True))
+    # `as_strided` checks nothing: beyond the storage it would read whatever lies there, and a stride of zero makes any
+    # number of samples out of one.
     if last >= storage.size or math.prod(tensor.shape) > storage.size:
         raise ValueError(f"a tensor of shape {tensor.shape} does not fit its storage of {storage.size} numbers")
     flat = np.frombuffer(data, kind)[tensor.offset :]

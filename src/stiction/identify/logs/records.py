@@ -43,6 +43,7 @@ def read_records(path: Path) -> Table:
         if path.name.lower().removesuffix(".gz").endswith(".json"):
             return _of_document(path)
         return _of_rows(path.name, _lines(path))
+    # Deep nesting ends in a RecursionError, a .gz that was cut off in an EOFError.
     except (ValueError, OverflowError, RecursionError, EOFError, zlib.error) as error:
         raise LogError(f"{path.name}: not JSON ({str(error)[:120]}); expected arrays, or records") from error
     except OSError as error:
@@ -65,6 +66,7 @@ def _of_document(path: Path) -> Table:
     for block in _bytes(path):
         content += block
         claim(path.name, BLOWUP * len(content), "as JSON it would take", LogError)
+    # With a byte order mark, as Windows writes it, or without.
     data = json.loads(content.decode("utf-8-sig"))
     if isinstance(data, dict):
         for keys, what in ARE:
@@ -115,6 +117,7 @@ def _lines(path: Path) -> Iterator[dict[str, Any]]:
     rest, number = b"", 0
     for block in _bytes(path):
         *lines, rest = (rest + block).split(b"\n")
+        # The rest counts too, or a file without line ends would be gathered whole.
         if len(rest) > LONGEST_LINE or max(map(len, lines), default=0) > LONGEST_LINE:
             raise LogError(f"{path.name}: a line of over {LONGEST_LINE} bytes; expected a record a line")
         for line in lines:
@@ -154,6 +157,7 @@ def _of_rows(source: str, rows: Iterator[dict[str, Any]]) -> Table:
                 faults[name] = f"{source}: {name!r} stands twice in record {count}"
                 continue
             seen += 1
+            # A bool is an int to Python, and no number to a log.
             if isinstance(value, bool) or not isinstance(value, int | float | None):
                 faults.setdefault(name, f"{source}: record {count}: {str(value)[:40]!r} in {name!r} is not a number")
                 value = None

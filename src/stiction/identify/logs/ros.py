@@ -91,6 +91,7 @@ def read_ros(path: Path, topics: Mapping[str, str], body: bool = False) -> Log:
     wrong = sorted(set(topics) - set(TOPICS))
     if wrong:
         raise LogError(f"{path.name}: {wrong[0]}= maps a column; an MCAP file has topics: state=TOPIC command=TOPIC")
+    # The file is read twice or three times rather than kept: what to keep of it depends on all of its topics.
     found = list(dict.fromkeys(packet.topic for packet in read_packets(path)))
     asked = {role: name for role, name in topics.items() if role != "imu"}
     state, command = choose_topics(path.name, found, asked)
@@ -112,6 +113,7 @@ def read_ros(path: Path, topics: Mapping[str, str], body: bool = False) -> Log:
     else:
         stamps, joints, said = _with_targets(path.name, states, joints, command, series[command])
         notes += said
+    # Subtracted as integers: since 1970 there are more nanoseconds than a float has digits for.
     first = int(stamps.min())
     log = Log(path.name, (stamps - first) * 1e-9, joints, notes=tuple(notes), start=first * 1e-9)
     imu = choose_imu(path.name, found, topics.get("imu"), state) if body else None
@@ -136,6 +138,7 @@ def _with_targets(
             "states and commands are stamped by different clocks (header and receipt): a delay between them is not real"
         )
     order = np.argsort(commands.stamps, kind="stable")
+    # The last command at or before each state, -1 where there was none yet.
     place = np.searchsorted(commands.stamps[order], states.stamps, side="right") - 1
     known = place >= 0
     if not known.any():
@@ -233,6 +236,7 @@ class Collected:
             stored = self.values.setdefault(name, array("d"))
             if len(numbers):
                 self.filled.add(name)
+            # An array names no joints, so that its width is that of the messages before it.
             width = len(self.names) or len(stored) // max(1, len(self.received) - 1)
             if len(numbers) != width and (self.names or len(self.received) > 1):
                 said = f"{name} of message {len(self.received)} has {len(numbers)} values for {width} joints"
@@ -253,6 +257,7 @@ class Collected:
     def clock(self) -> tuple[np.ndarray, bool]:
         """Return the headers' stamps [ns], or the times of receipt where some header has none; and which it was."""
         stamps = np.array(self.stamps, dtype=np.int64)
+        # All or none: times by two clocks cannot be put in one order.
         return (stamps, False) if stamps.all() else (np.array(self.received, dtype=np.int64), True)
 
 
@@ -304,6 +309,7 @@ def _decoder(source: str, topic: Topic) -> Callable[[bytes], Content]:
     def decoded(data: bytes) -> Content:
         try:
             return take(f"{source}: {topic.name}", decode(data))
+        # As a ValueError it is caught with all other damage, where mcap, which Unitree's do not need, may be missing.
         except McapError as error:
             raise ValueError(str(error)) from error
 
@@ -350,6 +356,7 @@ def state_series(collected: Collected) -> Series:
     stamps, by_receipt = collected.clock()
     notes = []
     if collected.schema in STRUCTURES:
+        # Unitree's messages have room for more motors than most robots have; the idle ones are zero throughout.
         moving = np.any([array.any(axis=0) for array in known.values()], axis=0)
         if not moving.any():
             raise LogError(f"{collected.source}: every motor says zero in every message")

@@ -77,6 +77,7 @@ def propose(
     except LogError:
         if chosen or suffix_of(path) in BAGS:
             raise
+        # Without a mapping its names say nothing, so that it is read by those that such columns often have.
         table = read_rows(path)
         chosen = guess_columns([name for name in table.columns if name not in table.faults])
         if not chosen:
@@ -108,6 +109,7 @@ def propose(
         data["names"] = list(log.joints)
         said.append("names: the log numbers its joints; give them their names, in its order")
     found = {
+        # A voltage or a duty is no torque, and shows neither its gains nor its limit.
         name: _guess(name, signals if drive is None else replace(signals, torque=None), log, said)
         for name, signals in log.joints.items()
     }

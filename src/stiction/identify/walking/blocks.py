@@ -72,6 +72,7 @@ def fit_blocks(
     _, block = np.unique(block, return_inverse=True)
     count = int(block.max()) + 1
     scale = np.linalg.norm(regressor, axis=0)
+    # An empty column is left to its prior.
     scale[scale == 0] = 1.0
     scaled = regressor / scale
     parts = [block == number for number in range(count)]
@@ -85,6 +86,7 @@ def fit_blocks(
     spread = without - without.mean(axis=0)
     inverse = np.linalg.inv(gram)
     covariance = (count - 1) / count * spread.T @ spread + size**2 * inverse @ np.diag(knowledge) @ inverse
+    # The estimates are linear in the target: an error of it moves them by what is fitted to that error alone.
     shifts = inverse @ scaled.T @ systematic.T
     return BlockFit(
         values=values / scale,

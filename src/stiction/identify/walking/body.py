@@ -71,6 +71,7 @@ def _legs(spec: Robot) -> mujoco.MjModel:
     model.opt.gravity[:] = 0.0
     disabled = mujoco.mjtDisableBit
     model.opt.disableflags |= disabled.mjDSBL_CONSTRAINT | disabled.mjDSBL_CONTACT | disabled.mjDSBL_ACTUATION
+    # What MuJoCo derives from masses, it derives once: it must be told that they changed.
     mujoco.mj_setConst(model, mujoco.MjData(model))
     return model
 
@@ -88,6 +89,7 @@ def link_effort(spec: Robot, joints: JointMotion, base: BaseMotion) -> LinkEffor
         data.qpos, data.qvel, data.qacc = position[sample], velocity[sample], acceleration[sample]
         mujoco.mj_inverse(model, data)
         effort[sample] = data.qfrc_inverse
+    # `mj_inverse` counts the rotors, which had to stay in the model.
     effort -= model.dof_armature * acceleration
     return LinkEffort(effort[:, BASE_DOFS:], effort[:, :BASE_DOFS])
 
@@ -145,6 +147,7 @@ def foot_jacobians(spec: Robot, position: np.ndarray) -> list[np.ndarray]:
     for sample, angles in enumerate(position):
         data.qpos[7:] = angles
         mujoco.mj_kinematics(model, data)
+        # A Jacobian needs the motion axes that this computes; positions alone do not.
         mujoco.mj_comPos(model, data)
         for leg, own, jacobian in zip(limbs, columns, found, strict=True):
             for index, foot in enumerate(leg.feet):

@@ -60,6 +60,7 @@ def upward_map(motion: WalkMotion, spec: Robot) -> np.ndarray:
     for leg, jacobians in zip(legs(spec), foot_jacobians(spec, motion.joints.position), strict=True):
         count = len(leg.feet)
         stacked = jacobians[:, :, :3].reshape(len(motion), 3 * count, len(leg.joints))
+        # A stretched leg hardly feels some direction: the force along it is taken as none, instead of as huge.
         inverse = np.linalg.pinv(np.swapaxes(stacked, 1, 2), rcond=1e-3).reshape(len(motion), count, 3, -1)
         up = np.einsum("tlij,ti->tlj", inverse, motion.upward)
         found[np.ix_(range(len(motion)), leg.feet, leg.joints)] = up

@@ -195,6 +195,7 @@ def _longest_part(grid: Grid) -> tuple[slice, tuple[str, ...]]:
 def _refuse_slow(log: Log, names: list[str], body: BodySignals, step: float, length: float) -> None:
     """Refuse what is too short, and what comes too seldom for the acceleration of a leg in swing."""
     positions = np.stack([log.joints[name].position for name in names], axis=1)  # type: ignore[misc]
+    # A log may be written faster than its signals come, which then repeat themselves.
     periods = {"the log": step, "the joints' positions": step / _fresh(positions)}
     if body.gyroscope is not None:
         periods["the IMU"] = max(body.period or 0.0, step / _fresh(body.gyroscope))
@@ -280,6 +281,7 @@ def _contact(
     force = force[:, list(order)]
     low, high = np.quantile(force, [0.02, 0.95], axis=0)
     height = np.einsum("tli,ti->tl", foot_positions(spec, position), up_in_frames(imu.quaternion))
+    # How high a foot swings says nothing of its load: from 5 cm on all are equally up.
     depth = (height.min(axis=1, keepdims=True) - height).clip(-0.05)
     for number, name in enumerate(spec.foot_names):
         if high[number] <= low[number]:

@@ -150,11 +150,13 @@ def _check_turns(source: str, quaternion: np.ndarray, gyroscope: np.ndarray, ste
     """Return the gyroscope's unit [rad/s] and what was found; refuse a quaternion that does not turn as it says."""
     span = max(1, round(TURN_SPAN / step))
     kernel = np.ones(span) / span
+    # The mean over the very samples between which the quaternion's turn is taken.
     mean = np.stack([np.convolve(column[:-1], kernel, "valid") for column in gyroscope.T], axis=1)
     if np.sqrt(np.mean(np.sum(gyroscope**2, axis=1))) < LEAST_TURNING:
         return 1.0, ["the base hardly turns: the order of the quaternion, taken as w x y z, could not be checked"]
     left: dict[str, tuple[float, float]] = {}
     for order, places in ORDERS.items():
+        # The conjugate tells of the world in the base, as some drivers have it.
         for frame, signs in (("", 1.0), (" of the world in the base", np.array([1.0, -1.0, -1.0, -1.0]))):
             turns = _turn_rates(quaternion[:, places] * signs, span, step)
             slope = float(np.sum(turns * mean) / np.sum(mean**2))
@@ -226,6 +228,7 @@ def _level(force: np.ndarray, rate: np.ndarray, step: float) -> np.ndarray:
             turn[0] * up[1] - turn[1] * up[0],
         )
         up = up - step * np.array(change) + gain * (pull - up)
+    # In the base frame up is (−sin pitch, cos pitch sin roll, cos pitch cos roll); quaternions have half the angles.
     roll, pitch = np.arctan2(ups[:, 1], ups[:, 2]) / 2, -np.arcsin(np.clip(ups[:, 0], -1, 1)) / 2
     return np.stack(
         [

@@ -78,6 +78,7 @@ def fit_load(log: WalkLog, motion: WalkMotion, spec: Robot, swing: list[SwingRow
     bounds = np.array([setup.mass_error, *[setup.centre_error] * 3, *[setup.specific_force_error] * 3])
     vague = np.tile(WIDE_PRIOR, len(spec.joint_kinds))
     late = [setup.timing_error * motion.period]
+    # Declared bounds hold with 95 %: two deviations.
     prior = np.concatenate([vague, setup.torque_zero_error * limit, late, bounds]) / 2
     try:
         fit = fit_blocks(regressor, target, blocks, systematic, prior)
@@ -101,6 +102,7 @@ def fit_load(log: WalkLog, motion: WalkMotion, spec: Robot, swing: list[SwingRow
         )
     laws, refused = _laws(fit, spec)
     under_load = {kind: _friction_under_load(kind, log, motion, spec, setup, fit) for kind in laws}
+    # Stance's equations stand behind all of swing's.
     resting = regressor[-len(stance.target) :]
     partial = {kind: tuple(size * part for part in _partial(resting, fit, _first(kind, spec))) for kind in laws}
     return LoadFit("", laws, refused, under_load, body, fit.condition, len(stance.target), partial)

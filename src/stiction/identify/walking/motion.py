@@ -124,6 +124,7 @@ def joint_rate(position: np.ndarray, period: float) -> np.ndarray:
     """Return the velocity in the middle of the period after each sample, over at least `RATE_SPAN`, shape (T, J)."""
     reach = max(0, round((RATE_SPAN / period - 1) / 2))
     index = np.arange(len(position))
+    # As far to either side of the middle of the period that follows the sample.
     after, before = np.minimum(index + 1 + reach, len(position) - 1), np.maximum(index - reach, 0)
     return (position[after] - position[before]) / (np.maximum(after - before, 1) * period)[:, None]
 

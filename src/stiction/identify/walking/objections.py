@@ -82,6 +82,7 @@ def joint_objections(fit: BlockFit, accelerometer: bool) -> tuple[Objection, ...
     accelerometer: whether there was one; what the base's acceleration does is else taken for viscous friction.
     """
     found = []
+    # Without an accelerometer the first is left out.
     for name in ("viscous_friction", "coulomb_friction")[not accelerometer :]:
         low, high = fit.estimate(PARAMETERS.index(name)).interval95
         if high < 0:
@@ -102,7 +103,7 @@ def _own_torque(
     """Return what rotors and friction take of the motors' torque, and how vague that is [N m], shape (T, J) each.
 
     Friction of a joint that hardly moves may be anything up to its dry friction. Where that is not known it is taken to
-    be the same share of the motor's torque limit [N m], shape (J,), as of the others.
+    be the others' median share of the torque limit. fits: of each joint; limit: torque limits [N m], shape (J,).
     """
     known = [abs(found.fit.values[2]) / limit[joint] for joint, found in enumerate(fits) if found and found.fit]
     own, vague = np.zeros_like(motion.torque), np.tile(float(np.median(known)) * limit, (len(motion), 1))
@@ -158,6 +159,7 @@ def _turns(spec: Robot, motion: WalkMotion, standing: np.ndarray, weights: np.nd
     blocks: list[np.ndarray] = []
     for one in range(len(spec.feet)):
         for other in range(one):
+            # By half a window: no smoothed sample has one in it at which a foot did not stand.
             both = ~grow(~(standing[:, one] & standing[:, other]), len(weights) // 2)
             turned = -crosses(motion.base.angular_velocity, place[:, one] - place[:, other])
             for found, rate in ((said, turned), (seen, moved[:, one] - moved[:, other])):
@@ -201,6 +203,7 @@ def _swing(
     found: list[tuple[float, str, Estimate]] = []
     for number, name in enumerate(spec.foot_names):
         phase = swings(down[:, number], margin)
+        # Begin and end alternate, for the ends of a log are in no swing: every other change is a start, or an end.
         starts, ends = (np.flatnonzero(np.diff(phase > 0, **side)) for side in ({"prepend": False}, {"append": False}))
         first, last = (phase * _near(places, len(phase), edge) for places in (starts[::2], ends[1::2] - edge + 1))
         for part, force in zip((phase, first, last), (forces[0], forces[1], forces[1]), strict=True):

@@ -51,8 +51,9 @@ def identify_walk(
     sampled: bool = False,
     unplaced: float = 0.0,
 ) -> WalkIdentification:
-    """Identify the joints of a walking robot. notes: on how the log was read, for whoever reads the result; sampled,
-    unplaced: see `walk_motion`.
+    """Identify the joints of a walking robot.
+
+    notes: on how the log was read, for whoever reads the result; sampled, unplaced: see `walk_motion`.
 
     A joint's own swings are asked first. Where they do not tell, the joints of its kind are taken to be alike and their
     swings are put together, under the kind's name. Where those do not tell either, the kind's record says why, and its
@@ -93,6 +94,7 @@ def rates_are_known(log: WalkLog) -> bool:
     A torque that jumps with every target is not known between its samples, which looks like viscous friction and rotor:
     the bound of that takes the targets and the gains, and holds at short periods alone.
     """
+    # Where the file had no targets the positions stand in their place.
     complete = bool(np.ptp(log.joint_target - log.joint_position, axis=0).all()) and min(log.header.kp) > 0
     return complete and log.header.period <= 1.001 * COARSE
 
@@ -172,6 +174,7 @@ def _record(
             settings["coulomb_friction"] = coulomb
             if fine:
                 settings |= {"viscous_friction": viscous, "inertia": shifted(rotor, links)}
+            # Offsets stand behind what all joints share, one a joint: of several none is the kind's.
             settings["offset"] = swing.fit.estimate(len(PARAMETERS)) if len(swing.joints) == 1 else None
         else:
             settings["combinations"] = {"f/k": coulomb, "B/k": viscous}

@@ -90,6 +90,7 @@ def stance_rows(log: WalkLog, motion: WalkMotion, spec: Robot, trunk: Body, setu
     legs_mass = spec.mass - spec.base.mass
     heavier = body.legs - legs_mass / trunk.mass * body.trunk - np.einsum("tij,tj->ti", body.arms, body.effort)
     target = body.trunk + body.legs - np.einsum("tij,tj->ti", body.arms, body.effort - motion.torque)
+    # Target and its change go along, to be eliminated from and smoothed as the columns are.
     columns = (
         _friction_columns(motion, spec, body.arms),
         body.arms,
@@ -99,6 +100,7 @@ def stance_rows(log: WalkLog, motion: WalkMotion, spec: Robot, trunk: Body, setu
         setup.link_mass_error * heavier[:, :, None],
     )
     table, unknown = np.concatenate(columns, axis=2), np.concatenate([body.arms * still[:, None], body.hidden], axis=2)
+    # Views: the moments of both tables are scaled in place.
     for moments in (table[:, 3:], unknown[:, 3:]):
         moments /= ARM
     unusable = still.sum(axis=1) + body.hidden.any(axis=1).sum(axis=1) > MOST_UNKNOWN
@@ -201,8 +203,10 @@ def _reduce(
     body of each unknown, shape (T, 6, U); unusable: samples to leave out, shape (T,). Returns rows, shape (R, columns),
     and the sample of each, shape (R,).
     """
+    # What is left is orthogonal to all unknowns, so that no value of theirs explains any of it.
     table = table - unknown @ (np.linalg.pinv(unknown, rcond=1e-9) @ table)
     half = len(weights) // 2
     used = np.arange(half, len(table) - half, max(1, half))
+    # By half a window, for a smoothed equation has its neighbours in it.
     used = used[~grow(unusable, half)[used]]
     return smooth(table, weights)[used].reshape(-1, table.shape[2]), np.repeat(used, 6)

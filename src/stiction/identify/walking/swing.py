@@ -94,6 +94,7 @@ def swing_rows(log: WalkLog, motion: WalkMotion, spec: Robot, setup: WalkSetup) 
     for number, feet in enumerate(carries.T):
         if feet.any():
             phase = swings(bearing[:, number], margin)
+            # Numbers of swings must differ between legs: those of a leg are fewer than its samples.
             phase = np.where(phase > 0, phase + feet.argmax() * len(motion), 0)
         else:
             phase = 1 + time // round(BLOCK / motion.period)
@@ -116,6 +117,7 @@ def _joint_rows(
     stopped = (angle < joint.lower + setup.limit_margin) | (angle > joint.upper - setup.limit_margin)
     unclear = (phase == 0) | stopped | slow_samples(rate, setup, motion.period)
     weights = hann_weights(setup.smoothing, motion.period)
+    # By half a window, so that no smoothed equation has an unclear sample in it.
     clear = ~grow(unclear, len(weights) // 2)
     torque, direction = motion.torque[:, number], np.sign(rate)
     if not motion.measured_acceleration:
@@ -216,6 +218,7 @@ def _fit(used: list[SwingRows], zero: float, late: float) -> BlockFit:
     """Fit; offsets are known to be zero within `zero` [N m], the lateness within `late` [s], one deviation each."""
     owner = np.repeat(np.arange(len(used)), [len(joint.torque) for joint in used])
     shared = [np.concatenate([getattr(joint, name) for joint in used]) for name in ("acceleration", "velocity")]
+    # Logged δ late the torque of now is that of δ ago, τ − δ τ': hence the sign.
     shared += [np.concatenate([joint.direction for joint in used]), -np.concatenate([joint.slope for joint in used])]
     return fit_blocks(
         regressor=np.concatenate([np.stack(shared, axis=1), np.eye(len(used))[owner]], axis=1),
