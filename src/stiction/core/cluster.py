@@ -203,6 +203,7 @@ def _checked(nodes: Sequence[dict[str, Any]], code: str, folder: Path) -> list[d
     ray = _ray()
     from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
+    # A file of this moment: a folder of the same name on the node's own disk does not have it.
     token = folder.resolve() / f".cluster-{uuid4().hex}"
     token.touch()
     there = []
@@ -210,6 +211,7 @@ def _checked(nodes: Sequence[dict[str, Any]], code: str, folder: Path) -> list[d
         looks = []
         for node in nodes:
             on_node = NodeAffinitySchedulingStrategy(node["NodeID"], soft=False)
+            # Without a processor of its own, so that a node that is busy answers too.
             remote = ray.remote(num_cpus=0, max_retries=0, scheduling_strategy=on_node)(_look)
             looks.append(remote.remote(code, token, str(Path.cwd())))
         for node, look in zip(nodes, looks):

@@ -70,6 +70,7 @@ def read_options(
         with redirect_stderr(said):
             return tyro.cli(kind, args=arguments, prog=program, **extra)
     except SystemExit as stop:
+        # Not wrong: tyro was asked for a shell's completions, has printed them and ends.
         if not stop.code:
             raise
         refuse(program, _wrong(_parser(kind, program, extra), arguments, said.getvalue()))
@@ -301,5 +302,6 @@ def _meaning(action: argparse.Action) -> tuple[str, str]:
 def _sentence(text: str) -> str:
     """Return the first sentence of a text, up to a full stop or to a semicolon outside brackets."""
     whole = " ".join(text.split())
+    # Full stops in a row, of something that goes on, end no sentence.
     first = re.split(r"(?<=[^.][.;])\s", whole, maxsplit=1)[0].rstrip(";")
     return first if first.count("[") == first.count("]") else re.split(r"(?<=[^.][.])\s", whole, maxsplit=1)[0]

@@ -68,6 +68,7 @@ def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: 
         writer.close()
         raise
     finally:
+        # It waits for what is in work; where the writer is closed, the workers have ended themselves.
         pool.shutdown(cancel_futures=True)
         reader.close()
         writer.close()
