@@ -368,6 +368,7 @@ class FitSignals:
 def write_fit(path: Path, joints: dict[str, FitSignals]) -> None:
     """Write `<signal>.<joint>` arrays; signals that are None are left out."""
     arrays = {
+        # Time in double precision: single would round the steps of a long log.
         f"{item.name}.{joint}": values.astype(np.float32 if item.name != "time" else float)
         for joint, signals in joints.items()
         for item in fields(FitSignals)
@@ -380,6 +381,7 @@ def read_fit(path: Path, joint: str) -> FitSignals:
     """Read one joint's signals; raise `StictionError` if they are not there or not of one length."""
     arrays = read_npz_arrays(path)
     found = {item.name: arrays[key] for item in fields(FitSignals) if (key := f"{item.name}.{joint}") in arrays}
+    # The fields without a default.
     needed = {item.name for item in fields(FitSignals)[:9]}
     if needed - set(found):
         raise FileError(f"{path.name}: no {sorted(needed - set(found))[0]} of joint {joint!r}; run identify again")

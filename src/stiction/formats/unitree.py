@@ -57,6 +57,7 @@ class Structure:
         """Return of every number its place in memory, its end on the wire, and its size [B]."""
         ends, end = [], 0
         for place, size in _numbers(layout, 0):
+            # CDR: a number begins at a multiple of its own size.
             end = -(-end // size) * size + size
             ends.append((place, end, size))
         return ends
@@ -88,6 +89,7 @@ class Structure:
         least = self.wire_bytes if whole_to is None else self.wire_end(whole_to)
         if len(data) - 4 < least:
             raise ValueError(f"{len(data) - 4} bytes of a {self.kind}; expected {least}")
+        # One zero more: the gaps of the form in memory are filled from it.
         body = np.zeros(self.wire_bytes + 1, np.uint8)
         given = np.frombuffer(data, np.uint8, min(len(data) - 4, self.wire_bytes), 4)
         body[: len(given)] = given
