@@ -118,6 +118,7 @@ def parse_markup(data: bytes, where: str) -> Markup:
         if data[tags[index].end - 2 : tags[index].end] != b"/>":
             closes[index] = parser.CurrentByteIndex
 
+    # Expat calls back while it reads: what is declared is refused before it can be expanded.
     parser.StartDoctypeDeclHandler = refuse
     parser.EntityDeclHandler = refuse
     parser.XmlDeclHandler = declared
@@ -152,6 +153,7 @@ def set_attributes(tag: bytes, values: dict[str, str]) -> bytes:
 def xml_comment(lines: list[str]) -> str:
     """Return lines as one XML comment; what would end it early is broken up."""
     text = "\n".join(f"  {line}" for line in lines)
+    # Again and again: of three hyphens one replacement leaves two.
     while "--" in text:
         text = text.replace("--", "- -")
     return f"<!--\n{text}\n-->\n"
@@ -217,6 +219,7 @@ def _edit(markup: Markup, tag: Tag, joint: JointPhysics) -> Edit:
     close = markup.closes.get(index)
     if close is None:
         raise FileError(f"joint {joint.name!r} is empty: it has neither parent nor child; expected a whole URDF")
+    # Indented as its neighbours, where the end tag stands in a line of its own.
     line = markup.data[markup.data.rfind(b"\n", 0, close) + 1 : close]
     indent = line if not line.strip() else b""
     return close, close, b"  " + _dynamics(joint) + b"\n" + indent

@@ -56,6 +56,7 @@ def split_lines(lines: list[str], separator: str) -> list[list[str]]:
         return [[cell.strip() for cell in line.split(separator)] for line in lines]
     rows = []
     for line in lines:
+        # A reader for each line: one for all would let a quote that does not end take the lines behind it.
         rows.append([cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])])
     return rows
 

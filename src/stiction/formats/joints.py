@@ -3,8 +3,9 @@
 The names are fixed; the symmetric viscous and Coulomb fit always stands under them, so that a reader never has to ask
 which law was fitted. Linear axes use the same names with N, kg and m.
 
-Its object `friction` holds fields of the run's own `config.json` under `task.friction`, so that a proposal
-and a run can be compared line by line. The rest is for people: what the level rests on, joint by joint.
+`training.json`, which is read and written here too, proposes what to train with. Its object `friction` holds fields of
+a run's `config.json` under `task.friction`, so that proposal and run can be compared line by line; the rest is for
+people: what the level rests on, joint by joint.
 """
 
 from __future__ import annotations

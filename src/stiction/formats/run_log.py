@@ -266,6 +266,7 @@ def _checked(folder: Path, header: RunLogHeader, readings: Columns) -> Columns:
                 f"{folder}: the column {name!r} is {came}; expected {shape}: {rows} readings of the {joints} joints "
                 f"and {feet} feet that {HEADER} names"
             )
+        # Of a single joint or foot the recorder writes vectors.
         found[name] = found[name].reshape(shape)
     return found
 

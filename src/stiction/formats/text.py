@@ -240,6 +240,7 @@ class _Collected:
         """Return what was read; last: what has no end, line `number` of the file."""
         notes = list(self.dialect.notes)
         if last.strip() and not is_comment(last):
+            # With a quote in it, which may be cut off, the line cannot be split: it is left out without being counted.
             cells = len(self.dialect.cells([last])[0]) if '"' not in last else len(self.columns)
             if cells != len(self.columns):
                 raise LogError(
