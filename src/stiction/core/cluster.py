@@ -135,6 +135,7 @@ def use_cluster(address: str | None, folder: Path) -> Iterator[Cluster | None]:
     ends = signal.getsignal(signal.SIGTERM)
     try:
         _knock(address)
+        # Unless told otherwise Ray prints here what tasks on all nodes print.
         ray.init(address=address, log_to_driver=False, logging_level="ERROR", configure_logging=False)
     except (OSError, RuntimeError, ValueError, AssertionError) as error:
         cause = (str(error).strip() or type(error).__name__).splitlines()[0][:200]

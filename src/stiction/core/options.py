@@ -115,6 +115,7 @@ def _wrong(parser: argparse.ArgumentParser, arguments: Sequence[str], said: str)
     known = {name: action for action in parser._actions for name in action.option_strings}
     named = {action.dest: action for action in parser._actions} | known
     names = [word.partition("=")[0].replace("_", "-") for word in arguments]
+    # First: of a required option that is misspelt tyro says above all that it is missing.
     for name in names:
         if name.startswith("--") and name not in known:
             return f"unknown option {name}{nearest(name, known)}"

@@ -317,6 +317,7 @@ class ReadingGuard:
 
     def _motion(self, good: _Good, walking: bool) -> Violation | None:
         """Judge the reading beside those before, and remember it: what disagrees now has to go on doing so."""
+        # Remembered whatever is found: who asks again every period must not be let through now and then.
         before, self._before, self._fresh = self._before, good, False
         if before is None:
             good.begin()

@@ -31,6 +31,7 @@ def joint_attributes(joint: JointPhysics, timestep: float) -> dict[str, str]:
     """Return the MJCF attributes of one joint; `timestep` [s] sets how stiff dry friction may be."""
     values = known(damping=joint.damping, frictionloss=joint.friction, armature=joint.armature)
     if joint.friction is not None:
+        # The stiffest that there is: MuJoCo raises a time constant below two timesteps to that (refsafe).
         values["solreffriction"] = f"{number(2 * timestep)} 1"
         values["solimpfriction"] = " ".join(map(str, SOLIMP))
     return values

@@ -211,6 +211,7 @@ class Supervisor:
         """Judge what did not come in time; to be asked every 2 ms or so."""
         if self.ended:
             return None
+        # Until both have come, nothing can be stale or silent.
         if self.stage is Stage.PASSIVE and (math.isnan(self._seen) or not self.policy_ready):
             if now - self._began > self.cfg.ready_timeout:
                 missing = "no state of the robot has come" if math.isnan(self._seen) else "the policy has not answered"

@@ -70,6 +70,8 @@ def domain_settings(interface: str) -> str:
     general = f"<Interfaces><NetworkInterface name={quoteattr(interface)}/></Interfaces>"
     alone = ""
     if interface == LOOPBACK_INTERFACE:
+        # Without multicast participants are looked for one by one, at ports that follow from their index: each needs
+        # one.
         general += "<AllowMulticast>false</AllowMulticast>"
         alone = (
             '<Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer address="127.0.0.1"/></Peers></Discovery>'

@@ -140,6 +140,7 @@ class RclpyNode:
 
         def hear(message: Any) -> None:
             self._waiting.append((topic, plain(message)))
+            # Behind it: who is woken has to find the message.
             self._bell.ring()
 
         return hear
