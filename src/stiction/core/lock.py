@@ -96,7 +96,7 @@ def _locked(file: Path, folder: Path, option: str) -> Iterator[None]:
     """Hold the lock of a file; within one process as often as wanted."""
     # The folder by whatever way it was named; not the file, since a link in its place is to be refused.
     file = file.parent.resolve() / file.name
-    # flock belongs to what was opened: a second opening by this very process would be refused as another's.
+    # The lock belongs to what was opened: a second opening by this very process would be refused as another's.
     if file not in _held:
         number = _take(file, folder, option)
         _held[file] = 0

@@ -113,7 +113,7 @@ def tilted(quaternion: np.ndarray, tilt: np.ndarray) -> np.ndarray:
 
 def angle_between(first: np.ndarray, second: np.ndarray) -> float:
     """Return the angle of the rotation from one orientation to another."""
-    # ‖R1 − R2‖ = √8 |sin(θ/2)|, which keeps its digits at small angles; the arc cosine of a scalar product near 1 loses
+    # Since ‖R1 − R2‖ = √8 |sin(θ/2)|, small angles keep their digits; the arc cosine of a scalar product near 1 loses
     # half of them.
     away = float(np.linalg.norm(matrix(first) - matrix(second)))
     return 2.0 * math.asin(min(away / 8**0.5, 1.0))

@@ -322,7 +322,7 @@ def entries(data: memoryview, where: str) -> Iterator[tuple[int, int, int | floa
             if wire == BYTES:
                 length, position = _varint(data, position)
             else:
-                # -1 for all other wire types: groups, which protocol buffers have given up, and unknown ones.
+                # All other wire types have none: groups, which protocol buffers have given up, and unknown ones.
                 length = {DOUBLE: 8, SINGLE: 4}.get(wire, -1)
             if length < 0 or position + length > len(data):
                 raise BundleError(f"policy.onnx is not an ONNX file, or it is cut off, in {where}; export it again")

@@ -172,7 +172,7 @@ class ObservationBuilder:
         self._history[..., :-1, :] = self._history[..., 1:, :]
         self._history[..., -1, :] = frame
         stacked = self._history.reshape(*self._batch, -1)
-        # astype copies: what is handed out must not change when the history moves on.
+        # A copy, by astype: what is handed out must not change when the history moves on.
         return (stacked if self._order is None else stacked[..., self._order]).astype(np.float32)
 
     def _not_measured(self, sensors: Sensors) -> dict[str, np.ndarray]:

@@ -55,7 +55,7 @@ def parse_nodes(data: bytes, where: str) -> list[Node]:
         at, token = found.end(), found[0]
         if token == b"%<":
             at = data.find(b">%", at) + 2
-            # find gives -1 where there is none, and 2 were added.
+            # Where there is none, find gives -1, and 2 were added.
             if at == 1:
                 raise FileError(f"{where}: a template %< does not close; expected a PROTO or a world")
         elif token == b"{":

@@ -134,7 +134,7 @@ def _fitness(lines: list[str], separator: str) -> float:
     good = sum(
         is_number(cell, comma) or cell.lower() in EMPTY or bool(parse_stamp(cell)) for row in alike for cell in row
     )
-    # 0.1: rows of one width tell something where no cell is a number. 0.5: every file is a table of one column.
+    # Rows of one width tell something where no cell is a number (0.1); every file is a table of one column (0.5).
     return len(alike) / len(rows[1:] or rows) * (0.1 + good / max(1, width * len(alike))) * (1.0 if width > 1 else 0.5)
 
 

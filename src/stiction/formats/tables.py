@@ -295,7 +295,7 @@ def read_parquet(path: Path) -> Table:
         starts: dict[str, float] = {}
         faults = {name: f"column {name!r} holds no numbers" for name in schema.names if name not in kinds}
         for name, kind in kinds.items():
-            # One after the other: what Arrow makes of a column is gone before the next is read.
+            # One after the other, so that two forms of a column lie in memory, and not of the whole table.
             column = file.read(columns=[name], use_threads=False).column(name)
             if kind == _element(arrow, kind):
                 columns[name], starts[name] = _to_array(arrow, column, kind)

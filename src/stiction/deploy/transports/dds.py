@@ -100,7 +100,7 @@ class DdsBus:
             # IgnoreLocal our own commands would be heard as another writer's.
             fresh = (policy.Reliability.BestEffort, policy.IgnoreLocal.Participant)
             reader_qos = dds.qos.Qos(*fresh, policy.History.KeepLast(MOST_WAITING))
-            # 0 ns: to write never waits for a slow reader, it fails, and the command is lost.
+            # With 0 ns, to write never waits for a slow reader: it fails, and the command is lost.
             writer_qos = dds.qos.Qos(policy.Reliability.Reliable(0), policy.History.KeepLast(1))
             self._states = dds.sub.DataReader(participant, states, reader_qos)
             self._others = dds.sub.DataReader(participant, commands, dds.qos.Qos(*fresh, policy.History.KeepLast(1)))
