@@ -102,6 +102,7 @@ def parse_markup(data: bytes, where: str) -> Markup:
         raise FileError(f"{where}: declares a document type or entities, which is refused; remove the declaration")
 
     def declared(_version: str, encoding: str | None, _standalone: int) -> None:
+        # The parser takes all for UTF-8, whatever is declared: other letters would become wrong ones.
         if encoding is not None and encoding.lower() not in ("utf-8", "us-ascii", "ascii"):
             raise FileError(f"{where}: is encoded as {encoding}; save it as UTF-8")
 

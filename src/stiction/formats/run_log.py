@@ -323,6 +323,7 @@ def joint_log(source: str, log: RunLog) -> Log:
     own = zip(header.joint_names, header.kp, header.kd, header.torque_limit, strict=True)
     joints = {name: LogSetup(kp=kp, kd=kd, torque_limit=limit) for name, kp, kd, limit in own}
     setup = LogSetup(torque_source=header.torque_source, joints=joints)
+    # By the robot's own clock: ours says when a reading was taken up, and several are at once.
     time = rows["robot_time"][used]
     return Log(source, time - time[0], signals, setup, notes, float(time[0]))
 

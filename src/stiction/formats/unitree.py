@@ -49,6 +49,7 @@ class Structure:
         """Byte on the wire -> byte in memory; what only fills a gap comes from a zero behind the message."""
         for place, end, size in ends:
             self._memory[end - size : end] = np.arange(place, place + size)
+        # The way back; a gap in memory is filled from a zero behind the bytes of the wire.
         self._wire = np.full(layout.itemsize, self.wire_bytes)
         self._wire[self._memory[self._memory < layout.itemsize]] = np.flatnonzero(self._memory < layout.itemsize)
 

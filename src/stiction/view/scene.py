@@ -78,6 +78,7 @@ class Scene:
         self._middle = np.zeros(2)
         server.scene.world_axes.visible = False
         self._robots = ViserMujocoScene(server, self._body.model, len(simulation.walkers))
+        # The world is moved under the camera instead, see `draw`.
         self._robots.camera_tracking_enabled = False
         self._labels: list[viser.LabelHandle] = []
         self._ground: list[viser.SceneNodeHandle] = []
