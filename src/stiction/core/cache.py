@@ -30,6 +30,7 @@ def key_of(inputs: Any, *code: str) -> str:
     `fingerprint`, without any, code and packages do not count.
     """
     everything = [inputs, fingerprint(*code) if code else None]
+    # The text of a frozen dataclass names every field: a field that is new, or has another value, makes another key.
     return hashlib.sha256(json.dumps(everything, sort_keys=True, default=repr).encode()).hexdigest()
 
 
@@ -49,6 +50,7 @@ def cached(folder: Path, name: str, key: str, make: Callable[[], dict[str, Any]]
         return found
     text = json.dumps(sealed(make()), allow_nan=False)
     write_text(file, text)
+    # What was written and not what was made: tuples are lists, and keys text, the first time as ever after.
     return {name: value for name, value in json.loads(text).items() if name != DIGEST}
 
 
@@ -62,6 +64,7 @@ def _read(file: Path) -> dict[str, Any] | None:
     """Return the JSON object in a file; None where there is none."""
     try:
         found = json.loads(read_bounded(file, "an entry", FileError, LARGEST))
+    # Brackets within brackets without end are a RecursionError, from the reader of JSON itself.
     except (FileError, ValueError, RecursionError):
         return None
     return found if isinstance(found, dict) else None
@@ -150,6 +153,7 @@ class Ledger:
             elif self._entries.setdefault(entry["key"], entry) != entry:
                 twice.add(entry["key"])
                 wrong.append(number)
+        # Which of two that contradict each other is true, nobody knows: neither counts.
         for key in twice:
             del self._entries[key]
         if wrong:

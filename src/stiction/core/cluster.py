@@ -135,6 +135,7 @@ def use_cluster(address: str | None, folder: Path) -> Iterator[Cluster | None]:
     ends = signal.getsignal(signal.SIGTERM)
     try:
         _knock(address)
+        # Unless told otherwise Ray prints here what tasks on all nodes print.
         ray.init(address=address, log_to_driver=False, logging_level="ERROR", configure_logging=False)
     except (OSError, RuntimeError, ValueError, AssertionError) as error:
         cause = (str(error).strip() or type(error).__name__).splitlines()[0][:200]
@@ -203,6 +204,7 @@ def _checked(nodes: Sequence[dict[str, Any]], code: str, folder: Path) -> list[d
     ray = _ray()
     from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
+    # A file of this moment: a folder of the same name on the node's own disk does not have it.
     token = folder.resolve() / f".cluster-{uuid4().hex}"
     token.touch()
     there = []
@@ -210,6 +212,7 @@ def _checked(nodes: Sequence[dict[str, Any]], code: str, folder: Path) -> list[d
         looks = []
         for node in nodes:
             on_node = NodeAffinitySchedulingStrategy(node["NodeID"], soft=False)
+            # Without a processor of its own, so that a node that is busy answers too.
             remote = ray.remote(num_cpus=0, max_retries=0, scheduling_strategy=on_node)(_look)
             looks.append(remote.remote(code, token, str(Path.cwd())))
         for node, look in zip(nodes, looks):

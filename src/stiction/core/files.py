@@ -31,17 +31,21 @@ def publish(path: Path) -> Iterator[Path]:
     may hold one. Raises `UnwrittenError`, with what the system said, where something cannot be written, or what it is
     made from cannot be read.
     """
+    # In the same folder, since only within one file system is a rename atomic; with the number of the process, since
+    # two may write at once.
     name = path.name if len(os.fsencode(path.name)) <= LONGEST else path.name[: LONGEST // 4]
     partial, before = (path.with_name(f".{name}.{os.getpid()}.{kind}") for kind in ("part", "before"))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         yield partial
+        # Before the rename: else a power cut could leave the new name with an empty file behind it.
         for written in (partial, *partial.rglob("*")):
             _sync(written)
         if path.is_dir():
             # A folder that is not empty cannot be renamed over, and half of one may not stay under its name.
             path.rename(before)
         partial.replace(path)
+        # The rename itself is on the disk only when the folder is.
         _sync(path.parent)
     except OSError as error:
         raise unwritten(path, error, partial) from error
@@ -97,6 +101,8 @@ def published(path: Path) -> Iterator[BinaryIO]:
 
 def open_regular(path: Path) -> BufferedReader:
     """Open a file to read bytes. Raises `OSError`, also for a pipe or device, which may have no end, or never begin."""
+    # Without O_NONBLOCK, to open a pipe would wait for its writer. The kind is asked of what is open: under the name
+    # there could be another file by now.
     number = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     mode = os.fstat(number).st_mode
     if stat.S_ISREG(mode):
@@ -121,6 +127,7 @@ def read_bounded(path: Path, expected: str, error: type[StictionError], most: in
     """Return the content of a file of at most `most` bytes; raise `error`, which names what was `expected`, else."""
     try:
         with open_regular(path) as file:
+            # Read and not asked for its size: a file may grow meanwhile. One byte too many says that it is too large.
             content = file.read(most + 1)
     except OSError as fault:
         raise error(

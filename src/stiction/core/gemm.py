@@ -56,6 +56,7 @@ def open_fast_gemm() -> None:
         file = os.memfd_create("stiction-gemm")
         try:
             os.write(file, yes_library())
+            # Globally, and before torch: of libraries that have the same symbol, the loader takes the first.
             _opened.append(ctypes.CDLL(f"/proc/self/fd/{file}", mode=ctypes.RTLD_GLOBAL))
         finally:
             os.close(file)
@@ -75,8 +76,10 @@ def gemm_path() -> str:
 
 def yes_library() -> bytes:
     """Return an ELF library for x86-64 with one function, `SYMBOL`, that returns 1."""
+    # One page for all that is only read or run, the next for the dynamic section, which the loader writes into.
     symbols, strings, table, code, dynamic = 0x120, 0x150, 0x170, 0x190, 0x1000
     names = b"\0" + SYMBOL.encode() + b"\0"
+    # Of hash table, strings, symbols, sizes of both, and the end: without a hash table no symbol is found.
     tags = ((4, table), (5, strings), (6, symbols), (10, len(names)), (11, 24), (0, 0))
     entries = b"".join(struct.pack("<QQ", *tag) for tag in tags)
     # Type, flags, offset, size, alignment of: headers, symbols, code; what is written; dynamic section; stack.
@@ -84,6 +87,7 @@ def yes_library() -> bytes:
         (1, 5, 0, code + len(YES), 0x1000),
         (1, 6, dynamic, len(entries), 0x1000),
         (2, 6, dynamic, len(entries), 8),
+        # Without a header for the stack the loader assumes that the library wants an executable one.
         (0x6474E551, 6, 0, 0, 16),
     )
     parts = {
@@ -91,8 +95,10 @@ def yes_library() -> bytes:
         64: b"".join(
             struct.pack("<IIQQQQQQ", kind, may, at, at, at, n, n, step) for kind, may, at, n, step in segments
         ),
+        # Symbol 0 is none, by definition. A global function; its section may be any but 0, which is: not defined here.
         symbols: bytes(24) + struct.pack("<IBBHQQ", 1, 0x12, 0, 1, code, len(YES)),
         strings: names,
+        # One bucket, with symbol 1 in it, for whatever name is looked up.
         table: struct.pack("<5I", 1, 2, 1, 0, 0),
         code: YES,
         dynamic: entries,

@@ -58,6 +58,7 @@ def main_unseen() -> Iterator[None]:
     By default they import it, to find what it defines; a script that starts work where it stands would start it again
     in each worker, and Python refuses.
     """
+    # The preparation of a spawned process looks at `sys.modules["__main__"]`: an empty module has no file to run.
     with _MAIN_HIDDEN:
         main, sys.modules["__main__"] = sys.modules["__main__"], ModuleType("__main__")
         try:

@@ -45,6 +45,7 @@ def watch(read_end: int, ending: signal.Signals = signal.SIGKILL) -> None:
     read_end: its file descriptor, which stays open. A signal that can be handled comes once, from the pipe: the second
     one of a person who asks to stop does not wait.
     """
+    # The kernel says nothing of a parent that ended before this line; the pipe does.
     if sys.platform == "linux" and ending == signal.SIGKILL:
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, int(ending))
 

@@ -79,6 +79,7 @@ def one_writer(name: str, what: str) -> Iterator[None]:
     folder = Path(tempfile.gettempdir()) / f"stiction-{os.getuid()}"
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
+        # In a folder where everybody may write, another user may have made it first.
         if folder.is_symlink() or folder.stat().st_uid != os.getuid():
             raise FileError(
                 f"{folder} is somebody else's; two writers could not see each other: set TMPDIR to your own"
@@ -93,7 +94,9 @@ def one_writer(name: str, what: str) -> Iterator[None]:
 @contextmanager
 def _locked(file: Path, folder: Path, option: str) -> Iterator[None]:
     """Hold the lock of a file; within one process as often as wanted."""
+    # The folder by whatever way it was named; not the file, since a link in its place is to be refused.
     file = file.parent.resolve() / file.name
+    # The lock belongs to what was opened: a second opening by this very process would be refused as another's.
     if file not in _held:
         number = _take(file, folder, option)
         _held[file] = 0
@@ -121,6 +124,8 @@ def _take(file: Path, folder: Path, option: str) -> int:
             raise FileError(f"{folder} cannot be written: {error.strerror}; choose another {option}") from error
         try:
             fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            # Between opening and locking its holder may have removed it, and another process made it anew: a lock on a
+            # file without a name keeps nobody out.
             there = file.stat()
             if (there.st_dev, there.st_ino) == (os.fstat(number).st_dev, os.fstat(number).st_ino):
                 with suppress(OSError):  # A full disk: the lock holds without its text.

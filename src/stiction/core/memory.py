@@ -125,6 +125,7 @@ def _of_group() -> int | None:
     """Return what the container has left; None where there is no limit."""
     try:
         most, used = ((GROUP / f"memory.{name}").read_text().strip() for name in ("max", "current"))
+        # Without a limit `memory.max` holds a word, `max`, which is no number.
         return max(0, int(most) - int(used))
     except (OSError, ValueError):
         return None

@@ -70,6 +70,7 @@ def read_options(
         with redirect_stderr(said):
             return tyro.cli(kind, args=arguments, prog=program, **extra)
     except SystemExit as stop:
+        # Not wrong: tyro was asked for a shell's completions, has printed them and ends.
         if not stop.code:
             raise
         refuse(program, _wrong(_parser(kind, program, extra), arguments, said.getvalue()))
@@ -114,6 +115,7 @@ def _wrong(parser: argparse.ArgumentParser, arguments: Sequence[str], said: str)
     known = {name: action for action in parser._actions for name in action.option_strings}
     named = {action.dest: action for action in parser._actions} | known
     names = [word.partition("=")[0].replace("_", "-") for word in arguments]
+    # First: of a required option that is misspelt tyro says above all that it is missing.
     for name in names:
         if name.startswith("--") and name not in known:
             return f"unknown option {name}{nearest(name, known)}"
@@ -301,5 +303,6 @@ def _meaning(action: argparse.Action) -> tuple[str, str]:
 def _sentence(text: str) -> str:
     """Return the first sentence of a text, up to a full stop or to a semicolon outside brackets."""
     whole = " ".join(text.split())
+    # Full stops in a row, of something that goes on, end no sentence.
     first = re.split(r"(?<=[^.][.;])\s", whole, maxsplit=1)[0].rstrip(";")
     return first if first.count("[") == first.count("]") else re.split(r"(?<=[^.][.])\s", whole, maxsplit=1)[0]

@@ -27,9 +27,9 @@ def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: 
     """Call `work` with the arguments of each task, and yield a task's number and result as it ends.
 
     jobs: processes at once; with one, or a single task, this process does it. Where the work goes to a cluster
-    (`core.cluster`), its nodes do it in their stead. Raises `StictionError` where a process
-    was killed, and whatever `work` raises; what was not begun by then is not done. The processes end with this one,
-    whatever ends it, and at once where this process is interrupted or wants no more results.
+    (`core.cluster`), its nodes do it in their stead. Raises `StictionError` where a process was killed, and whatever
+    `work` raises; what was not begun by then is not done. The processes end with this one, whatever ends it, and at
+    once where this process is interrupted or wants no more results.
 
     A script, a notebook or a prompt may call this as it stands: workers do not run the program's main module again, and
     no `if __name__ == "__main__"` is needed, unless `work` or an argument is defined there. A worker of somebody else's
@@ -68,6 +68,7 @@ def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: 
         writer.close()
         raise
     finally:
+        # It waits for what is in work; where the writer is closed, the workers have ended themselves.
         pool.shutdown(cancel_futures=True)
         reader.close()
         writer.close()

@@ -49,6 +49,7 @@ def _sequence(seed: int, name: str) -> np.random.SeedSequence:
 
     if not 0 <= seed < 2**63:
         raise ConfigurationError(f"the seed is {seed if seed < 0 else 'huge'}; expected an integer from 0 to 2^63 - 1")
+    # In a stated byte order, so that every machine draws the same numbers.
     words = np.frombuffer(hashlib.sha256(name.encode()).digest(), dtype="<u4")
     return np.random.SeedSequence(seed, spawn_key=tuple(int(word) for word in words))
 
@@ -64,6 +65,7 @@ def seed_streams(seed: int, names: Iterable[str]) -> dict[str, np.random.Generat
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise ConfigurationError(f"random streams named twice: {', '.join(twice)}; give each its own name")
+    # By name, since the generator that `default_rng` takes may change with NumPy.
     return {name: np.random.Generator(np.random.PCG64(_sequence(seed, name))) for name in names}
 
 
@@ -219,6 +221,7 @@ def code_digest(package: Path) -> str:
     """Return the SHA-256 of the code in a folder, names of files included."""
     found = hashlib.sha256()
     for folder, folders, names in os.walk(package):
+        # In place: `os.walk` goes on in this order, and not in the file system's.
         folders.sort()
         for name in sorted(name for name in names if name.endswith(SOURCE)):
             file = Path(folder, name)

@@ -186,9 +186,11 @@ def _typed(kind: Any, value: Any, where: str, error: type[StictionError]) -> Any
             raise error(f"{where} is {_short(value)!r}; expected {', '.join(map(str, inner))}")
         return value
     if kind is float:
+        # Refuses NaN too, by `not <`; and stands before `float`, which overflows at an integer of thousands of digits.
         if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LARGEST:
             raise error(f"{where} is {_short(value)}; expected a finite number")
         return float(value)
+    # To isinstance a bool is an int.
     if isinstance(value, bool) != (kind is bool) or not isinstance(value, kind):
         raise error(f"{where} is {_short(value)!r}; expected {kind.__name__}")
     return value

@@ -51,12 +51,14 @@ def matrix(quaternion: np.ndarray) -> np.ndarray:
 
 def into_frame(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
     """Return vectors of the world, shape (3,) or (..., 3), as one frame sees them."""
+    # A row times R is the transpose of R, the inverse turn, times a column: of one vector and of many.
     return vector @ matrix(quaternion)
 
 
 def into_frames(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
     """Return N vectors of the world, shape (N, 3), each as its own frame, (N, 4), sees it."""
     w, axis = quaternion[:, :1], quaternion[:, 1:]
+    # The conjugate's turn without a matrix: v + 2 a × (a × v − w v), with a the vector part.
     return vector + 2.0 * crosses(axis, crosses(axis, vector) - w * vector)
 
 
@@ -80,6 +82,7 @@ def roll_pitch(quaternion: np.ndarray) -> np.ndarray:
     entries = np.asarray(quaternion, dtype=np.float64)
     w, x, y, z = (entries[..., number] for number in range(4))
     roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    # Rounding may carry the sine beyond 1; np.clip is slower on a few numbers.
     pitch = np.arcsin(np.minimum(np.maximum(2.0 * (w * y - z * x), -1.0), 1.0))
     found = np.empty((*entries.shape[:-1], 2))
     found[..., 0], found[..., 1] = roll, pitch
@@ -110,6 +113,8 @@ def tilted(quaternion: np.ndarray, tilt: np.ndarray) -> np.ndarray:
 
 def angle_between(first: np.ndarray, second: np.ndarray) -> float:
     """Return the angle of the rotation from one orientation to another."""
+    # Since ‖R1 − R2‖ = √8 |sin(θ/2)|, small angles keep their digits; the arc cosine of a scalar product near 1 loses
+    # half of them.
     away = float(np.linalg.norm(matrix(first) - matrix(second)))
     return 2.0 * math.asin(min(away / 8**0.5, 1.0))
 
@@ -142,6 +147,7 @@ def cross_matrix(vector: np.ndarray) -> np.ndarray:
 
 def continuous(quaternion: np.ndarray) -> np.ndarray:
     """Return T quaternions in time without jumps of sign, which interpolation would take for turns, shape (T, 4)."""
+    # Neighbours as they came: a row is flipped where the number of changes of sign up to it is odd.
     turned = np.sum(quaternion[1:] * quaternion[:-1], axis=1) < 0
     return quaternion * np.concatenate([[1.0], np.where(np.cumsum(turned) % 2, -1.0, 1.0)])[:, None]
 

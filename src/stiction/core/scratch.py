@@ -33,5 +33,6 @@ def scratch() -> Iterator[Path]:
         yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+        # Its input is closed, at which it ends, and it is waited for.
         with keeper:
             pass

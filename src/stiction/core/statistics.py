@@ -19,6 +19,7 @@ def wilson(successes: float, trials: int) -> Interval:
 
     successes: may be a fraction, a mean of clusters, which `scipy.stats.binomtest` refuses; trials: at least one.
     """
+    # Of the normal distribution, not of t: the spread of a share follows from the share itself.
     quantile = 1.959964
     share, square = successes / trials, quantile**2
     centre = (share + square / (2 * trials)) / (1 + square / trials)

@@ -150,6 +150,7 @@ def check_bundle(
     first_run(bundle.policy, golden.observation)
     policy = load_policy(contract, bundle.policy)
     if bundle.wear is not None:
+        # Made for what it refuses: a map of other joints or of another layout.
         WearMonitor(bundle.contract, bundle.wear)
     replayed = replay(policy, bundle.golden)
     errors = {

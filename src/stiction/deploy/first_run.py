@@ -39,6 +39,7 @@ def first_run(model: bytes, observations: np.ndarray) -> None:
     It costs some 0.5 s, once for each network in a process. Raises `BundleError` where it fails or takes too much, and
     `PolicyError` where no process can be started.
     """
+    # From all over the recording, and not from its beginning alone.
     rows = np.ascontiguousarray(observations[:: max(1, len(observations) // STEPS)][:STEPS], dtype="<f4")
     digest = hashlib.sha256(model + rows.tobytes()).digest()
     if digest in _passed:
@@ -75,6 +76,7 @@ def _limit() -> None:
         bounds[resource.RLIMIT_AS] = taken + MEMORY
     for kind, most in bounds.items():
         _, hard = resource.getrlimit(kind)
+        # Never above what it had, and the hard limit too: nothing in this process can raise it again.
         least = most if hard == resource.RLIM_INFINITY else min(most, hard)
         resource.setrlimit(kind, (least, least))
 
@@ -83,12 +85,14 @@ def main() -> None:
     """Read what `first_run` writes, and run it; the status says whether it ran."""
     from stiction.deploy.policy import INPUT, OUTPUT, open_session
 
+    # Behind the imports: onnxruntime's own address space is not the network's.
     _limit()
     content = sys.stdin.buffer.read()
     steps, size = struct.unpack("<2q", content[:16])
     end = 16 + 4 * steps * size
     rows = np.frombuffer(content[16:end], dtype="<f4").reshape(steps, size)
     session = open_session(content[end:])
+    # One by one as on a robot, and side by side as in an evaluation.
     for batch in (*np.split(rows, steps), rows):
         if not np.isfinite(session.run([OUTPUT], {INPUT: batch})[0]).all():
             sys.exit("it puts out what is not finite")

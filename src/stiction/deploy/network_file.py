@@ -218,6 +218,7 @@ def _attribute(data: memoryview, operator: str) -> tuple[str, Attribute]:
 
 def _tensor(data: memoryview) -> Tensor:
     """Read one constant."""
+    # Asked for first, so that the error says what to do and not that a field is unknown.
     for number, _, _ in entries(data, "tensor"):
         if number in EXTERNAL:
             raise BundleError("policy.onnx keeps tensors in other files; expected all within; export the bundle again")
@@ -259,6 +260,7 @@ def only(found: Mapping[str, list], name: str, where: str) -> memoryview:
 
 def text_of(values: list, where: str) -> str:
     """Return a text of a bounded length, empty where there is none."""
+    # Cut off before it is decoded: a name may be as long as the file.
     content = bytes(values[0][: MOST_TEXT + 1]) if values else b""
     try:
         text = content.decode("utf-8")
@@ -285,6 +287,7 @@ def read_message(data: memoryview, where: str, known: Fields) -> dict[str, list]
             )
         name, expected, most = known[number]
         values: list[Any] = [value]
+        # Numbers that may stand several times may also be packed into bytes: readers have to take both.
         if isinstance(value, memoryview) and expected == VARINT and most > 1:
             values = list(packed(value))
         elif wire != expected:
@@ -296,7 +299,7 @@ def read_message(data: memoryview, where: str, known: Fields) -> dict[str, list]
 
 
 def packed(data: memoryview) -> Iterator[int]:
-    """Yield packed numbers, no more than a part may have and one."""
+    """Yield packed numbers; at most one more than a part may have, which the caller then refuses."""
     position, count = 0, 0
     while position < len(data) and count <= MOST_PARTS:
         value, position = _varint(data, position)
@@ -319,6 +322,7 @@ def entries(data: memoryview, where: str) -> Iterator[tuple[int, int, int | floa
             if wire == BYTES:
                 length, position = _varint(data, position)
             else:
+                # All other wire types have none: groups, which protocol buffers have given up, and unknown ones.
                 length = {DOUBLE: 8, SINGLE: 4}.get(wire, -1)
             if length < 0 or position + length > len(data):
                 raise BundleError(f"policy.onnx is not an ONNX file, or it is cut off, in {where}; export it again")

@@ -99,6 +99,7 @@ class ObservationBuilder:
         self._clip = np.concatenate([term.clips for term in layout.terms])
         self._history = np.zeros((*batch, layout.depth, layout.frame_size))
         order = layout.order()
+        # Most layouts are stacked as the history is kept: then nothing has to be reordered at every step.
         self._order = None if np.array_equal(order, np.arange(layout.depth * layout.frame_size)) else order
         self._empty = np.ones(batch, dtype=bool)
         self._slow: SlowMeans | None = None
@@ -171,6 +172,7 @@ class ObservationBuilder:
         self._history[..., :-1, :] = self._history[..., 1:, :]
         self._history[..., -1, :] = frame
         stacked = self._history.reshape(*self._batch, -1)
+        # A copy, by astype: what is handed out must not change when the history moves on.
         return (stacked if self._order is None else stacked[..., self._order]).astype(np.float32)
 
     def _not_measured(self, sensors: Sensors) -> dict[str, np.ndarray]:
@@ -211,6 +213,7 @@ class Clock:
             below = clock.standing_below
             slow = np.linalg.norm(np.asarray(command)[..., :2], axis=-1) < below
             self._stands = slow & (np.abs(np.asarray(command)[..., 2]) < below)
+            # Who walks on after standing begins the gait anew, see `GaitClock.standing`.
             self._count = np.where(stood & ~self._stands, 0, self._count)
 
     def terms(self) -> dict[str, np.ndarray]:
@@ -229,6 +232,7 @@ class SlowMeans:
         """Start with nothing; `shape`: (*batch, J); `decay`: see `ObservationLayout.slow_kept`."""
         self._decay = decay
         self._sums = np.zeros((len(SLOW_TERMS), *shape))
+        # Not zeros: before the first frame the means are 0/1, and not 0/0.
         self._weight = np.ones((*shape[:-1], 1))
 
     def step(self, error: np.ndarray, velocity: np.ndarray, fresh: np.ndarray) -> None:
@@ -239,6 +243,8 @@ class SlowMeans:
         """
         products = np.stack([np.abs(error), np.abs(velocity), error * velocity])
         self._sums = products + np.where(fresh[..., None], 0.0, self._decay * self._sums)
+        # The weights are summed up like what they weigh: a mean from the first frame on, and no sum that has yet to
+        # grow.
         self._weight = 1.0 + np.where(fresh[..., None], 0.0, self._decay * self._weight)
 
     def terms(self) -> dict[str, np.ndarray]:

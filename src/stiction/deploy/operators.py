@@ -62,6 +62,7 @@ def check_network(network: NetworkFile, observation_size: int, num_actions: int)
                 f"policy.onnx has the output {network.output.name!r} of shape {found.shape} for {batch} observations; "
                 f"expected {(batch, num_actions)}; export the bundle again"
             )
+        # A product of the batch with itself would grow with its square.
         if work > batch * alone:
             raise BundleError(f"policy.onnx takes more work for each of {batch} robots than for one; expected as much")
     alone += OVERHEAD * len(network.nodes)
@@ -73,6 +74,7 @@ def check_network(network: NetworkFile, observation_size: int, num_actions: int)
 def _infer(network: NetworkFile, batch: int, observation_size: int) -> tuple[Value, int]:
     """Return the network's output for a batch, and the work of all nodes without their `OVERHEAD`."""
     values = {
+        # Shapes, axes and bounds are short; longer integers are data, whose values decide no shape.
         name: Value(one.shape, one.kind, one.numbers if one.kind == INT64 and one.numbers.size <= 64 else None)
         for name, one in network.constants.items()
     }
@@ -87,6 +89,7 @@ def _infer(network: NetworkFile, batch: int, observation_size: int) -> tuple[Val
             )
         try:
             found = OPERATORS[node.operator](node, [_input(values, name) for name in node.inputs])
+        # Rules take nodes as they come: an input that is missing, or has too few axes, fails in many ways.
         except (UnfitError, ArithmeticError, IndexError, KeyError, TypeError, ValueError) as error:
             raise BundleError(f"policy.onnx: {node.operator!r} {node.outputs} cannot be run: {error}") from error
         if len(found) < len(node.outputs):
@@ -315,6 +318,7 @@ def _slice(node: Node, inputs: Sequence[Value]) -> list[Value]:
     if len(set(places)) < len(places) or min(steps, default=1) < 1:
         raise UnfitError(f"axes {axes}, steps {steps}: expected each once, and steps forward")
     for place, start, end, step in zip(places, starts, ends, steps, strict=True):
+        # Ends beyond the axis, and those counted from its end, mean in Python what they mean in ONNX.
         shape[place] = len(range(shape[place])[slice(start, end, step)])
     return [Value(tuple(shape))]
 
@@ -324,6 +328,7 @@ def _split(node: Node, inputs: Sequence[Value]) -> list[Value]:
     _floats(inputs[:1], 1, 1)
     shape, count = inputs[0].shape, len(node.outputs)
     axis = _axis(_integer(node, "axis", 0), len(shape))
+    # Parts alike but for the last, which is the shorter one where they do not divide (ONNX from version 18 on).
     size = -(-shape[axis] // count)
     sizes = _known(inputs[1]) if len(inputs) > 1 else [size] * (count - 1) + [shape[axis] - size * (count - 1)]
     if len(sizes) != count or sum(sizes) != shape[axis] or min(sizes) < 0:

@@ -270,6 +270,7 @@ class ReadingGuard:
         before, limits = self._time, self.limits
         if before is not None and not time > before:
             return self._broken("time stands still", time - before, limits["time stands still"])
+        # Also where it is refused below: the next reading is judged by its own gap.
         self._time = time
         if before is not None and time - before > self._gap:
             self._before = None
@@ -291,6 +292,7 @@ class ReadingGuard:
             if lean > self.limits["leans at the start"]:
                 return self._broken("leans at the start", lean, self.limits["leans at the start"])
             near, least = math.hypot(*good.quaternion[:2]), self.limits["half turn at the start"]
+            # A lower bound: infinity, which switches rules off, would here refuse everything.
             if near < least < math.inf:
                 return self._broken("half turn at the start", near, least)
         return None
@@ -315,10 +317,12 @@ class ReadingGuard:
 
     def _motion(self, good: _Good, walking: bool) -> Violation | None:
         """Judge the reading beside those before, and remember it: what disagrees now has to go on doing so."""
+        # Remembered whatever is found: who asks again every period must not be let through now and then.
         before, self._before, self._fresh = self._before, good, False
         if before is None:
             good.begin()
             return None
+        # Of q and -q, which are one orientation, and of lengths that are off by some per cent.
         near = abs(sum(a * b for a, b in zip(good.quaternion, before.quaternion, strict=True)))
         turned = 2.0 * math.acos(min(1.0, near / (_norm(good.quaternion) * _norm(before.quaternion))))
         allowed = self.limits["turn rate"] * (good.time - before.time) + self.limits["orientation jump"]
@@ -377,6 +381,7 @@ class _Good:
                 f"sensors of the shapes {quaternion.shape}, {rate.shape}, {position.shape}; expected those of one "
                 "robot: (4,), (3,), (joints,)"
             )
+        # Lists: on three numbers NumPy takes several times as long, and this runs at every reading.
         return cls(float(time), quaternion.tolist(), rate.tolist(), joints)
 
     def begin(self) -> None:
@@ -405,6 +410,7 @@ class _Good:
     def _add(self, before: _Good, elapsed: float) -> None:
         """Add up rates and velocities over the time since the reading before [s]; what is older is forgotten slowly."""
         remaining = max(0.0, 1.0 - elapsed / ATTITUDE_TIME)
+        # The difference fades: without that the gyroscope's offset would add up for as long as the robot is on.
         a, b, c = (u + remaining * (t - u) for u, t in zip(before.up, before.turned, strict=True))
         p, q, r = (0.5 * elapsed * (old + new) for old, new in zip(before.rate, self.rate, strict=True))
         self.turned = [a + b * r - c * q, b + c * p - a * r, c + a * q - b * p]
@@ -447,6 +453,7 @@ def compare_drive(
         if values.shape != right.shape:
             raise PolicyError(f"{name} of {values.shape} drives; expected {right.shape}, one for each joint")
         rule = f"drive {name.replace('_', ' ')}"
+        # Infinity less infinity is NaN, which is near nothing, and is reported as a violation.
         with np.errstate(invalid="ignore"):
             near = np.abs(values - right) <= allowed[rule] * np.abs(right)
         for joint in np.flatnonzero(~near):

@@ -41,7 +41,7 @@ class Network:
         """
         try:
             action = self._session.run([OUTPUT], {INPUT: observation})[0]
-        except Exception as error:  # as above
+        except Exception as error:  # Of a class for each status code, see `open_session`.
             raise PolicyError(f"policy.onnx failed on an observation of shape {observation.shape}: {error}") from error
         if not np.isfinite(action).all():
             raise PolicyError("policy.onnx returned an action that is not finite; do not run this policy")
@@ -68,6 +68,7 @@ def open_session(model: bytes) -> onnxruntime.InferenceSession:
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 4
+    # Else it would look into the bytes for its own format, which nobody has checked.
     options.add_session_config_entry("session.load_model_format", "ONNX")
     try:
         return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
@@ -166,6 +167,7 @@ class Policy:
         observation = self._builder.step(sensors, command, self._last_action)
         found = self._network(np.atleast_2d(observation)).reshape(self._last_action.shape)
         action = np.minimum(np.maximum(found, -self._clip), self._clip)
+        # A copy: what is returned is the caller's own, to write into as well.
         self._last_action = action.copy()
         target = self._standing + self._scale * action.astype(np.float64)
         if self.contract.compensation is not None:
@@ -177,11 +179,13 @@ class Policy:
 def _check_reading(sensors: Sensors, command: np.ndarray) -> None:
     """Refuse what is no reading, of any robot of a batch; see `Policy.step`."""
     given = (*sensors.arrays().items(), ("command", command))
+    # One pass over all of it in the usual case; which it was is asked only where something is wrong.
     if not np.isfinite(np.concatenate([np.ravel(value) for _, value in given])).all():
         name = next(name for name, value in given if not np.isfinite(value).all())
         kind = "command" if name == "command" else f"sensor {name!r}"
         raise PolicyError(f"the {kind} is not finite (NaN or infinite); stop the robot and find out why")
     square = np.square(sensors.quaternion).sum(axis=-1)
+    # The square of a length is off by twice as much, to first order.
     if not (off := np.abs(square - 1.0)).max() < 2 * UNIT_ERROR:
         raise PolicyError(
             f"a quaternion has the length {np.sqrt(np.ravel(square)[np.argmax(off)]):.3g}; expected an orientation, of "

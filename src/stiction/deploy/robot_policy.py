@@ -80,6 +80,7 @@ class JointOrder:
         Raises `RobotError` for names that are not the joints', and `PolicyError` for numbers without names.
         """
         if isinstance(values, Mapping):
+            # This runs in the control loop: names are compared one by one only where something is wrong with them.
             if not self._known.issuperset(values) or len(values) < len(self.own):
                 self._check(tuple(values))
             try:

@@ -56,6 +56,7 @@ class VendorMap:
 
     def theirs(self, values: np.ndarray) -> np.ndarray:
         """Return what has no direction, such as a gain, in the maker's order, (..., M); zero where joints are held."""
+        # A held joint has the number -1, which is the zero at the end.
         return np.concatenate((values, np.zeros((*values.shape[:-1], 1))), axis=-1)[..., self._number]
 
     def ours(self, values: np.ndarray) -> np.ndarray:

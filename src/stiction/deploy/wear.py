@@ -177,10 +177,12 @@ def estimate(model: WearModel, mean: np.ndarray) -> WearEstimate:
     value = raw_estimate(model, mean)
     if calibration is None:
         shift, spread = np.zeros(len(value)), np.array([[-1.0], [1.0]]) * np.array(model.reach)
+        # The worse of the two maps that were tried: nobody knows which of them this one is like.
         held = np.append(np.full(len(value) - 1, np.nan), min(HELD_UNCALIBRATED))
     else:
         shift, spread = np.array(calibration.shift), np.array([calibration.lower, calibration.upper])
         held = np.array(calibration.held)
+    # A calibration's ends count from the map's own estimate, and so does its shift. No friction is below zero.
     ends, value = np.maximum(value + spread, 0.0), np.maximum(value + shift, 0.0)
     return WearEstimate(
         friction=value[:-1],

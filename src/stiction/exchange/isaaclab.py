@@ -35,6 +35,7 @@ def isaaclab_snippet(joints: list[JointPhysics], assumed_load: float | None = No
 def _group(joint: JointPhysics) -> list[str]:
     """Return the lines of one actuator group."""
     static = joint.record.static_friction
+    # PhysX wants friction at rest not below that in motion; two estimates may be the other way round by their noise.
     rest = joint.friction if static is None or joint.friction is None else max(static.value, joint.friction)
     values = known(
         friction=rest, dynamic_friction=joint.friction, viscous_friction=joint.damping, armature=joint.armature

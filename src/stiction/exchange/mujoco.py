@@ -31,6 +31,7 @@ def joint_attributes(joint: JointPhysics, timestep: float) -> dict[str, str]:
     """Return the MJCF attributes of one joint; `timestep` [s] sets how stiff dry friction may be."""
     values = known(damping=joint.damping, frictionloss=joint.friction, armature=joint.armature)
     if joint.friction is not None:
+        # The stiffest that there is: MuJoCo raises a time constant below two timesteps to that (refsafe).
         values["solreffriction"] = f"{number(2 * timestep)} 1"
         values["solimpfriction"] = " ".join(map(str, SOLIMP))
     return values
@@ -80,6 +81,7 @@ def patch_mujoco(markup: Markup, joints: list[JointPhysics], timestep: float | N
                 f"{joint.name}: the model's damping was {before}, now {number(joint.damping)}: if it stood for the "
                 "controller's kd, give that to the actuator (kv)"
             )
+        # On the joint itself, over whatever its classes say.
         edits.append(markup.set_attributes(tag, joint_attributes(joint, step)))
     notes = [one_line(note) for note in notes]
     return Conversion.of(markup.edited(edits, notes), joints, notes)
@@ -130,6 +132,7 @@ def _inherited(markup: Markup, tag: Tag, attribute: str, defaults: Defaults) -> 
     """Return an attribute of a joint: its own, else that of its default class, else that of the class around it."""
     if attribute in tag.attributes:
         return tag.attributes[attribute]
+    # A joint's own class, else the nearest `childclass` around it, as MuJoCo looks them up.
     child = (up.attributes["childclass"] for up in markup.ancestors(tag) if "childclass" in up.attributes)
     name: str | None = tag.attributes.get("class") or next(child, "main")
     while name is not None:

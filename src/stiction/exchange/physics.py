@@ -63,6 +63,7 @@ def joint_physics(recorded: str, record: JointRecord, name: str | None = None) -
         notes.append(f"dry friction is left out: {objection.text}")
     friction, damping = _size(coulomb, "dry friction", notes), _size(viscous, "viscous friction", notes)
     armature = _armature(record, notes)
+    # A known inertia that is no armature is not missing: `_armature` has noted why it is left out.
     inertia = record.inertia if armature is None else armature
     missing = [
         label

@@ -185,6 +185,7 @@ def _isaaclab(recipe: Recipe, assumed_load: float | None) -> tuple[list[str], li
         "    if env_ids is None:",
         "        env_ids = torch.arange(env.scene.num_envs, device=asset.device)",
         "    names = [re.escape(name) for name in FRICTION]",
+        # By default they come in the order of the asset, and a joint would get the range of another one.
         "    joint_ids, _ = asset.find_joints(names, preserve_order=True)",
         "    low, high = torch.tensor(list(FRICTION.values()), device=asset.device).unbind(-1)",
         f"    friction = low + (high - low) * torch.rand({draw}, device=asset.device)",

@@ -102,6 +102,7 @@ def parse_markup(data: bytes, where: str) -> Markup:
         raise FileError(f"{where}: declares a document type or entities, which is refused; remove the declaration")
 
     def declared(_version: str, encoding: str | None, _standalone: int) -> None:
+        # The parser takes all for UTF-8, whatever is declared: other letters would become wrong ones.
         if encoding is not None and encoding.lower() not in ("utf-8", "us-ascii", "ascii"):
             raise FileError(f"{where}: is encoded as {encoding}; save it as UTF-8")
 
@@ -118,6 +119,7 @@ def parse_markup(data: bytes, where: str) -> Markup:
         if data[tags[index].end - 2 : tags[index].end] != b"/>":
             closes[index] = parser.CurrentByteIndex
 
+    # Expat calls back while it reads: what is declared is refused before it can be expanded.
     parser.StartDoctypeDeclHandler = refuse
     parser.EntityDeclHandler = refuse
     parser.XmlDeclHandler = declared
@@ -152,6 +154,7 @@ def set_attributes(tag: bytes, values: dict[str, str]) -> bytes:
 def xml_comment(lines: list[str]) -> str:
     """Return lines as one XML comment; what would end it early is broken up."""
     text = "\n".join(f"  {line}" for line in lines)
+    # Again and again: of three hyphens one replacement leaves two.
     while "--" in text:
         text = text.replace("--", "- -")
     return f"<!--\n{text}\n-->\n"
@@ -217,6 +220,7 @@ def _edit(markup: Markup, tag: Tag, joint: JointPhysics) -> Edit:
     close = markup.closes.get(index)
     if close is None:
         raise FileError(f"joint {joint.name!r} is empty: it has neither parent nor child; expected a whole URDF")
+    # Indented as its neighbours, where the end tag stands in a line of its own.
     line = markup.data[markup.data.rfind(b"\n", 0, close) + 1 : close]
     indent = line if not line.strip() else b""
     return close, close, b"  " + _dynamics(joint) + b"\n" + indent

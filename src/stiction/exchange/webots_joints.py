@@ -55,6 +55,7 @@ def parse_nodes(data: bytes, where: str) -> list[Node]:
         at, token = found.end(), found[0]
         if token == b"%<":
             at = data.find(b">%", at) + 2
+            # Where there is none, find gives -1, and 2 were added.
             if at == 1:
                 raise FileError(f"{where}: a template %< does not close; expected a PROTO or a world")
         elif token == b"{":
@@ -115,6 +116,7 @@ def patch_webots(data: bytes, where: str, joints: list[JointPhysics]) -> Convers
     for joint in joints:
         node = tree[joint.name]
         body = data[node.start :]
+        # The white space before the node's first field, so that a new one stands as that one does.
         space = body[: len(body) - len(body.lstrip())] or b" "
         added = b""
         for name, value in _fields(joint).items():
@@ -126,6 +128,7 @@ def patch_webots(data: bytes, where: str, joints: list[JointPhysics]) -> Convers
             else:
                 edits.append((there[1], there[2], value.encode()))
         edits.append((node.start, node.start, added))
+    # The first line says what the file is, and has to stay the first.
     first = data.find(b"\n") + 1
     edits.append((first, first, "".join(f"# {note}\n" for note in notes).encode()))
     return Conversion.of(edited(data, edits), joints, notes)

@@ -86,6 +86,7 @@ def read_bundle(path: Path | str, vouch: Vouch = lambda sums, signature: None) -
     contents = _read_files(folder)
     digests = {name: _sha256(contents[name]) for name in listed(contents)}
     sums = contents[SUMS]
+    # Compared as a whole: another order, a comment or a name that stands twice is refused too.
     if sums != _sums(digests):
         _explain_sums(folder, sums, digests)
     vouch(sums, contents.get(SIGNATURE))
@@ -166,6 +167,7 @@ def _read_files(folder: Path) -> dict[str, bytes]:
         what = "is not a directory" if folder.exists() else "does not exist"
         raise BundleError(f"{folder} {what}; expected a policy bundle, a directory with {', '.join((*FILES, SUMS))}")
     try:
+        # The status of what lies there itself: a link is seen as one, and not followed.
         found = {entry.name: entry.lstat() for entry in folder.iterdir()}
     except OSError as error:
         raise BundleError(f"{folder}: cannot be listed: {error.strerror}") from error

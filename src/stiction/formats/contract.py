@@ -240,6 +240,7 @@ def read_contract(text: bytes) -> Contract:
     data = parse_object(text, "contract.json", "the contract of a policy; export the bundle again", BundleError)
     version = data.get("schema_version")
     later = {name for name, last in LATER.items() if is_integer(version) and version in range(1, last + 1)}
+    # Version 1 differs in fields that it lacks, and in nothing that it has.
     if is_integer(version) and version == 1:
         data["schema_version"] = SCHEMA_VERSION
     if data.get("anatomy") is not None:

@@ -51,6 +51,7 @@ def _integer(low: int, high: int) -> Rule:
 def one_of(*values: Any) -> Rule:
     """Return the rule of a field that takes some values alone."""
     words = " or ".join("null" if value is None else repr(value) for value in values)
+    # To Python, True is in (1, 2).
     return Rule(lambda value: value in values and not isinstance(value, bool), words, {"enum": list(values)})
 
 

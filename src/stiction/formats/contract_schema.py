@@ -140,6 +140,7 @@ def _of_type(hint: Any) -> dict[str, Any]:
 
 def _docstrings(kind: type) -> dict[str, str]:
     """Return field -> the docstring under it, in one line."""
+    # Python keeps no docstrings of fields: they are read from the source.
     body = ast.parse(textwrap.dedent(inspect.getsource(kind))).body[0]
     assert isinstance(body, ast.ClassDef)
     found = {}

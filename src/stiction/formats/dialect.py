@@ -56,6 +56,7 @@ def split_lines(lines: list[str], separator: str) -> list[list[str]]:
         return [[cell.strip() for cell in line.split(separator)] for line in lines]
     rows = []
     for line in lines:
+        # A reader for each line: one for all would let a quote that does not end take the lines behind it.
         rows.append([cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])])
     return rows
 
@@ -97,13 +98,16 @@ def find_dialect(lines: list[str]) -> Dialect | None:
     if not numbers:
         return None
     texts = [lines[index] for index in numbers]
+    # What separates cells, then how many there are; where the table begins depends on both.
     separator = max(SEPARATORS, key=lambda mark: _fitness(texts, mark))
     rows = split_lines(texts, separator)
     width = _usual_width(rows)
     start = _start(rows, width, separator != ",")
     notes = [f"{start} lines before the header are no table and were left out"] if start else []
     rows, numbers = rows[start:], numbers[start:]
+    # Between cells or within numbers: a comma cannot be both.
     comma = separator != "," and any(DECIMAL_COMMA.fullmatch(cell) for row in rows[1:] or rows for cell in row)
+    # The first row of the table: numbers, or names, perhaps with units below them.
     if _is_sample(rows, comma):
         names, begin = _names_of_comments(lines[: numbers[0]], width), numbers[0]
         if not names:
@@ -130,6 +134,7 @@ def _fitness(lines: list[str], separator: str) -> float:
     good = sum(
         is_number(cell, comma) or cell.lower() in EMPTY or bool(parse_stamp(cell)) for row in alike for cell in row
     )
+    # Rows of one width tell something where no cell is a number (0.1); every file is a table of one column (0.5).
     return len(alike) / len(rows[1:] or rows) * (0.1 + good / max(1, width * len(alike))) * (1.0 if width > 1 else 0.5)
 
 

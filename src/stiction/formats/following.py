@@ -82,7 +82,7 @@ class Following:
 
 
 def counts_text(cells: Sequence[Following]) -> str:
-    """Return the same over several cells of one training method: pairs of a seed and a cell."""
+    """Return the text of `Following` over several cells of one training method; a seed counts once in each cell."""
     wrong = {
         "too slow": sum(cell.too_slow for cell in cells),
         "too fast": sum(cell.too_fast for cell in cells),

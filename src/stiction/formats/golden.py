@@ -122,6 +122,7 @@ class Exercise:
 
 def exercise_of(golden: Golden, contract: Contract) -> Exercise:
     """Return what a recording exercises."""
+    # In single precision a number at its clip may lie just below it.
     layout, rounding = contract.observation, 1 - 1e-6
     newest = np.abs(golden.observation[:, layout.newest()])
     at, start = {}, 0

@@ -3,8 +3,9 @@
 The names are fixed; the symmetric viscous and Coulomb fit always stands under them, so that a reader never has to ask
 which law was fitted. Linear axes use the same names with N, kg and m.
 
-Its object `friction` holds fields of the run's own `config.json` under `task.friction`, so that a proposal
-and a run can be compared line by line. The rest is for people: what the level rests on, joint by joint.
+`training.json`, which is read and written here too, proposes what to train with. Its object `friction` holds fields of
+a run's `config.json` under `task.friction`, so that proposal and run can be compared line by line; the rest is for
+people: what the level rests on, joint by joint.
 """
 
 from __future__ import annotations
@@ -368,6 +369,7 @@ class FitSignals:
 def write_fit(path: Path, joints: dict[str, FitSignals]) -> None:
     """Write `<signal>.<joint>` arrays; signals that are None are left out."""
     arrays = {
+        # Time in double precision: single would round the steps of a long log.
         f"{item.name}.{joint}": values.astype(np.float32 if item.name != "time" else float)
         for joint, signals in joints.items()
         for item in fields(FitSignals)
@@ -380,6 +382,7 @@ def read_fit(path: Path, joint: str) -> FitSignals:
     """Read one joint's signals; raise `StictionError` if they are not there or not of one length."""
     arrays = read_npz_arrays(path)
     found = {item.name: arrays[key] for item in fields(FitSignals) if (key := f"{item.name}.{joint}") in arrays}
+    # The fields without a default.
     needed = {item.name for item in fields(FitSignals)[:9]}
     if needed - set(found):
         raise FileError(f"{path.name}: no {sorted(needed - set(found))[0]} of joint {joint!r}; run identify again")

@@ -1,7 +1,7 @@
 """Known friction, which some policies observe: f/τ_max of each kind of joint, as a bench identifies it.
 
-`FL_shank` and `RR_shank` are of a kind. Joints of a kind are alike by design, one
-number each is what a log of one leg already gives, and a robot's own joints differ from it as training lets them.
+`FL_shank` and `RR_shank` are of one kind, and alike by design. So there is one number for a kind: the log of one leg
+gives it, and a robot's own joints differ from it as they do in training.
 """
 
 from __future__ import annotations

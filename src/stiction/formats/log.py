@@ -141,6 +141,7 @@ class LogSetup:
         for name in dict.fromkeys((kind_of(joint), joint)):
             if name in self.joints:
                 own = {item.name: getattr(self.joints[name], item.name) for item in fields(LogSetup)}
+                # False and 0 are said; only None and an empty tuple are not.
                 said = {key: own[key] for key in own if key not in WHOLE_LOG and own[key] not in (None, ())}
                 merged = replace(merged, **said)
         return merged
@@ -182,6 +183,8 @@ def setup_from_dict(data: Any, source: str) -> LogSetup:
 def _build(data: Any, source: str, allowed: tuple[str, ...]) -> LogSetup:
     """Build a setup, or the part of one joint, of which only the fields `allowed` may be given."""
     if isinstance(data, dict):
+        # A file says `from` and `to`. Our own names of them become a field that nobody knows, so that the error says
+        # what to write.
         data = {WRITTEN.get(name, name): value for name, value in data.items() if name not in WRITTEN.values()} | {
             f"{name} (write {written})": data[name] for written, name in WRITTEN.items() if name in data
         }

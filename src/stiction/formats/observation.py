@@ -245,6 +245,7 @@ class ObservationLayout:
     def order(self) -> np.ndarray:
         """Return which entry of the kept frames, oldest first and flattened, each entry of the input is, (size,)."""
         frame, depth, starts = self.frame_size, self.depth, np.cumsum([0, *(term.size for term in self.terms)])
+        # Of each term, frame by frame, the places of its entries among the kept frames; its own history may be shorter.
         blocks = [
             frame * np.arange(depth - self.history_of(term), depth)[:, None] + start + np.arange(term.size)
             for term, start in zip(self.terms, starts, strict=False)

@@ -107,6 +107,7 @@ def _value(hint: Any, value: Any, where: str, error: type[FileError]) -> Any:
     if type(None) in inner:
         return None if value is None else _value(inner[0], value, where, error)
     if get_origin(hint) is UnionType:
+        # Of a number and a tuple of numbers, a list in JSON means the tuple.
         choice = next((item for item in inner if (get_origin(item) is tuple) == isinstance(value, list)), inner[0])
         return _value(choice, value, where, error)
     if get_origin(hint) is tuple:

@@ -115,6 +115,7 @@ def read_metrics(path: Path) -> list[dict[str, Any]]:
     try:
         with open_regular(path) as file:
             for line in file:
+                # Nothing behind a damaged line counts: rows would be missing in between.
                 if not _is_row(row := json.loads(line)):
                     break
                 rows.append(row)

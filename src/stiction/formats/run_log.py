@@ -150,6 +150,7 @@ def read_walk_log(path: Path) -> WalkLog:
 def parts_of(names: Iterable[str], table: str) -> list[tuple[int, int, str]]:
     """Return first and last half second, and name, of the parts that count, in order: no part covers another."""
     found = [match for name in names if (match := PART.fullmatch(name)) and match[1] == table]
+    # Of parts that begin together the longest comes first: a minute before the half seconds that are in it.
     parts = sorted((int(match[2]), -int(match[3]), match[0]) for match in found)
     chosen: list[tuple[int, int, str]] = []
     for first, last, name in parts:
@@ -222,9 +223,11 @@ def read_part(path: Path, run: str, most: int | None = None) -> Columns:
 def _joined(folder: Path, table: str, names: list[str], run: str) -> Columns:
     """Return the arrays of all parts behind each other; raise `LogError` where they are not parts of one table."""
     parts: list[Columns] = []
+    # Half: parts and what is joined of them are in memory together.
     left = most = allowance() // 2
     for name in names:
         parts.append(read_part(folder / name, run, left))
+        # As doubles, which they become.
         left -= sum(8 * array.size for array in parts[-1].values())
         if left < 0:
             raise LogError(
@@ -263,6 +266,7 @@ def _checked(folder: Path, header: RunLogHeader, readings: Columns) -> Columns:
                 f"{folder}: the column {name!r} is {came}; expected {shape}: {rows} readings of the {joints} joints "
                 f"and {feet} feet that {HEADER} names"
             )
+        # Of a single joint or foot the recorder writes vectors.
         found[name] = found[name].reshape(shape)
     return found
 
@@ -319,6 +323,7 @@ def joint_log(source: str, log: RunLog) -> Log:
     own = zip(header.joint_names, header.kp, header.kd, header.torque_limit, strict=True)
     joints = {name: LogSetup(kp=kp, kd=kd, torque_limit=limit) for name, kp, kd, limit in own}
     setup = LogSetup(torque_source=header.torque_source, joints=joints)
+    # By the robot's own clock: ours says when a reading was taken up, and several are at once.
     time = rows["robot_time"][used]
     return Log(source, time - time[0], signals, setup, notes, float(time[0]))
 

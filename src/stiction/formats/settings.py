@@ -38,6 +38,7 @@ def results_folder(out: Path, verb: str, options: Any) -> Iterator[None]:
         used = _plain(verb, options)
         try:
             yield
+        # An error of the work itself: without this clause the next one would note its settings.
         except Exception:
             raise
         except BaseException:
@@ -56,6 +57,7 @@ def _plain(verb: str, options: Any) -> dict[str, Any]:
     """Return verb and options as JSON has them."""
     free = (*FREE, *getattr(options, "free", ()))
     settings = {name: value for name, value in asdict(options).items() if name not in free}
+    # As it will be read back, to be compared with it: tuples are lists, paths are text.
     return json.loads(json.dumps({"verb": verb, "settings": settings}, default=str))
 
 

@@ -38,6 +38,8 @@ def make_key(path: Path) -> Path:
         raise FileError(f"{public} exists already, or is the private key's own name; choose another, such as maker.pem")
     for file, text, mode in ((path, private_text, 0o600), (public, public_text, 0o644)):
         try:
+            # The mode from the beginning, so that at no moment others can read the key; and nothing that is there is
+            # overwritten.
             with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as opened:
                 opened.write(text)
         except FileExistsError as error:
@@ -111,6 +113,7 @@ def _public_key(path: Path) -> Ed25519PublicKey:
     from cryptography.hazmat.primitives.serialization import load_pem_public_key
 
     content = read_bounded(path, f"a key, PEM: {NEW_KEY}", FileError, MOST_BYTES)
+    # Before it is parsed: the reader of public keys would only say that it is none.
     if b"PRIVATE KEY" in content:
         raise FileError(f"{path} is a private key, its owner's secret; name the public one, {path.with_suffix('.pub')}")
     try:

@@ -88,6 +88,7 @@ def table_of(source: str, arrays: Mapping[str, np.ndarray]) -> Table:
         fits = [axis for axis, size in enumerate(array.shape) if size == samples and array.ndim <= 2]
         if not fits or array.size // samples > WIDEST_MATRIX:
             faults[name] = f"array {name!r} has shape {array.shape}; expected {samples} samples, or samples by joints"
+            # A view of one number: a column that is no signal costs no memory.
             columns[name] = np.broadcast_to(np.nan, samples)
             continue
         if fits[0] == 1:
@@ -130,6 +131,7 @@ def parse_npz(source: str, content: bytes, most: int | None = None) -> Columns:
 
     source: the file's name, for messages; most: bytes that it may inflate to.
     """
+    # Not by np.load: it takes what is no archive for a pickle, and its error says how to load that unsafely.
     if not zipfile.is_zipfile(io.BytesIO(content)):
         raise LogError(f"{source}: not an NPZ file, which is a ZIP archive of arrays; write it with numpy.savez")
     arrays = {}
@@ -159,6 +161,7 @@ def read_archive(source: str, content: bytes, most: int | None = None) -> dict[s
             names = [entry.filename for entry in entries]
             if len(set(names)) != len(names):
                 raise LogError(f"{source}: the archive has a member twice; write it again")
+            # The reading of an entry ends at the size that it declares, and these were added up above.
             members = {entry.filename: archive.read(entry) for entry in entries}
     except BROKEN_ARCHIVE as error:
         raise LogError(f"{source}: not a readable archive ({str(error)[:120]})") from error
@@ -178,6 +181,7 @@ def _parse_array(data: bytes) -> np.ndarray:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a header by Python 2, say, is read all the same
         shape, fortran_order, dtype = readers[version](file)
+    # Refused by its header, before there is an array: to read an array of objects is to run a pickle.
     if dtype.hasobject or dtype.kind not in "fiubU":
         raise ValueError(f"{dtype} is not a plain number or text")
     size = math.prod(shape) * dtype.itemsize
@@ -291,6 +295,7 @@ def read_parquet(path: Path) -> Table:
         starts: dict[str, float] = {}
         faults = {name: f"column {name!r} holds no numbers" for name in schema.names if name not in kinds}
         for name, kind in kinds.items():
+            # One after the other, so that two forms of a column lie in memory, and not of the whole table.
             column = file.read(columns=[name], use_threads=False).column(name)
             if kind == _element(arrow, kind):
                 columns[name], starts[name] = _to_array(arrow, column, kind)
@@ -344,6 +349,7 @@ def _to_array(arrow: ModuleType, column: Any, kind: Any) -> tuple[np.ndarray, fl
         first = counts[0].as_py() if len(counts) else 0
         if counts.null_count or first is None:
             raise ValueError("a time stamp is missing")
+        # Subtracted as integers: nanoseconds since 1970 have more digits than a double.
         return (counts.to_numpy() - first) * SECONDS[kind.unit], first * SECONDS[kind.unit]
     return np.asarray(column.to_numpy(zero_copy_only=False), dtype=float), 0.0
 

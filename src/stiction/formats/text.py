@@ -103,6 +103,7 @@ def _decoded(source: str, file: Any, packed: int) -> Iterator[tuple[list[str], s
         try:
             text = decoder.decode(block)
         except UnicodeDecodeError:
+            # Behind what the first decoder has kept of a letter that the block's end cut.
             pending = decoder.getstate()[0]
             decoder = codecs.getincrementaldecoder("latin-1")()
             text = decoder.decode(pending + block)
@@ -131,6 +132,7 @@ class _Column:
 
     def take(self, cells: list[str], lines: list[int]) -> None:
         """Add cells; the first cell that is no number is remembered as a fault with its line."""
+        # All at once where they are numbers, as most are; else cell by cell.
         if self.first is None:
             try:
                 self.parts.append(_floats(cells))
@@ -141,6 +143,7 @@ class _Column:
         self.blanks += int(blank.sum())
         values = np.full(len(cells), np.nan)
         for index in np.flatnonzero(~blank):
+            # The first cell that is not empty decides whether the column is of numbers or of time stamps.
             if self.first is None and all(np.isnan(part).all() for part in (*self.parts, values[:index])):
                 self.first = None if is_number(cells[index]) else parse_stamp(cells[index])
             try:
@@ -223,6 +226,7 @@ class _Collected:
         mark, width = self.dialect.separator, len(self.columns)
         if len(wanted) + sum(bool(column.fault) for column in self.columns) != width:
             return None
+        # With `usecols` np.loadtxt does not mind rows of other widths.
         if len(wanted) < width and any(len(line.split(mark or None)) != width for line in lines):
             return None
         try:
@@ -236,6 +240,7 @@ class _Collected:
         """Return what was read; last: what has no end, line `number` of the file."""
         notes = list(self.dialect.notes)
         if last.strip() and not is_comment(last):
+            # With a quote in it, which may be cut off, the line cannot be split: it is left out without being counted.
             cells = len(self.dialect.cells([last])[0]) if '"' not in last else len(self.columns)
             if cells != len(self.columns):
                 raise LogError(

@@ -49,6 +49,7 @@ class Structure:
         """Byte on the wire -> byte in memory; what only fills a gap comes from a zero behind the message."""
         for place, end, size in ends:
             self._memory[end - size : end] = np.arange(place, place + size)
+        # The way back; a gap in memory is filled from a zero behind the bytes of the wire.
         self._wire = np.full(layout.itemsize, self.wire_bytes)
         self._wire[self._memory[self._memory < layout.itemsize]] = np.flatnonzero(self._memory < layout.itemsize)
 
@@ -57,6 +58,7 @@ class Structure:
         """Return of every number its place in memory, its end on the wire, and its size [B]."""
         ends, end = [], 0
         for place, size in _numbers(layout, 0):
+            # CDR: a number begins at a multiple of its own size.
             end = -(-end // size) * size + size
             ends.append((place, end, size))
         return ends
@@ -88,6 +90,7 @@ class Structure:
         least = self.wire_bytes if whole_to is None else self.wire_end(whole_to)
         if len(data) - 4 < least:
             raise ValueError(f"{len(data) - 4} bytes of a {self.kind}; expected {least}")
+        # One zero more: the gaps of the form in memory are filled from it.
         body = np.zeros(self.wire_bytes + 1, np.uint8)
         given = np.frombuffer(data, np.uint8, min(len(data) - 4, self.wire_bytes), 4)
         body[: len(given)] = given

@@ -206,6 +206,7 @@ def _expect(condition: bool, name: str, value: object, expected: str) -> None:
 def write_walk(path: Path, log: WalkLog) -> None:
     """Write a log as NPZ, whole or not at all: signals in single precision, time in double."""
     arrays: dict[str, np.ndarray] = {}
+    # Sensors have fewer digits than single precision; time has more.
     for name in SIGNALS:
         array = getattr(log, name)
         if array is not None:

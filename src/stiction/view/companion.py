@@ -35,6 +35,7 @@ def watching(run: Path, say: Callable[[str], None]) -> Iterator[subprocess.Popen
         assert process.stdout is not None
         for line in process.stdout:
             if line.strip():
+                # Ctrl-C in this terminal ends the training, not the viewer.
                 say(line.strip().removesuffix("; Ctrl-C ends it"))
 
     thread = threading.Thread(target=listen, name="viewer's words", daemon=True)

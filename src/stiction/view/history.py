@@ -83,6 +83,7 @@ class History:
         for walker, velocities in zip(walkers, self._velocities, strict=True):
             velocities.append(np.zeros(3) if walker.lies else walker.seen.velocity)
         if time >= self._due["speed"]:
+            # Less a hair: the time is a sum of periods, and its rounding must not put a point off by a step.
             self._due["speed"] = time + SPEED_EVERY - 1e-9
             self.speed.add(time, *self.speeds())
         if time >= self._due["friction"]:

@@ -34,6 +34,7 @@ def write_page(
     # The player loads an environment map anew whenever it begins again, and the picture is blank meanwhile.
     server.scene.configure_environment_map(None)
     server.scene.add_light_ambient("/light", intensity=AMBIENT)
+    # It has the scene as it is now, and records what changes from here on.
     recorded = server.get_scene_serializer()
     every = max(1, round(FRAME / simulation.period))
     steps = round(seconds / simulation.period)

@@ -232,6 +232,7 @@ class Panel:
 
     def _button(self, label: str, action: Callable[[], None], icon: Any) -> viser.GuiButtonHandle:
         button = self._gui.add_button(label, icon=icon)
+        # Called in a thread of the server: what it does waits until the loop has finished a control step.
         button.on_click(lambda _: self.submit(action))
         return button
 
@@ -248,6 +249,7 @@ class Panel:
     def _spread(self) -> None:
         """Give all kinds of joints what the slider of all says."""
         value = number_of(self.all)
+        # To set a slider from here calls its `on_update`, as a browser does.
         for slider in self.levels.values():
             slider.value = value
 

@@ -59,6 +59,7 @@ def lanes(simulation: Simulation, width: float) -> np.ndarray:
     """
     ground, number = simulation.ground, len(simulation.walkers)
     for half, place, turn in zip(ground.half_sizes, ground.positions, ground.quaternions, strict=True):
+        # Half of what a turned box takes up along each axis of the world.
         reach = np.abs(matrix(turn)) @ half
         width = max(width, 2.0 * (abs(place[1]) + reach[1]))
     return (width + GAP) * ((number - 1) / 2 - np.arange(number))
@@ -77,6 +78,7 @@ class Scene:
         self._middle = np.zeros(2)
         server.scene.world_axes.visible = False
         self._robots = ViserMujocoScene(server, self._body.model, len(simulation.walkers))
+        # The world is moved under the camera instead, see `draw`.
         self._robots.camera_tracking_enabled = False
         self._labels: list[viser.LabelHandle] = []
         self._ground: list[viser.SceneNodeHandle] = []
@@ -124,6 +126,7 @@ class Scene:
             # The median: one robot that is stuck does not hold the picture back.
             self._middle = np.median(positions[list(self.followed), 1, :2], axis=0)
         shift = np.array([*-self._middle, 0.0])
+        # All robots and the floor in one picture, and none a frame ahead of the others.
         with self._server.atomic():
             self._floor.position = shift
             self._mark()

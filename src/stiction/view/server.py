@@ -72,6 +72,7 @@ def _taken(host: str, port: int) -> str | None:
     """Return why a port cannot be listened on; None where it can."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.socket(family) as tried:
+        # As the server will: a port that was just left is free to it.
         tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             tried.bind((host, port))

@@ -153,6 +153,7 @@ class Walker:
         engines: list[Engine] = []
 
         def make(body: Body, around: Ground, timestep: float) -> Engine:
+            # The world makes the engine within; it is caught here, to be pushed.
             engines.append(make_engine(cfg.engine, body, around, timestep))
             return engines[-1]
 
@@ -282,6 +283,7 @@ class Simulation:
     def _enter(self, cfg: WorldCfg, policies: Sequence[ViewedPolicy]) -> None:
         """Put one robot a policy to the start of a world."""
         ground, level = course(cfg.course.kind, cfg.course.size, cfg.seed), self._level(cfg.law)
+        # All new robots before anything else is changed: where one cannot be made, the old world stays.
         self.walkers = [Walker(policy, self.spec, cfg, ground, level) for policy in policies]
         self.cfg, self.ground = cfg, ground
         self.time = 0.0

@@ -82,6 +82,7 @@ class Viewer:
 
     def _answer(self) -> None:
         """Do what browsers asked for."""
+        # So many and no more: browsers that ask without end must not hold up the step.
         for _ in range(MOST_ASKED):
             try:
                 action = self._asked.get_nowait()
@@ -95,6 +96,7 @@ class Viewer:
             action()
         except StictionError as error:
             self.panel.say("That cannot be done", " ".join(str(error).split()))
+            # A choice that could not be made is still shown in the browsers: it is put back.
             self.panel.show_world()
 
     def show(self, now: float, draw: bool = True) -> None:
@@ -119,12 +121,14 @@ class Viewer:
             if not always and not self.server.get_clients():
                 self._answer()
                 time.sleep(IDLE)
+                # Time in which nobody looked is not caught up.
                 due = began = time.monotonic()
                 simulated = self.simulation.time
                 continue
             self.turn()
             due += period
             now = time.monotonic()
+            # A loop that is late draws less, so that the robots fall behind as little as can be.
             draw = now < due or now - drawn >= SLOWEST
             drawn = now if draw else drawn
             self.show(now, draw)
@@ -143,12 +147,14 @@ class Viewer:
 
     def restart(self) -> None:
         """Put the robots to the start."""
+        # First: a log must not go on behind the jump to the start.
         self._attempt(self._write)
         self.simulation.reset()
         self.history.clear()
 
     def show_world(self, engine: str, terrain: str) -> None:
         """Put the robots into another world."""
+        # First: the robot that is recorded is about to be replaced.
         self._attempt(self._write)
         self.simulation.set_world(replace(self.simulation.cfg, engine=engine, course=parse_course(terrain)))
         self.history.clear()

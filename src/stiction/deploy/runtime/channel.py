@@ -91,6 +91,7 @@ class Channel:
         found: list[Message] = []
         while True:
             try:
+                # One byte too many: a longer datagram would be cut to the right length.
                 data = self.end.recv(self._receives.bytes + 1)
             except OSError:
                 return found

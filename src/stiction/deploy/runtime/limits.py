@@ -66,6 +66,7 @@ class Limits:
         inside = np.clip(slow, self._lower, self._upper)
         by = np.where(np.abs(slow - requested) > LEAST_CHANGE, SLEW, FREE)
         by = np.where(np.abs(inside - slow) > LEAST_CHANGE, RANGE, by)
+        # Without the torque's limit: it follows the joint, as a motor that limits by itself, and has no memory.
         self._last = inside
         return Limited(inside, by)
 
@@ -73,6 +74,7 @@ class Limits:
         """Return targets whose torque is within the motors' limits at a measured angle [rad] and velocity [rad/s]."""
         torque = self._kp * (limited.target - position) - self._kd * velocity
         within = np.clip(torque, -self._limit, self._limit)
+        # What is within stays as it is: the way to the torque and back would round it.
         target = np.where(within == torque, limited.target, position + (within + self._kd * velocity) / self._kp)
         # A joint that is thrown far behind its limit must not be asked to go on.
         inside = np.clip(target, self._lower, self._upper)

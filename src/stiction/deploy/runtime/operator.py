@@ -67,6 +67,7 @@ class Operator:
         modes = None
         if self._terminal is not None:
             modes = termios.tcgetattr(self._terminal)
+            # At once: by default a key that was pressed already would be thrown away.
             tty.setcbreak(self._terminal, termios.TCSANOW)
         try:
             yield

@@ -67,6 +67,7 @@ class PolicyProcess:
             self._running = False
         done = time.monotonic()
         times |= {"step": done - read, "latency": done - read}
+        # The targets first: the estimate of wear below must not delay them.
         alive = self._channel.send(done, answer | times)
         self._sent = time.monotonic() - done
         if step is not None:

@@ -71,6 +71,7 @@ class Parts:
             return
         arrays = [read_part(self._folder / name, self._run) for name in names]
         self._publish(first, last, {name: np.concatenate([one[name] for one in arrays]) for name in arrays[0]})
+        # Behind the whole minute: if this is cut short, parts lie beside it, and readers pass over what it covers.
         for name in names:
             (self._folder / name).unlink(missing_ok=True)
 
@@ -155,6 +156,7 @@ def record(folder: Path, end: socket.socket, readings: Layout, steps: Layout, ke
             going = data not in (b"", END)
             _take(data, parts, readings, steps)
         if time.monotonic() >= due or not going:
+            # From the deadline and not from now, so that parts stay of one length.
             due += PART_SECONDS
             for part in parts.values():
                 part.flush()

@@ -178,6 +178,8 @@ class _Loop:
                 self._run_once()
         except BaseException as error:
             self._fail(error)
+            # An error has become the reason of the stop, for log and report; an interruption goes on to who asked for
+            # it.
             if not isinstance(error, Exception):
                 raise
         finally:
@@ -214,7 +216,7 @@ class _Loop:
         self._announce()
 
     def _fail(self, error: BaseException) -> None:
-        """Damp the robot after an error in this program, before the error is raised again."""
+        """Damp the robot after an error in this program; the error is the reason of the stop."""
         said = f"{type(error).__name__}: {' '.join(str(error).split())}"
         violation = Violation("policy failed", None, np.nan, np.nan)
         self._emit(self._supervisor.stop(violation, time.monotonic(), f"the supervisor itself: {said}"), None)
@@ -354,13 +356,16 @@ def _beside(module: str, words: list[object], place: int) -> Iterator[tuple[sock
         command,
         pass_fds=[other.fileno()],
         stderr=subprocess.PIPE,
+        # Ctrl-C stops the robot by way of the supervisor; it must not end the policy or the log first.
         start_new_session=True,
         **tied(isolated_environment()),
     )
+    # As long as we held it too, to send to a process that is gone would not fail.
     other.close()
     try:
         yield own, process
     finally:
+        # First: that is how the process learns that it is over.
         own.close()
         _end(process)
 

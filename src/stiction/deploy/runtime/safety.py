@@ -53,6 +53,8 @@ class Safety:
         self._cfg, self._names, self._limit = cfg, contract.joint_names, contract.array("torque_limit")
         self._torques: deque[np.ndarray] = deque(maxlen=max(1, round(cfg.torque_seconds / period)))
         self._squares: deque[float] = deque(maxlen=max(1, round(cfg.flailing_seconds / period)))
+        # One more than for a mean: what a count grows by in n periods is between the first and the last of n + 1
+        # readings.
         self._lost: deque[np.ndarray] = deque(maxlen=1 + max(1, round(LOST_SECONDS / period)))
 
     def reset(self) -> None:

@@ -185,7 +185,8 @@ class Supervisor:
             return self.stop(Violation("target not finite", joint, math.nan, math.nan), now, f"target of {joint}")
         if self.stage is Stage.RUN and self._source is None:
             requested = np.array(target, float)
-            # As in training a target acts at once; so the slew is of one answer to the next, not of readings.
+            # As in training a target acts at once; so the slew is of one answer to the next, not of readings. Of a gap
+            # two periods count at most, else the first target after it could jump.
             within = self._limits.step(requested, min(elapsed, 2.0 * self.contract.control_period))
             self._answer = requested, within
         return None
@@ -210,6 +211,7 @@ class Supervisor:
         """Judge what did not come in time; to be asked every 2 ms or so."""
         if self.ended:
             return None
+        # Until both have come, nothing can be stale or silent.
         if self.stage is Stage.PASSIVE and (math.isnan(self._seen) or not self.policy_ready):
             if now - self._began > self.cfg.ready_timeout:
                 missing = "no state of the robot has come" if math.isnan(self._seen) else "the policy has not answered"
@@ -266,6 +268,7 @@ class Supervisor:
         self.stage, self._since, self._from = Stage.STAND, now, np.array(self._position)
         self._limits.begin(self._from)
         self._asked = now
+        # No time, so that only the range can move it away from the measured pose.
         first = self._limits.step(self._from, 0.0)
         broken = self._far("first target", first.target, self.cfg.first_target)
         if broken is not None:
@@ -276,14 +279,17 @@ class Supervisor:
         """Go from where the robot was to the standing pose."""
         assert self._from is not None
         elapsed = now - self._since
+        # Half a cosine: it begins and ends at rest.
         share = 0.5 - 0.5 * math.cos(math.pi * min(elapsed / self.cfg.ramp, 1.0))
         requested = self._from + share * (self._standing - self._from)
         if elapsed < self.cfg.ramp + self.cfg.hold:
             return self._limit(requested, state, now)
         broken = self._far("did not stand up", self._standing, self.cfg.standing_error)
+        # Unarmed, nothing was sent, and the robot lies where it lay: a dry run goes on.
         if self.cfg.armed and broken is not None:
             return self._stop(broken, now)
         self.stage, self._since = Stage.RUN, now
+        # Nobody had to command a robot that was standing up: silence counts from here.
         self._answer, self._commanded = None, now
         self._safety.reset()
         return self._limit(requested, state, now)
@@ -352,8 +358,10 @@ class Supervisor:
         broken = self._guard.check(state.time, state.sensors, self.velocity, acting=acting)
         if broken is not None:
             return broken
+        # Before the first command of ours both ends are NaN, and any other one is somebody else's.
         if self.cfg.armed and math.isfinite(state.command) and not self._ours[0] <= state.command <= self._ours[1]:
             return Violation("second writer", None, state.command, self._ours[1])
+        # What a robot says of its gains may still be from before the first command that sets them.
         gains = self.cfg.armed and (
             self.stage is Stage.RUN or (self.stage is Stage.STAND and now - self._since > GAINS_AFTER)
         )

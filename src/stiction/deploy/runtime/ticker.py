@@ -39,6 +39,7 @@ class Ticker:
         """
         self._number += 1
         passed = self._clock() - (self._start + self._number * self.period)
+        # Whole periods alone: to be late by less than one costs no step.
         skipped = max(0, int(passed / self.period))
         self._number += skipped
         deadline = self._start + self._number * self.period

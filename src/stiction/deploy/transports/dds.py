@@ -70,6 +70,8 @@ def domain_settings(interface: str) -> str:
     general = f"<Interfaces><NetworkInterface name={quoteattr(interface)}/></Interfaces>"
     alone = ""
     if interface == LOOPBACK_INTERFACE:
+        # Without multicast participants are looked for one by one, at ports that follow from their index: each needs
+        # one.
         general += "<AllowMulticast>false</AllowMulticast>"
         alone = (
             '<Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer address="127.0.0.1"/></Peers></Discovery>'
@@ -94,9 +96,11 @@ class DdsBus:
             states = dds.topic.Topic(participant, STATE_TOPIC, wire_type(state))
             commands = dds.topic.Topic(participant, COMMAND_TOPIC, wire_type(command))
             policy = dds.qos.Policy
-            # A state that was lost is not wanted any more; a robot that wants commands reliably gets them so.
+            # A state that was lost is not wanted any more; a robot that wants commands reliably gets them so. Without
+            # IgnoreLocal our own commands would be heard as another writer's.
             fresh = (policy.Reliability.BestEffort, policy.IgnoreLocal.Participant)
             reader_qos = dds.qos.Qos(*fresh, policy.History.KeepLast(MOST_WAITING))
+            # With 0 ns, to write never waits for a slow reader: it fails, and the command is lost.
             writer_qos = dds.qos.Qos(policy.Reliability.Reliable(0), policy.History.KeepLast(1))
             self._states = dds.sub.DataReader(participant, states, reader_qos)
             self._others = dds.sub.DataReader(participant, commands, dds.qos.Qos(*fresh, policy.History.KeepLast(1)))
@@ -119,6 +123,7 @@ class DdsBus:
         while not self._closed:
             if self._waits.wait(WAKE_MS * 1_000_000) and not self._closed:
                 self._bell.ring()
+                # The condition holds until the states are taken: without waiting for that, this thread would spin.
                 self._heard.wait(WAKE_MS / 1e3)
                 self._heard.clear()
 
@@ -128,9 +133,11 @@ class DdsBus:
 
     def receive(self) -> list[tuple[int, bytes]]:
         """Return the states that have come."""
+        # First: what comes from here on rings again.
         self._bell.silence()
         found = self._states.take(MOST_WAITING)
         self._heard.set()
+        # A writer that leaves gives samples without data.
         return [(sample.sample_info.source_timestamp, sample.data) for sample in found if hasattr(sample, "data")]
 
     def foreign(self) -> bool:
@@ -197,6 +204,7 @@ def _idl_type(structure: Structure, name: str, layout: np.dtype, raw: bool = Fal
     body: dict[str, Any] = {"__annotations__": hints} | (_RAW if raw else {})
     typename = f"{structure.family}.msg.dds_.{name}_"
     message = new_class(f"{name}_", (IdlStruct,), {"typename": typename}, lambda space: space.update(body))
+    # Extensibility and ids of members are part of what Cyclone hashes.
     return annotations.final(annotations.autoid("sequential")(dataclass(init=not raw, eq=False, repr=False)(message)))
 
 

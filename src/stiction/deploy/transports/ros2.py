@@ -140,6 +140,7 @@ class RclpyNode:
 
         def hear(message: Any) -> None:
             self._waiting.append((topic, plain(message)))
+            # Behind it: who is woken has to find the message.
             self._bell.ring()
 
         return hear
@@ -150,7 +151,9 @@ class RclpyNode:
 
     def receive(self) -> list[tuple[str, Mapping[str, Any]]]:
         """Return what has come."""
+        # First: what comes from here on rings again.
         self._bell.silence()
+        # As many as there are now: the other thread goes on adding to them.
         return [self._waiting.popleft() for _ in range(len(self._waiting))]
 
     def publish(self, message: Mapping[str, Any]) -> None:

@@ -155,6 +155,7 @@ class Translation:
         motors["mode"] = MOTOR_ON
         motors["q"] = np.where(self._held, held, maker.to_maker(command.target))
         motors["tau"] = maker.rates_to_maker(command.forward)
+        # While the others are damped, held joints have their damping alone too.
         motors["kp"] = np.where(self._held, self._held_kp if stiff else 0.0, maker.theirs(command.kp))
         motors["kd"] = np.where(self._held, self._held_kd, maker.theirs(command.kd))
         message["crc"] = structure.checksum(message)
@@ -194,6 +195,7 @@ class UnitreeLink:
                 self.malformed, self.complaint = self.malformed + 1, str(error)
                 continue
             self._first = stamp if self._first is None else self._first
+            # Subtracted as integers: nanoseconds since 1970 have more digits than a double.
             self._newest, self._time = message, (stamp - self._first) * 1e-9
             self._states += 1
             found.append(self._translation.state(message, self._states, self._time, command))

@@ -84,6 +84,7 @@ def adapted(contract: Contract, network: NetworkFile) -> NetworkFile:
         for entry in range(term.size):
             for frame in range(old.depth):
                 place = places.get(frame * old.frame_size + column + entry)
+                # The history of this term is shorter than the longest.
                 if place is None:
                     continue
                 bound[place] = term.clips[entry]
@@ -92,6 +93,7 @@ def adapted(contract: Contract, network: NetworkFile) -> NetworkFile:
                 if row is not None:
                     pick[row, place] = term.scales[entry]
         column += term.size
+    # Attitude first, then for every number of the old input: pick, scale, shift, and the two bounds.
     nodes, constants, seen = _attitude(starts["projected_gravity"], new) if attitude else ([], {}, INPUT)
     constants |= {"a_pick": pick, "a_shift": shift, "a_low": -bound, "a_high": bound}
     nodes += [
@@ -150,6 +152,7 @@ def _source(
     first = {"command_turn": 2, "phase_cos": len(clock.offsets) if clock else 0}
     name = PLAIN[term.name]
     size = next(other.size for other in new.terms if other.name == name)
+    # The plain angles are about the standing pose; where the policy's are not, it is added again.
     shift = contract.standing[entry] if term.name == "joint_position" and term.offset == "none" else 0.0
     return starts[name] + frame * size + first.get(term.name, 0) + entry, shift
 
@@ -181,6 +184,7 @@ def _attitude(start: int, new: ObservationLayout) -> tuple[list[Node], dict[str,
         ("Neg", "a_y", "", "a_left"),
         ("Div", "a_left", "a_half", "a_roll_tangent"),
         ("Sub", "a_one", "a_xx", "a_rest2"),
+        # Rounding may make g_x² larger than 1, and the root of what is left NaN.
         ("Max", "a_rest2", "a_zero", "a_rest1"),
         ("Sqrt", "a_rest1", "", "a_rest"),
         ("Add", "a_one", "a_rest", "a_below"),

@@ -244,6 +244,7 @@ def contract_of(said: Said, robot: Robot, network: tuple[str, bytes], revision: 
     if not 5e-4 <= period <= 0.2:
         raise ConfigurationError(f"control_period {period:g} s; expected 0.0005 to 0.2 s")
     decimation = (
+        # Less a hair: the quotient of 0.035 and 0.005 is a little over 7 in binary, and would be eight steps.
         round(period / said.physics_timestep) if said.physics_timestep else math.ceil(period / LARGEST_STEP - 1e-9)
     )
 

@@ -84,7 +84,8 @@ def said_of(network: ForeignNetwork, name: str, settings: Sequence[Path], robot:
         if is_deploy(content):
             said = merged(said, said_in_deploy(content, path.name, maker))
         elif is_rl_sar(content):
-            # A policy's own entries stand over those of its robot, in whatever order they are given.
+            # A policy's own entries stand over those of its robot, in whatever order the files are given; the
+            # robot's, its base.yaml, is the one with `dt`.
             inner = entries_of(content, path.name)
             rl_sar = inner | rl_sar if "dt" in inner else rl_sar | inner
         else:

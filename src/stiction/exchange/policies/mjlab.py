@@ -146,5 +146,6 @@ def metadata_of(contract: Contract) -> dict[str, str]:
             str(layout.history_of(term) if layout.history_of(term) > 1 else 0) for term in layout.terms
         ),
         "observation_terms_clip": each([clip(term) for term in layout.terms]),
+        # One for each joint, also where the contract has one for all.
         "action_scale": joined((contract.array("standing") * 0 + contract.scale).tolist()),
     }

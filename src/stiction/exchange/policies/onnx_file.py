@@ -184,6 +184,7 @@ def _node(data: memoryview) -> Node | Tensor:
         said = read_message(part, f"attribute of {operator!r}", ATTRIBUTE)
         name, kind = text_of(said["name"], "attribute.name"), said["type"]
         if operator == "Constant" and said["t"] and len(outputs) == 1:
+            # As a constant among the others: `deploy.network_file` knows no tensors in attributes.
             return replace(_tensor(said["t"][0]), name=outputs[0])
         number = next((field for field, value in NUMBERS.items() if kind == [value]), None)
         if number is None or operator == "Constant":
@@ -204,6 +205,7 @@ def _tensor(data: memoryview) -> Tensor:
     found = read_message(data, "tensor", TENSOR)
     name, kind = text_of(found["name"], "tensor.name"), (found["data_type"] or [0])[0]
     shape = tuple(map(signed, found["dims"]))
+    # Packed float32 lie in the file as raw bytes do; packed integers are of various lengths.
     content = (found["raw_data"] or found["float_data"] or [memoryview(b"")])[0]
     if found["int64_data"]:
         numbers = [signed(value) for value in ours.packed(found["int64_data"][0])]
@@ -214,6 +216,7 @@ def _tensor(data: memoryview) -> Tensor:
 
 def _renamed(network: NetworkFile) -> NetworkFile:
     """Return a network with our names for its ports, and plain ones for all else."""
+    # The empty name is that of an input which is left out.
     names = {network.input.name: INPUT, network.output.name: OUTPUT, "": ""}
     if network.input.name == network.output.name:
         raise BundleError("policy.onnx: its output is its input; expected a network")

@@ -131,6 +131,7 @@ def _observations(entries: Mapping[str, Any], where: str) -> dict[str, Any]:
         found["clock"] = G1_CLOCK
     given = entries.get("observations_history") or [0]
     frames = [take.whole(item, f"{where}: observations_history") for item in take.sequence(given, where)]
+    # A single frame is both; it is called the newest first.
     newest_first = frames == list(range(len(frames)))
     if not newest_first and frames != list(range(len(frames)))[::-1]:
         raise ConfigurationError(
@@ -196,6 +197,7 @@ def config_of(contract: Contract, model: str) -> tuple[dict[str, Any], dict[str,
         "clip_actions_upper": [bound] * joints,
         "rl_kp": list(contract.kp),
         "rl_kd": list(contract.kd),
+        # One for each joint, also where the contract has one for all.
         "action_scale": (contract.array("standing") * 0 + contract.scale).tolist(),
         **scales,
         **{name: base[name] for name in ("num_of_dofs", "wheel_indices", "torque_limits", "fixed_kp", "fixed_kd")},

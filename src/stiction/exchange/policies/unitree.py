@@ -177,6 +177,7 @@ def deploy_of(contract: Contract, commands: Sequence[float]) -> dict[str, Any]:
         )
     ids = [vendor.order.index(name) for name in contract.joint_names]
     own = [contract.joint_names.index(name) for name in vendor.order]
+    # One for each joint, also where the contract has one for all.
     scale = (contract.array("standing") * 0 + contract.scale).tolist()
     # A clip after the scale is one before it, divided; where scales differ within a term it has to stay behind.
     clip_last = any((term.clips < NO_CLIP).any() and isinstance(term.scale, tuple) for term in layout.terms)

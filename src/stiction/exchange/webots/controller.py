@@ -110,6 +110,7 @@ class Devices:
             )
         self.motors = [self._device(name) for name in contract.joint_names]
         for name, motor, limit in zip(contract.joint_names, self.motors, contract.torque_limit, strict=True):
+            # To the last digit, since the PROTO has all of them.
             if motor.getMaxTorque() != limit:
                 raise EngineError(
                     f"the motor {name} has a maxTorque of {motor.getMaxTorque():g} N m, the policy's robot {limit:g}; "
@@ -143,6 +144,7 @@ class Devices:
         velocity = np.zeros(len(position)) if self._last is None else (position - self._last) / self._timestep
         self._last = position
         return Sensors(
+            # Webots has w last.
             quaternion=np.roll(self._imu.getQuaternion(), 1),
             angular_velocity=np.array(self._gyro.getValues(), float),
             joint_position=position,
@@ -161,6 +163,7 @@ class Devices:
                     f"the physics plugin {PLUGIN} says nothing, so the joints have no rotor inertia: build it (make in "
                     f"plugins/physics/{PLUGIN}), open the world again, and read what the console says of it"
                 )
+            # Nobody reads it from here on, and its queue would grow at every step.
             self._receiver.disable()
 
     def place(self) -> np.ndarray:

@@ -280,5 +280,6 @@ def _write(folder: Path, spec: Robot, bundle: Bundle, source: Path, cfg: WebotsC
         path.write_text(text, encoding="utf-8")
     copy = folder / "controllers" / CONTROLLER / "bundle"
     shutil.copytree(source, copy)
+    # The bundle was read twice, to be checked and to be copied.
     if read_bundle(copy).digest != bundle.digest:
         raise BundleError(f"{source} changed while it was copied; try again")

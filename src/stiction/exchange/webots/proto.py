@@ -257,6 +257,7 @@ def _shapes(shapes: Sequence[Shape]) -> tuple[list[Value], dict[str, Value]]:
     """Return what there is to see of a body, and as a field what of it collides: none where nothing does."""
     seen: list[Value] = [_placed(shape, _painted(shape)) for shape in shapes]
     solid: list[Value] = [_placed(shape, geometry(shape)) for shape in shapes if shape.contact != "nothing"]
+    # A boundingObject is a single node: several shapes have to be a group.
     if len(solid) > 1:
         return seen, {"boundingObject": Node("Group", {"children": solid})}
     return seen, {"boundingObject": solid[0]} if solid else {}
@@ -295,5 +296,6 @@ def _placed(shape: Shape, child: Node) -> Node:
     if shape.quaternion != tuple(UPRIGHT):
         turn, axis = shape.quaternion[0], np.array(shape.quaternion[1:])
         size = float(np.linalg.norm(axis))
+        # By atan2: the arc cosine of w loses half of its digits at small turns.
         fields["rotation"] = vector([*(axis / size), 2.0 * np.arctan2(size, turn)])
     return Node("Pose", {**fields, "children": [child]}) if fields else child
