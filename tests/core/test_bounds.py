@@ -112,6 +112,13 @@ def test_memory_is_that_of_machine_container_and_limit(tmp_path: Path, monkeypat
         check_memory(1.6e9, "this", "ask for less")
 
 
+def test_a_limit_of_the_caller_s_counts_less_what_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`ulimit -v` of 2 GB, of which 1.5 are taken: who counts all of it begins what cannot end."""
+    monkeypatch.setattr(memory.resource, "getrlimit", lambda _: (2_000_000_000, -1))
+    monkeypatch.setattr(memory, "address_space", lambda: 1_500_000_000)
+    assert free_memory() == 500_000_000
+
+
 def test_the_memory_of_a_training_grows_with_what_it_holds() -> None:
     """As measured: 548 MB for 512 robots of Saturn Lite over 24 steps, 1011 MB with 51 frames in place of 11."""
     from stiction.robots.catalog import find_robot

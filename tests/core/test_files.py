@@ -22,6 +22,21 @@ def test_what_fails_leaves_what_was_there(tmp_path: Path) -> None:
     assert file.read_text() == "old" and list(tmp_path.iterdir()) == [file]
 
 
+def test_a_folder_comes_back_where_its_replacement_is_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Between the two renames neither folder has the name: both were deleted, the old one and the new one."""
+    folder = tmp_path / "bundle"
+    folder.mkdir()
+    (folder / "contract.json").write_text("old")
+
+    def stopped(self: Path, target: Path) -> Path:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Path, "replace", stopped)
+    with pytest.raises(KeyboardInterrupt), publish(folder) as partial:
+        partial.mkdir()
+    assert list(tmp_path.iterdir()) == [folder] and (folder / "contract.json").read_text() == "old"
+
+
 def test_a_link_is_replaced_and_a_device_written(tmp_path: Path) -> None:
     """A run folder from others with metrics.jsonl as a link would write into the file of its maker's choice."""
     (tmp_path / "mine").write_text("mine")

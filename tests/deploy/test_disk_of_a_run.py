@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import resource
 import shutil
 import subprocess
@@ -39,6 +40,8 @@ def test_a_disk_that_fills_ends_the_log_and_not_the_run(tmp_path: Path) -> None:
     done = subprocess.run(
         stiction("deploy", POLICY, *STAND, "--duration", "1", "--json", "--out", str(tmp_path / "run")),
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (room, room)),
+        # What Python compiled within it would be cut off too, and be found so by the next process.
+        env=os.environ | {"PYTHONDONTWRITEBYTECODE": "1"},
         capture_output=True,
         text=True,
         check=False,
@@ -75,6 +78,22 @@ def test_a_folder_that_is_gone_is_said_at_once_and_the_stop_too(tmp_path: Path) 
     assert "stopped: operator: SIGTERM; its log is not whole: " in said[-1] and "cannot be written" in said[-1], said
     assert json.loads((tmp_path / "run" / "report.json").read_text())["stop"]["rule"] == "operator"
     assert len(read_run_log(tmp_path / "moved").readings["time"]) > 10
+
+
+def test_rows_of_the_most_joints_are_not_cut(tmp_path: Path) -> None:
+    """A datagram longer than what is read is cut, and ten readings are lost without a word."""
+    readings = row_layout(256, 6)
+    write_run_header(tmp_path, HEADERS["walk"])
+    ours, theirs = socket_pair()
+    rows = Rows(Channel(ours, readings), readings, STEPS)
+    for number in range(20):
+        rows.reading(float(number), {})
+    rows.end()
+    record(tmp_path, theirs, readings, STEPS, 10)
+    ours.close()
+    theirs.close()
+    (file,) = tmp_path.glob("*.npz")
+    assert len(read_part(file, read_run_header(tmp_path).run)["time"]) == 20
 
 
 def test_a_read_only_folder_ends_the_logger_in_one_line(tmp_path: Path) -> None:

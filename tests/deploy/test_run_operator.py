@@ -66,6 +66,17 @@ def test_a_second_machine_that_falls_silent_stops() -> None:
         assert "no heartbeat" in operator.stop(0.96)
 
 
+def test_heartbeats_that_came_at_once_count_once() -> None:
+    """A backlog, read one by one, keeps the robot walking for seconds after its sender died."""
+    port = free_port()
+    operator = Operator(OperatorCfg(heartbeat=f"127.0.0.1:{port}"), 0.0)
+    with operator.listening():
+        for _ in range(20):
+            say(ALIVE, port)
+        assert operator.stop(0.1) == "" and operator.stop(0.59) == ""
+        assert "no heartbeat" in operator.stop(0.7)
+
+
 def test_a_key_stops(monkeypatch: pytest.MonkeyPatch) -> None:
     """The space bar does nothing, or the terminal stays odd."""
     ours, theirs = pty.openpty()
@@ -95,7 +106,11 @@ def test_velocity_commands_are_read_and_misspelt_ones_are_none() -> None:
         assert operator.velocity() is None and "vx, vy, wz" in operator.complaint
 
 
-@pytest.mark.parametrize("wrong", [b"", b"{}", b"[1]", b'{"vx": "1"}', b'{"vx": true}', b"\xff", b"[" * 5000])
+ENDLESS = (b'{"vx": 1' + b"0" * 400 + b"}", b'{"vx": NaN}', b'{"vx": 1, "wz": -Infinity}')
+"""Numbers that JSON has and a robot has not: the first ended the run, as an error that nobody expected."""
+
+
+@pytest.mark.parametrize("wrong", [b"", b"{}", b"[1]", b'{"vx": "1"}', b'{"vx": true}', b"\xff", b"[" * 5000, *ENDLESS])
 def test_what_is_no_velocity_is_refused(wrong: bytes) -> None:
     """Noise on the network moves the robot."""
     with pytest.raises(ValueError, match="expected"):

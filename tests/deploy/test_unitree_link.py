@@ -12,7 +12,7 @@ from bundles import make_contract
 from stiction.core.errors import ConfigurationError, RobotError
 from stiction.deploy.pilot import JointCommand
 from stiction.deploy.transports.config import HeldCfg
-from stiction.deploy.transports.unitree import HELD_SPEED, Translation, UnitreeLink
+from stiction.deploy.transports.unitree import FOREIGN, HELD_SPEED, Translation, UnitreeLink
 from stiction.formats.unitree import GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE, Structure
 from stiction.robots.catalog import find_robot
 from stiction.robots.model import Vendor
@@ -93,6 +93,18 @@ def test_a_state_comes_in_our_order_and_sense() -> None:
     np.testing.assert_allclose(state.sensors.angular_velocity, (0.1, 0.2, 0.3), rtol=1e-6)
     assert state.battery == 28.5 and np.isnan(state.command)
     assert np.isnan([state.kp, state.kd, state.torque_limit]).all()
+
+
+def test_a_second_writer_is_told_by_the_next_state_that_can_be_believed() -> None:
+    """The bus tells it once: found beside a damaged state it was forgotten, and two programs drove one robot."""
+    bus = Wires()
+    link = UnitreeLink(Translation("unitree-go", GO, HeldCfg()), bus)
+    bus.waiting, bus.others = [(0, b"damaged")], True
+    assert link.receive() == []
+    bus.waiting, bus.others = [(1, said(GO_STATE))], False
+    assert link.receive()[0].command == FOREIGN
+    bus.waiting = [(2, said(GO_STATE))]
+    assert np.isnan(link.receive()[0].command)
 
 
 def test_a_command_goes_in_the_maker_s_order_and_sense() -> None:

@@ -50,6 +50,10 @@ def publish(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise unwritten(path, error, partial) from error
     finally:
+        # Stopped between the two renames: what was there comes back.
+        if not os.path.lexists(path):
+            with suppress(OSError):
+                before.rename(path)
         for left in (partial, before):
             if left.is_dir():
                 shutil.rmtree(left, ignore_errors=True)

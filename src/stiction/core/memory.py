@@ -108,7 +108,7 @@ def free_memory() -> int:
     found = [_of_machine(), _of_group()]
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     if limit != resource.RLIM_INFINITY:
-        found.append(limit)
+        found.append(max(0, limit - (address_space() or 0)))
     return min(one for one in found if one is not None)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bundles import make_contract
-from stiction.exchange.webots.proto import FARTHEST, friction_fields, proto_name, stops, write_proto
+from stiction.exchange.webots.proto import FARTHEST, Node, _placed, friction_fields, proto_name, stops, write_proto
 from stiction.exchange.webots_joints import webots_joints
 from stiction.robots.catalog import find_robot
 from stiction.robots.model import Robot
@@ -129,6 +129,13 @@ def test_every_link_is_where_and_what_it_is_in_mujoco(name: str, tmp_path: Path)
 
 KINDS = {"Sphere": "SPHERE", "Capsule": "CAPSULE", "Cylinder": "CYLINDER", "Box": "BOX", "IndexedFaceSet": "MESH"}
 """Webots' geometries, and MuJoCo's."""
+
+
+def test_an_upright_shape_may_have_either_sign() -> None:
+    """(-1, 0, 0, 0) turns nothing: its axis, nothing over nothing, was written as NaN."""
+    shape = Shape("box", (0.1, 0.1, 0.1), quaternion=(-1.0, 0.0, 0.0, 0.0))
+    child = Node("Group", {})
+    assert _placed(shape, child) is child
 
 
 def sizes(geometry: Read) -> list[float]:

@@ -92,7 +92,8 @@ class Operator:
         if self._cfg.stop_file is not None and self._cfg.stop_file.exists():
             return f"the file {self._cfg.stop_file}"
         if self._heartbeat is not None:
-            if any(data == ALIVE for data in _datagrams(self._heartbeat)):
+            # All that has come is read, not up to the first that counts: a backlog would pass for a sender that lives.
+            if ALIVE in list(_datagrams(self._heartbeat)):
                 self._alive = now
             if now - self._alive > self._cfg.heartbeat_timeout:
                 return f"no heartbeat at {self._cfg.heartbeat} for {now - self._alive:.2f} s"
@@ -129,6 +130,9 @@ def parse_velocity(data: bytes) -> np.ndarray:
         raise ValueError(f"expected an object with some of {', '.join(AXES)}; got {str(said)[:60]}")
     if not all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in said.values()):
         raise ValueError(f"expected numbers; got {str(said)[:60]}")
+    # JSON knows whole numbers of any length, NaN and Infinity.
+    if not all(abs(value) <= sys.float_info.max for value in said.values()):
+        raise ValueError(f"expected finite numbers; got {data[:60]!r}")
     return np.array([float(said.get(axis, 0.0)) for axis in AXES])
 
 

@@ -149,10 +149,12 @@ def record(folder: Path, end: socket.socket, readings: Layout, steps: Layout, ke
     parts = {name: Parts(folder, name, layout, keep, run) for name, layout in ((READINGS, readings), (STEPS, steps))}
     end.settimeout(PART_SECONDS / 5)
     due = time.monotonic() + PART_SECONDS
+    # As long as the longest datagram: what is longer would be cut, and its rows lost without a word.
+    longest = max(AT_ONCE * readings.bytes, steps.bytes)
     going = True
     while going:
         with suppress(TimeoutError):
-            data = end.recv(2**17)
+            data = end.recv(longest)
             going = data not in (b"", END)
             _take(data, parts, readings, steps)
         if time.monotonic() >= due or not going:

@@ -175,6 +175,7 @@ class UnitreeLink:
         self._first: int | None = None
         self._time = self._held_at = 0.0
         self._states = self._number = 0
+        self._commanded = False
         self.malformed = 0
         """States that were not whole, had another checksum, or another meaning."""
         self.complaint = ""
@@ -187,7 +188,9 @@ class UnitreeLink:
     def receive(self) -> list[RobotState]:
         """Return the states that have come and can be believed, oldest first."""
         came, found = self._bus.receive(), []
-        command = FOREIGN if self._bus.foreign() else np.nan
+        # Kept until a state carries it: the bus tells it once, and this call may bring no state that can be believed.
+        self._commanded = self._bus.foreign() or self._commanded
+        command = FOREIGN if self._commanded else np.nan
         for stamp, data in came:
             try:
                 message = self._translation.read(data)
@@ -199,6 +202,7 @@ class UnitreeLink:
             self._newest, self._time = message, (stamp - self._first) * 1e-9
             self._states += 1
             found.append(self._translation.state(message, self._states, self._time, command))
+        self._commanded = self._commanded and not found
         return found
 
     def send(self, command: JointCommand) -> int:

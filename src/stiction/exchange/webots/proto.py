@@ -31,7 +31,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from stiction.core.rotation import UPRIGHT
 from stiction.engines.ode.contact import outward
 from stiction.exchange.webots.controller import CHANNEL, GPS, GYRO, IMU, RECEIVER, SENSOR
 from stiction.formats.contract import Contract
@@ -293,7 +292,8 @@ def _placed(shape: Shape, child: Node) -> Node:
     fields: dict[str, Value] = {}
     if any(shape.position):
         fields["translation"] = shape.position
-    if shape.quaternion != tuple(UPRIGHT):
+    # (-1, 0, 0, 0) is upright too, and has no axis.
+    if any(shape.quaternion[1:]):
         turn, axis = shape.quaternion[0], np.array(shape.quaternion[1:])
         size = float(np.linalg.norm(axis))
         # By atan2: the arc cosine of w loses half of its digits at small turns.

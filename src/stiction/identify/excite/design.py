@@ -18,6 +18,7 @@ from scipy.optimize import differential_evolution
 from stiction.core.errors import ConfigurationError
 from stiction.core.provenance import seed_streams, stream_seed
 from stiction.formats.design import GainTrial
+from stiction.identify.checks import FEWEST_PER_CYCLE
 from stiction.identify.excite.task import Pattern, Task
 from stiction.joints.friction import dead_band
 from stiction.joints.pd import PDGains
@@ -80,8 +81,8 @@ def pattern_of(task: Task, point: np.ndarray) -> Pattern:
 def frequency_limit(task: Task) -> float:
     """Return the highest frequency worth trying [Hz]."""
     own = float(np.sqrt(task.gains.kp / task.values[0])) / (2 * np.pi)
-    # With fewer than 20 samples a period the log would be refused (`check_excitation`).
-    return max(min(FASTEST, BEYOND * own, task.rate / 20), 4 * task.rate / task.count)
+    # With fewer samples a period the log would be refused (`check_excitation`).
+    return max(min(FASTEST, BEYOND * own, task.rate / FEWEST_PER_CYCLE), 4 * task.rate / task.count)
 
 
 def score(task: Task, point: np.ndarray) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from stiction.core.errors import LogError, unknown_name
 from stiction.formats.joint_map import parse_joint_map
 from stiction.formats.log import Log
-from stiction.identify.checks import LARGEST_VALUE, Uniform, check_excitation
+from stiction.identify.checks import LARGEST_TIME, LARGEST_VALUE, Uniform, check_excitation
 from stiction.identify.prepare import choose_cutoff, derivatives, low_pass, make_rows, position_noise, prepare
 from stiction.identify.regression import check_rows
 from stiction.identify.runs import Run, driven_signals, in_si
@@ -141,7 +141,7 @@ def limb_run(log: Log, mechanism: Mechanism, declared: IdentifySetup, pairs: tup
 def _angles(log: Log, mechanism: Mechanism, numbers: dict[str, int], declared: IdentifySetup) -> np.ndarray:
     """Return the angles of all joints on the even grid, those without a log at rest, shape (T, J)."""
     for name, values in (("time", log.time), *((name, log.joints[name].position) for name in numbers)):
-        if values is None or not np.all(np.abs(values) <= (1e20 if name == "time" else LARGEST_VALUE)):
+        if values is None or not np.all(np.abs(values) <= (LARGEST_TIME if name == "time" else LARGEST_VALUE)):
             raise LogError(
                 f"{log.source}: {name} has no position, or one that is not finite; how a joint moves is needed for all "
                 "of them: cut those rows out, or log it"

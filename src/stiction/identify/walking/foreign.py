@@ -15,6 +15,7 @@ from stiction.core.rotation import continuous, up_in_frames
 from stiction.formats.joint_map import parse_joint_map
 from stiction.formats.log import BODY, BodySignals, JointSignals, Log
 from stiction.formats.walk import LARGEST, WalkHeader, WalkLog
+from stiction.identify.checks import LARGEST_TIME
 from stiction.identify.runs import in_si
 from stiction.identify.setup import IdentifySetup
 from stiction.identify.timing import Grid, even_grid, resample
@@ -175,7 +176,7 @@ def _refuse_holes(log: Log, names: list[str], body: BodySignals) -> None:
         arrays += [(f"{part} of {name}", getattr(log.joints[name], part)) for part in parts]
     arrays += [(name, getattr(body, name)) for name in BODY]
     for name, values in arrays:
-        largest = 1e20 if name == "time" else LARGEST
+        largest = LARGEST_TIME if name == "time" else LARGEST
         if values is not None and not np.all(np.abs(values) <= largest):
             raise LogError(f"{log.source}: {name} is not finite, or huge; expected numbers: cut those rows out")
 
