@@ -223,6 +223,7 @@ class Randomizer:
             "armature": drawn["armature"] * fixed["armature"],
             "damping": drawn["damping"] * fixed["damping"],
             "frictionloss": drawn["friction"] * fixed["frictionloss"],
+            # A motor's strength scales all of its torque, and so both gains.
             "kp": strength * drawn["stiffness"] * fixed["kp"],
             "kd": strength * fixed["kd"],
             "motor_strength": strength,

@@ -225,6 +225,7 @@ def _explicit(env: LocomotionEnv, mirror: RobotMirror) -> Rows:
 def _elevation(env: LocomotionEnv, mirror: RobotMirror) -> Rows:
     """Return the rule of e_t."""
     reflected = SCAN_POINTS * POSITION[:2]
+    # Matched by place, not by number: the mirror holds for any grid, or is refused.
     distance = np.abs(reflected[:, None] - SCAN_POINTS).max(axis=-1)
     if distance.min(axis=1).max() > 1e-9:
         raise ConfigurationError("the points of the elevation map are not their own mirror image")

@@ -315,6 +315,7 @@ def _base(part: Part, said: Description, origins: list[Origin]) -> Base:
         low, high, where = np.array(part.com) - half, np.array(part.com) + half, "rule: the box of equal inertia"
     size, middle = vector(high - low), vector((high + low) / 2)
     box = Shape("box", vector((high - low) / 2), middle, contact="ground")
+    # What is only seen of a trunk is mostly a fine mesh: it may stand on the box alone.
     seen = tuple(replace(shape, contact="ground") for shape in part.touched) if said.collision == "file" else (box,)
     origins.append(Origin("base", "box", " x ".join(f"{extent:.3g}" for extent in size) + " m", where))
     return Base(part.mass, part.com, part.inertia, seen or (box,), size, middle)
@@ -414,6 +415,7 @@ def _said_feet(model: mujoco.MjModel, anatomy: Anatomy, said: Description) -> li
 
 def _with_contacts(link: Link, part: Part, feet: Sequence[Foot], number: int, said: Description) -> Link:
     """Return a link with its shapes: those of a foot's link catch on obstacles, others are seen or as the file says."""
+    # By what they are: shapes of feet were copied with another contact, and are not the same objects.
     foot = {(shape.kind, shape.position, shape.size) for item in feet if item.link == number for shape in item.shapes}
     rest = [shape for shape in part.touched or part.shapes if (shape.kind, shape.position, shape.size) not in foot]
     contact: Contact = "ground" if said.collision == "file" else "obstacles" if foot else "nothing"
