@@ -221,7 +221,7 @@ class PhysxEngine:
         quaternion = np.array(pose.q, float)
         turn = matrix(quaternion)
         rate = robot.get_root_angular_velocity().astype(float) @ turn
-        # What PhysX calls the velocity of a link is that of its centre of mass: v = v_com - ω × r_com = v_com + r_com × ω.
+        # What PhysX calls the velocity of a link is that of its centre of mass: v = v_com + r_com × ω.
         velocity = robot.get_root_linear_velocity().astype(float) @ turn + self._lever @ rate
         force, torque = self._transmitted() if loads else np.zeros((2, len(self._order)))
         return Motion(

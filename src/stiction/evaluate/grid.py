@@ -70,6 +70,7 @@ def parse_simulator(text: str) -> Simulator:
             f"engine {text!r}: a virtual robot is alone in its engine; expected mujoco-alone+{cell}"
         )
     if plus:
+        # Raises where there is no such cell.
         _ = Case(FIRST_REPORTED, cell, Level(0.0)).groups
     return Simulator(engine, cell if plus else None)
 

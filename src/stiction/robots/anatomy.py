@@ -232,7 +232,6 @@ def hull(points: np.ndarray) -> tuple[Vector, ...]:
     """
     points = np.asarray(points, float)
     try:
-        # Qhull fails on what is flat, and a body without volume has no contact in PhysX and ODE.
         corners = points[ConvexHull(points).vertices]
     except QhullError as error:
         raise RobotError("a mesh is flat or a line; it has no convex hull of any volume") from error

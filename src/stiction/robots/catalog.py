@@ -110,7 +110,6 @@ def _find(name: str) -> Robot:
         from stiction.robots.load import load_robot
 
         return load_robot(Path(name)).robot
-    # A name that is longer than a path may be raises OSError where it is looked up.
     if name not in robot_names() and name and Path(name[:1000]).is_dir():
         raise RobotError(f"robot {name!r} is a folder; name the robot.yaml, .xml or .urdf in it")
     module_name, _, variable = name.partition(":")

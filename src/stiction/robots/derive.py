@@ -315,7 +315,6 @@ def _base(part: Part, said: Description, origins: list[Origin]) -> Base:
         low, high, where = np.array(part.com) - half, np.array(part.com) + half, "rule: the box of equal inertia"
     size, middle = vector(high - low), vector((high + low) / 2)
     box = Shape("box", vector((high - low) / 2), middle, contact="ground")
-    # What is only seen of a trunk is mostly a fine mesh: it may stand on the box alone.
     seen = tuple(replace(shape, contact="ground") for shape in part.touched) if said.collision == "file" else (box,)
     origins.append(Origin("base", "box", " x ".join(f"{extent:.3g}" for extent in size) + " m", where))
     return Base(part.mass, part.com, part.inertia, seen or (box,), size, middle)

@@ -86,7 +86,6 @@ class Quadruped:
         rear, right = leg[0] == "R", leg[1] == "R"
         hip = reflect(_link(f"{leg}_hip", -1, self.hip, (1.0, 0.0, 0.0)), x=rear, y=right)
         thigh = reflect(_link(f"{leg}_thigh", first, self.thigh, (0.0, 1.0, 0.0)), y=right)
-        # Some makers use one calf on both sides, others mirror it.
         calf = reflect(_link(f"{leg}_calf", first + 1, self.calf, (0.0, 1.0, 0.0)), y=right and self.calf_is_mirrored)
         knee, ankle = np.array(self.calf.origin), np.array(self.foot)
         return (

@@ -241,7 +241,7 @@ class TorchFleet(Worlds):
         # Not `>=`: with NaN every comparison is false.
         blown_up = ~(torch.stack(sizes) < mujoco.mjMAXVAL).all(0)
         self.blown_up += blown_up
-        # On a GPU nobody waits to learn whether there are any: a reset of none costs less.
+        # On a GPU nobody waits to learn whether there are any.
         if blown_up.is_cuda or blown_up.any():
             self.reset(blown_up)
         return blown_up

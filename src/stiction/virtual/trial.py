@@ -200,7 +200,8 @@ def walk(
     contract = bundle.contract
     spec = spec or robot_of(contract)
     name = f"episode {episode}" + (f" of seed {seed}" if seed else "")
-    # Streams of their own: noise is drawn at every reading, and the start pose must not depend on how many there were.
+    # `walking` is drawn as in the simulator of the training (`Rollout`): start pose, and its noise where that is asked
+    # for.
     walking, sensing = seed_streams(case.seed, [name, f"{name}, sensors"]).values()
     standing = contract.array("standing") + INITIAL_ANGLE * walking.uniform(-1.0, 1.0, contract.num_joints)
     robot = world.robot(case, spec, sensing, wear)

@@ -54,7 +54,6 @@ DAMPING = 0.05
 def outermost(spec: Robot) -> int:
     """Return the number of the last joint that carries no other: the one that is tested alone."""
     carriers = {link.parent for link in spec.links}
-    # One that carries others would need them locked perfectly for the closed form to hold.
     return max(number for number in range(spec.num_joints) if number not in carriers)
 
 
