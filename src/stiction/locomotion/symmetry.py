@@ -196,6 +196,7 @@ def _privileged(env: LocomotionEnv, mirror: RobotMirror) -> Rows:
         ratio = np.ones(len(mirror.joints))
         if name != "friction":
             ratio = _ratio(name, getattr(env.randomizer.nominal, name), env.spec.joint_names, mirror)
+        # Observed is (multiplier - 1) / MULTIPLIER_UNIT, which a ratio of nominal values also shifts.
         parts.append(Rows(mirror.joints, ratio, (ratio - 1.0) / MULTIPLIER_UNIT))
     return Rows.joined(parts)
 
