@@ -166,6 +166,7 @@ def _walk(
     """Walk the grid, in a folder of which nothing is left where none is asked for; see `evaluate`."""
     from stiction.evaluate.summary import bundle_of, evaluate_all
 
+    # A bundle that was checked is not read again: what is evaluated is what was hashed.
     given = [one.bundle if isinstance(one, Verified) else one if callable(one) else Path(one) for one in policies]
     bundles = [bundle_of(policy, cfg, robot, period) for policy in given]
     if any(callable(policy) for policy in policies):

@@ -81,10 +81,12 @@ def _fits(kind: Any, value: Any) -> bool:
     if origin is tuple:
         return isinstance(value, Sequence | np.ndarray) and len(value) == len(inner) and all(map(_fits, inner, value))
     if isinstance(origin, type) and issubclass(origin, Sequence):
+        # A word is a sequence of letters, and here one thing.
         if isinstance(value, str):
             return _fits(inner[0], value)
         parts = value if isinstance(value, Sequence | np.ndarray) else ()
         return isinstance(value, Iterable) and all(_fits(inner[0], part) for part in parts)
+    # To Python a truth value is an int.
     if kind in (float, int) and isinstance(value, bool):
         return False
     return isinstance(value, ACCEPTED.get(kind, origin or kind))

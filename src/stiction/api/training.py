@@ -135,6 +135,7 @@ def _proposal(given: Identified | str | Path) -> tuple[dict[str, Any], str]:
     """Return what a `training.json` holds, and what messages call it."""
     if not isinstance(given, Identified):
         return read_training(Path(given)), Path(given).name
+    # As a file would hold it: tuples become lists, as the reader expects them.
     proposed = json.loads(json.dumps(given.training))
     if proposed["friction"] is None:
         raise ConfigurationError(f"the identification proposes no training: {proposed['text']}")

@@ -78,6 +78,7 @@ def main(arguments: list[str]) -> int:
     from stiction.rma.presets import preset
     from stiction.robots.catalog import find_robot
 
+    # Refused before anything is measured.
     find_robot(options.robot)
     note, origin = Terminal(stderr=True, quiet=options.json), Origin.now()
     note.print("task against bare simulator ...")

@@ -193,6 +193,7 @@ def _train(cfg: DemoCfg, method: str, bundle: Path) -> Path:
     from stiction.evaluate.export import export_run
 
     run = cfg.out / "runs" / method
+    # config.json is what makes a folder a run.
     started = ["--resume", str(run)] if (run / "config.json").exists() else []
     fresh = ["--preset", cfg.preset, "--robot", ROBOT, "--method", method, "--friction-level", f"{LEVEL:g}"]
     arguments = started or [*fresh, "--out", str(run)]

@@ -173,6 +173,7 @@ def _run(cfg: DeployCfg, address: Address, bundle: Bundle, folder: Path) -> dict
         spans = ", ".join(f"{axis} {a:g} to {b:g}" for axis, a, b in zip(AXES, low, high, strict=True))
         raise ConfigurationError(f"command {cfg.command!r}: the policy was trained for {spans}; command less")
     motion = None if cfg.excitation is None else Motion(cfg.excitation, bundle.contract)
+    # Quiet with --json, where everything that is said is in the report.
     say = (lambda text: None) if cfg.json else lambda text: print(f"stiction deploy: {text}", file=sys.stderr)
     if not cfg.armed:
         say("a dry run: nothing is sent to the robot; --armed moves it")

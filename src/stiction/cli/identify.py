@@ -178,6 +178,7 @@ def main(arguments: list[str]) -> int:
     if any(is_walk_log(Path(text)) for text in arguments if not text.startswith("-")):
         return _identify_walk(arguments)
     config = read_options(IdentifyConfig, arguments, "stiction identify", DESCRIPTION, groups=GROUPS)
+    # A misspelt `walk` would be taken for the name of a log.
     first = "".join(map(str, config.log[:1]))
     if "." not in first and (meant := nearest(first, [WALK])) and not Path(first).exists():
         refuse("stiction identify", f"no log at {first}{meant}")
@@ -201,6 +202,7 @@ def _identify_joints(config: IdentifyConfig, command: str) -> int:
         return 0
     for log in (*config.log, *config.repeat):
         _keep_inputs(log, config.out)
+    # Before anything is read: a folder of other results is refused at once, not after minutes of fitting.
     check_settings(config.out, _verb(config), config)
     setup = part_of(IdentifySetup, config)
     first, *more = [_open(config, path) for path in config.log]
@@ -257,6 +259,7 @@ def _identify_walk(arguments: list[str]) -> int:
     from stiction.robots.catalog import find_robot
 
     _keep_inputs(options.log, options.out)
+    # As above, before anything is read.
     check_settings(options.out, _verb(options), options)
     setup = part_of(WalkSetup, options)
     with limit_memory(memory_of(options.memory_limit)), Terminal(stderr=True).status("reading, fitting"):

@@ -66,6 +66,7 @@ def overview() -> str:
 
 def main(arguments: list[str]) -> int:
     """Run one verb; return the exit status (0 done, 1 a failure the user can act on, 2 wrong usage)."""
+    # Taken out first, for no verb's parser knows it.
     debug, arguments = DEBUG in arguments, [word for word in arguments if word != DEBUG]
     if not arguments:
         print(overview(), end="", file=sys.stderr)
@@ -81,6 +82,7 @@ def main(arguments: list[str]) -> int:
         where = "; options stand behind the verb" if verb.startswith("-") else ""
         print(f"stiction: {unknown_name('verb', verb, VERBS)}{where}", file=sys.stderr)
         return 2
+    # Both before the verb's module: NumPy and torch read their settings when they are imported.
     limit_library_threads()
     open_fast_gemm()
     try:
@@ -107,6 +109,8 @@ def entry() -> None:
     begin()
     try:
         status = main(sys.argv[1:])
+        # Here, where a full disk or a reader that is gone still becomes a line and a status; at exit Python would do
+        # it.
         sys.stdout.flush()
     except StictionError as error:
         status = failed(error, "", False)

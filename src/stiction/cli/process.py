@@ -70,6 +70,7 @@ class Stream:
     def _fail(self, error: OSError) -> None:
         """Say, or bear, that the stream cannot be written; Python will not try again when it closes it."""
         nowhere = os.open(os.devnull, os.O_WRONLY)
+        # What is left in the buffer is written at exit, and must not fail there once more.
         os.dup2(nowhere, self._file.fileno())
         os.close(nowhere)
         if self._lasting:
@@ -94,11 +95,13 @@ def begin() -> None:
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is signal.SIG_DFL:  # nohup has SIGHUP ignored
             signal.signal(number, _end)
+    # With the signal that was just given a handler, so that a command whose parent dies closes everything too.
     follow_parent(signal.SIGTERM)
 
 
 def _end(number: int, _: FrameType | None) -> None:
     """Take a signal that ends the process; the next one does so at once."""
+    # So that a second signal ends a process whose way out hangs.
     signal.signal(number, signal.SIG_DFL)
     raise Ended(number)
 

@@ -56,6 +56,7 @@ def _only_resume(arguments: list[str]) -> None:
 
 def main(arguments: list[str]) -> int:
     """Run the verb."""
+    # Only the first of torchrun's processes prints; the others would say everything again.
     if os.environ.get("RANK", "0") != "0":
         return _follow(arguments)
     options = parse(arguments)
@@ -82,6 +83,7 @@ def _follow(arguments: list[str]) -> int:
         ranks.join(options.config.device)
         ranks.begin()
         cfg = run.config_to_train(options.config.task.rewards.own)
+    # The first process fails likewise, and says why.
     except (StictionError, SystemExit, KeyboardInterrupt):
         return 1
     with stop_requests(lambda line: None, "this iteration") as asked:
@@ -161,6 +163,7 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
             ranks.join(cfg.device)
             ranks.begin()
             summary = train(cfg, run, identified_values(run.header()), display, asked, crew, ranks)
+            # After the training: films wait for it, it does not wait for films.
             crew.finish()
         except Interrupted as stop:
             display.say(f"stiction train: {stop}")

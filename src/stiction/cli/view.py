@@ -132,6 +132,7 @@ def policies_of(cfg: ViewCfg) -> tuple[list[ViewedPolicy], Robot, dict[int, Newe
         raise ConfigurationError("--follow is for a training run, which grows; a bundle stays what it is")
     names = [policy.name for policy in policies]
     for number, name in enumerate(names):
+        # Two runs may stand at the same iteration, and are told apart by their folders.
         if names.count(name) > 1:
             policies[number] = replace(policies[number], name=f"{folders[number]}: {name}")
     return policies, robots[0], newest

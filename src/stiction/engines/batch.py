@@ -148,6 +148,8 @@ class EngineBatch(Simulation):
             if new or moved[env]:
                 engine.reset(qpos[env, 7:], qpos[env, :3], qpos[env, 3:7])
             if new or pushed[env]:
+                # A robot that was placed is at rest and gets all of its velocity; else only what was written on top of
+                # it.
                 before = 0.0 if new or moved[env] else self._seen["qvel"][env, :2]
                 self._push(engine, qvel[env, :2] - before)
                 self._read(env, engine)
@@ -200,6 +202,7 @@ class EngineBatch(Simulation):
         lines = arrays["history"].reshape(self.num, self.spec.num_joints, -1)[..., -DELAY_SAMPLES:]
         steps = np.rint(self._value("actuator_delay") / self.model.opt.timestep).astype(int)
         sent = np.concatenate((lines, arrays["ctrl"][..., None]), axis=2)
+        # Last in a line is what is sent now; what was sent k steps ago lies k places before it.
         arrived = np.take_along_axis(sent, (DELAY_SAMPLES - np.broadcast_to(steps, sent.shape[:2]))[..., None], 2)
         lines[...] = sent[..., 1:]
         gain, bias = self._value("actuator_gainprm"), self._value("actuator_biasprm")
@@ -219,6 +222,7 @@ class EngineBatch(Simulation):
     def load_state(self, state: dict[str, np.ndarray]) -> None:
         """Restore the poses and delay lines of `state`; see the module for what is not restored."""
         super().load_state(state)
+        # The engines hold the motion of before: every robot is placed anew at the next step.
         self._fresh[:], self._lost[:] = True, False
 
     def materialize(self, env: int) -> tuple[mujoco.MjModel, mujoco.MjData]:

@@ -147,6 +147,7 @@ def box_top(points: np.ndarray, half: np.ndarray, position: np.ndarray, quaterni
     slope = axes[:, 2]
     highest, lowest = np.full(len(points), np.inf), np.full(len(points), -np.inf)
     for along, rise, extent in zip(start.T, slope, half, strict=True):
+        # Upright planes bound no height: beside them there is none.
         if abs(rise) < 1e-12:
             highest = np.where(np.abs(along) <= extent, highest, -np.inf)
             continue

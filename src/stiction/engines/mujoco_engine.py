@@ -45,6 +45,7 @@ class MujocoEngine:
         base = spec.body("base")
         base.ipos = body.base_com
         if body.fixed:
+            # The keyframe has the pose of a free base, and would not fit a model without one.
             spec.delete(spec.key("standing"))
             spec.delete(spec.joint("root"))
         self._model = model = spec.compile()
@@ -127,6 +128,7 @@ def add_field(spec: mujoco.MjSpec, field: HeightField) -> None:
     rows, columns = heights.shape
     lowest, highest = heights.min(), heights.max()
     half = 0.5 * field.cell * (columns - 1), 0.5 * field.cell * (rows - 1)
+    # A level field: MuJoCo takes no height field without rise.
     rise = max(highest - lowest, 1e-6)
     spec.add_hfield(
         name="field",

@@ -35,8 +35,10 @@ CAP = 10 * FASTEST
 
 FEET_AND_TRUNK, OBSTACLE, SHANK = (1, 1), (2, 3), (2, 0)
 BITS: dict[Contact, tuple[int, int]] = {"ground": FEET_AND_TRUNK, "obstacles": SHANK}
-ALONG_X = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
 """What a shape is and what it meets, as bits: two shapes touch if a bit of one's first is in the other's second."""
+
+ALONG_X = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
+"""Turns a capsule or cylinder: PhysX lays them along x, a `Shape` along z."""
 
 
 def sapien() -> Any:
@@ -127,6 +129,7 @@ class PhysxEngine:
         self._robot = robot = builder.build(fix_root_link=body.fixed)
         robot.set_solver_position_iterations(ITERATIONS[0])
         robot.set_solver_velocity_iterations(ITERATIONS[1])
+        # PhysX puts to sleep what stands still, and then does not simulate it.
         robot.set_sleep_threshold(0.0)
         for part in robot.get_links():
             part.set_linear_damping(0.0)
@@ -134,6 +137,7 @@ class PhysxEngine:
             part.set_max_linear_velocity(CAP)
             part.set_max_angular_velocity(CAP)
         joints = {joint.name: (number, joint) for number, joint in enumerate(robot.get_active_joints())}
+        # PhysX numbers the joints breadth first.
         self._order = np.array([joints[name][0] for name in spec.joint_names])
         self._joints = [joints[name][1] for name in spec.joint_names]
         self._links = [joint.child_link for joint in self._joints]
@@ -144,6 +148,7 @@ class PhysxEngine:
         for number, joint in enumerate(self._joints):
             joint.set_limits(np.array([[lower[number], upper[number]]], np.float32))
             joint.set_armature(np.array([body.armature[number]], np.float32))
+            # Its own, which multiplies the load, is 0.05 by default.
             joint.set_friction(0.0)
             joint.set_max_velocity(CAP)
             joint.set_drive_properties(0.0, BRAKE, 0.0, "force")
@@ -216,7 +221,7 @@ class PhysxEngine:
         quaternion = np.array(pose.q, float)
         turn = matrix(quaternion)
         rate = robot.get_root_angular_velocity().astype(float) @ turn
-        # What PhysX calls the velocity of a link is that of its centre of mass.
+        # What PhysX calls the velocity of a link is that of its centre of mass: v = v_com + r_com × ω.
         velocity = robot.get_root_linear_velocity().astype(float) @ turn + self._lever @ rate
         force, torque = self._transmitted() if loads else np.zeros((2, len(self._order)))
         return Motion(

@@ -84,6 +84,7 @@ def identify_on_benches(
         return
     from stiction.virtual.bench import identify_on_bench
 
+    # Processes that have no bench of their own help with the joints of the others.
     workers = max(1, jobs // len(missing))
     tasks = [(bench, out / label, workers) for label, bench in missing.items()]
     with output_folder(out):

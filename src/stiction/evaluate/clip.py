@@ -78,6 +78,7 @@ def record_clip(
         ClipError: no OpenGL, or the renderer failed.
 
     """
+    # Words are told by their places: only the last one may be left out.
     words = [word for word in (bundle, level, command, out, seconds, law, robot) if word is not None]
     return render("stiction.evaluate.clip", words, out, TIMEOUT, ClipError, "clip")
 

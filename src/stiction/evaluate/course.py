@@ -165,5 +165,6 @@ def steps_passed(position: np.ndarray, upright: np.ndarray) -> tuple[np.ndarray,
     """
     level = stair_height(position, np.ones((1, 1)))
     up = np.maximum.accumulate(level * upright)
+    # On the far side the level falls again: what it lacks of the highest that was reached are the steps down.
     down = np.maximum.accumulate((up - level) * (upright & (position[..., 0] > 0.0)))
     return up, down

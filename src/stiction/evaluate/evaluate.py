@@ -103,6 +103,7 @@ class EvaluationCfg:
         if not 0.0 <= self.action_delay < math.inf:
             raise ConfigurationError(f"action delay {self.action_delay} s; expected a time of 0 s or more")
         parse_source(self.known_friction)
+        # Raises where the seed is none.
         seed_streams(self.seed, ["episode"])
 
     @property

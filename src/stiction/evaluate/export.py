@@ -437,6 +437,7 @@ class TrainedPolicy:
                 torch.from_numpy(getattr(sensors, f"joint_{name}")) for name in ("position", "velocity")
             )
             standing = torch.from_numpy(contract.array("standing"))
+            # In double precision before the product, as the robot's runtime computes it.
             error = standing + torch.as_tensor(contract.scale) * self._last_action.double() - position
             raw |= self._slow.push(error, velocity, self._fresh)
         observation = self._history.push(self._frames(raw), self._fresh)
@@ -446,5 +447,6 @@ class TrainedPolicy:
         if contract.compensation is not None:
             angle = to_tensor(contract.array("compensation"))
             target = compensated(target, raw["joint_position"], angle, contract.compensation_width)
+        # A copy: `reset` writes zeros into it, and the step that is handed out shares the other's memory.
         self._last_action = action.clone()
         return PolicyStep(observation.numpy(), action.numpy(), target.double().numpy())

@@ -55,6 +55,7 @@ def record_golden(contract: Contract, policy: Driver, spec: Robot, seed: int = 0
         commands[t] = streams["golden commands"].uniform(-bound, bound) if fresh else commands[t - 1]
         step = rollout.step(commands[t : t + 1])
         steps.append((step.sensors, step.policy))
+        # The reset is made, and recorded, at the next step: what the policy answered in this one stays what it was.
         needs_reset = bool(rollout.fleet.fallen()[0]) or len(step.blown_up) > 0
     policy.reset()
     resets[STEPS] = True

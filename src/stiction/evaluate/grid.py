@@ -70,6 +70,7 @@ def parse_simulator(text: str) -> Simulator:
             f"engine {text!r}: a virtual robot is alone in its engine; expected mujoco-alone+{cell}"
         )
     if plus:
+        # Raises where there is no such cell.
         _ = Case(FIRST_REPORTED, cell, Level(0.0)).groups
     return Simulator(engine, cell if plus else None)
 
@@ -263,6 +264,7 @@ def _frictions(simulator: Simulator, cfg: GridCfg) -> list[tuple[str, str, tuple
     """Return law, level and robots of every friction that is met in a simulator."""
     if simulator.cell is None:
         return [(cfg.base.friction_law, f"{level:g}", (None,)) for level in cfg.base.friction_levels]
+    # Cells and levels are the same for every robot: one tells them.
     cases = factorial(cfg.robots[:1], cfg.levels_of_robots, (simulator.cell,))
     law = REAL if "friction" in cases[0].groups else Law().name
     return [(law, case.level.label, cfg.robots) for case in cases]
@@ -298,4 +300,5 @@ def units(walks: Sequence[Walk], cfg: GridCfg) -> list[Unit]:
         some = tuple(cell)
         size = max(1, int(BATCH_SECONDS / cfg.cell(some[0].terrain, some[0].command).duration))
         found += [Unit(some[begin : begin + size]) for begin in range(0, len(some), size)]
+    # Else a long one that is begun last keeps a single process busy at the end.
     return sorted(found, key=lambda unit: -unit.cost)

@@ -152,6 +152,7 @@ def tracking_error(recording: Recording, command: Command) -> float:
     width = max(1, round(WINDOW / recording.period))
     velocity = _velocity(recording)
     count = max(1, len(velocity) // width)
+    # Windows of nearly that width, so that no rest of the recording is left out.
     windows = np.stack([part.mean(axis=0) for part in np.array_split(velocity, count)])
     difference = windows - np.array(command.velocity)
     axes = slice(2, 3) if command.is_turn else slice(0, 2)
@@ -160,6 +161,7 @@ def tracking_error(recording: Recording, command: Command) -> float:
 
 def displacement(recording: Recording) -> float:
     """Return the mean distance from the first position to the last one before a fall [m]."""
+    # Upright is true up to a fall and false ever after: its sum counts the steps before.
     last = np.maximum(recording.upright.sum(axis=0) - 1, 0)
     end = recording.position[last, np.arange(recording.position.shape[1])]
     return float(np.linalg.norm(end - recording.position[0], axis=-1).mean())

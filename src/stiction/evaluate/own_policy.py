@@ -88,6 +88,7 @@ def own_policy(function: str | Callable[..., Any], robot: str, control_period: f
     spec, module = find_robot(robot), inspect.getmodule(act)
     handed = None if isinstance(function, str) else function
     function = function if isinstance(function, str) else f"python:{getattr(act, '__qualname__', type(act).__name__)}"
+    # In floating point 0.035 / 0.005 is a little more than 7.
     decimation = max(1, int(np.ceil(control_period / TIMESTEP - 1e-9)))
 
     seen = (Term("angular_velocity", 3, 1.0, NO_CLIP, "base"), Term("base_linear_velocity", 3, 1.0, NO_CLIP, "base"))
@@ -105,6 +106,7 @@ def own_policy(function: str | Callable[..., Any], robot: str, control_period: f
     except OSError:
         source = ""
     golden = Golden(**{part.name: np.zeros(0) for part in fields(Golden)})
+    # Parted by NUL, which none of them contains: other parts cannot make the same text.
     digest = hashlib.sha256(f"{function}\0{robot}\0{control_period!r}\0{source}".encode()).hexdigest()
     return OwnPolicy(function.replace(":", "."), contract, b"", golden, "", digest, 0, function=function, act=handed)
 

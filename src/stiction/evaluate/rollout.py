@@ -176,6 +176,8 @@ class Rollout:
         """Advance by one control period under the commanded velocities, shape (N, 3)."""
         sensors, step = self.act(command)
         blown_up = self.fleet.step()
+        # The fleet has put them back to standing itself: a start drawn here would shift the noise of robots that share
+        # a stream.
         self._policy.reset(np.isin(np.arange(self.fleet.num_envs), blown_up))
         return RolloutStep(sensors, step, blown_up)
 
@@ -209,6 +211,7 @@ def record(
         step = rollout.step(commands(fleet))
         blown_up += len(step.blown_up)
         upright = upright & ~fleet.fallen()
+        # By now it stands again, and would pass for one that never fell.
         upright[step.blown_up] = False
         recording.velocity[t, :, :2] = fleet.base_linear_velocity[:, :2]
         recording.velocity[t, :, 2] = fleet.base_angular_velocity[:, 2]

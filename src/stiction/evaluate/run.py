@@ -102,6 +102,7 @@ def _walk_alone(bundle: Bundle, one: Walk, cfg: EvaluationCfg, spec: Robot) -> M
     else:
         case = Case(one.robot, one.simulator.cell, parse_level(one.level))
     friction, known = (None if given is None else np.array(given) for given in (one.forward, one.known))
+    # The robot of the data sheet has the evaluation's seed for its own, and so the noise that `Rollout` draws.
     seed = 0 if one.robot is None else cfg.seed
     compensation = parse_compensation(one.forward_by)
     return walk_once(bundle, case, world, cfg, one.episode, spec, friction, seed, known, compensation)

@@ -98,6 +98,7 @@ class Evidence:
         """Sort the rows by their cells."""
         cells: dict[Cell, dict[int, list[Row]]] = {}
         for row in rows:
+            # Levels are keys and come out of sums and files: to six digits they are equal where they should be.
             level = round(row["friction_level"], 6)
             key = row["method"], row["engine"], row["friction_law"], level, row["terrain"], row["command"]
             cells.setdefault(key, {}).setdefault(row["seed"], []).append(row)

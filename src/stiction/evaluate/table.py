@@ -163,5 +163,6 @@ def _sample_of(contract: Contract) -> tuple[str, ...]:
 def methods_of(rows: Sequence[OfPolicy], bundles: Sequence[Bundle]) -> dict[str, str]:
     """Return policy, as rows call it -> its method with the suffix of `sample_names`; bundles: those that walked."""
     names = sample_names({bundle.name: bundle.contract for bundle in bundles})
+    # A bundle's own name may have a + in it.
     base = {row.policy: row.policy if row.policy in names else row.policy.rpartition("+")[0] for row in rows}
     return {row.policy: row.method + names[base[row.policy]] for row in rows}

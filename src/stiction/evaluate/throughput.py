@@ -94,6 +94,7 @@ def _timed_rollout(
             if replayed:
                 states.append(before | {"ctrl": env.fleet.simulation.bind("ctrl").copy()})
         start = time.perf_counter()
+        # A copy to the host waits for all that the device was given.
         env.get_observations()["privileged"].cpu()
         seconds += time.perf_counter() - start
     return seconds, states
@@ -121,6 +122,7 @@ def _teacher_runner(cfg: TrainCfg, folder: Path, actuator: ActuatorNet | None) -
     torch.manual_seed(stream_seed(cfg.seed, "bench"))
     device, seed = find_simulator(cfg), stream_seed(cfg.seed, "environment")
     env = LocomotionEnv(cfg.task, cfg.num_envs, seed, num_threads(), device=device, actuator=actuator)
+    # No checkpoint and no clip comes due within a measurement.
     runner = PhaseRunner("teacher", env, RunDirectory(folder), ppo_cfg(cfg), 10**6, (10**6, 0), cfg.stop, Board(folder))
     runner.alg.train_mode()
     return runner

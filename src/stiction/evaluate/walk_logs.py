@@ -215,6 +215,7 @@ def record_motion(
             upright[blown_up] = False
             fleet.reset(blown_up)
             upright &= ~fleet.fallen()
+            # Without the step in which it fell; the minimum keeps the first fall.
             alive[~upright] = np.minimum(alive[~upright], len(samples) - 1)
         progress((index + 1) / steps)
     stacked = {name: np.stack([sample[name] for sample in samples], axis=1) for name in samples[0]}

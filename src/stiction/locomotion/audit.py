@@ -140,6 +140,7 @@ def sunk_at(time: float, depth: float, other: float) -> float:
     """
 
     def load(r: float) -> float:
+        # MuJoCo's default `solimp`: from 0.9 to 0.95 over 1 mm, midpoint 0.5, power 2.
         x = min(r / 0.001, 1.0)
         d = 0.9 + 0.05 * (2 * x * x if x < 0.5 else 1 - 2 * (1 - x) ** 2)
         return r * d * d / (1 - d)
@@ -154,6 +155,8 @@ def _center_of_mass(stand: Stand, axis: int) -> AuditRow:
     gravity, about = ((GRAVITY, 0.0, 0.0), 4) if axis == 2 else (DOWN, 4 - axis)
     ends = np.array(stand.cfg.randomization.center_of_mass) * spec.base.size[axis] / TRUNK_LENGTH
     low, high = (stand.hanging(gravity, center_of_mass=np.eye(3)[axis] * end)[about] for end in ends)
+    # The moment is r x m g: of a shift forward about +y, of one to the left about -x, of one up, pulled forward, about
+    # +y.
     expected = (ends[1] - ends[0]) * spec.base.mass * GRAVITY * (-1.0 if axis == 1 else 1.0)
     return AuditRow("center_of_mass", f"moment of gravity, {'xyz'[axis]}", float((high - low) / expected))
 

@@ -237,6 +237,7 @@ class FrictionBench:
         if "torque" in self.law.spec.reads:
             motor = self.known.limit[joint]
             targets = np.tile(fleet.standing, (len(robot), 1))
+            # So far away that the controller stays at its limit.
             targets[robot, joint] += 100.0
             fleet.set_targets(targets)
         else:
@@ -300,6 +301,7 @@ class FrictionBench:
         moves = angle > 0.5 * expected[np.arange(self.joints), first][:, None]
         width = SHARES[1] - SHARES[0]
         begin = np.where(moves.any(1), SHARES[np.argmax(moves, axis=1)], SHARES[-1] + width)
+        # The joint moved at this torque and not at the one before: break-away is taken in the middle.
         return begin - width / 2
 
     def slowed(self, coasting: bool) -> tuple[np.ndarray, np.ndarray]:

@@ -187,8 +187,10 @@ class LocomotionEnv(VecEnv):
         targets = self.standing + self.action_scale * actions
         if self.compensation is not None:
             targets = compensated(targets, self.measured_position, self.compensation)
+        # The controller holds the angle that it measures, which is the true one and the encoder's error.
         self.robots.set_targets(targets - self.randomizer.draws.encoder_offset)
         blown_up = self.robots.step()
+        # Not in place: the trainer still holds the ages of before the step.
         self.episode_length_buf = self.episode_length_buf + 1
 
         snapshot = self._snapshot(actions, blown_up)
@@ -198,6 +200,7 @@ class LocomotionEnv(VecEnv):
             value = weight * term(snapshot)
             reward += value
             means[f"reward/{name}"] = value.mean()
+        # The fleet has reset a robot that blew up: its state says nothing of the step.
         reward = torch.where(blown_up, 0.0, reward * self.cfg.control_period)
         self.last_action = actions
 
@@ -214,6 +217,7 @@ class LocomotionEnv(VecEnv):
             log |= {name: torch.tensor(value) for name, value in self.course.figures().items()}
         extras: dict[str, Any] = {"time_outs": time_outs.float().to(self.device), "log": log}
         if self.tells_terminal and time_outs.any():
+            # Before the reset, for after it these states are gone.
             extras["terminal"] = self._frame_without_reset().to(self.device)
         self._reset(self._which(dones))
         self._push_and_command(dones)
@@ -275,6 +279,7 @@ class LocomotionEnv(VecEnv):
             "walk/blown_up": blown_up.sum().float(),
         }
         command = snapshot.command[:, 0]
+        # Infinite at a command of zero, which neither of the masks lets through.
         ratio = snapshot.linear_velocity[:, 0] / command
         for name, mask in (("forward", command > 0.3), ("backward", command < -0.3)):
             log[f"walk/{name}_ratio"] = torch.where(mask, ratio, 0.0).sum() / mask.sum().clamp(min=1)
@@ -353,6 +358,7 @@ class LocomotionEnv(VecEnv):
 
     def _frame_without_reset(self) -> torch.Tensor:
         """Return the frame that every robot would see next if none began anew, (N, frame_size)."""
+        # `push` puts new tensors in their places, so that these stay what they are.
         state = None if self.slow is None else (self.slow.sums, self.slow.weight)
         frame = self._frame(torch.zeros(self.num_envs, dtype=torch.bool, device=self.home))
         if self.slow is not None and state is not None:
@@ -404,6 +410,7 @@ class LocomotionEnv(VecEnv):
             setattr(self.randomizer.draws, name, self._own(value))
         self.stage = state["stage"]
         self.randomizer.mixture = self.cfg.friction.schedule[self.stage].mixture
+        # Before the rest: it forgets the friction of the last step, which `_load_host` brings back.
         self.randomizer.apply(torch.arange(self.num_envs, device=self.home))
         if self.course:
             self.course.load_state(state["course"])

@@ -124,6 +124,7 @@ class FrictionCfg:
         for name, allowed in {"method": tuple(FRICTION_RANGES), "per": ("robot", "joint")}.items():
             if getattr(self, name) not in allowed:
                 raise ConfigurationError(unknown_name(f"friction {name}", getattr(self, name), allowed))
+        # Raises where its numbers make no law.
         _ = self.joint_law
         self._check_level()
         self._check_more()

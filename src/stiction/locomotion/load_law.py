@@ -66,12 +66,14 @@ def converted(coefficient: Estimate, regressor: str, law: str, load: HingeLoad |
         return Conversion(coefficient, 0.0, same if regressor == "motor_torque" else rest)
     if law != "load" or load is None or not load.size.all():
         return None
+    # A ratio of sums, so that both laws have the same mean friction over the poses.
     ratio = float(load.axis_torque.sum() / load.size.sum())
     if not ratio > 0:
         return None
     low, high = (float(end) for end in np.quantile(load.axis_torque / load.size, ENDS))
     ends = (coefficient.interval95[0] * low, coefficient.interval95[1] * high)
     value = coefficient.value * ratio
+    # Nothing keeps a ratio of sums between quantiles of ratios, and an interval must hold its value.
     found = Estimate(value, coefficient.std * ratio, (min(value, *ends), max(value, *ends)))
     spread = (high - low) / 2 / ratio
     return Conversion(

@@ -11,6 +11,7 @@ def roll_pitch(quaternion: torch.Tensor) -> torch.Tensor:
     """Return roll and pitch [rad], shape (N, 2), of base orientations w, x, y, z, shape (N, 4)."""
     w, x, y, z = quaternion.unbind(-1)
     roll = torch.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    # Rounding may lead out of asin's domain, and a robot on end would measure NaN.
     pitch = torch.asin((2 * (w * y - z * x)).clamp(-1.0, 1.0))
     return torch.stack((roll, pitch), -1)
 

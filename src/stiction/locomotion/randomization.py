@@ -173,6 +173,8 @@ class Randomizer:
         def uniform(span: tuple[float, float], like: torch.Tensor) -> torch.Tensor:
             return span[0] + (span[1] - span[0]) * torch.rand(num, like.shape[1], generator=generator, device=self.home)
 
+        # Drawn last, and only where they vary: what came to the randomisation later shifts no number of what was there
+        # before.
         later = ("friction", "contact_time", "load_coefficient")
         drawn = ((name, value) for name, value in vars(self.draws).items() if name not in later)
         new = {name: uniform(getattr(cfg, name), value) for name, value in drawn}
@@ -223,6 +225,7 @@ class Randomizer:
             "armature": drawn["armature"] * fixed["armature"],
             "damping": drawn["damping"] * fixed["damping"],
             "frictionloss": drawn["friction"] * fixed["frictionloss"],
+            # A motor's strength scales all of its torque, and so both gains.
             "kp": strength * drawn["stiffness"] * fixed["kp"],
             "kd": strength * fixed["kd"],
             "motor_strength": strength,

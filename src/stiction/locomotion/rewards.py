@@ -183,6 +183,7 @@ def unsync(s: Snapshot) -> torch.Tensor:
 def air_time(s: Snapshot) -> torch.Tensor:
     """Useful swing time of the feet that touch down, while moving [s]."""
     low, high = AIR_TIME
+    # Not clamped from below: a swing that is shorter than `low` costs.
     useful = (s.landed_air_time - low).clamp(max=high - low) * (s.landed_air_time > 0)
     return useful.sum(-1) * s.moving
 

@@ -196,6 +196,7 @@ def _privileged(env: LocomotionEnv, mirror: RobotMirror) -> Rows:
         ratio = np.ones(len(mirror.joints))
         if name != "friction":
             ratio = _ratio(name, getattr(env.randomizer.nominal, name), env.spec.joint_names, mirror)
+        # Observed is (multiplier - 1) / MULTIPLIER_UNIT, which a ratio of nominal values also shifts.
         parts.append(Rows(mirror.joints, ratio, (ratio - 1.0) / MULTIPLIER_UNIT))
     return Rows.joined(parts)
 
@@ -225,6 +226,7 @@ def _explicit(env: LocomotionEnv, mirror: RobotMirror) -> Rows:
 def _elevation(env: LocomotionEnv, mirror: RobotMirror) -> Rows:
     """Return the rule of e_t."""
     reflected = SCAN_POINTS * POSITION[:2]
+    # Matched by place, not by number: the mirror holds for any grid, or is refused.
     distance = np.abs(reflected[:, None] - SCAN_POINTS).max(axis=-1)
     if distance.min(axis=1).max() > 1e-9:
         raise ConfigurationError("the points of the elevation map are not their own mirror image")

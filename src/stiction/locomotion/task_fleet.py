@@ -196,6 +196,7 @@ class HostFleet(TaskFleet):
             fleet.set_contact_time(given["contact_time"][:, 0], robots)
         fleet.base_mass[robots] = given["base_mass"]
         fleet.base_com[robots] = given["base_com"]
+        # Last: it derives constants from the masses and armatures above.
         fleet.set_const(robots)
 
     def reset(

@@ -124,6 +124,7 @@ class Curriculum:
         Returns difficulty (n,), random numbers for `Terrain.place` (n, SLABS, 4), start (n, 2) [m], heading (n,) [rad].
         """
         cfg, num = self.cfg, len(ids)
+        # At the very first beginning nothing has been asked yet.
         walked = self.asked[ids] > 0
         share = self.covered[ids] / np.where(walked, self.asked[ids], 1.0)
         level = self.level[ids] + (walked & (share > cfg.promote_above)) - (walked & (share < cfg.demote_below))
@@ -134,6 +135,7 @@ class Curriculum:
         self.speed[ids] = self.generator.uniform(*cfg.speed, num)
 
         stairs = self.terrain.kind[ids] == KINDS.index("stairs")
+        # Stairs can be met from four sides, other courses along x alone.
         quarter = np.where(stairs, self.generator.integers(0, 4, num), 2 * self.generator.integers(0, 2, num))
         heading = np.where(self.on_course[ids], np.pi / 2 * quarter, self.generator.uniform(-np.pi, np.pi, num))
         self.heading[ids] = heading

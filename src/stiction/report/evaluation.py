@@ -116,6 +116,7 @@ def draw_budget(rows: Sequence[ResultRow], samples: Sequence[Sample] = (), metho
     if moving:
         for axis in axes[::width]:
             axis.set_ylabel("speed reached / commanded")
+        # Before the names at the ends of lines, which are placed by the final scale.
         same_scale([axis for axis in axes if axis.get_visible()])
         for axis in axes[width - 1 :: width]:
             label_ends(axis)

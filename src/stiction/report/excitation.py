@@ -108,6 +108,7 @@ def _plain(axis, marks: Sequence[float]) -> None:
     """Label a logarithmic abscissa with plain numbers, the `marks` within its range."""
     low, high = axis.get_xlim()
     axis.set_xticks([mark for mark in marks if low <= mark <= high])
+    # On a logarithmic axis matplotlib labels minor ticks too.
     axis.set_xticks([], minor=True)
     axis.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
 

@@ -207,6 +207,7 @@ def lead_lines(joints: JointsFile, folder: Path | None = None) -> tuple[str, ...
         return (count, *first)
     if not ratios:
         return (count, *first, "Without torque limits their friction cannot be judged: --torque-limit.")
+    # By the upper end: a joint whose friction is badly known may be the worst.
     worst = max(ratios, key=lambda name: ratios[name].interval95[1])
     return (count, *first, f"{worst} has the most dry friction for its motor:", *lines.get(worst, ()))
 

@@ -24,6 +24,7 @@ def cloud(record: JointRecord, fit: FitSignals) -> Markup:
     axis.plot(fit.velocity[used], friction[used], ".", markersize=2.5, alpha=0.35, label="measured")
     order = used[np.argsort(fit.velocity[used])]
     plain = _name(record) == "coulomb"
+    # Each direction for itself: one line would join both levels across zero speed, where friction may take any value.
     for side in (order[fit.velocity[order] < 0], order[fit.velocity[order] > 0]):
         last = side is not None and len(side) and fit.velocity[side[0]] > 0
         if not plain:

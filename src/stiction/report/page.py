@@ -450,6 +450,7 @@ def spaced(places: Sequence[float], least: float) -> list[float]:
         found.append(max(place, found[-1] + least) if found else max(place, 0.0))
     over = max(0.0, found[-1] - 1.0) if found else 0.0
     if over:
+        # Pushed beyond the top: back down from there, each as far as it must.
         ceiling = 1.0
         for index in range(len(found) - 1, -1, -1):
             found[index] = min(found[index], ceiling)

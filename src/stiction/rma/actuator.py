@@ -70,6 +70,7 @@ def fit_net(
     unseen, expected = (torch.from_numpy(np.ascontiguousarray(part, np.float32)) for part in validation)
     mean, deviation = inputs.mean(0), inputs.std(0).numpy()
     used = used_inputs(cfg.inputs, cfg.history) & (deviation > STD_FLOOR)
+    # The maximum is for inputs that are left out: `where` computes both of its sides, and would divide by zero.
     scale = np.where(used, 1.0 / np.maximum(deviation, STD_FLOOR), 0.0)
     factor = torch.from_numpy(scale.astype(np.float32))
     inputs, unseen = (inputs - mean) * factor, (unseen - mean) * factor
@@ -118,6 +119,7 @@ def _forward(parameters: list[torch.Tensor], inputs: torch.Tensor) -> torch.Tens
 
 def _in_si(parameters: list[torch.Tensor], mean: np.ndarray, scale: np.ndarray) -> Layers:
     """Return the layers with the inputs' centring and scaling moved into the first of them."""
+    # In double precision: where an input hardly varies its weight is large, and the bias a difference of large numbers.
     arrays = [parameter.detach().double().numpy() for parameter in parameters]
     arrays[0] = arrays[0] * scale
     arrays[1] = arrays[1] - arrays[0] @ mean.astype(float)
@@ -300,6 +302,7 @@ def _squares(net: ActuatorNet, baseline: Baseline, run: LoggedRun) -> dict[str, 
 
 def _curves(net: ActuatorNet, baseline: Baseline, run: LoggedRun, fits: Sequence[Fit]) -> ActuatorFit:
     """Return the end of a run as measured and by both laws, and the losses."""
+    # Counted from the end: the predictions lack the first `history` samples, and so all curves end together.
     cut = slice(-min(round(SHOWN / net.period), len(run.torque) - net.history), None)
     return ActuatorFit(
         time=(np.arange(len(run.torque)) * net.period)[cut],

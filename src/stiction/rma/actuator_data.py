@@ -136,6 +136,7 @@ def _from_joints(path: Path) -> LoggedRun:
 def _period(path: Path, time: np.ndarray) -> float:
     """Return the time between two samples [s]; refuse stamps that do not run evenly."""
     steps = np.diff(time)
+    # To the nanosecond: stamps carry rounding errors, and the periods of two logs are compared for equality.
     period = float(np.round(np.median(steps), 9)) if len(steps) else 0.0
     if not period > 0 or np.abs(steps / period - 1).max() > LARGEST_JITTER:
         raise LogError(
@@ -178,6 +179,7 @@ def split_runs(runs: Sequence[LoggedRun], share: float, seed: int) -> tuple[list
     """
     if len(runs) < 2:
         raise LogError(f"{len(runs)} log: expected at least two runs, one of them to be kept out of the fit")
+    # The split depends on names and seed, not on the order in which a shell listed the files.
     ordered = sorted(runs, key=lambda run: run.name)
     held_out = min(max(round(share * len(ordered)), 1), len(ordered) - 1)
     order = np.random.default_rng([seed, len(ordered)]).permutation(len(ordered))

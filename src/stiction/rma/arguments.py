@@ -100,4 +100,5 @@ def _defaults(arguments: list[str]) -> TrainCfg:
     name, method = _named(arguments, "--preset"), _named(arguments, "--method")
     method = method or _named(arguments, "--task.friction.method")
     device, engine = _named(arguments, "--device") or "cpu", _named(arguments, "--engine") or "mujoco"
+    # The parser refuses a preset that there is not, and knows how to say it.
     return preset(name if name in PRESETS else "full", device, method, engine)

@@ -94,6 +94,7 @@ def nominal_of(
         header["load_coefficient"] = list(taken.how)
         for line in taken.how:
             say(line)
+        # With the coefficients taken over, what `load_warnings` would say of them does not hold.
         said = found.warnings
     else:
         said = (*found.warnings, *load_warnings(records, spec, friction))

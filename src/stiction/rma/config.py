@@ -350,6 +350,7 @@ class TrainCfg:
             )
         for phase, cfg in phases.items():
             samples = self.num_envs * cfg.steps
+            # With `half` PPO has twice as many mini-batches, each of half as many originals.
             if samples < max(cfg.mini_batches, 2 * self.teacher.mini_batches * (self.symmetry == "half")):
                 raise ConfigurationError(
                     f"{phase}: {samples} samples a rollout for {cfg.mini_batches} mini-batches; use more robots"

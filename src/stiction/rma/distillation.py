@@ -50,6 +50,7 @@ class StudentDistillation(Distillation):
     def act(self, obs: TensorDict) -> torch.Tensor:
         """Let the student walk with each robot's share of the noise; store the teacher's actions."""
         noisy = super().act(obs)
+        # Scaled after the draw: the stream of random numbers is the same for any share.
         mean = self.student.output_mean.detach()
         self.transition.actions = mean + self.noise_share * (noisy - mean)
         return self.transition.actions

@@ -50,6 +50,7 @@ def advantages(
     `last`: values after the last step, (N,); `ended`: whether the step ended an episode, (steps, N) bool, after which
     there is nothing, or, where it `timed_out`, what there was before the step, as rsl_rl has it.
     """
+    # The value before the step stands for the one after it: by then the robot has been reset.
     rewards = rewards + gamma * values * timed_out
     found, advantage = torch.empty_like(rewards), torch.zeros_like(last)
     for step in range(len(rewards) - 1, -1, -1):
@@ -91,6 +92,7 @@ class RandomDisturber:
         if self.by_torque:
             return 2 * torch.rand(num, width, generator=self.generator) - 1
         direction = torch.randn(num, width, generator=self.generator)
+        # The volume within a radius grows with radius^width; without the root the draws would crowd at the centre.
         radius = torch.rand(num, 1, generator=self.generator) ** (1 / width)
         return radius * direction / direction.norm(dim=-1, keepdim=True).clamp(min=1e-9)
 
@@ -134,6 +136,8 @@ class LearningDisturber:
         self.cfg, self.by_torque, self.device = cfg, by_torque, device
         size = sum(obs[name].shape[-1] for name in SEEN)
         with torch.random.fork_rng(devices=[]):
+            # Not `torch.manual_seed`: that seeds GPUs too, and what is forked, and restored, is the host's stream
+            # alone.
             torch.default_generator.manual_seed(seed)
             self.network = DisturberNetwork(size, width, cfg).to(device)
         self.generator = torch.Generator().manual_seed(seed)
@@ -205,6 +209,7 @@ class LearningDisturber:
                 value_loss = (network.value(batch["seen"]) - batch["returns"]).square().mean()
                 self.optimizer.zero_grad()
                 (loss + value_loss - self.cfg.entropy * std.log().sum()).backward()
+                # Each by its own norm: a large error of the critic would else shorten the step of the policy.
                 nn.utils.clip_grad_norm_([*network.policy.parameters(), network.log_std], GRADIENT)
                 nn.utils.clip_grad_norm_(network.critic.parameters(), GRADIENT)
                 self.optimizer.step()

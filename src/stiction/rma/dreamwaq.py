@@ -76,6 +76,7 @@ def friction_probe(code: torch.Tensor, friction: torch.Tensor) -> torch.Tensor:
     code: (steps, robots, code); friction: (steps, robots, joints). Ridge regression on every second robot's steps,
     judged on the others' against their own mean; NaN for a joint whose friction does not vary in either half.
     """
+    # In double precision: the Gram matrix squares the condition of the features.
     (x, x_new), (y, y_new) = (
         [part.flatten(0, 1).double() for part in (values[:, ::2], values[:, 1::2])] for values in (code, friction)
     )
@@ -155,6 +156,7 @@ class ContextPPO(AdaptationPPO):
     def act(self, obs: TensorDict) -> torch.Tensor:
         """Draw the code and sample actions on it; store both."""
         noise = torch.randn(self.storage.num_envs, self.actor.cfg.code, device=self.device)
+        # Both are known only after the step; until then zeros keep their places in the storage.
         unknown = {"next": torch.zeros_like(obs["proprioception"]), "lasts": torch.zeros_like(self.bootstrapped)}
         drawn = {"noise": noise, "bootstrapped": self.bootstrapped}
         return super().act(obs.clone(recurse=False).update(drawn | unknown))
@@ -164,6 +166,7 @@ class ContextPPO(AdaptationPPO):
     ) -> None:
         """Store what came of the step, count its reward, and let robots that begin anew draw what they are fed."""
         ended, timed_out = dones > 0, extras["time_outs"] > 0
+        # After a time-out `obs` is of the next episode already; the frame before the reset is in `extras`.
         frame, lasts = obs["proprioception"], ~ended | timed_out
         if timed_out.any():
             frame = torch.where(timed_out[:, None], extras["terminal"], frame)

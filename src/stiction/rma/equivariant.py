@@ -30,9 +30,11 @@ class EquivariantLinear(nn.Linear):
 
     def __init__(self, layer: nn.Linear, into: Rows, out: Rows) -> None:
         """Take over a layer's parameters; `into`, `out`: the mirror of its inputs and outputs."""
+        # On `meta`, where drawing first weights that are thrown away does not move torch's random numbers on.
         super().__init__(layer.in_features, layer.out_features, device="meta")
         self.weight, self.bias = layer.weight, layer.bias
         self.into, self.out = VectorMirror(into), VectorMirror(out)
+        # Only now, for a parameter on `meta` has nothing that could be moved.
         self.to(layer.weight.device)
         with torch.no_grad():
             # The average of two independent weights has half their variance: restore it.
@@ -66,6 +68,7 @@ def make_equivariant(model: RMAActor | RMACritic, mirror: TaskMirror) -> None:
         _encoder(model.history_encoder, rows, encoded)
         _mlp(model.mlp, Rows.joined([*inputs, encoded]), Rows.signed(np.ones(1)))
     for name, layer in model.named_modules():
+        # A layer that was overlooked above would break the symmetry without a word.
         trained = any(True for _ in layer.parameters(recurse=False))
         if trained and not isinstance(layer, EquivariantLinear | Distribution):
             raise ConfigurationError(
@@ -78,6 +81,8 @@ def make_dense(model: nn.Module) -> None:
     for module in list(model.modules()):
         for name, layer in list(module.named_children()):
             if isinstance(layer, EquivariantLinear):
+                # A new layer: `layer.weight` is the parameter of before the average, and may be shared with an
+                # optimizer.
                 dense = nn.Linear(layer.in_features, layer.out_features, device=layer.weight.device)
                 with torch.no_grad():
                     for parameter, value in zip((dense.weight, dense.bias), layer.averaged(), strict=True):

@@ -44,6 +44,7 @@ class RolloutFigures:
         """
         figures = {name: float(total) / self._counts[name] for name, total in self._sums.items()}
         if "walk/blown_up" in figures:
+            # A count over the whole rollout, not a mean over its steps.
             figures["walk/blown_up"] *= self._counts["walk/blown_up"]
         if self._ended:
             figures["episode/length"] = float(self._length) / float(self._ended) * self.control_period
@@ -65,6 +66,7 @@ def adaptation_figures(actor: RMAActor, obs: TensorDict, feet: int) -> dict[str,
         if variance > 0 and not actor.adapts:
             figures["latent/explained"] = 1.0 - float((z - star).square().mean(0).sum()) / variance
         guess = actor.estimator(obs["history"])
+        # DreamWaQ guesses the velocity alone.
         truth = obs["explicit"][:, : guess.shape[-1]]
         figures["estimator/velocity_error"] = float((guess - truth)[:, :VELOCITY].norm(dim=-1).mean())
         contact, friction = slice(VELOCITY, VELOCITY + feet), slice(VELOCITY + feet, None)

@@ -132,6 +132,7 @@ class Health:
         """Take the figures of an iteration; return what is wrong once it has lasted."""
         found = None
         for index, symptom in enumerate(self._symptoms):
+            # All symptoms, also after one was found: each counts its own iterations.
             what, since = symptom.seen(row, self._healthy[index]), self._since[index]
             if not what:
                 self._since[index] = None

@@ -77,6 +77,7 @@ class HinfPPO(AdaptationPPO):
         """
         found = AdaptationPPO.construct_algorithm(obs, env, cfg, device)
         assert isinstance(found, HinfPPO)
+        # The task pays every term times the control period.
         found.best = best_reward(env.terms) * env.cfg.control_period
         if found.hinf.learns and not found.best > 0:
             raise ConfigurationError(
@@ -126,10 +127,12 @@ class HinfPPO(AdaptationPPO):
         super().compute_returns(obs)
         if self.learning is not None:
             of_h = self.learning.finish(obs, self.gamma, self.lam)
+            # rsl_rl has normalised its advantages already, and has them as (steps, N, 1).
             self.storage.advantages = combined(self.storage.advantages, normalised(of_h)[..., None], self.multiplier)
 
     def update(self) -> dict[str, float]:
         """Update policy and estimator, then disturber and its critic, then λ and η."""
+        # Before `update` counts on: the limit that this rollout walked under.
         scale = self.scale
         losses = super().update()
         self.figures = {}

@@ -80,6 +80,8 @@ class RMAActor(MLPModel):
     ) -> None:
         """Build the networks for the sizes of the observation groups; arguments as rsl_rl has them."""
         size = {name: obs[name].shape[-1] for name in obs_groups[obs_set]}
+        # rsl_rl's constructor asks for the size of the input, and no module can be set before it has run: sizes before,
+        # networks after it.
         self._plan(size, network)
         super().__init__(obs, obs_groups, obs_set, output_dim, network.actor, "elu", False, distribution_cfg)
         self._build(size, network)

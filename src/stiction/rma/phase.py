@@ -126,11 +126,13 @@ class PhaseRunner(OnPolicyRunner):
         self.alg.train_mode()
         if init_at_random_ep_len and self.current_learning_iteration == 0:
             env = self.env
+            # Robots that all began at once would all be reset in the same step, from then on.
             env.episode_length_buf = torch.randint(
                 0, env.max_episode_length, (env.num_envs,), generator=env.generator, device=env.home
             )
         with self.ranks.together():
             if not self.ranks.alone:
+                # Each rank drew its networks from its own stream of random numbers; those of rank 0 count.
                 self.alg.broadcast_parameters()
             while not self.finished:
                 start = time.perf_counter()
@@ -157,6 +159,7 @@ class PhaseRunner(OnPolicyRunner):
         with torch.no_grad(), one_torch_thread():
             obs = self.env.get_observations()
             for _ in range(self.cfg["num_steps_per_env"]):
+                # The step puts a new tensor in its place, so that this one still holds the ages before it.
                 age = self.env.episode_length_buf
                 actions = self.alg.act(obs)
                 obs, reward, dones, extras = self.env.step(actions)
@@ -183,6 +186,7 @@ class PhaseRunner(OnPolicyRunner):
     def _report(self, figures: dict[str, float]) -> None:
         """Write one iteration's figures everywhere; stop a run that has diverged."""
         it = self.current_learning_iteration
+        # Rounded before it is judged: a resumed run judges by the rows of metrics.jsonl, and must judge alike.
         row = {name: round(value, 6) for name, value in figures.items()}
         diagnosis = self.health.check(it, row)
         if diagnosis is not None:
@@ -206,6 +210,8 @@ class PhaseRunner(OnPolicyRunner):
         Raises `Interrupted` after it where the run was asked to stop.
         """
         it, last, healthy = self.current_learning_iteration, self.finished, not self.health.suspicious
+        # `any` comes first, since all ranks must take part in it. Asked to stop after its very last iteration, the run
+        # ends as finished.
         stop = self.ranks.any(self.interrupted()) and not (last and self.phase == "student")
         checkpoint_every, video_every = self.every
         due = film_due(it, video_every, last)
@@ -242,9 +248,11 @@ class PhaseRunner(OnPolicyRunner):
         if not self.ranks.leads:
             save_checkpoint(self._file(), tree)
             keep_newest(self._file().parent, self.phase)
+        # The networks are in rank 0's file: while that is missing, a resume takes the checkpoint before it for all.
         self.ranks.wait()
         if not self.ranks.leads:
             return
+        # Figures before the checkpoint that speaks of them: it holds their digest, and a power cut may come between.
         self.run.flush()
         self.board.flush()
         tree["run"] = self.run.origin()

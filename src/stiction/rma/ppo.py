@@ -58,6 +58,8 @@ class AdaptationPPO(PPO):
         super().__init__(*args, **kwargs)
         self.settings, self.noise = settings, noise
         stored = self.storage.observations[0]
+        # What an iteration does not remember (z* while robots walk on z) is stored as zeros: the storage's groups are
+        # fixed.
         self.fixed = {name: stored[name].clone() for name in REMEMBERED if name in stored.keys()}  # noqa: SIM118
         if settings.latent == "groups":
             blind = evenly_spread(self.storage.num_envs, settings.student_share)
@@ -68,6 +70,7 @@ class AdaptationPPO(PPO):
         """Further figures of the last update, by name."""
         self.actor.adapts = settings.latent == "history"
         policy = chain(self.actor.policy_parameters(), self.critic.parameters())
+        # In place of rsl_rl's, which trains the whole actor: estimator and adaptation have an optimizer of their own.
         self.optimizer = torch.optim.Adam(policy, lr=self.learning_rate)
         supervised = self._supervised_parameters()
         self.adaptation_optimizer = torch.optim.Adam(supervised, lr=settings.adaptation_learning_rate)
@@ -98,6 +101,7 @@ class AdaptationPPO(PPO):
         """Compute returns and advantages, the latter in units of their spread over the robots of all processes."""
         super().compute_returns(obs)
         if not self.ranks.alone:
+            # rsl_rl has standardised them over the robots of this process alone.
             self.storage.advantages = self.ranks.standardized(self.storage.returns - self.storage.values)
 
     def update(self) -> dict[str, float]:

@@ -59,4 +59,5 @@ def preset(name: str, device: str = "cpu", method: str | None = None, engine: st
     if engine != "mujoco":
         ground = replace(cfg.task.randomization, contact_time=RandomizationCfg().contact_time)
         cfg = replace(cfg, task=replace(cfg.task, randomization=ground))
+    # The yielding joints of `FAST` are MuJoCo's own, on the host alone.
     return cfg if (device, engine) == ("cpu", "mujoco") else replace(cfg, task=replace(cfg.task, physics=EXACT))

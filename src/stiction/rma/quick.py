@@ -62,6 +62,7 @@ class _Elu(torch.autograd.Function):
     @staticmethod
     def forward(context: Any, x: torch.Tensor) -> torch.Tensor:
         """Compute the value in one buffer."""
+        # The minimum comes before the exponential: of a large x that would be infinite, and its gradient no number.
         value = x.clamp(max=0.0).exp_().sub_(1.0)
         torch.maximum(x, value, out=value)
         context.save_for_backward(value)

@@ -143,6 +143,7 @@ class Ranks:
             time.sleep(0.1)
         timeout = PATIENCE if self.leads else CONNECTING
         store, _, _ = next(distributed.rendezvous("env://", self.number, self.size, timeout=timeout))
+        # The time given to `rendezvous` is that of connecting alone, and shorter.
         store.set_timeout(PATIENCE)
         return store
 
@@ -150,6 +151,7 @@ class Ranks:
         """Wait until all processes have come as far as this."""
         if not self.alone:
             with self.together():
+                # Not `barrier`, whose patience is the group's: some processes may still be compiling their simulator.
                 distributed.monitored_barrier(timeout=BEGINNING, wait_all_ranks=True)
 
     def wait(self) -> None:
@@ -196,6 +198,8 @@ class Ranks:
         """Return a value of every process, in their order. It travels as JSON: nothing is unpickled."""
         own = torch.frombuffer(bytearray(json.dumps(value).encode()), dtype=torch.uint8)
         with self.together():
+            # all_gather wants tensors of one size from every process: lengths first, then texts filled up to the
+            # longest.
             sizes = [torch.zeros(1, dtype=torch.long) for _ in range(self.size)]
             distributed.all_gather(sizes, torch.tensor([len(own)]))
             room = torch.zeros(int(torch.stack(sizes).max()), dtype=torch.uint8)

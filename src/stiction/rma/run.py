@@ -151,6 +151,8 @@ def keep_newest(folder: Path, phase: str, keep: int = 2) -> None:
     newest = _complete(folder, phase)[-keep:]
     for path in folder.glob(f"{phase}_*.safetensors"):
         if path not in newest:
+            # The header first: a kill in between leaves tensors, which the next call finds; a header alone it would not
+            # find.
             path.with_suffix(".json").unlink(missing_ok=True)
             path.unlink()
 
@@ -193,6 +195,7 @@ class RunDirectory:
             name = file.resolve().parent.name if file.name == FILE else file.name
             header |= {"actuator": {"name": name, "sha256": digest_of(file)}, "torque_source": net.torque_source}
         with output_folder(path):
+            # Again, now that the folder is locked: another training may have begun in it in the meantime.
             if (path / "config.json").exists():
                 raise TrainingError(HOLDS_ONE.format(path))
             try:
@@ -201,6 +204,7 @@ class RunDirectory:
                     write_bytes(path / FILE, file.read_bytes())
                 if not is_shipped(cfg.task.robot):
                     write_robot(robot, path / ROBOT)
+                # Last, for it is what makes the folder a run: whatever it names lies there by now.
                 write_json(path / "config.json", header | {"config": asdict(cfg)})
             except OSError as error:
                 raise FileError(
@@ -411,6 +415,7 @@ class RunDirectory:
         Both decide what the run goes on to: the figures when it ends early.
         """
         now, figures = self.origin(), origin["figures"]
+        # The file has grown since; only what it held then can be compared.
         begin = self._figures()[: figures["bytes"]]
         same = {
             "config.json": now["settings"] == origin["settings"],

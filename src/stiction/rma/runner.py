@@ -169,6 +169,8 @@ def _train_phases(run: RunDirectory, teacher: PhaseRunner, build_student: Callab
         _forget_after(run, student)
     student.learn()
     if student_checkpoint is None and not student.iterations:
+        # Without iterations of its own the student is the policy of the first phase, and still has a checkpoint to be
+        # loaded.
         student.save()
     student.board.close()
     return student
@@ -235,6 +237,7 @@ def load_actor(run: RunDirectory, phase: str, checkpoint: Path | None = None) ->
     kind, settings = resolve_class(_actor(cfg))
     actor: RMAActor = kind(observations, seen, phase, env.num_actions, **settings)
     if cfg.symmetry == "network":
+        # Before the parameters are loaded, which are those of before the average.
         make_equivariant(actor, task_mirror(env))
     try:
         actor.load_state_dict(state)

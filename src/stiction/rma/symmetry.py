@@ -56,6 +56,7 @@ class MirroredBatches(Symmetry):
         rsl_rl would run the actor again for it; the mini-batch that the actor has just seen holds both.
         """
         with torch.no_grad():
+            # `with_images` puts the images behind the originals.
             mean, image = actor.output_mean.split(original_batch_size)
             return torch.nn.functional.mse_loss(image, self.mirror.action(mean))
 

@@ -27,6 +27,8 @@ def torque_limit(model: mujoco.MjModel, joint: int) -> tuple[float, str]:
         gear = abs(float(model.actuator_gear[actuator, 0]))
         if model.actuator_forcelimited[actuator]:
             found.append((gear * float(np.abs(model.actuator_forcerange[actuator]).min()), "file: forcerange"))
+        # Without a bias the control is a torque; that of a position actuator is an angle, and its range says nothing
+        # here.
         motor = not np.any(model.actuator_biasprm[actuator])
         if motor and model.actuator_ctrllimited[actuator]:
             gain = gear * abs(float(model.actuator_gainprm[actuator, 0]))

@@ -75,6 +75,7 @@ def dissect(model: mujoco.MjModel, base: str | None, origin: str) -> Anatomy:
             )
         moved[body] = number
     root = int(model.body_rootid[model.jnt_bodyid[driven[0]]])
+    # -2: the world's own bodies, which belong to no part of the robot.
     owner = {0: -2, root: -1}
     for body in range(1, model.nbody):
         if body != root:
@@ -235,6 +236,7 @@ def hull(points: np.ndarray) -> tuple[Vector, ...]:
     except QhullError as error:
         raise RobotError("a mesh is flat or a line; it has no convex hull of any volume") from error
     if len(corners) > MOST_CORNERS:
+        # The extremes along the axes first, so that the extent of the hull is exact.
         axes = np.concatenate((np.eye(3), -np.eye(3)))
         best = {int(number) for number in np.argmax(corners @ axes.T, axis=0)}
         for direction in _directions():

@@ -204,12 +204,14 @@ def standing_torques(robot: Robot) -> np.ndarray:
     mujoco.mj_forward(model, data)
     data.qvel[:], data.qacc[:] = 0.0, 0.0
     mujoco.mj_inverse(model, data)
+    # At rest all of it is gravity's.
     bias = data.qfrc_bias.copy()
     columns = []
     for foot in robot.feet:
         jacobian = np.zeros((3, model.nv))
         mujoco.mj_jacSite(model, data, jacobian, None, model.site(foot.name).id)
         columns.append(jacobian[2])
+    # The base has no motor: its six rows must be balanced by the feet alone.
     push = np.linalg.lstsq(np.array(columns).T[:6], bias[:6], rcond=None)[0]
     return bias[6:] - np.array(columns).T[6:] @ push
 

@@ -414,6 +414,7 @@ def _said_feet(model: mujoco.MjModel, anatomy: Anatomy, said: Description) -> li
 
 def _with_contacts(link: Link, part: Part, feet: Sequence[Foot], number: int, said: Description) -> Link:
     """Return a link with its shapes: those of a foot's link catch on obstacles, others are seen or as the file says."""
+    # By what they are: shapes of feet were copied with another contact, and are not the same objects.
     foot = {(shape.kind, shape.position, shape.size) for item in feet if item.link == number for shape in item.shapes}
     rest = [shape for shape in part.touched or part.shapes if (shape.kind, shape.position, shape.size) not in foot]
     contact: Contact = "ground" if said.collision == "file" else "obstacles" if foot else "nothing"

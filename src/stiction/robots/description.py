@@ -195,6 +195,7 @@ def check_pattern(pattern: str, source: str) -> str:
 
     Raises `RobotError` where it is none, or where it could be slow: time is exponential where what is repeated repeats.
     """
+    # What is escaped or in a set is one character, and repeats nothing.
     plain = re.sub(r"\\.|\[(?:\\.|[^\]\\])*\]", "x", pattern)
     if len(pattern) > 200 or re.search(r"\)[*+{]", plain) or len(re.findall(r"[*+{]", plain)) > MOST_REPETITIONS:
         raise RobotError(

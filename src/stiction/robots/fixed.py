@@ -129,6 +129,7 @@ def _link(model: mujoco.MjModel, data: mujoco.MjData, driven: list[int], owner: 
     """Return one link in its frame, parallel to the world's at angles of zero."""
     joint = driven[number]
     body = int(model.jnt_bodyid[joint])
+    # A body with several hinges is a chain of links, of which only the last has its mass.
     before = number - 1 if number and int(model.jnt_bodyid[driven[number - 1]]) == body else -1
     parent = before if before >= 0 else owner[int(model.body_parentid[body])]
     anchor = data.xanchor[joint]

@@ -98,6 +98,7 @@ def merge(parts: Sequence[tuple[Body, Frame]]) -> Body:
         if mass
         else np.zeros(3)
     )
+    # Exactly as it was: the sums below would round.
     if len(parts) == 1 and np.array_equal(parts[0][1][1], np.eye(3)) and not parts[0][1][0].any():
         return parts[0][0]
     inertia = np.zeros((3, 3))

@@ -65,6 +65,7 @@ def as_robot(found: object, name: str) -> Derived:
     if callable(found) and not isinstance(found, type):
         try:
             spec = found()
+        # The function is the user's: whatever it raises is told in one line.
         except Exception as error:
             raise RobotError(f"robot {name!r}: its function fails: {type(error).__name__}: {error}") from error
         if isinstance(spec, Robot):

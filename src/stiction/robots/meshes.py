@@ -55,6 +55,7 @@ def drop_broken_meshes(spec: mujoco.MjSpec, where: str) -> tuple[str, ...]:
 
     Raises `RobotError` naming one that a body's mass comes from.
     """
+    # `read_spec` gives this setting to a URDF, whose masses never come from shapes.
     urdf = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
     notes = []
     for mesh in list(spec.meshes):

@@ -73,6 +73,7 @@ def match_links(
     knows. Raises `StictionError` naming a joint whose place, axis, parent, mass, centre of mass or inertia has no
     counterpart.
     """
+    # Frames are parallel at angles of zero, so that places are sums.
     place = np.zeros((len(tree), 3))
     image = np.full(len(tree) + 1, -1)  # its last entry is the base, number -1, its own image
     sign = np.ones(len(tree))
@@ -117,6 +118,7 @@ def _check_values(robot: Robot, image: np.ndarray, sign: np.ndarray) -> None:
     values = {name: robot.joint_values(name) for name in (*UNSIGNED, "default_position", "lower", "upper")}
     mirrored = {name: values[name][image] for name in UNSIGNED}
     mirrored["default_position"] = sign * values["default_position"][image]
+    # Where the sign changes, the lower limit is the image's upper one.
     ends = np.stack([sign * values[name][image] for name in ("lower", "upper")])
     mirrored |= {"lower": ends.min(axis=0), "upper": ends.max(axis=0)}
     for name, value in values.items():

@@ -59,6 +59,7 @@ def build(
     spec.option.timestep = timestep
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    # MuJoCo would put a robot that blew up back into its first pose without a word.
     spec.option.disableflags = mujoco.mjtDisableBit.mjDSBL_AUTORESET
     spec.option.solver = SOLVERS[physics.solver_name]
     spec.option.iterations = physics.solver_iterations
@@ -111,6 +112,7 @@ def _friction(joint: Joint, timestep: float, physics: PhysicsCfg) -> dict[str, A
         }
     return {
         "frictionloss": joint.frictionloss,
+        # The shortest time constant that MuJoCo's integration takes.
         "solref_friction": [2 * timestep, 1.0],
         "solimp_friction": [physics.impedance, physics.impedance, 0.001, 0.5, 2.0],
     }
@@ -165,6 +167,7 @@ def foot_geometries(robot: Robot) -> list[str]:
 def _add_foot(spec: mujoco.MjSpec, link: mujoco.MjsBody, foot: Foot) -> None:
     """Add what touches the ground of one foot, and its sensor."""
     for name, shape in zip(foot.geometry_names, foot.shapes, strict=True):
+        # By priority a foot's friction holds, whatever the ground's is; without it MuJoCo takes the larger of the two.
         _add_shape(spec, link, shape, name, priority=1, friction=[1.0, 0.005, 0.0001])
     if foot.is_ball:
         link.add_site(name=foot.name, size=[1.2 * foot.radius, 0, 0], pos=foot.position, group=4)
@@ -173,6 +176,7 @@ def _add_foot(spec: mujoco.MjSpec, link: mujoco.MjsBody, foot: Foot) -> None:
         link.add_site(
             name=foot.name,
             type=mujoco.mjtGeom.mjGEOM_BOX,
+            # Larger than the sole: a touch sensor counts contacts inside its site, and those lie on the surface.
             size=0.6 * (high - low),
             pos=(low + high) / 2,
             group=4,

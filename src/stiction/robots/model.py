@@ -63,6 +63,7 @@ class Body:
         if not any(self.inertia[3:]):
             return np.array(self.inertia[:3]), np.array([1.0, 0.0, 0.0, 0.0])
         moments, axes = np.linalg.eigh(self.inertia_matrix)
+        # `eigh` may return a reflection, of which there is no quaternion.
         axes[:, 0] *= np.sign(np.linalg.det(axes))
         return moments, np.array(quaternion_of(axes))
 

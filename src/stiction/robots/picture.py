@@ -71,6 +71,7 @@ def _render(robot: Robot, out: Path) -> None:
             color = COLORS[robot.joint_kinds.index(joint.kind) % len(COLORS)]
             start = middle + position[number]
             end = start + 0.16 * size * rotation[number] @ np.array(link.axis)
+            # Beyond the model's own: the scene has room for what is only drawn.
             geom = renderer.scene.geoms[renderer.scene.ngeom]
             renderer.scene.ngeom += 1
             arrow = mujoco.mjtGeom.mjGEOM_ARROW

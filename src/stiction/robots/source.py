@@ -41,6 +41,7 @@ def read_source(path: Path) -> Source:
     """
     spec, notes = read_spec(path)
     source = compile_source(spec, path.name, notes)
+    # MuJoCo drops the mass of a root that is part of the world, and fuses links, without a word.
     if (expected := _link_mass(path)) is not None:
         _check_mass(source.model, path, expected)
     return replace(source, name=path.stem)

@@ -90,6 +90,7 @@ def stance_loads(robot: Robot) -> dict[int, HingeLoad]:
             angles = robot.joint_values("default_position")
             angles[swayed] += sways
             turn = tree_poses(robot.links, angles)[1][foot.link]
+            # The ground pushes under the middle of the foot, wherever the link points.
             sole = np.array(foot.position) - turn.T @ np.array([0.0, 0.0, foot.radius])
             for number, load in hinge_loads(robot.links, angles, foot.link, sole, forces).items():
                 found.setdefault(number, []).append(load)

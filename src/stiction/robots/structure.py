@@ -68,6 +68,7 @@ def check_numbers(model: mujoco.MjModel, name: str) -> None:
         ("key", (model.key_qpos,)),
     ):
         for values in fields:
+            # In this form a NaN is found too.
             number = next((row for row, own in enumerate(values) if not (np.abs(own) < LARGEST).all()), None)
             if number is not None:
                 word = {"jnt": "joint", "geom": "geometry", "key": "keyframe"}.get(kind, kind)
@@ -108,6 +109,7 @@ def _stiffness(model: mujoco.MjModel) -> np.ndarray:
 
 def _turned(quaternion: np.ndarray, what: str) -> Iterator[str]:
     """Yield a sentence where a base stands turned, by more than 5°."""
+    # A quaternion and its negative are one rotation.
     angle = 2 * np.arccos(np.clip(abs(quaternion[0]) / max(float(np.linalg.norm(quaternion)), 1e-9), 0, 1))
     if angle > np.radians(5.0):
         yield (

@@ -169,6 +169,7 @@ def slope_height(points: np.ndarray, angle: np.ndarray) -> np.ndarray:
 def slab_height(points: np.ndarray, position: np.ndarray, quaternion: np.ndarray, half: np.ndarray) -> np.ndarray:
     """Return the height of level slabs at points (N, P, 2); their places (N, S, 3), yaw (N, S, 4), sizes (S, 3)."""
     away = points[:, :, None] - position[:, None, :, :2]
+    # Of a rotation about z alone, (w, 0, 0, z).
     cosine = 1.0 - 2.0 * quaternion[:, None, :, 3] ** 2
     sine = 2.0 * quaternion[:, None, :, 0] * quaternion[:, None, :, 3]
     along = np.abs(cosine * away[..., 0] + sine * away[..., 1])
@@ -195,6 +196,7 @@ def _place_slope(angle: np.ndarray, half: np.ndarray, uniform: np.ndarray) -> tu
     top = RAMP * np.sin(angle)
     position[:, 1, 2] = top - _THICK
     for box, side in ((0, -1.0), (2, 1.0)):
+        # A box is placed by its middle, which lies half its thickness under the slope, along the slope's normal.
         position[:, box, 0] = side * (LANDING + RAMP / 2 * np.cos(angle) - _THICK * np.sin(angle))
         position[:, box, 2] = top / 2 - _THICK * np.cos(angle)
         quaternion[:, box] = about(1, side * angle)
@@ -215,5 +217,6 @@ _PLACERS = {"stairs": _place_stairs, "slope": _place_slope, "rough": _place_slab
 def assign(shares: Iterable[float], num: int) -> np.ndarray:
     """Return the kind of each of `num` robots, in runs whose lengths are the shares of `KINDS`, shape (num,)."""
     share = np.array(list(shares))
+    # Ends are rounded, and not lengths, which need not add up to all robots.
     ends = np.round(np.cumsum(share / share.sum()) * num).astype(int)
     return np.searchsorted(ends, np.arange(num), side="right")

@@ -85,6 +85,7 @@ class Fleet:
         else:
             # Each joint has a yielding spring, see `robots.physics`; `plastic` is the angle at which it is slack.
             self._slack = simulation.bind("plastic")
+            # The free joint of the base comes first, and has no spring.
             self._yield = simulation.expand("jnt_springyield")[:, -self._slack.shape[1] :]
             self.friction = np.zeros_like(self._slack)
         self.damping = simulation.expand("dof_damping")[:, joints]
@@ -282,6 +283,7 @@ class Fleet:
             return
         self.simulation.reset(ids)
         self.targets[ids] = self.standing
+        # A delayed motor would else first be given the targets of the episode before.
         self._delayed_targets[ids] = self.standing[:, None]
         if joint_position is not None:
             self.joint_position[ids] = joint_position
@@ -292,6 +294,7 @@ class Fleet:
         if velocity is not None:
             self.qvel[ids, :6] = velocity
         if self._stiffness is not None:
+            # Springs are slack where the joints were put; elsewhere they would begin under load.
             self._slack[ids] = self.joint_position[ids]
         for forget in self.after_reset:
             forget(ids)

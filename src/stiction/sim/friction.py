@@ -72,6 +72,7 @@ class JointFriction:
         """Give the robots `ids` their level under each law, shape (len(ids), joints), and forget their old bounds."""
         for law, level, bound, values in zip(self.laws, self.levels, self._bounds, levels, strict=True):
             level[ids] = values
+            # A coefficient is no bound before the load is known: `act` writes that one.
             if law.spec.unit == "share":
                 bound[ids] = values
         self._fresh[ids] = True
@@ -87,6 +88,7 @@ class JointFriction:
         A robot that blew up has no finite state until its reset at the end of the control period; its bounds stay.
         """
         for number, (law, level, last) in enumerate(zip(self.laws, self.levels, self._bounds, strict=True)):
+            # In the first step from a checkpoint the sensors have measured nothing; what they had is in the checkpoint.
             known = self._restored is not None and number == self._sensed
             bound = level * (self._restored if known else self.factor(law))
             if law.spec.smoothing:

@@ -24,6 +24,7 @@ def out_of_bounds(fields: Iterable[np.ndarray]) -> np.ndarray:
     sizes = [np.abs(field) for field in fields]
     if all(size.sum() < mujoco.mjMAXVAL for size in sizes):
         return np.zeros(0, np.intp)
+    # Not `>=`: with NaN every comparison is false.
     return np.flatnonzero(np.any([~(size.sum(axis=1) < mujoco.mjMAXVAL) for size in sizes], axis=0))
 
 

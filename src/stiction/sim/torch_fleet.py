@@ -107,6 +107,7 @@ class TorchFleet(Worlds):
             self._launch(what, work)
             return
         if what not in self._graphs:
+            # The first run loads kernels and is undone, see `_launch`.
             self._saved = {name: value.clone() for name, value in self._state.items()}
             torch.cuda.synchronize(self.home)
         stream = torch.cuda.current_stream(self.home)
@@ -237,8 +238,10 @@ class TorchFleet(Worlds):
         if self._steps % LOOKED_AT == 0:
             self.check()
         sizes = [view.abs().sum(-1) for view in (self._qpos, self._qvel, self._results["qacc"])]
+        # Not `>=`: with NaN every comparison is false.
         blown_up = ~(torch.stack(sizes) < mujoco.mjMAXVAL).all(0)
         self.blown_up += blown_up
+        # On a GPU nobody waits to learn whether there are any.
         if blown_up.is_cuda or blown_up.any():
             self.reset(blown_up)
         return blown_up

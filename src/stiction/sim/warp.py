@@ -84,6 +84,7 @@ class Mirror:
         values = device.numpy()
         self.device, self._device_shape, self._device_type = device, values.shape, values.dtype
         values = values.reshape(shape)
+        # Callers write float64 everywhere, as native MuJoCo has it.
         self.values = values.astype(np.float64) if values.dtype == np.float32 else values.copy()
         self.written = False
         """Whether the host was written since the two agreed."""
@@ -229,5 +230,6 @@ class WarpSimulation(Worlds, Simulation):
         for name, mirror in self._state.items():
             getattr(data, name)[...] = mirror.values[env]
         data.time = self.time[env]
+        # On the device stamps count from the last step, in MuJoCo from the beginning.
         data.history[self._stamps.numpy()] += data.time
         return model, data

@@ -119,6 +119,7 @@ class Worlds(ABC):
         self._device = wp.get_device(device)
         model = copy.copy(model)
         model.opt.disableflags &= ~FOREIGN
+        # One row a degree of freedom for dry friction, one a joint for its limit, and those of the contacts.
         rows = model.nv + model.njnt + contacts * rows_per_contact(model)
         with wp.ScopedDevice(self._device):
             self._m = mjw.put_model(model, batch_sizes=dict.fromkeys(DERIVED, num))
@@ -167,6 +168,7 @@ class Worlds(ABC):
         shared = getattr(owner, attribute)
         own = wp.array(np.repeat(shared.numpy(), self.num, axis=0), dtype=shared.dtype, device=self._device)
         setattr(owner, attribute, own)
+        # A captured graph would go on reading the array that was replaced.
         self._graphs.clear()
         return own
 
@@ -180,6 +182,7 @@ class Worlds(ABC):
         rows = [rows_of(getattr(self._m, name)) for name in DERIVED]
         for before, now in zip(self._before, rows, strict=True):
             wp.copy(before, now)
+        # Warp has no mask for it: it recomputes every world, and those without a key must not change.
         mjw.set_const(self._m, self._d, mjw.SetConstGroup.FIXED | mjw.SetConstGroup.INERT0)
         for before, now in zip(self._before, rows, strict=True):
             wp.launch(keep_others, now.shape, [self._key, before], [now])

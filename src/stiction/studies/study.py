@@ -266,10 +266,12 @@ class Study(Generic[Chosen]):
         example = "" if "\n  stiction " in self.description else f"\n\nExample:\n  {program} --out {verb.split()[-1]}"
         options = read_options(self.options, arguments, program, self.description + example, groups=self.groups)
         command = shlex.join([*program.split(), *arguments])
+        # A study of one's own lies outside the package, whose files are in the key of every part.
         code = hashlib.sha256(Path(inspect.getfile(self.run)).read_bytes()).hexdigest()
         with ExitStack() as stack:
             work = Work(options, verb, command, code, stack)
             try:
+                # Bars end before anything is printed: a live display would draw over it.
                 with work.bars:
                     report = self.run(options, work)
             except UsageError as error:

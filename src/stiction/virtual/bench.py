@@ -88,6 +88,7 @@ def bench_log(port: Port, spec: Robot, cfg: BenchCfg | None = None) -> Log:
     if port.joint_names != spec.joint_names:
         raise RobotError(f"the robot has the joints {port.joint_names}, its data sheet {spec.joint_names}")
     kp = cfg.stiffness * spec.joint_values("kp")
+    # Damping ratio is kd / (2 sqrt(kp I)).
     kd = cfg.stiffness**0.5 * spec.joint_values("kd")
     count = round(cfg.seconds / port.period / 2)
     offsets = np.tile(cfg.motion.offsets(count, 1.0 / port.period), 2)
@@ -102,6 +103,8 @@ def bench_log(port: Port, spec: Robot, cfg: BenchCfg | None = None) -> Log:
                 position=np.array([reading.sensors.joint_position[joint] for reading in readings[:-1]]),
                 velocity=np.array([reading.sensors.joint_velocity[joint] for reading in readings[:-1]]),
                 target=path[:, joint],
+                # A torque is the mean over the period before its reading: that of the period after a position comes
+                # with the next one.
                 torque=np.array([reading.joint_torque[joint] for reading in readings[1:]]),
             )
     limit = spec.joint_values("torque_limit")
@@ -212,6 +215,7 @@ def walk_log(
     """
     contract = bundle.contract
     each = len(steps[0].readings)
+    # Positions are those before a period, torques those of the period, which the reading after it brings.
     readings = [steps[0].before, *(reading for step in steps for reading in step.readings)]
     before, after = readings[:-1], readings[1:]
 

@@ -80,6 +80,7 @@ def parse_level(text: str) -> Level:
         share = None if base == BENCH else float(base)
         load = float(coefficient) if plus else 0.0
     except ValueError:
+        # No comparison with NaN is true: the check below refuses it.
         share, load = math.nan, math.nan
     if not all(0 <= number <= MAX_LEVEL for number in (share or 0.0, load)):
         raise ConfigurationError(

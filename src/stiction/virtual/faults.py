@@ -202,6 +202,8 @@ class Faults(Injected):
             self._of_policy = OF_POLICY.index(name)
         elif name == "second-writer":
             zero = np.zeros(self._joints)
+            # With a number that the supervisor sent long ago: it sees in the next state that the robot acts on a
+            # command not its own.
             self._tell(command_layout(self._joints).pack(1, 0.0, vars(JointCommand(zero, zero, zero, zero))))
         elif name in self._elsewhere:
             self._elsewhere[name].fall_silent()

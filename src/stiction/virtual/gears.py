@@ -58,6 +58,7 @@ class Gears:
         if self._rigid:
             return torque
         impact = self._inertia * (self.velocity - self._link_velocity) / self._timestep
+        # What would bring the link to rest within the step.
         stopping = -self._link_velocity / self._timestep
         slowing = self._link_acceleration * self._link_velocity <= 0
         coasting = np.where(
@@ -79,6 +80,7 @@ class Gears:
         free_velocity = self.velocity + acceleration * step
         transmitted = torque - self._inertia * (velocity - self.velocity) / step
         away = free_angle - position
+        # Teeth that have just parted are still at the edge of the gap; only those that move outward meet.
         closing = away * (free_velocity - velocity) >= 0
         hit = ~engaged & (np.abs(away) >= self._half) & closing
         parted = engaged & (self._half > 0) & (self.side * transmitted < 0)

@@ -58,6 +58,7 @@ def within_limits(
     Driving, the largest torque is the limit up to `knee` of the no-load speed, and falls linearly to zero from there;
     braking, it is the limit. torque: commanded [N m]; speed: φ' [rad/s]; no_load_speed: at the present voltage [rad/s].
     """
+    # In units of what is left above the knee: 1 at the knee, 0 at the no-load speed.
     share = np.minimum(np.maximum((1.0 - np.abs(speed) / no_load_speed) / (1.0 - knee), 0.0), 1.0)
     most = np.where(torque * speed > 0, share, 1.0) * limit
     return np.minimum(np.maximum(torque, -most), most)
@@ -91,5 +92,6 @@ class Drive:
         reported = within_limits(commanded, speed, self._limit, motors.no_load_speed * self.voltage, motors.knee)
         given = motors.strength * reported
         sagged = motors.charge - motors.resistance * drawn_power(given, speed, self._limit)
+        # No more than the whole way, for steps longer than the time constant.
         self.voltage += min(1.0, self._timestep / SMOOTHING) * (max(sagged, LOWEST_VOLTAGE) - self.voltage)
         return given, reported

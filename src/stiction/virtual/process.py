@@ -39,6 +39,7 @@ class VirtualProcess:
         """Its port."""
         self.link = UdpLink(self.address, said["joints"], said["feet"], said["period"])
         """The way to it."""
+        # The robot sends its states to whoever greeted it last.
         self.link.hello()
 
     def said(self) -> dict[str, Any]:

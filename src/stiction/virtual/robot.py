@@ -263,6 +263,7 @@ class VirtualRobot:
         if self._compensation is not None:  # a joint that is commanded limp stays so
             forward = self._compensation.torque(command.target, encoders.angle, encoders.velocity, commanded)
             commanded = commanded + np.where(command.kp > 0.0, forward, 0.0)
+        # Laws that read the motor's torque read that of the step before, as in training.
         last = self._given
         self._given, reported = self._drive.torque(commanded, self._gears.velocity)  # 3
         wear = 1.0 if self._wear is None else np.where(self._worn, self._wear.factor(self._time), 1.0)
@@ -283,6 +284,7 @@ class VirtualRobot:
         The torque is a mean over the last period, as current sensors give it: it jumps with every target and then falls
         back, so that its value at the end of each period would be too low.
         """
+        # The line holds one period: the oldest step drops out by itself.
         self._reported.append(reported)
         motion, encoders = self._motion, self._encoders
         sensors = Sensors(motion.base_quaternion, motion.base_angular_velocity, encoders.angle, encoders.velocity)
@@ -294,6 +296,7 @@ class VirtualRobot:
         sent, errors = self._samples.arrived, self._hidden.sensors
         true = sent.sensors
         quaternion, rate = self._imu.read(true.quaternion, true.angular_velocity)
+        # Drawn once a reading, on arrival: noise that was put in on sending would depend on the physics step.
         noise = errors.torque_noise * self._generator.standard_normal(len(self._limit)) + errors.torque_zero
         sensors = Sensors(quaternion, rate, true.joint_position.copy(), true.joint_velocity.copy())
         return Reading(self._time, sensors, sent.joint_torque + noise * self._limit, sent.foot_contact.copy())

@@ -18,6 +18,7 @@ def disturbed(true: Sensors, noise: NoiseCfg, drawn: np.ndarray) -> Sensors:
     What no sensor measures, velocity of the base and heights, stays true.
     """
     joints = true.joint_position.shape[-1]
+    # A quaternion of a small turn: (1, half of the angles).
     tilt = np.hstack([np.ones((len(drawn), 1)), noise.roll_pitch / 2 * drawn[:, 3:5]])
     return replace(
         true,
@@ -88,6 +89,7 @@ class Encoders:
         before, self.angle = self.angle, self._measured(angle)
         if self._errors.velocity_filter:
             fresh = 1.0 - np.exp(-self._timestep / self._errors.velocity_filter)
+            # Of counted angles: the steps of the encoder are in the velocity, as on a motor controller.
             self.velocity = self.velocity + fresh * ((self.angle - before) / self._timestep - self.velocity)
         else:
             self.velocity = velocity.copy()
@@ -115,6 +117,7 @@ class Imu:
     def read(self, quaternion: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return orientation and angular velocity as measured, from the true ones; shapes (4,) and (3,) [rad/s]."""
         errors, draw = self._errors, self._generator.standard_normal
+        # So that its variance stays that of the start, whatever the period.
         fresh = errors.tilt_wander * np.sqrt(1.0 - self._decay**2)
         self._wander = self._decay * self._wander + fresh * draw(2)
         half = 0.5 * (errors.tilt_bias + self._wander)

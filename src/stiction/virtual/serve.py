@@ -88,8 +88,10 @@ class RobotProcess:
 
     def period(self) -> None:
         """Take what has come, let a period pass, and say what is measured then."""
+        # All that has come, and the last command counts; bounded, so that a flood of datagrams cannot stop the physics.
         for _ in range(64):
             try:
+                # A byte more than a command: a longer datagram would else be cut to one that looks whole.
                 data, sender = self._port.recvfrom(self._commands.bytes + 1)
             except OSError:
                 break
@@ -135,6 +137,7 @@ class RobotProcess:
         # The accelerometer measures the mean over a period, as its filter does.
         change = (motion.base_linear_velocity - self._velocity) / PERIOD
         self._velocity = np.array(motion.base_linear_velocity)
+        # The velocity is seen in a frame that turns: its derivative there lacks ω × v.
         turn = cross(motion.base_angular_velocity, motion.base_linear_velocity)
         force = change + turn - into_frame(motion.base_quaternion, np.array([0.0, 0.0, -GRAVITY]))
         self._last = RobotState(
@@ -158,6 +161,7 @@ class RobotProcess:
 
 def main(path: str, settings: str) -> int:
     """Serve until the parent is gone; return the exit status."""
+    # First: a robot without its parent would go on for ever.
     follow_parent()
     limit_library_threads()
     try:
@@ -170,6 +174,7 @@ def main(path: str, settings: str) -> int:
     except (StictionError, ImportError) as error:
         print(json.dumps({"error": str(error)}), flush=True)
         return 1
+    # Only now, for whoever reads this line sends at once.
     said = {"port": port.getsockname()[1], "joints": spec.joint_names, "feet": spec.foot_names, "period": PERIOD}
     print(json.dumps(said), flush=True)
     ticker = Ticker(PERIOD)

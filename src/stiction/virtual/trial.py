@@ -200,9 +200,12 @@ def walk(
     contract = bundle.contract
     spec = spec or robot_of(contract)
     name = f"episode {episode}" + (f" of seed {seed}" if seed else "")
+    # `walking` is drawn as in the simulator of the training (`Rollout`): start pose, and its noise where that is asked
+    # for.
     walking, sensing = seed_streams(case.seed, [name, f"{name}, sensors"]).values()
     standing = contract.array("standing") + INITIAL_ANGLE * walking.uniform(-1.0, 1.0, contract.num_joints)
     robot = world.robot(case, spec, sensing, wear)
+    # After the draw, which is the same for every robot of an episode.
     standing = np.clip(standing, contract.array("lower"), contract.array("upper"))
     height = spec.standing_height + world.height(np.array(world.start))
     robot.place(standing, np.array([*world.start, height]), about(2, world.heading))

@@ -123,6 +123,7 @@ def break_away(make: Make, spec: Robot, timestep: float) -> BreakAway:
     steps = round(END / timestep)
     grid = np.arange(steps + 1) * timestep
     profile, still = np.interp(grid, times, levels), np.full(steps + 1, start)
+    # No controller: kp must be positive, and is as good as none.
     whole = exact(spec, PDGains(1e-9, 0.0), friction, timestep, still, friction * profile)
     friction *= fitted(spec, float(whole.position[-1]) - start)
     # Torque is constant over a step: that of its middle gives a ramp its exact impulse.

@@ -150,6 +150,8 @@ class OdeContacts:
         friction = 1.0 if one.leg is None and other.leg is None else self._friction
         leg = one.leg if other is GROUND else None
         for contact in apart:
+            # Evenly, for the contacts of the last step need not be these: a pair is known from step to step, its points
+            # are not.
             self._bound(contact, one.body, other.body, friction, pushed / len(apart))
             joint = library.dJointCreateContact(self._world, self._joints, contact)
             library.dJointAttach(joint, one.body, other.body)
@@ -232,6 +234,7 @@ class OdeContacts:
         vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.uint32)
         mesh = self._library.dGeomTriMeshDataCreate()
         self._meshes.append((mesh, vertices, faces))
+        # 24 and 12: bytes from one vertex, and from one triangle, to the next.
         self._library.dGeomTriMeshDataBuildDouble(
             mesh, vertices.ctypes.data, 24, len(vertices), faces.ctypes.data, faces.size, 12
         )

@@ -133,6 +133,8 @@ class OdeEngine:
         library.dWorldSetQuickStepNumIterations(world, ITERATIONS)
         self._robot = OdeRobot(library, world, body, timestep)
         self._contacts = OdeContacts(library, world, self._robot, body, ground, settings.contact)
+        # Not `__del__`, which may run when the modules that it needs are gone. It must not refer to this object, or
+        # would keep it.
         weakref.finalize(self, _destroy, library, world, self._contacts)
         self.reset(body.spec.joint_values("default_position"), np.zeros(3), UPRIGHT)
 
@@ -149,6 +151,7 @@ class OdeEngine:
         check_drive(torque, friction)
         if self._lost:
             raise BlownUp(f"the robot in the engine {self.name!r} was lost in a step before; reset it first")
+        # Until the step has ended well: after an error in between nobody may go on from this state.
         self._lost = True
         self._contacts.find()
         self._robot.drive(torque, friction)
@@ -160,6 +163,7 @@ class OdeEngine:
     def _advance(self) -> None:
         """Take a step; where the exact solver gives up, which leaves forces out, repeat it with the iterative one."""
         library, world, before = self._library, self._world, self._robot.state()
+        # Those of finding contacts are not the solver's.
         taken_messages()
         done = library.dWorldStep(world, self.timestep)
         if taken_messages():

@@ -222,6 +222,7 @@ def candidates() -> Iterator[str]:
     except metadata.PackageNotFoundError:
         return
     for file in files:
+        # A wheel carries foreign libraries under names with a hash, as in libode-1a2b3c4d.so.8.
         if file.name.startswith("libode-"):
             yield str(file.locate())
 
@@ -232,6 +233,7 @@ def opened(name: str) -> ctypes.CDLL:
     Raises `OSError` where there is none, `StictionError` where it is not ODE 0.16 in double precision.
     """
     library = ctypes.CDLL(name)
+    # Before any other call: in single precision the structures declared here are of another size.
     check_precision(library, name)
     declare(library, name)
     set_handlers(library)

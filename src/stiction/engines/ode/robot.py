@@ -53,6 +53,7 @@ class OdeRobot:
         state = zip((library.dBodyGetPosition, library.dBodyGetQuaternion), (3, 4), strict=True)
         speeds = zip((library.dBodyGetLinearVel, library.dBodyGetAngularVel), (3, 3), strict=True)
         parts = (*state, *speeds)
+        # Views of ODE's own memory: they follow the bodies, and one call for each in every step is saved.
         self._state = [np.ctypeslib.as_array(get(body), (count,)) for body in self._bodies for get, count in parts]
         self.angle, self.speed = self._middle.copy(), np.zeros(len(self.links))
         """Of the joints now [rad, rad/s], shape (J,). ODE's angle is zero in the middle of the range: it ends at ±π."""
@@ -63,6 +64,7 @@ class OdeRobot:
         self._put(self.base, origins[-1] + turns[-1] @ self._com, turns[-1])
         for body, link, turn, origin in zip(self.links, self._links, turns, origins, strict=False):
             self._put(body, origin + turn @ link.com, turn)
+        # In place: ODE has the address of this memory and writes to it.
         self._feedback[:] = 0.0
         self.read()
 
@@ -100,6 +102,7 @@ class OdeRobot:
     def push(self, velocity: np.ndarray) -> None:
         """Add a velocity, x and y in the world [m/s], shape (2,), to that of every body."""
         for body, row in zip(self._bodies, self.state(), strict=True):
+            # All bodies alike: were the base pushed alone, the joints would be torn.
             self._library.dBodySetLinearVel(body, row[7] + velocity[0], row[8] + velocity[1], row[9])
 
     def base_motion(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -60,6 +60,7 @@ class ActuatorLoop:
         EvaluationCfg((cfg.level,), cfg.commands, cfg.episodes, cfg.seconds)
         self.out, self.cfg, self.command, self.progress = out, cfg, command, progress
         self.robots = loop_robots(cfg.level, cfg.train.seed)
+        # As they will be read from the file, where tuples are lists and paths text.
         self.options = json.loads(json.dumps(asdict(cfg), default=str))
         file = out / "study.json"
         if file.is_file():
@@ -189,6 +190,7 @@ class ActuatorLoop:
                 self.progress(f"evaluate {name}", (index + 1) / len(self.robots))
             done = {"key": key, "rows": rows}
             write_json(file, sealed(done))
+        # As they are read from the file, whether they were walked now or before.
         return json.loads(json.dumps(done["rows"]))
 
 

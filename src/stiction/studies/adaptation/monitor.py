@@ -58,11 +58,13 @@ def fit_monitor(
         rows, count = means.shape[:2]
         features.append(means.reshape(rows * count, -1))
         friction = np.column_stack([walk.friction, walk.friction.mean(axis=1)])
+        # Windows first, robots within them, as in the features.
         targets.append(np.tile(friction, (rows, 1)))
         robot.append(np.tile(np.arange(count) + first, rows))
         drawn.append(np.full(rows * count, per))
         first += count
     x, y, number, how = (np.concatenate(parts) for parts in (features, targets, robot, drawn))
+    # By robot, not by window: windows of one walk are nearly copies of each other.
     part = number % TEST_OF
     fit, calibrate, test = part < TEST_OF - 2, part == TEST_OF - 2, part == TEST_OF - 1
     ridge = fit_ridge(x[fit], y[fit], number[fit])

@@ -110,6 +110,7 @@ def walk_with_friction(
                 seen = obs["proprioception"], actor.adaptation(obs["history"]), actor.estimator(obs["history"])
                 parts.append([value.numpy() for value in seen])
             _, _, dones, _ = env.step(actor(obs))
+            # What the last step leads to is not recorded any more.
             upright &= ~dones.numpy() | (step == steps - 1)
             progress((step + 1) / steps)
     frames, latent, explicit = (np.stack(values)[:, upright] for values in zip(*parts, strict=True))
@@ -172,6 +173,7 @@ def fit_ridge(
     x = np.clip((features - center) / scale, -LIMIT, LIMIT)
     guess, spread, middle = targets.mean(axis=0), targets.std(axis=0), x.mean(axis=0)
     spread = np.where(spread > 0, spread, 1.0)
+    # Centred, so that the penalty does not reach the intercept; over their spread, so that all targets count alike.
     x, y = x - middle, (targets - guess) / spread
     fold = np.unique(robot, return_inverse=True)[1] % FOLDS
     parts = [(x[fold == k], y[fold == k]) for k in range(FOLDS)]
@@ -181,6 +183,7 @@ def fit_ridge(
     for (a, b), (gram, cross) in zip(parts, grams, strict=True):
         rows = len(x) - len(a)
         for index, penalty in enumerate(penalties):
+            # The other folds' Gram matrix is that of all less this one's: no product is formed twice.
             weights = _solve(whole[0] - gram, whole[1] - cross, penalty * rows)
             error[index] += ((b - a @ weights) ** 2).sum()
     best = penalties[int(error.argmin())]

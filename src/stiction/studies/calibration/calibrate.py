@@ -68,6 +68,7 @@ def _record(path: Path, seed: int, windows: int, engine: str) -> dict[str, Any]:
     assert model is not None
     spec, stream = robot_of(contract), seed_streams(seed, ["calibration"])["calibration"]
     level = Level(round(float(stream.uniform(0.0, model.highest)), 4))
+    # One more than there are windows: a moment is of two successive frames, so the last window takes one beyond it.
     speed = stream.uniform(SLOWEST, FASTEST, windows + 1) * stream.choice([-1.0, 1.0], windows + 1)
     settle, length = round(SETTLE / contract.control_period), model.window
     case = Case(seed, "all", level)
@@ -106,6 +107,7 @@ def calibrate(
     below = np.array([np.nan_to_num(one.error).min(axis=0) for one in robots])
     upper, lower = conformal_bound(above, tail), -conformal_bound(-below, tail)
     middle = np.median([np.nan_to_num(one.error).mean(axis=0) for one in robots], axis=0)
+    # An estimate must lie within its own interval.
     shift = np.clip(middle, lower, upper)
     error = np.nan_to_num(np.concatenate([one.error for one in tested]))
     reach = np.array(model.reach)

@@ -207,6 +207,8 @@ class DampingCfg:
     def target(self, step: float) -> np.ndarray:
         """Return the target at every `step` seconds [rad], shape (num_samples,)."""
         time = np.arange(round(self.seconds / step)) * step
+        # Without the small number a target would change a sample late where the quotient comes out just under a whole
+        # number.
         held = np.floor(time / self.hold + 1e-9) * self.hold
         return self.amplitude * np.sin(2 * np.pi * self.frequency * held)
 
@@ -328,6 +330,7 @@ def draw_rows(robot: str, cfg: DampingCfg) -> Iterator[DrawRow]:
     stream = seed_streams(cfg.seed, ["damping"])["damping"]
     factors = stream.uniform(1.0 - cfg.spread, 1.0 + cfg.spread, (cfg.draws, 2))
     both = [(replace(joint, viscous=b * joint.viscous), replace(gains, kd=d * gains.kd)) for b, d in factors]
+    # What B drew goes to kd: the sums are equal draw by draw, and each has its pair.
     alone = [(joint, replace(gains, kd=(total_damping(*pair) - joint.viscous) / gains.strength)) for pair in both]
     viscous = [(replace(joint, viscous=b * joint.viscous), gains) for b, _ in factors]
     drawn = {"B and kd": both, "kd alone, same sums": alone, "B alone": viscous}

@@ -195,5 +195,6 @@ class _Recorder:
         """Return the record; settle: what does not count for speed and saturation [s]."""
         early, settled = (round(time / self.fleet.control_period) for time in (FIRST, settle))
         saturated = np.array(self.saturated)
+        # One step more of the motors: the torque that is looked at is that of the step before.
         angles, limited = np.array(self.angles[:early]), np.any(saturated[: early + 1] > 0.0, axis=0)
         return _Record(angles, np.asarray(limited), np.array(self.velocities[settled:]), saturated[settled:])

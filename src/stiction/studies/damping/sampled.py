@@ -69,6 +69,7 @@ def hold(joint: Joint, torque: float, coulomb: float, state: tuple[float, float]
     if velocity != 0.0:
         force = torque - np.sign(velocity) * coulomb
         if force * velocity < 0:
+            # The joint stops after I/B ln(1 - B θ'/force), without B after -I θ'/force.
             x = -velocity * joint.viscous / force
             stop = -joint.inertia * velocity / force * (log1p(x) / x if x > 1e-12 else 1.0)
             if stop < span:

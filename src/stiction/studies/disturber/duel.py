@@ -191,6 +191,7 @@ class Duel:
             if step < settle:
                 continue
             velocity = env.linear_velocity[:, :2]
+            # Episodes also end by time-outs, which are no falls.
             fell = (dones.float() - time_outs).mean() / env.cfg.control_period
             ratio = (velocity @ target).mean() / target.square().sum()
             sums += [float(x) for x in (fell, ratio, (velocity - target).norm(dim=-1).mean(), found.mean())]
@@ -220,6 +221,7 @@ def fight(
         sides = {"nobody": None, "random": draws.act, "learned": learner.mean}
         rows = []
         for who, act in sides.items():
+            # A new arena each time: the same robots, commands and noise for everyone who disturbs them.
             found = Duel(bundle, cfg, seed, "judging", threads, robot).judge(act)
             rows.append(asdict(DuelRow(bundle.name, method_of(bundle.contract), seed, who, **found)))
     return rows

@@ -181,6 +181,7 @@ def walk_cell(bundle: Bundle, simulator: Simulator, asked: EvaluationCfg, folder
 
     asked: one level and one command.
     """
+    # All of these run in MuJoCo, so that its binaries count.
     engine = MUJOCO if simulator.name in (TRAINING, FINE_TRAINING, COARSE, STIFF) else simulator.name
     inputs: dict[str, Any] = {"bundle": bundle.digest, "simulator": simulator.name, "asked": asdict(asked)}
     inputs["binaries"] = binaries(engine)

@@ -107,6 +107,7 @@ def leg(by_voltage: bool = False) -> GivenLimb:
         motion[0, :, joint] = CENTRE[joint]
         for place, frequency in enumerate(frequencies):
             rate, phase = 2 * np.pi * frequency, 1.3 * place + joint
+            # A sine with its two derivatives from one complex exponential.
             wave = SWING[joint] / 3 * np.exp(1j * (rate * time + phase))
             motion[:, :, joint] += np.array([wave.imag, rate * wave.real, -(rate**2) * wave.imag])
     torque = link_torques(mechanism, *motion).nominal

@@ -45,6 +45,7 @@ class Servo:
         noise: 1 for an encoder of 14 bits, 1 % of noise on what was logged and none in the loop, 0 for none.
         """
         weight = mass * GRAVITY * length
+        # The torque weight sin(θ - HANGS), in its parts of sin θ and cos θ.
         gravity = Gravity(weight * np.cos(HANGS), -weight * np.sin(HANGS)) if mass else None
         joint = Joint(self.inertia + mass * length**2, self.viscous, Coulomb(self.coulomb), 0.02, gravity)
         time, target = SWING.target()

@@ -97,6 +97,7 @@ def trot(friction: np.ndarray, seconds: float = 5.0, seed: int = 0) -> Walked:
     for step in range(round(seconds / TIMESTEP)):
         if step % 20 == 0:
             target = asked(step * TIMESTEP, phases, pace)
+        # What is read at a stamp is the state before the step, and the torque that acts over it.
         before, turned = data.qvel.copy(), data.qpos[3:7].copy()
         torque = np.clip(KP * (target - data.qpos[7:]) - KD * data.qvel[6:], -most, most)
         data.qfrc_applied[6:] = torque

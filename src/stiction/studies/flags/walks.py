@@ -251,6 +251,7 @@ def gains(factor: float) -> Callable[[GivenTrot], GivenTrot]:
 
 def imu_turned(given: GivenTrot) -> GivenTrot:
     """Mount the IMU with its x axis backward, and say nothing."""
+    # k q k⁻¹, a half turn about z on both sides: its world turns with the IMU, which changes the heading alone.
     half, round_z = np.array([1.0, -1.0, -1.0, 1.0]), np.array([-1.0, -1.0, 1.0])
     raw = given.raw
     return given.changed(

@@ -181,6 +181,7 @@ def evaluate_tasks(
     failed: dict[str, str] = {}
     done = [task for task in tasks if task.done]
     new = [task for task in tasks if task not in done]
+    # Those that are done are only read, for which no process is worth its start.
     for some, processes in ((done, 1), (new, jobs)):
         for number, rows in spread(_rows_or_reason, [(task,) for task in some], processes):
             if isinstance(rows, str):

@@ -70,6 +70,7 @@ class RemoteProcess:
             return None
         try:
             self._cluster.result(self._task)
+        # A training that was asked to end does so by KeyboardInterrupt, which comes back as its task's error.
         except (StictionError, KeyboardInterrupt):
             return 1
         return 0
@@ -163,6 +164,7 @@ def train_missing(
             while waiting and len(running) < jobs:
                 running.append(start(waiting.pop(0), command))
             time.sleep(poll)
+            # Taken before those that have ended leave: their last share is reported too.
             trained = [job.run for job in running]
             for job in [job for job in running if job.process.poll() is not None]:
                 running.remove(job)
@@ -185,6 +187,7 @@ def train(planned: Sequence[PlannedRun], jobs: int, progress: Progress, say: Cal
 
 def stop(running: Sequence[Job]) -> None:
     """Ask every run to end as Ctrl-C does, and wait; one that does not end is killed: its checkpoints are whole."""
+    # All are asked before any is waited for, so that they end side by side.
     for job in running:
         if job.process.poll() is None:
             job.process.send_signal(signal.SIGINT)

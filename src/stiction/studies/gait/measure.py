@@ -137,6 +137,8 @@ def together_share(per_kind: list[np.ndarray], moving: np.ndarray, window: int) 
         for shift in range(1, window + 1):
             near[shift:] |= found[:-shift]
             near[:-shift] |= found[shift:]
+        # Partners are looked for in all steps, events counted in moving ones: one at the edge of a stop has its
+        # partners too.
         counted = found & moving[..., None]
         total += int(counted.sum())
         shared += int((counted & near.all(axis=-1, keepdims=True)).sum())

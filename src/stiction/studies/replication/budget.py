@@ -104,6 +104,7 @@ def _by_seed(evidence: Evidence, method: str, engine: str, law: str) -> dict[int
     for condition in conditions:
         ratios = evidence.slower(method, condition).seeds
         if not ratios and condition.level == 0.0:
+            # Without friction there is nothing to feed forward: the policy walks as it is.
             ratios = evidence.slower(method.partition("+")[0], condition).seeds
         for seed, ratio in ratios.items():
             curves.setdefault(seed, {})[condition.level] = ratio

@@ -104,6 +104,7 @@ def planned_rows(part: Part, bundles: Sequence[Bundle]) -> dict[Key, int]:
     if not bundles:
         return {}
     grid = _grid(part, bundles)
+    # Fed with nothing yet: a row is named by the way in which friction is fed forward, and not by its values.
     fed = [replace(walk, forward=()) for walk in plan_forward(grid)]
     walks = [*plan([bundle.name for bundle in bundles], grid), *fed]
     counts = Counter(walk.cell for walk in walks)

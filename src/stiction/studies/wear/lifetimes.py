@@ -345,6 +345,7 @@ def over_seeds(
 
 def _policy_mean(rows: Sequence[Lifetime], tried: tuple[float, float]) -> dict[str, Any]:
     """Return the geometric mean over one policy's robots, and of how many it is a lower and an upper bound."""
+    # Who never followed counts with the least wear that was tried, who follows to the end with the greatest.
     ends = [row.factor if row.factor is not None else tried[row.end == "alive"] for row in rows]
     return {
         "mean": exp(float(np.mean([log(end) for end in ends]))),
@@ -396,6 +397,7 @@ def monitor_readings(
         if estimate is None:
             continue
         time = steps * period
+        # An estimate is a mean over its window, and so of the wear at its middle.
         factor = wear.factor(time - bundle.wear.window * period / 2)
         friction = own * np.where(worn, factor, 1.0)
         if joint is None:

@@ -116,6 +116,7 @@ class WearWalk:
 
     def key(self, digest: str) -> str:
         """Return the key of the walk; digest: of the bundle."""
+        # What else was asked for does not count: a walk stays where levels, robots or controls are added.
         cfg = asdict(replace(self.cfg, levels=(self.level,), robots=(self.seed,), wear=self.wear, control=False))
         return key_of([digest, self.steady, cfg, binaries(self.cfg.engine)], *WEARING)
 
