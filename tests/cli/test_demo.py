@@ -57,7 +57,7 @@ def test_the_page_holds_every_stage_and_needs_no_network(
     assert len(told) == 3 and all(line in unescape(re.sub("</?code>", "`", page)) for line in told)
     for text in (
         "Friction from a log",
-        "16% to 24%",
+        "16 to 24 %",
         "toy-direct",
         "trained without friction",
         "trained at 20 % friction",
@@ -67,7 +67,7 @@ def test_the_page_holds_every_stage_and_needs_no_network(
     ):
         assert text in page
     assert re.search(
-        r"Trained without friction, it (follows|is too|falls)[^.]*( at 0 %| 10 %| 20 %)[^.]* of friction\.", page
+        r"Trained without friction, it (follows|is too|falls)[^.]* (at|from) 0 [^.]* % of friction\.", page
     )
     assert 'src="http' not in page
     assert "<script" not in page

@@ -54,7 +54,7 @@ def test_a_part_is_walked_judged_and_gone_on_with(
         (["--jobs", "0"], "at least 1"),
         (["--num-robots", "0"], "--num-robots 0: expected at least 1"),
         ([*LOAD, "--out", "{bundle}/card.md"], "--out"),
-        ([*LOAD, "--policies", "{begun}"], "expected that of a folder that `stiction train` made"),
+        ([*LOAD, "--policies", "{begun}"], "expected a folder that `stiction train` made"),
     ],
 )
 def test_bad_input_is_one_line(

@@ -232,7 +232,7 @@ def test_resume_with_other_options_is_refused(tmp_path: Path, capsys: pytest.Cap
         assert main(["train", "--resume", str(tmp_path), *other]) == 1
         assert other[0].partition("=")[0] in capsys.readouterr().err
     assert main(["train", f"--resume={tmp_path}", "--json"]) == 1
-    assert "config.json" in capsys.readouterr().err
+    assert "expected a folder that `stiction train` made" in capsys.readouterr().err
 
 
 def test_bad_input_is_one_line_and_status_one(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
@@ -263,7 +263,7 @@ def test_bad_input_is_one_line_and_status_one(tmp_path: Path, capsys: pytest.Cap
         assert word in error and error.count("\n") == 1, error
     assert not (tmp_path / "bad").exists()
     assert main(["train", "--resume", str(tmp_path / "nothing")]) == 1
-    assert "config.json" in capsys.readouterr().err
+    assert "expected a folder that `stiction train` made" in capsys.readouterr().err
     (tmp_path / "file").write_text("")
     for out in (tmp_path / "file", tmp_path / "file" / "run"):
         assert main(["train", *SMALL, "--out", str(out)]) == 1

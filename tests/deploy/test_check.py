@@ -81,7 +81,7 @@ def test_any_number_of_the_contract_changed_with_repaired_sums_is_rejected(bundl
 
 @pytest.mark.parametrize(
     ("robot", "said"),
-    [("go1@kp=0.5", "other gains kp"), ("go1@torque=2", "other torque limits"), ("saturn_lite", "has the joints")],
+    [("go1@kp=0.5", "other gains kp"), ("go1@torque=2", "other torque limits"), ("saturn_lite", "has other joints")],
 )
 def test_a_robot_with_other_motors_is_none_to_walk_on(robot: str, said: str) -> None:
     """A policy learned to walk with its gains and limits; on others it says nothing of itself."""

@@ -157,6 +157,8 @@ def test_a_complete_yaml_is_the_same_robot(tmp_path: Path) -> None:
         ("model: robot.xml\njoints: {.*: {armature: 0}}", "has no armature in the file"),
         ("model: robot.xml\njoints: {.*: {torque_limit: 0}}", "has no torque limit"),
         ("model: robot.xml\njoints: {'(.*)+x': {kp: 1}}", "could be slow"),
+        ("model: robot.xml\njoints: {'a?a?a?a?a?aaaaa': {kp: 1}}", "could be slow"),
+        ("model: robot.xml\njoints: {'(a|aa)(a|aa)(a|aa)(a|aa)(a|aa)b': {kp: 1}}", "could be slow"),
         ("model: robot.xml\njoints: {'[': {kp: 1}}", "no regular expression"),
         ("model: robot.xml\njoints: {.*: {action: false}}", "action is false for every joint"),
         ("model: robot.xml\npose: {.*_thigh_joint: 45}", "45 rad; is that in degrees"),

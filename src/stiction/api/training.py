@@ -93,7 +93,7 @@ def train(
         joints: a `joints.json` whose inertia, damping and friction become the robot's nominal ones.
         joint_map: RECORDED=JOINT pairs where its records have other names.
         preset: defaults of everything else: `quick` is ten to seventeen minutes of one core, `full` over twice that.
-        config: everything else, in place of `preset`: `replace(stiction.rma.config.preset("quick"), num_envs=256)`.
+        config: everything else, in place of `preset`: `replace(stiction.rma.presets.preset("quick"), num_envs=256)`.
         seed: of everything random in the run.
         device: where it is simulated.
         say: called with a sentence that you should know.

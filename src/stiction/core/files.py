@@ -145,10 +145,12 @@ def read_bounded(path: Path, expected: str, error: type[StictionError], most: in
 def near_file(path: Path) -> str:
     """Return `; did you mean 'swing.csv'?` with the nearest name in the folder, of a file that is not there."""
     try:
-        beside = [] if path.exists() else [entry.name for entry in islice(path.parent.iterdir(), MOST_BESIDE)]
+        beside = [] if path.exists() else [*islice(path.parent.iterdir(), MOST_BESIDE)]
     except OSError:
         beside = []
-    return nearest(path.name, beside)
+    # By what stands before the dot too: two names of a letter are no nearer for both ending in .json.
+    near = [entry.name for entry in beside if nearest(path.stem, [entry.stem])]
+    return nearest(path.name, near)
 
 
 def _sync(path: Path) -> None:

@@ -110,10 +110,14 @@ def _find(name: str) -> Robot:
         from stiction.robots.load import load_robot
 
         return load_robot(Path(name)).robot
-    if name not in robot_names() and name and Path(name[:1000]).is_dir():
+    try:
+        is_folder, is_file = Path(name).is_dir(), Path(name).is_file()
+    except (OSError, ValueError):  # Longer than the name of any file, or with a byte that none has.
+        is_folder = is_file = False
+    if name not in robot_names() and name and is_folder:
         raise RobotError(f"robot {name!r} is a folder; name the robot.yaml, .xml or .urdf in it")
     module_name, _, variable = name.partition(":")
-    if not variable and "." in name and Path(name[:1000]).is_file():
+    if not variable and "." in name and is_file:
         raise RobotError(f"robot {name!r}: expected a robot.yaml, a MuJoCo (.xml) or URDF (.urdf) file")
     if not variable and "." not in name:
         if name not in robot_names():

@@ -28,7 +28,8 @@ MOST_BYTES = 256 * 1024
 """Size of the largest file that is read."""
 
 MOST_REPETITIONS = 4
-"""Of `*`, `+` and `{}` in one regular expression: its time grows with the length of the name to this power."""
+"""Of `*`, `+`, `?` and `{}`, and of groups, in one regular expression: its time grows with the length of the name to
+this power."""
 
 JOINT_FIELDS = {
     "torque_limit": "largest torque at the joint [N m]",
@@ -197,10 +198,12 @@ def check_pattern(pattern: str, source: str) -> str:
     """
     # What is escaped or in a set is one character, and repeats nothing.
     plain = re.sub(r"\\.|\[(?:\\.|[^\]\\])*\]", "x", pattern)
-    if len(pattern) > 200 or re.search(r"\)[*+{]", plain) or len(re.findall(r"[*+{]", plain)) > MOST_REPETITIONS:
+    # What may be there or not doubles the ways through, and so does each choice of a group; `(?` begins a group.
+    repeated, groups = len(re.findall(r"(?<!\()[*+{?]", plain)), plain.count("(")
+    if len(pattern) > 200 or re.search(r"\)[*+{]", plain) or repeated > MOST_REPETITIONS or groups > MOST_REPETITIONS:
         raise RobotError(
             f"{source}: the expression {pattern[:60]!r} could be slow; expected at most {MOST_REPETITIONS} "
-            "repetitions, none of them of a group"
+            f"repetitions, none of them of a group, and at most {MOST_REPETITIONS} groups"
         )
     try:
         re.compile(pattern)

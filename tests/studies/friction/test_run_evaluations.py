@@ -64,6 +64,15 @@ def test_a_policy_that_cannot_be_evaluated_stops_nobody(tmp_path: Path, walked: 
     assert failed == {"bad-s0/student": "the robot is unknown"}
 
 
+def test_a_run_whose_checkpoint_is_gone_stops_nobody(tmp_path: Path, walked: list) -> None:
+    """What is asked first, whether it is done, needs the checkpoint too: one such run ended the whole evaluation."""
+    gone = tasks(tmp_path, "gone")
+    for file in (tmp_path / "gone-s0" / "checkpoints").glob("student*"):
+        file.unlink()
+    rows, failed = evaluate_tasks([*gone, *tasks(tmp_path)], 1)
+    assert {r.policy for r in rows} == {"toy-s0/student"} and "has no student" in failed["gone-s0/student"]
+
+
 def test_the_cache_can_lie_elsewhere(tmp_path: Path, walked: list) -> None:
     """If this failed, runs that may only be read could not be evaluated."""
     at = place(tmp_path / "runs", "toy", 0, "--friction-level", "0.2")

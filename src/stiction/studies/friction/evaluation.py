@@ -179,7 +179,7 @@ def evaluate_tasks(
     """
     found: dict[str, list[ResultRow]] = {}
     failed: dict[str, str] = {}
-    done = [task for task in tasks if task.done]
+    done = [task for task in tasks if _is_done(task)]
     new = [task for task in tasks if task not in done]
     # Those that are done are only read, for which no process is worth its start.
     for some, processes in ((done, 1), (new, jobs)):
@@ -190,6 +190,14 @@ def evaluate_tasks(
                 found[some[number].name] = rows
             progress("evaluation", (len(found) + len(failed)) / len(tasks))
     return [row for task in tasks for row in found.get(task.name, [])], failed
+
+
+def _is_done(task: Task) -> bool:
+    """Return whether a task is done; one that cannot tell, for want of a checkpoint, is not, and says why later."""
+    try:
+        return task.done
+    except TrainingError:
+        return False
 
 
 def _rows_or_reason(task: Task) -> list[ResultRow] | str:

@@ -415,7 +415,7 @@ class PlannedRun:
         found = contract.robot, contract.method, contract.seed, contract.friction_law, contract.friction_level
         expected = self.cfg.task.robot, friction.method, self.run.seed, friction.law, friction.level
         if found != expected:
-            raise TrainingError(
+            raise ConfigurationError(
                 f"{self.policy} is another policy than the manifest's: it is {found}, expected {expected}"
             )
         return bundle
