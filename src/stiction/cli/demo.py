@@ -19,6 +19,7 @@ from stiction.formats.results import DIRECTIONS
 
 if TYPE_CHECKING:
     from stiction.deploy.check import BundleCheck
+    from stiction.evaluate.evaluate import EvaluationCfg
     from stiction.formats.results import ResultRow
     from stiction.report.demo import DemoJoint
 
@@ -95,10 +96,9 @@ def main(arguments: list[str]) -> None:
 def _run(cfg: DemoCfg, arguments: list[str]) -> tuple[Path, dict[str, Any], list[str]]:
     """Run the whole line; return the page, the summary and what was left out."""
     from stiction.deploy.check import check_bundle
-    from stiction.evaluate.evaluate import EvaluationCfg
     from stiction.formats.bundle import find_bundle
 
-    EvaluationCfg((0.0,), COMMANDS, episodes=cfg.episodes, seconds=cfg.seconds)  # Refused before any work is done.
+    _settings(cfg)  # Refused before any work is done.
     start = time.perf_counter()
     warnings: list[str] = []
     bundles = [find_bundle(path) for path in cfg.bundles]
@@ -237,23 +237,29 @@ def _evaluate(
     return page, summary
 
 
+def _settings(cfg: DemoCfg, levels: tuple[float, ...] = (0.0,)) -> EvaluationCfg:
+    """Return how the policies are evaluated; raise `StictionError` for episodes that none can walk."""
+    from stiction.evaluate.evaluate import EvaluationCfg
+
+    return EvaluationCfg(levels, COMMANDS, episodes=cfg.episodes, seconds=cfg.seconds)
+
+
 def _walk(cfg: DemoCfg, checks: list[BundleCheck], level: float) -> tuple[list[ResultRow], dict[str, Any]]:
     """Evaluate the policies from no friction to half more than the nominal level."""
     from stiction.core.provenance import num_threads
     from stiction.core.records import make_folder
-    from stiction.evaluate.evaluate import EvaluationCfg
     from stiction.evaluate.grid import GridCfg
     from stiction.evaluate.summary import evaluate_all
     from stiction.joints.friction import MAX_LEVEL
     from stiction.report.terminal import work_progress
 
     levels = tuple(dict.fromkeys(min(round(share * level, 6), MAX_LEVEL) for share in (0.0, 0.5, 1.0, 1.5)))
-    settings = EvaluationCfg(levels, COMMANDS, episodes=cfg.episodes, seconds=cfg.seconds)
     make_folder(cfg.out / "evaluation")
     _say("evaluating policies over friction levels")
     with work_progress() as progress:
         bundles = [check.bundle for check in checks]
-        return evaluate_all(bundles, GridCfg(settings), cfg.out / "evaluation", jobs=num_threads(), progress=progress)
+        grid, out = GridCfg(_settings(cfg, levels)), cfg.out / "evaluation"
+        return evaluate_all(bundles, grid, out, jobs=num_threads(), progress=progress)
 
 
 def _render(

@@ -6,7 +6,7 @@ import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import tyro
 
@@ -31,6 +31,10 @@ Examples:
   stiction export runs/mine --to rl_sar --out for-rl_sar"""
 
 
+Target = Literal["bundle", "webots", "deploy.yaml", "rl_sar", "mjlab"]
+"""What can be made: a bundle of a run, and the others of a bundle."""
+
+
 @dataclass(frozen=True)
 class ExportCfg:
     """Options of the verb."""
@@ -38,7 +42,7 @@ class ExportCfg:
     source: Annotated[Path, tyro.conf.Positional]
     """Directory of a run, as `stiction train` made it. With another --to than bundle: of a bundle, or the name of a
     shipped one, or a run with its bundle in it."""
-    to: Literal["bundle", "webots", "deploy.yaml", "rl_sar", "mjlab"] = "bundle"
+    to: Target = "bundle"
     """What to make."""
     out: Path | None = None
     """Directory to make; by default `bundle` within the run, or `webots-NAME`, `rl_sar-NAME` and so on here for the
@@ -65,9 +69,6 @@ class ExportCfg:
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 
-
-OTHERS = ("webots", "deploy.yaml", "rl_sar", "mjlab")
-"""What a bundle can be exported to."""
 
 BELONGS = {
     "wear": "bundle",
@@ -101,7 +102,8 @@ def _to_bundle(cfg: ExportCfg) -> None:
     from stiction.rma.run import RunDirectory
 
     if (cfg.source / CONTRACT).exists() or str(cfg.source) in shipped_bundles():
-        raise ConfigurationError(f"{cfg.source} is a policy bundle already; --to {', '.join(OTHERS)} takes one")
+        _, *others = get_args(Target)
+        raise ConfigurationError(f"{cfg.source} is a policy bundle already; --to {', '.join(others)} takes one")
     RunDirectory(cfg.source).header()  # where there is no run, no folder is made for its bundle
     out = cfg.out or cfg.source / "bundle"
 

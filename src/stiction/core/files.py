@@ -134,12 +134,15 @@ def read_bounded(path: Path, expected: str, error: type[StictionError], most: in
             # Read and not asked for its size: a file may grow meanwhile. One byte too many says that it is too large.
             content = file.read(most + 1)
     except OSError as fault:
-        raise error(
-            f"cannot read {path}: {fault.strerror or fault}{near_file(path) or ';'} expected {expected}"
-        ) from fault
+        raise error(unreadable(path, fault, expected)) from fault
     if len(content) > most:
         raise error(f"{path.name}: over {most} bytes; expected {expected}")
     return content
+
+
+def unreadable(path: Path, fault: OSError, expected: str) -> str:
+    """Return what to say of a file that cannot be read: why, the nearest name if there is none, what was expected."""
+    return f"cannot read {path}: {fault.strerror or fault}{near_file(path) or ';'} expected {expected}"
 
 
 def near_file(path: Path) -> str:

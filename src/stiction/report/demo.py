@@ -95,7 +95,7 @@ def render_demo(
         sections += [
             Section(heading, _policy_blocks(policies)),
             Section(
-                f"How they walk with {100 * clips.level:.0f} % friction in every joint",
+                f"How they walk with {level_text('coulomb', clips.level)} friction in every joint",
                 _clip_blocks(policies, rows, clips),
             ),
             Section("How much friction each of them bears", budget),

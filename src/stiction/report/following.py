@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import groupby
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Literal
 
 from stiction.formats.following import DEFINITION, SLOW, Following, counts_text
@@ -121,25 +123,19 @@ def paces_text(found: Sequence[tuple[str, set[str]]]) -> str:
 
     found: a place in words, and all that was seen there, as of `row_pace`; it follows where nothing else was seen.
     """
-    where = {"follows": [at for at, seen in found if seen == {"follows"}]}
-    where |= {one: [at for at, seen in found if one in seen] for one in ("too fast", "too slow", "fell")}
+    where = {"follows": {at: seen == {"follows"} for at, seen in found}}
+    where |= {one: {at: one in seen for at, seen in found} for one in ("too fast", "too slow", "fell")}
     words = {"follows": "follows", "too fast": "is too fast", "too slow": "is too slow", "fell": "falls"}
-    tried = [at for at, _ in found]
-    said = [f"{words[one]} {places_text(places, tried)}" for one, places in where.items() if places]
-    return "; ".join(said if where["follows"] else ["follows nowhere", *said])
+    said = [f"{words[one]} {places_text(places)}" for one, places in where.items() if any(places.values())]
+    return "; ".join(said if any(where["follows"].values()) else ["follows nowhere", *said])
 
 
-def places_text(places: Sequence[str], tried: Sequence[str]) -> str:
-    """Say at which of the places that were tried something was seen: `from 0 to 20 % and at 30 %`; none: `nowhere`.
+def places_text(tried: Mapping[str, bool]) -> str:
+    """Say at which places something was seen: `from 0 to 20 % and at 30 %`; at none: `nowhere`.
 
-    Three or more that were tried one after the other are a span.
+    tried: place in words -> whether it was seen there; three or more that were tried one after the other are a span.
     """
-    runs: list[list[str]] = []
-    for place in places:
-        if runs and tried.index(place) == tried.index(runs[-1][-1]) + 1:
-            runs[-1].append(place)
-        else:
-            runs.append([place])
+    runs = [[at for at, _ in run] for seen, run in groupby(tried.items(), key=itemgetter(1)) if seen]
     spans = [f"from {_without_unit(run[0], run[-1])} to {run[-1]}" for run in runs if len(run) > 2]
     single = [place for run in runs if len(run) < 3 for place in run]
     if single:

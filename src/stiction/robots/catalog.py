@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pkgutil
 import re
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -99,6 +100,14 @@ def vary(robot: Robot, name: str, variation: str) -> Robot:
     return robot.with_joints(name, kp=gain, kd=gain**0.5, torque_limit=factors.get("torque", 1.0))
 
 
+def _is_there(name: str, kind: Callable[[Path], bool]) -> bool:
+    """Return whether there is a folder, or a file, of that name; what is too long for one names none."""
+    try:
+        return kind(Path(name))
+    except OSError:
+        return False
+
+
 def _find(name: str) -> Robot:
     """Return the robot called `name`, without variations.
 
@@ -110,14 +119,10 @@ def _find(name: str) -> Robot:
         from stiction.robots.load import load_robot
 
         return load_robot(Path(name)).robot
-    try:
-        is_folder, is_file = Path(name).is_dir(), Path(name).is_file()
-    except (OSError, ValueError):  # Longer than the name of any file, or with a byte that none has.
-        is_folder = is_file = False
-    if name not in robot_names() and name and is_folder:
+    if name not in robot_names() and name and _is_there(name, Path.is_dir):
         raise RobotError(f"robot {name!r} is a folder; name the robot.yaml, .xml or .urdf in it")
     module_name, _, variable = name.partition(":")
-    if not variable and "." in name and is_file:
+    if not variable and "." in name and _is_there(name, Path.is_file):
         raise RobotError(f"robot {name!r}: expected a robot.yaml, a MuJoCo (.xml) or URDF (.urdf) file")
     if not variable and "." not in name:
         if name not in robot_names():

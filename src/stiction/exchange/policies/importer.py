@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from stiction.core.errors import BundleError, ConfigurationError, FileError
-from stiction.core.files import near_file, open_regular
+from stiction.core.files import open_regular, unreadable
 from stiction.core.provenance import git_revision
 from stiction.deploy.check import BundleCheck, check_bundle
 from stiction.deploy.network_file import MOST_BYTES
@@ -54,9 +54,7 @@ def read_network(path: Path) -> tuple[bytes, ForeignNetwork]:
         with open_regular(path) as file:
             data = file.read(MOST_BYTES + 1)
     except OSError as error:
-        raise FileError(
-            f"cannot read {path}: {error.strerror or error}{near_file(path) or ';'} expected a network in ONNX"
-        ) from error
+        raise FileError(unreadable(path, error, "a network in ONNX")) from error
     return data, read_foreign(data, path.name)
 
 

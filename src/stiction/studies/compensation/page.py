@@ -9,6 +9,7 @@ from stiction.core.records import from_plain, header, texts
 from stiction.formats.following import DEFINITION
 from stiction.formats.results import ResultRow
 from stiction.joints.compensation import Compensation, parse_compensation
+from stiction.joints.friction import level_text
 from stiction.report.following import places_text
 from stiction.report.page import Section, fold, paragraph, row_table, table
 from stiction.studies.compensation.standing import Standing
@@ -75,7 +76,7 @@ def level_table(rows: Sequence[Followed]) -> Any:
         text = f"{row.forward:.2f} / {row.backward:.2f}{' *' if follows(row) else ''}"
         cells.setdefault(way_of(row.policy), {})[row.friction_level] = text
     lines = [[*way, *(found.get(level, "–") for level in levels)] for way, found in cells.items()]
-    header = ["policy", "friction fed forward", *(f"{100 * level:g} % friction [1]" for level in levels)]
+    header = ["policy", "friction fed forward", *(f"{level_text('coulomb', level)} friction [1]" for level in levels)]
     return table(header, lines, grouped=True)
 
 
@@ -106,22 +107,18 @@ def answer(rows: Sequence[Followed]) -> list[str]:
 
 
 def standing_table(rows: Sequence[Standing]) -> Any:
-    """Return how robots stood, under each friction."""
-    groups = {row.friction_level: [one for one in rows if one.friction_level == row.friction_level] for row in rows}
-    ordered = [row for own in groups.values() for row in own]
-    titles, cells = header(Standing), map(texts, ordered)
+    """Return how robots stood, under each friction; rows: by friction, then by robot."""
     lines = [
         [
             f"{row.engine}, robot {row.robot}, friction {row.friction_level} of the torque limit",
             AS_IS if row.fed == "none" else way_text(parse_compensation(row.fed)),
             *own[4:],
         ]
-        for row, own in zip(ordered, cells, strict=True)
+        for row, own in zip(rows, map(texts, rows), strict=True)
     ]
-    return table(["friction", "friction fed forward", *titles[4:]], lines, grouped=True)
+    return table(["friction", "friction fed forward", *header(Standing)[4:]], lines, grouped=True)
 
 
 def _where(rows: Sequence[Followed]) -> str:
     """Return at which of the frictions that were tried something follows, in words."""
-    tried = {f"{100 * row.friction_level:g} %": follows(row) for row in rows}
-    return places_text([at for at, good in tried.items() if good], [*tried])
+    return places_text({level_text("coulomb", row.friction_level): follows(row) for row in rows})

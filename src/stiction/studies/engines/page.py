@@ -298,11 +298,9 @@ def lead(result: EnginesResult) -> list[str]:
             if row.timestep == step:
                 counts.setdefault(row.engine, []).append(row.passed)
         missed = {engine: passed.count(False) for engine, passed in counts.items() if not all(passed)}
-        right = [engine for engine in counts if engine not in missed]
+        right = [engine for engine in counts if engine not in missed] if missed else ["every engine"]
         parts = [f"{', '.join(right)} {'does' if len(right) == 1 else 'do'} all that is asked"] if right else []
         parts += [f"{engine} misses {number} of {len(counts[engine])} figures" for engine, number in missed.items()]
-        if not missed:
-            parts = ["every engine does all that is asked"]
         lines.append(f"At steps of {1000 * step:g} ms {'; '.join(parts)}.")
     apart = {
         name: distance(result.walks, name, MUJOCO) for name in dict.fromkeys(row.simulator for row in result.walks)

@@ -127,5 +127,4 @@ def _cells(experiment: Experiment, condition: str) -> list[Following]:
 def _where_all_follow(experiment: Experiment, condition: str) -> str:
     """Return at how much friction every student of a condition follows: `from 0 to 30 %`."""
     cells = _cells(experiment, condition)
-    named = {level_text(cell.friction_law, cell.friction_level): cell.every_seed for cell in cells}
-    return places_text([at for at, follow in named.items() if follow], [*named])
+    return places_text({level_text(cell.friction_law, cell.friction_level): cell.every_seed for cell in cells})

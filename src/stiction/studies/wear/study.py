@@ -8,8 +8,8 @@ from typing import Annotated
 
 import tyro
 
-from stiction.core.errors import ConfigurationError, FileError
-from stiction.core.records import make_folder, part_of, read_rows
+from stiction.core.errors import FileError
+from stiction.core.records import part_of, read_rows
 from stiction.formats.following import FAST, SLOW
 from stiction.report.terminal import RobotSeeds
 from stiction.studies.study import ParallelOptions, RedrawnOptions, Report, Study, UsageError, Work, recorded
@@ -66,8 +66,6 @@ def run(options: WearOptions, work: Work) -> Report:
         return judge_recorded(options.out, work)
     if not options.bundles:
         raise UsageError("no bundle given")
-    from stiction.deploy.check import robot_of
-    from stiction.engines.catalog import what_is_missing
     from stiction.evaluate.summary import describe
     from stiction.evaluate.table import methods_of
     from stiction.formats.bundle import find_bundle
@@ -81,11 +79,7 @@ def run(options: WearOptions, work: Work) -> Report:
     cfg = part_of(WearCfg, options, wear=wear)
     paths = [find_bundle(path) for path in options.bundles]
     bundles = work.bundles(paths)
-    for bundle in bundles:
-        if why := what_is_missing(cfg.engine, robot_of(bundle.contract)):
-            raise ConfigurationError(why)
     robots = work.begin() / "robots"
-    make_folder(robots)
     lifetimes, windows, readings = study_wear(bundles, paths, cfg, robots, work.jobs, work.progress)
     settings = {
         "settings": asdict(cfg),
