@@ -109,6 +109,8 @@ def test_a_run_is_opened_by_its_folder_as_what_it_is(folder: Path) -> None:
     assert not is_walk_log(run)
     assert set(open_log(run).joints) == set(CONTRACT.joint_names)
     assert len(open_log(run, begin=0.5).time) == 650
+    with pytest.raises(LogError, match="a log of a run, which says it itself; leave names out"):
+        open_log(run, names=("a",))
     assert not is_walk_log(folder / "nothing") and find_run_log(folder) is None
 
 

@@ -109,7 +109,7 @@ def test_random_disturbances_go_on_where_they_were(tmp_path: Path) -> None:
 def test_a_checkpoint_without_its_disturber_is_refused(part: str, tmp_path: Path, whole: RunDirectory) -> None:
     """In one line: to begin the disturber anew would be another training."""
     cut = start(tmp_path / "run", CFG)
-    with pytest.raises(Interrupted):
+    with pytest.raises(Interrupted, match="of the policy, nothing is lost"):
         train(CFG, cut, interrupted=lambda: True)
     newest = latest_checkpoint(cut.checkpoints, "teacher")
     tree = load_checkpoint(newest)

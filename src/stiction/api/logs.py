@@ -51,7 +51,8 @@ def load_log(
         begin: where to begin, from the first stamp [s].
         end: where to end, from the first stamp [s].
 
-    Nothing in the file is executed. Raises `LogError` with one line for whatever is wrong with it.
+    Nothing in the file is executed. Raises `LogError` with one line for whatever is wrong with it, and for a setting
+    that this kind of log has no use for.
 
     >>> import stiction
     >>> stiction.load_log("missing.csv")  # doctest: +ELLIPSIS

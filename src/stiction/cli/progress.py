@@ -102,8 +102,7 @@ class Display:
         self._bars = Progress(TextColumn("{task.description:<8}"), BarColumn(), MofNCompleteColumn(), console=console)
         sizes = {"teacher": cfg.teacher.iterations, "student": cfg.student.iterations}
         sizes = {phase: total for phase, total in sizes.items() if total}
-        self._names = {phase: phase if len(sizes) > 1 else "policy" for phase in sizes}
-        self._tasks = {phase: self._bars.add_task(self._names[phase], total=total) for phase, total in sizes.items()}
+        self._tasks = {phase: self._bars.add_task(cfg.name_of(phase), total=total) for phase, total in sizes.items()}
         self._seen: set[str] = set()
 
     @property
@@ -125,7 +124,7 @@ class Display:
         begins, self._seen = phase not in self._seen, self._seen | {phase}
         if not self.console.is_terminal and (begins or iteration == iterations or self.clock() >= self._next_line):
             self._next_line = self.clock() + PLAIN_EVERY
-            self.say(f"{self._names[phase]} {iteration}/{iterations}: {pace}, {walk}")
+            self.say(f"{self.cfg.name_of(phase)} {iteration}/{iterations}: {pace}, {walk}")
 
     def say(self, text: str) -> None:
         """Print a line; on a terminal, above the live display."""

@@ -31,6 +31,9 @@ DRAWS = 999
 LARGEST_REACH = 2.0
 """Bootstrapped reach over Student's at which it is cut: a handful of blocks says too little about its own scatter."""
 
+SMALLEST_RESIDUAL = 1e-4
+"""Residual over torque below which a fit is not believed to be better: a prior keeps some weight [1]."""
+
 SEED = 20_251
 """Of the bootstrap's draws: the same log gives the same intervals."""
 

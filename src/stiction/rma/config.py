@@ -311,6 +311,10 @@ class TrainCfg:
                 f"--engine {self.engine} cannot train with {name}; use --engine mujoco, or leave it out"
             )
 
+    def name_of(self, phase: str) -> str:
+        """Return what people are told that a phase is called: where there is one, it is the policy's."""
+        return phase if self.student.iterations else "policy"
+
     @property
     def has_context(self) -> bool:
         """Whether DreamWaQ's context takes the place of estimate and latent."""

@@ -88,6 +88,8 @@ class PhaseRunner(OnPolicyRunner):
     film: Film = lambda *_: None
     ranks: Ranks = ALONE
     """The processes of the training."""
+    called: str = "teacher"
+    """What people are told that the phase is called."""
     stopped: dict[str, float] | None = None
     """The means with which the phase reached its target and ended early."""
 
@@ -193,7 +195,7 @@ class PhaseRunner(OnPolicyRunner):
             good = latest_checkpoint(self.run.checkpoints, self.phase)
             name = good.name if good else "none, there was no time for one"
             raise TrainingError(
-                f"training diverged in iteration {it} of the {self.phase}, since iteration {diagnosis.since}: "
+                f"training diverged in iteration {it} of the {self.called}, since iteration {diagnosis.since}: "
                 f"{diagnosis.what}; the last good checkpoint is {name}; train again in another folder with "
                 f"{diagnosis.advice}"
             )
@@ -221,7 +223,7 @@ class PhaseRunner(OnPolicyRunner):
             self.film(self.phase, it, self._file())
         if stop:
             raise Interrupted(
-                f"stopped after iteration {it} of {self.iterations} of the {self.phase}, nothing is lost; "
+                f"stopped after iteration {it} of {self.iterations} of the {self.called}, nothing is lost; "
                 f"go on with `{self.ranks.program} train --resume {self.run.path}`"
             )
 

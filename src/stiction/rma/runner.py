@@ -137,7 +137,7 @@ def train(
         board = Board(run.path / "tensorboard" / name)
         every = (cfg.checkpoint_every, cfg.video_every)
         hooks = (progress, interrupted, film)
-        return PhaseRunner(name, env, run, rl_cfg, iterations, every, cfg.stop, board, *hooks, ranks)
+        return PhaseRunner(name, env, run, rl_cfg, iterations, every, cfg.stop, board, *hooks, ranks, cfg.name_of(name))
 
     with run.writing() if ranks.leads else nullcontext():
         teacher = phase("teacher", ppo_cfg(cfg), cfg.teacher.iterations)

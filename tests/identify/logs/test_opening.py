@@ -42,6 +42,14 @@ def test_a_wide_table_without_time_needs_a_rate(tmp_path: Path) -> None:
             open_log(path, rate=rate)
 
 
+def test_what_a_log_says_itself_is_not_to_be_given(tmp_path: Path) -> None:
+    """A rate beside stamps would be of no effect, and so would a scale where there are none: neither is passed over."""
+    with pytest.raises(LogError, match=r"has time stamps, time, and a rate of its own; leave rate out \(--rate\)"):
+        open_log(logfiles.canonical(tmp_path, ".csv"), rate=50)
+    with pytest.raises(LogError, match=r"no time stamps to scale; leave time_scale out \(--time-scale\)"):
+        open_log(logfiles.wide_csv(tmp_path, time=False), rate=50, time_scale=1e-3)
+
+
 def test_names_are_for_numbered_joints_and_must_fit(tmp_path: Path) -> None:
     """A list one too short would shift every name."""
     path = logfiles.wide_csv(tmp_path)

@@ -132,6 +132,8 @@ def test_columns_are_not_topics(tmp_path: Path) -> None:
     """A mapping meant for another kind of file must not be ignored."""
     with pytest.raises(LogError, match="position= maps a column; an MCAP file has topics"):
         open_log(logfiles.ros(tmp_path), {"position": "q"})
+    with pytest.raises(LogError, match=r"is a bag, whose messages have stamps; leave rate out \(--rate\)"):
+        open_log(logfiles.ros(tmp_path), rate=200)
 
 
 def test_a_database_is_read_like_a_bag(tmp_path: Path) -> None:

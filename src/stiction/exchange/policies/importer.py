@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from stiction.core.errors import BundleError, ConfigurationError, FileError
-from stiction.core.files import open_regular, unreadable
+from stiction.core.files import read_bounded
 from stiction.core.provenance import git_revision
 from stiction.deploy.check import BundleCheck, check_bundle
 from stiction.deploy.network_file import MOST_BYTES
@@ -50,11 +50,7 @@ same, not that the files above say what the training did. {notes}
 
 def read_network(path: Path) -> tuple[bytes, ForeignNetwork]:
     """Return the bytes and the content of an ONNX file of others. Raises `StictionError`."""
-    try:
-        with open_regular(path) as file:
-            data = file.read(MOST_BYTES + 1)
-    except OSError as error:
-        raise FileError(unreadable(path, error, "a network in ONNX")) from error
+    data = read_bounded(path, "a network in ONNX", FileError, MOST_BYTES)
     return data, read_foreign(data, path.name)
 
 

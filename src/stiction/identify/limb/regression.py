@@ -21,7 +21,13 @@ from scipy.stats import t as student
 
 from stiction.formats.joints import Estimate
 from stiction.identify.combinations import shifted
-from stiction.identify.intervals import block_count, correlation_time, jackknife_covariance, make_blocks
+from stiction.identify.intervals import (
+    SMALLEST_RESIDUAL,
+    block_count,
+    correlation_time,
+    jackknife_covariance,
+    make_blocks,
+)
 from stiction.identify.limb.dynamics import MODES, link_torques
 from stiction.identify.limb.setup import LimbSetup
 from stiction.identify.limb.signals import JointRun, LimbRun
@@ -37,9 +43,6 @@ SCALE = "torque_scale"
 
 ROUNDS = 4
 """Weights follow from residuals and residuals from the fit: both settle in three."""
-
-SMALLEST_RESIDUAL = 1e-4
-"""Residual over torque below which a fit is not believed to be better: a prior keeps some weight [1]."""
 
 
 @dataclass(frozen=True)

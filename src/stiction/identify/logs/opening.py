@@ -78,10 +78,12 @@ def open_log(
     samples per second [Hz] of a log without time stamps. time_scale: seconds per unit of the stamps. begin, end: what
     to take of the log, from its first stamp [s]. Each of these is the sidecar's where it is not given. sidecar: where
     that is, by default beside the log. body: whether to look for the IMU and the feet of a walking robot. Raises
-    `LogError` with one line for whatever is wrong with the file.
+    `LogError` with one line for whatever is wrong with the file, and for what was given of a log that says it itself.
     """
     run = find_run_log(path)
     if run is not None and not body:
+        own = {"columns": columns, "names": names, "rate": rate, "sidecar": sidecar, "time_scale": time_scale}
+        _refuse(path.name, own, "is a log of a run, which says it itself")
         log = joint_log(path.name, read_run_log(run))
         return cut(log, begin, end)
     if path.is_dir():
@@ -97,13 +99,21 @@ def open_log(
     if not body and (odd := sorted({*columns} & {*BODY, "imu"})):
         raise LogError(f"{path.name}: {odd[0]}= is of a walking robot's body; for that kind of log: identify walk")
     if suffix in BAGS:
+        _refuse(path.name, {"rate": rate, "time_scale": time_scale}, "is a bag, whose messages have stamps")
         log = read_ros(path, columns, body)
     elif topics:
         raise LogError(f"{path.name}: {topics[0]}= names a topic of an MCAP file; for this kind of log map columns")
     else:
-        log = _from_table(path, columns, joint, setup, body)
+        log = _from_table(path, columns, joint, setup, body, {"rate": rate, "time_scale": time_scale})
     log = cut(log, setup.begin, setup.end)
     return replace(log, setup=setup, joints=_named(path.name, log.joints, names or setup.names))
+
+
+def _refuse(source: str, given: Mapping[str, Any], why: str) -> None:
+    """Raise `LogError` for what was given, and would be of no effect; why: what `source` is or has."""
+    for name, value in given.items():
+        if value not in (None, ()) and value != {}:
+            raise LogError(f"{source}: {why}; leave {name} out (--{name.replace('_', '-')})")
 
 
 def _of_directory(path: Path) -> str:
@@ -131,8 +141,15 @@ def read_rows(path: Path) -> Table:
     )
 
 
-def _from_table(path: Path, columns: Mapping[str, str], joint: str | None, setup: LogSetup, body: bool) -> Log:
-    """Read a log whose samples are rows of a table."""
+def _from_table(
+    path: Path,
+    columns: Mapping[str, str],
+    joint: str | None,
+    setup: LogSetup,
+    body: bool,
+    stamps: Mapping[str, float | None],
+) -> Log:
+    """Read a log whose samples are rows of a table. stamps: of `setup`, what the caller gave and no sidecar."""
     table = read_rows(path)
     of_body = {role: name for role, name in columns.items() if role in BODY}
     found = find_signals(path.name, table, {role: columns[role] for role in columns if role not in BODY}, joint)
@@ -147,10 +164,12 @@ def _from_table(path: Path, columns: Mapping[str, str], joint: str | None, setup
             )
         if not 0 < rate < 1e9:
             raise LogError(f"{path.name}: a rate of {rate} Hz; expected a positive number of samples per second")
+        _refuse(path.name, {"time_scale": stamps["time_scale"]}, "has no time stamps to scale")
         time = np.arange(len(next(iter(table.columns.values())))) / rate
         start = 0.0
         said: tuple[str, ...] = (f"the log has no time stamps: {rate:g} Hz was declared, and jitter cannot be seen",)
     else:
+        _refuse(path.name, {"rate": stamps["rate"]}, f"has time stamps, {found.time_name}, and a rate of its own")
         time, start, said = seconds(path.name, found.time, found.time_name, setup.time_scale)
         start += table.starts.get(found.time_name, 0.0)
     joints = _named(path.name, found.joints, table.names)

@@ -13,9 +13,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from stiction.formats.joints import Estimate
-
-SMALLEST_RESIDUAL = 1e-4
-"""Residual over target below which a fit is not believed to be better: a prior keeps some weight [1]."""
+from stiction.identify.intervals import SMALLEST_RESIDUAL
 
 
 @dataclass(frozen=True)

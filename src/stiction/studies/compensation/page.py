@@ -112,11 +112,11 @@ def standing_table(rows: Sequence[Standing]) -> Any:
         [
             f"{row.engine}, robot {row.robot}, friction {row.friction_level} of the torque limit",
             AS_IS if row.fed == "none" else way_text(parse_compensation(row.fed)),
-            *own[4:],
+            *texts(row),
         ]
-        for row, own in zip(rows, map(texts, rows), strict=True)
+        for row in rows
     ]
-    return table(["friction", "friction fed forward", *header(Standing)[4:]], lines, grouped=True)
+    return table(["friction", "friction fed forward", *header(Standing)], lines, grouped=True)
 
 
 def _where(rows: Sequence[Followed]) -> str:

@@ -31,15 +31,15 @@ OFTEN = 1.0
 
 @dataclass(frozen=True)
 class Standing:
-    """How a robot stood; a row of standing.csv."""
+    """How a robot stood; a row of standing.csv. On the page the first four are in words."""
 
-    engine: str = field(metadata=column("engine"))
+    engine: str
     """Engine and what of the robot is real."""
-    robot: int = field(metadata=column("robot"))
+    robot: int
     """Seed of the virtual robot."""
-    friction_level: str = field(metadata=column("friction", "of τ_max"))
+    friction_level: str
     """Of its joints, as `parse_level` reads it."""
-    fed: str = field(metadata=column("fed forward"))
+    fed: str
     """How friction was fed forward, as `parse_compensation` reads it; none: not."""
     rms_speed: float = field(metadata=column("joint speed, rms [rad/s]", form=".4f"))
     """Root mean square of all joints' true speeds [rad/s]."""
