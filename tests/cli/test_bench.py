@@ -39,6 +39,7 @@ def test_the_summary_says_what_the_ratios_were_computed_from(capsys: pytest.Capt
     assert spread["min"] == spread["median"] == spread["max"] == summary["rollout_ratio"]
     measured = summary["measured"]
     assert (measured["robot"], measured["num_envs"], measured["blocks"]) == ("go1", 4, 1)
+    assert measured["preset"] == "quick"
     assert set(summary["multiply_adds_per_env_step"]) == {"actor", "critic"}
     assert summary["identification_seconds"] > 0
     assert list(summary["parts"]) == ["rows", "rows, impedance 0.9", "plastic, Newton", "plastic"]

@@ -22,10 +22,10 @@ DESCRIPTION = """Measure throughput side by side in one run, on all cores (or ST
 
 rollout_ratio: env-steps/s of the task, with observations, rewards, resets and randomisation, over the bare simulator
 that replays the same states and controls on the same threads, with the per-robot parameters that stand at the end of
-each block. iteration_ratio: a whole teacher iteration, likewise. parts: the CPU seconds of an iteration, physics, task,
-inference, PPO, supervised pass, for each way to simulate joint friction, in turn, and their ratios to bare physics of
-the same kind. Also the deployed policy's step, and an identification. On other devices than the processor there are
-env-steps/s, and no ratios. STICTION_FAST_GEMM=0 leaves the slow matrix products of AMD processors.
+each block. iteration_ratio: a whole iteration of training, likewise. parts: the CPU seconds of an iteration, physics,
+task, inference, PPO, supervised pass, for each way to simulate joint friction, in turn, and their ratios to bare
+physics of the same kind. Also the deployed policy's step, and an identification. On other devices than the processor
+there are env-steps/s, and no ratios. STICTION_FAST_GEMM=0 leaves the slow matrix products of AMD processors.
 
 Examples:
   stiction bench
@@ -36,6 +36,8 @@ Examples:
 class Bench:
     """Options of `stiction bench`."""
 
+    preset: Literal["quick", "full", "two-phase", "paper", "literal"] = "quick"
+    """What is trained, as `stiction train` has it: one phase, or of two phases the teacher's."""
     method: Literal["none", "direct", "deception"] = "deception"
     """Friction in the joints during the measurement: rows of dry friction cost the simulator half its speed."""
     friction_level: float = 0.2
@@ -82,7 +84,7 @@ def main(arguments: list[str]) -> int:
     find_robot(options.robot)
     note, origin = Terminal(stderr=True, quiet=options.json), Origin.now()
     note.print("task against bare simulator ...")
-    base = replace(preset("two-phase", options.device), num_envs=options.num_envs)
+    base = replace(preset(options.preset, options.device), num_envs=options.num_envs)
     cfg = bench_cfg(base, options.method, options.friction_level)
     friction = replace(cfg.task.friction, law=options.friction_law)
     terrain = replace(cfg.task.terrain, kind=options.terrain)
@@ -98,6 +100,7 @@ def main(arguments: list[str]) -> int:
     summary = {
         **timing.summary(),
         "measured": {
+            "preset": options.preset,
             "robot": options.robot,
             "method": options.method,
             "friction_law": options.friction_law,
