@@ -187,7 +187,7 @@ DEARER = ("--teacher.iterations", "333")
 seconds of an iteration (results/speed)."""
 
 RECURRENT = ("--teacher.iterations", "290")
-"""Options of a recurrent encoder at that time: an iteration takes 3.5 processor seconds where one without takes 2.2."""
+"""Options of a recurrent encoder at that time: an iteration takes 3.2 processor seconds where one without takes 2.2."""
 
 PHASES = ("--teacher.latent", "alternate", "--teacher.iterations", "360", "--student.iterations", "80")
 """Options of teacher and student in the budget of one phase."""
