@@ -86,7 +86,7 @@ def test_a_file_too_large_is_refused_before_it_is_read(bundle: Path) -> None:
     """A sparse file of 65 MB costs nothing to make and would fill a robot's memory."""
     with (bundle / "policy.onnx").open("ab") as file:
         file.truncate(65 * 2**20)
-    with pytest.raises(BundleError, match="over 33554432 bytes"):
+    with pytest.raises(BundleError, match="at most"):
         read_bundle(bundle)
 
 

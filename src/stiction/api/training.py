@@ -19,6 +19,7 @@ from stiction.core.lock import output_folder, replaced_folder
 from stiction.formats.joints import read_training
 from stiction.locomotion.friction import FrictionMethod
 from stiction.rma.config import TrainCfg
+from stiction.rma.presets import PresetName
 from stiction.rma.presets import preset as preset_of
 
 Watch = Callable[..., Any]
@@ -75,7 +76,7 @@ def train(
     friction_from: Identified | str | Path | None = None,
     joints: str | Path | None = None,
     joint_map: str | Sequence[str] = (),
-    preset: Literal["full", "quick", "two-phase", "paper", "literal"] = "full",
+    preset: PresetName = "full",
     config: TrainCfg | None = None,
     seed: int = 0,
     device: Literal["cpu", "cuda", "warp-cpu"] = "cpu",

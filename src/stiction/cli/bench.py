@@ -13,6 +13,7 @@ from stiction.core.errors import ConfigurationError
 from stiction.core.options import read_options
 from stiction.locomotion.friction import law_choice, law_help
 from stiction.locomotion.terrain import TerrainName
+from stiction.rma.presets import PresetName, preset
 from stiction.sim.protocol import DeviceName
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ Examples:
 class Bench:
     """Options of `stiction bench`."""
 
-    preset: Literal["quick", "full", "two-phase", "paper", "literal"] = "quick"
+    preset: PresetName = "quick"
     """What is trained, as `stiction train` has it: one phase, or of two phases the teacher's."""
     method: Literal["none", "direct", "deception"] = "deception"
     """Friction in the joints during the measurement: rows of dry friction cost the simulator half its speed."""
@@ -77,7 +78,6 @@ def main(arguments: list[str]) -> int:
     from stiction.evaluate.throughput import bench_cfg, measure_parts, measure_training, parts_summary
     from stiction.formats.actuator import read_actuator
     from stiction.report.terminal import Terminal
-    from stiction.rma.presets import preset
     from stiction.robots.catalog import find_robot
 
     # Refused before anything is measured.

@@ -36,7 +36,7 @@ SIGNATURE, SIGNATURE_SIZE = "SHA256SUMS.sig", 64
 """The maker's signature of SHA256SUMS, a file that a bundle may have, and its size [B]. No checksum covers it."""
 
 MAX_BYTES = {POLICY: 32 * 2**20, GOLDEN: 32 * 2**20, CONTRACT: 4 * 2**20, WEAR: 4 * 2**20, CARD: 2**20, SUMS: 4096}
-MAX_BYTES |= {SIGNATURE: 4096}
+MAX_BYTES |= {SIGNATURE: SIGNATURE_SIZE}
 """Largest size of each file [B]: tens of times what ours have, and together no burden to a small computer."""
 
 
@@ -185,11 +185,14 @@ def _read_files(folder: Path) -> dict[str, bytes]:
     for name, status in found.items():
         if not stat.S_ISREG(status.st_mode):
             raise BundleError(f"{folder}: {name} is not a plain file; links and directories are refused")
-    contents = {name: read_bounded(folder / name, "what export wrote", BundleError, MAX_BYTES[name]) for name in found}
-    if SIGNATURE in contents and len(contents[SIGNATURE]) != SIGNATURE_SIZE:
-        size = len(contents[SIGNATURE])
-        raise BundleError(f"{folder}: {SIGNATURE} has {size} bytes, a signature {SIGNATURE_SIZE}; sign it again")
-    return contents
+        if name == SIGNATURE and status.st_size != SIGNATURE_SIZE:
+            raise BundleError(
+                f"{folder}: {name} has {status.st_size} bytes, a signature {SIGNATURE_SIZE}; sign it again"
+            )
+        if status.st_size > MAX_BYTES[name]:
+            raise BundleError(f"{folder}: {name} has {status.st_size} bytes; at most {MAX_BYTES[name]} are read")
+    # Bounded once more: a file may have grown meanwhile.
+    return {name: read_bounded(folder / name, "what export wrote", BundleError, MAX_BYTES[name]) for name in found}
 
 
 def _explain_sums(folder: Path, sums: bytes, digests: dict[str, str]) -> None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import tyro
 
 from stiction.core.options import read_options
 from stiction.rma.config import TrainCfg
-from stiction.rma.presets import PRESETS, preset
+from stiction.rma.presets import PRESETS, PresetName, preset
 
 DESCRIPTION = """Train a policy that walks on what the robot measures, with or without friction in its joints.
 
@@ -54,7 +54,7 @@ class Train:
 
     config: Annotated[TrainCfg, tyro.conf.arg(name="")] = field(default_factory=TrainCfg)
     """The whole configuration."""
-    preset: Literal["full", "quick", "two-phase", "paper", "literal"] = "full"
+    preset: PresetName = "full"
     """Defaults for everything else. `quick`: one phase of 440 iterations, ten to seventeen minutes of one core. `full`:
     1000 of them. `two-phase`: a teacher (350 iterations), then its student (80), as the paper's claims were judged.
     `paper`: 700 and 240, and randomises the paper's table and no more. `literal`: the same to the letter: L_ada through

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 from stiction.locomotion.config import RandomizationCfg, TaskCfg
 from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.config import REPLACED, NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.robots.physics import EXACT, FAST
+
+PresetName = Literal["full", "quick", "two-phase", "paper", "literal"]
 
 _SHOWN = TrainCfg(task=TaskCfg(physics=FAST), video_every=100)
 

@@ -80,9 +80,10 @@ def open_log(
     that is, by default beside the log. body: whether to look for the IMU and the feet of a walking robot. Raises
     `LogError` with one line for whatever is wrong with the file, and for what was given of a log that says it itself.
     """
+    stamps = {"rate": rate, "time_scale": time_scale}
     run = find_run_log(path)
     if run is not None and not body:
-        own = {"columns": columns, "names": names, "rate": rate, "sidecar": sidecar, "time_scale": time_scale}
+        own = {"columns": columns, "names": names, "sidecar": sidecar, **stamps}
         _refuse(path.name, own, "is a log of a run, which says it itself")
         log = joint_log(path.name, read_run_log(run))
         return cut(log, begin, end)
@@ -91,7 +92,7 @@ def open_log(
     if not path.is_file():
         raise LogError(f"no log at {path}{near_file(path) or ';'} expected a {KINDS} file")
     setup = read_setup(path) if sidecar is None else read_sidecar(sidecar)
-    given: dict[str, Any] = {"rate": rate, "time_scale": time_scale, "begin": begin, "end": end}
+    given: dict[str, Any] = {**stamps, "begin": begin, "end": end}
     setup = replace(setup, **{name: value for name, value in given.items() if value is not None})
     columns = columns or setup.columns
     suffix = suffix_of(path)
@@ -99,12 +100,12 @@ def open_log(
     if not body and (odd := sorted({*columns} & {*BODY, "imu"})):
         raise LogError(f"{path.name}: {odd[0]}= is of a walking robot's body; for that kind of log: identify walk")
     if suffix in BAGS:
-        _refuse(path.name, {"rate": rate, "time_scale": time_scale}, "is a bag, whose messages have stamps")
+        _refuse(path.name, stamps, "is a bag, whose messages have stamps")
         log = read_ros(path, columns, body)
     elif topics:
         raise LogError(f"{path.name}: {topics[0]}= names a topic of an MCAP file; for this kind of log map columns")
     else:
-        log = _from_table(path, columns, joint, setup, body, {"rate": rate, "time_scale": time_scale})
+        log = _from_table(path, columns, joint, setup, body, stamps)
     log = cut(log, setup.begin, setup.end)
     return replace(log, setup=setup, joints=_named(path.name, log.joints, names or setup.names))
 
@@ -112,7 +113,7 @@ def open_log(
 def _refuse(source: str, given: Mapping[str, Any], why: str) -> None:
     """Raise `LogError` for what was given, and would be of no effect; why: what `source` is or has."""
     for name, value in given.items():
-        if value not in (None, ()) and value != {}:
+        if value not in (None, (), {}):
             raise LogError(f"{source}: {why}; leave {name} out (--{name.replace('_', '-')})")
 
 
