@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -18,7 +19,7 @@ from stiction.studies.friction.answer import lead
 from stiction.studies.friction.evaluation import BASE
 from stiction.studies.friction.manifest import Condition, PlannedRun, Run
 from stiction.studies.friction.page import draw_budget, methods_sheet, part_sheet, report, sheets_of
-from stiction.studies.friction.records import Experiment
+from stiction.studies.friction.records import CurvePoint, Experiment
 from stiction.studies.study import write_report
 from synthetic import condition_rows, write_run
 
@@ -102,6 +103,27 @@ def test_every_file_is_written_and_reads_back(tmp_path: Path) -> None:
         assert (out / f"{name}.png").read_bytes().startswith(b"\x89PNG"), name
     assert page.count("data:image/png") == 6 and not re.search(r'(src|href)="http', page)
     assert (out / "tables.md").read_text().startswith("**The paper's sentences**")
+
+
+def test_a_run_whose_folder_has_gone_keeps_its_curve(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Trainings move from machine to machine, their policies stay: the page lost the curve with the folder."""
+    curve = [CurvePoint(f"coulomb20-{method}-s0", "teacher", 10, 0.9, 0.8) for method in METHODS]
+    before = replace(experiment(tmp_path, seeds=1), curves=curve)
+    condition = Condition("coulomb20-none", "1", "a purpose", ("--method", "none", "--friction-level", "0.2"), (0,))
+    at = PlannedRun(Run(condition, 0), configuration("none"), tmp_path / "elsewhere", tmp_path)
+    assert at.state() == "exported" and before.runs[0].minutes is not None
+
+    def again(revision: str) -> Experiment:
+        bundle = SimpleNamespace(contract=SimpleNamespace(revision=revision))
+        monkeypatch.setattr(PlannedRun, "bundle", lambda self: bundle)
+        return assemble.assemble([at], [], BASE, MADE | {"failed": {}}, before)
+
+    found = again(before.runs[0].revision)
+    assert found.runs[0].state == "exported" and found.runs[0].minutes == before.runs[0].minutes
+    assert sorted(found.curves, key=str) == sorted(curve, key=str)
+    # Another training of the same name has a curve of its own, which is not known.
+    other = again("another")
+    assert other.runs[0].minutes is None and "coulomb20-none-s0" not in {point.run for point in other.curves}
 
 
 def test_nothing_yet_is_a_page_too(tmp_path: Path) -> None:

@@ -116,7 +116,8 @@ def assemble(
         rows: results of those that are finished.
         base: how they were evaluated, levels in units of the experiment's own.
         summary: what else belongs into summary.json: the command, what `Origin` says, and what failed.
-        before: what was found of runs that are elsewhere now.
+        before: what was found of runs that are elsewhere now. Learning curve and time stay too where only the folder of
+            a run is elsewhere, and its policy here.
 
     """
     curves = {
@@ -135,7 +136,9 @@ def assemble(
         rank = {name: number for number, name in enumerate(records)}
         rows = [*(row for row in before.rows if parse_policy(row.policy)[0] in elsewhere), *rows]
         rows = sorted(rows, key=lambda row: rank[parse_policy(row.policy)[0]])
-        curves |= {name: points for name, points in curves_by_run(before.curves).items() if name in elsewhere}
+        same = {one.name: one for one in before.runs if one.state in EVALUATED and _same(one, records[one.name])}
+        records |= {name: replace(records[name], minutes=one.minutes) for name, one in same.items() if one.minutes}
+        curves = {name: points for name, points in curves_by_run(before.curves).items() if name in same} | curves
         curves = {name: curves[name] for name in records if name in curves}
     found = onsets(TrainingEvidence.of_runs(rows), {run.run.condition.name: run.cfg for run in planned})
     experiment = Experiment(
@@ -154,6 +157,11 @@ def assemble(
         },
     )
     return _judged(experiment)
+
+
+def _same(before: RunRecord, now: RunRecord) -> bool:
+    """Tell whether two records of a name are of one training, as far as it is known."""
+    return now.state in EVALUATED and before.revision == now.revision
 
 
 def curves_by_run(points: Iterable[CurvePoint]) -> dict[str, list[CurvePoint]]:

@@ -166,6 +166,9 @@ SOFT = (GROUND, "0.02", "0.02")
 """Options of the ground on which designs and methods are compared: the simulator's own, as soft for every robot. The
 presets of one phase draw its softness, which is what came out best of the designs."""
 
+DRAWN = (GROUND, "0.01", "0.03")
+"""Options of the ground of those presets."""
+
 
 def _ground(options: tuple[str, ...]) -> tuple[str, ...]:
     """Return options with soft ground, where they name no other."""
@@ -259,8 +262,9 @@ MANIFEST: tuple[Condition, ...] = (
     _coulomb("none-nounsync", "gait", "without r_unsync", "none", *NO_UNSYNC),
     _coulomb("none-nogait", "gait", "without both", "none", *NO_TROT, *NO_UNSYNC),
     _design("known", "one phase, told its joints' friction", "--task.known-friction"),
+    _design("known-drawn", "the same, ground of drawn softness", "--task.known-friction", *DRAWN),
     _design("slow-means", "one phase, means over a second as inputs", "--task.slow-means", "1"),
-    _design("drawn-contact", "one phase, ground of drawn softness", GROUND, "0.01", "0.03"),
+    _design("drawn-contact", "one phase, ground of drawn softness", *DRAWN),
     _design(
         *("fine-contact", "the same, stiffer ground and half the physics step", "--task.timestep", "0.0025"),
         *("--task.decimation", "8", GROUND, "0.005", "0.02"),
