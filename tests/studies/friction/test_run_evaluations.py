@@ -125,6 +125,13 @@ def test_a_policy_is_evaluated_under_its_own_law() -> None:
     assert found.friction_law == "load" and found.friction_levels == (0.0, 0.02, 0.05, 0.06, 0.1, 0.2, 0.3, 0.442)
 
 
+def test_a_policy_that_is_told_friction_is_told_what_each_robot_has() -> None:
+    """Told the nominal 20 % on every robot, it ran at 1.37 of its command where there was none."""
+    quick = ["--preset", "quick", "--friction-level", "0.2"]
+    assert settings_for(parse([*quick, "--task.known-friction"]).config).known_friction == "true"
+    assert settings_for(parse(quick).config).known_friction == BASE.known_friction == "contract"
+
+
 def test_a_run_with_the_robots_own_friction_is_refused() -> None:
     """If this failed, a level that differs from joint to joint would be reported as one number."""
     with pytest.raises(StictionError, match="--friction-level"):

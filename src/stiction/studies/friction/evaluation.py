@@ -67,7 +67,7 @@ def settings_for(cfg: TrainCfg, base: EvaluationCfg = BASE) -> EvaluationCfg:
     """Return what the policies of a run are put through, under the friction law that they were trained with.
 
     The levels of `base` in proportion to the run's own, those of `COEFFICIENTS` where the level is a coefficient, and
-    in both cases the mean of its training.
+    in both cases the mean of its training. Who observes its joints' friction is told what each robot has.
     """
     friction = cfg.task.friction
     levels: set[float] = set(COEFFICIENTS)
@@ -79,6 +79,7 @@ def settings_for(cfg: TrainCfg, base: EvaluationCfg = BASE) -> EvaluationCfg:
         friction_law=friction.law,
         static_ratio=friction.static_ratio,
         stribeck_velocity=friction.stribeck_velocity,
+        known_friction="true" if cfg.task.known_friction else base.known_friction,
     )
 
 
