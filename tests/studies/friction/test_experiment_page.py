@@ -14,11 +14,11 @@ from stiction.core.errors import StictionError
 from stiction.formats.results import read_results
 from stiction.rma.arguments import parse
 from stiction.rma.config import TrainCfg
-from stiction.studies.friction import assemble
+from stiction.studies.friction import assemble, page
 from stiction.studies.friction.answer import lead
 from stiction.studies.friction.evaluation import BASE
 from stiction.studies.friction.manifest import Condition, PlannedRun, Run
-from stiction.studies.friction.page import draw_budget, methods_sheet, part_sheet, report, sheets_of
+from stiction.studies.friction.page import draw_budget, draw_figures, methods_sheet, part_sheet, report, sheets_of
 from stiction.studies.friction.records import CurvePoint, Experiment
 from stiction.studies.study import write_report
 from synthetic import condition_rows, write_run
@@ -103,6 +103,22 @@ def test_every_file_is_written_and_reads_back(tmp_path: Path) -> None:
         assert (out / f"{name}.png").read_bytes().startswith(b"\x89PNG"), name
     assert page.count("data:image/png") == 6 and not re.search(r'(src|href)="http', page)
     assert (out / "tables.md").read_text().startswith("**The paper's sentences**")
+
+
+def test_many_ways_to_train_have_a_panel_each(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Eleven designs in one pair of axes, with a legend over them, could not be told apart."""
+    found = experiment(tmp_path, seeds=2)
+    assert "budget" in draw_figures(found) and "each" not in draw_figures(found)
+    monkeypatch.setattr(page, "MOST_TOGETHER", 2)
+    figures = draw_figures(found)
+    assert "budget" not in figures
+    shown = [axis for axis in figures["each"].axes if axis.get_visible()]
+    whose = [name if who == "student" else f"{name}, {who}" for who in ("student", "teacher") for name in METHODS]
+    assert [axis.get_title() for axis in shown] == [f"{name}, 2 seeds" for name in whose]
+    # 0.9 and 1.0 without friction, half of both at 20 %; backward at half of that.
+    thick = {line.get_label(): list(line.get_ydata()) for line in shown[0].lines if line.get_linewidth() == 2}
+    assert thick["forward"] == pytest.approx([0.95, 0.475]) and thick["backward"] == pytest.approx([0.475, 0.2375])
+    assert len({axis.get_ylim() for axis in shown}) == 1
 
 
 def test_a_run_whose_folder_has_gone_keeps_its_curve(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -42,6 +42,12 @@ if TYPE_CHECKING:
 
 WORDS = dict(zip(DIRECTIONS, ("forward", "backward"), strict=True))
 
+MOST_TOGETHER = 5
+"""Conditions that one pair of axes can show; more have a panel each."""
+
+ACROSS = 3
+"""Such panels beside each other."""
+
 
 def _band(axis: Axes) -> None:
     """Shade the speeds that count as following, and mark standing still."""
@@ -80,12 +86,8 @@ def draw_budget(experiment: Experiment, conditions: Sequence[str], law: str = "c
             look = line_look(condition, conditions)
             means = [m for m in means_of(experiment, condition, who) if m.command == command]
             _draw_mean(axis, means, look, short_name(condition), law)
-            seeds: dict[int, list[tuple[float, float]]] = {}
-            for row in rows_of(experiment, condition, who):
-                if row.command == command and row.speed_ratio is not None:
-                    seeds.setdefault(row.seed, []).append((level_number(law, row.friction_level), row.speed_ratio))
-            for points in map(sorted, seeds.values()):
-                axis.plot(*zip(*points, strict=True), linewidth=0.6, alpha=0.6, marker=".", markersize=3, **look)
+            rows = rows_of(experiment, condition, who)
+            _draw_seeds(axis, [row for row in rows if row.command == command], look, law)
         speed = abs(parse_command(command).velocity[0])
         axis.set(title=f"{who}, {WORDS[command]}, {speed:g} m/s", ylabel="speed reached / commanded")
     for axis in axes[-2:]:
@@ -97,6 +99,16 @@ def draw_budget(experiment: Experiment, conditions: Sequence[str], law: str = "c
     return figure
 
 
+def _draw_seeds(axis: Axes, rows: Sequence[ResultRow], look: Mapping[str, Any], law: str) -> None:
+    """Draw a thin line a seed over levels. look: of `line_look`."""
+    seeds: dict[int, list[tuple[float, float]]] = {}
+    for row in rows:
+        if row.speed_ratio is not None:
+            seeds.setdefault(row.seed, []).append((level_number(law, row.friction_level), row.speed_ratio))
+    for points in map(sorted, seeds.values()):
+        axis.plot(*zip(*points, strict=True), linewidth=0.6, alpha=0.6, marker=".", markersize=3, **look)
+
+
 def _draw_mean(axis: Axes, means: Sequence[SeedMean], look: Mapping[str, Any], label: str, law: str) -> None:
     """Draw the mean over levels, and its band where there is more than one seed. look: of `line_look`."""
     points = [(level_number(law, m.friction_level), m) for m in means]
@@ -105,6 +117,35 @@ def _draw_mean(axis: Axes, means: Sequence[SeedMean], look: Mapping[str, Any], l
     if known := [(at, m.low, m.high) for at, m in points if m.low is not None and m.seeds > 2]:
         levels, low, high = zip(*known, strict=True)
         axis.fill_between(levels, low, high, color=look["color"], alpha=0.15, linewidth=0)
+
+
+def draw_each(experiment: Experiment, conditions: Sequence[str]) -> Figure:
+    """Return speed ratio over friction level, a panel for each condition and policy; lines as in `draw_budget`."""
+    pairs = [(who, name) for who in policies_of(experiment) for name in conditions if means_of(experiment, name, who)]
+    rows = -(-len(pairs) // ACROSS)
+    figure, axes = new_figure(rows, ACROSS, size=(9.6, 0.4 + 2.4 * rows))
+    commands = list(WORDS)
+    for axis, (who, name) in zip(axes, pairs, strict=False):
+        _band(axis)
+        means, walked = means_of(experiment, name, who), rows_of(experiment, name, who)
+        for command in commands:
+            look = line_look(command, commands)
+            _draw_seeds(axis, [row for row in walked if row.command == command], look, "coulomb")
+            points = [(level_number("coulomb", m.friction_level), m.mean) for m in means if m.command == command]
+            axis.plot(*zip(*points, strict=True), linewidth=2, label=WORDS[command], **look)
+        seeds = len({row.seed for row in walked})
+        own = short_name(name) if who == STUDENT else f"{short_name(name)}, {who}"
+        axis.set_title(f"{own}, {seeds} seed{'s' * (seeds > 1)}", fontsize=9)
+    used, unused = axes[: len(pairs)], axes[len(pairs) :]
+    for axis in unused:
+        axis.set_visible(False)
+    same_scale(used)
+    for axis in used[::ACROSS]:
+        axis.set_ylabel("reached / commanded")
+    for axis in used[-ACROSS:]:
+        axis.set_xlabel(level_axis("coulomb"))
+    legend(used[0])
+    return figure
 
 
 def draw_learning(experiment: Experiment, conditions: Sequence[str]) -> Figure:
@@ -303,6 +344,10 @@ FIGURES = {
         "Speed over friction",
         f"Thin: a seed. Thick: the mean, of three or more with its 95 % t-interval. Green: {BAND} of the command.",
     ),
+    "each": (
+        "Speed over friction, each by itself",
+        f"Thin: a seed. Thick: the mean. Blue: forward; orange, dashed: backward. Green: {BAND} of the command.",
+    ),
     "learning": (
         "How fast they learn",
         "Speed in training, randomised, noisy and pushed, under each method's own friction; all seeds, mean.",
@@ -352,7 +397,10 @@ def draw_figures(experiment: Experiment) -> dict[str, Figure]:
     }
     figures = {}
     if side_by_side := [name for name in compared(experiment) if name in known]:
-        figures["budget"] = draw_budget(experiment, side_by_side)
+        if len(side_by_side) <= MOST_TOGETHER:
+            figures["budget"] = draw_budget(experiment, side_by_side)
+        else:
+            figures["each"] = draw_each(experiment, side_by_side)
     if parts["1"]:
         figures["learning"] = draw_learning(experiment, parts["1"])
     if walked := [name for part in ("1", "2", "3", "gait", "history") for name in parts[part]]:
