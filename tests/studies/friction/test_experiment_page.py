@@ -137,6 +137,10 @@ def test_a_run_whose_folder_has_gone_keeps_its_curve(tmp_path: Path, monkeypatch
     found = again(before.runs[0].revision)
     assert found.runs[0].state == "exported" and found.runs[0].minutes == before.runs[0].minutes
     assert sorted(found.curves, key=str) == sorted(curve, key=str)
+    # A folder that is here tells its own time.
+    earlier = replace(before, runs=[replace(before.runs[0], minutes=99.0)])
+    here = PlannedRun(at.run, at.cfg, tmp_path / "coulomb20-none-s0")
+    assert assemble.assemble([here], [], BASE, MADE | {"failed": {}}, earlier).runs[0] == before.runs[0]
     # Another training of the same name has a curve of its own, which is not known.
     other = again("another")
     assert other.runs[0].minutes is None and "coulomb20-none-s0" not in {point.run for point in other.curves}

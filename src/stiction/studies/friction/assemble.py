@@ -137,7 +137,8 @@ def assemble(
         rows = [*(row for row in before.rows if parse_policy(row.policy)[0] in elsewhere), *rows]
         rows = sorted(rows, key=lambda row: rank[parse_policy(row.policy)[0]])
         same = {one.name: one for one in before.runs if one.state in EVALUATED and _same(one, records[one.name])}
-        records |= {name: replace(records[name], minutes=one.minutes) for name, one in same.items() if one.minutes}
+        untimed = (name for name in same if records[name].minutes is None)
+        records |= {name: replace(records[name], minutes=same[name].minutes) for name in untimed}
         curves = {name: points for name, points in curves_by_run(before.curves).items() if name in same} | curves
         curves = {name: curves[name] for name in records if name in curves}
     found = onsets(TrainingEvidence.of_runs(rows), {run.run.condition.name: run.cfg for run in planned})

@@ -86,6 +86,7 @@ def draw_budget(experiment: Experiment, conditions: Sequence[str], law: str = "c
             look = line_look(condition, conditions)
             means = [m for m in means_of(experiment, condition, who) if m.command == command]
             _draw_mean(axis, means, look, short_name(condition), law)
+            _draw_interval(axis, means, look, law)
             rows = rows_of(experiment, condition, who)
             _draw_seeds(axis, [row for row in rows if row.command == command], look, law)
         speed = abs(parse_command(command).velocity[0])
@@ -110,17 +111,24 @@ def _draw_seeds(axis: Axes, rows: Sequence[ResultRow], look: Mapping[str, Any], 
 
 
 def _draw_mean(axis: Axes, means: Sequence[SeedMean], look: Mapping[str, Any], label: str, law: str) -> None:
-    """Draw the mean over levels, and its band where there is more than one seed. look: of `line_look`."""
+    """Draw the mean over levels. look: of `line_look`."""
+    levels = [level_number(law, m.friction_level) for m in means]
+    axis.plot(levels, [m.mean for m in means], linewidth=2, label=label, **look)
+
+
+def _draw_interval(axis: Axes, means: Sequence[SeedMean], look: Mapping[str, Any], law: str) -> None:
+    """Draw the interval of the mean over levels. Of two seeds it would be wider than the figure: both are lines."""
     points = [(level_number(law, m.friction_level), m) for m in means]
-    axis.plot([at for at, _ in points], [m.mean for m in means], linewidth=2, label=label, **look)
-    # Of two seeds the interval would be wider than the figure; both are drawn as lines.
     if known := [(at, m.low, m.high) for at, m in points if m.low is not None and m.seeds > 2]:
         levels, low, high = zip(*known, strict=True)
         axis.fill_between(levels, low, high, color=look["color"], alpha=0.15, linewidth=0)
 
 
-def draw_each(experiment: Experiment, conditions: Sequence[str]) -> Figure:
-    """Return speed ratio over friction level, a panel for each condition and policy; lines as in `draw_budget`."""
+def draw_each(experiment: Experiment, conditions: Sequence[str], law: str = "coulomb") -> Figure:
+    """Return speed ratio over friction level, a panel for each condition and policy.
+
+    A thin line is a seed, a thick one their mean.
+    """
     pairs = [(who, name) for who in policies_of(experiment) for name in conditions if means_of(experiment, name, who)]
     rows = -(-len(pairs) // ACROSS)
     figure, axes = new_figure(rows, ACROSS, size=(9.6, 0.4 + 2.4 * rows))
@@ -130,9 +138,8 @@ def draw_each(experiment: Experiment, conditions: Sequence[str]) -> Figure:
         means, walked = means_of(experiment, name, who), rows_of(experiment, name, who)
         for command in commands:
             look = line_look(command, commands)
-            _draw_seeds(axis, [row for row in walked if row.command == command], look, "coulomb")
-            points = [(level_number("coulomb", m.friction_level), m.mean) for m in means if m.command == command]
-            axis.plot(*zip(*points, strict=True), linewidth=2, label=WORDS[command], **look)
+            _draw_seeds(axis, [row for row in walked if row.command == command], look, law)
+            _draw_mean(axis, [m for m in means if m.command == command], look, WORDS[command], law)
         seeds = len({row.seed for row in walked})
         own = short_name(name) if who == STUDENT else f"{short_name(name)}, {who}"
         axis.set_title(f"{own}, {seeds} seed{'s' * (seeds > 1)}", fontsize=9)
@@ -143,7 +150,7 @@ def draw_each(experiment: Experiment, conditions: Sequence[str]) -> Figure:
     for axis in used[::ACROSS]:
         axis.set_ylabel("reached / commanded")
     for axis in used[-ACROSS:]:
-        axis.set_xlabel(level_axis("coulomb"))
+        axis.set_xlabel(level_axis(law))
     legend(used[0])
     return figure
 
