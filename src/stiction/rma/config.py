@@ -20,6 +20,7 @@ from stiction.sim.protocol import DeviceName
 MOST_COUNTS = {
     "num_envs": 131_072,
     "iterations": 1_000_000,
+    "quiet": 1_000_000,
     "checkpoint_every": 1_000_000,
     "steps": 1000,
     "epochs": 100,
@@ -132,6 +133,10 @@ class TeacherCfg:
     """Bound of the actions' standard deviation in the last quarter of the phase, to which it falls on a straight line
     from that of the first actions; by default free. A policy is deployed without noise, which shakes joints loose:
     trained with more of it, it may stand still without."""
+    quiet: int = 0
+    """Last iterations of one phase, of all at most a quarter, in which robots walk without noise, as deployed, and the
+    policy stands still: the estimator alone learns, with twice the passes and a step that falls to zero. While the
+    policy changes the estimate of velocity lags behind it, and a robot that believes to be slower than it is runs."""
     iterations: int = 700
     """Rollouts, each followed by an update."""
     steps: int = 24
@@ -162,6 +167,11 @@ class TeacherCfg:
     velocity_weight: float = 1.0
     """Weight of the three entries of L_est that are the base's velocity beside those that are contacts. A velocity's
     variance is a tenth of a contact's."""
+
+    @property
+    def quiet_from(self) -> int:
+        """Iterations before the quiet ones."""
+        return self.iterations - min(self.quiet, self.iterations // 4)
 
 
 @dataclass(frozen=True)
@@ -335,6 +345,7 @@ class TrainCfg:
             f"teacher.{name}": getattr(self.teacher, name)
             for name in ("adaptation_batches", "adaptation_passes", "alternate")
         }
+        counts["teacher.quiet"] = self.teacher.quiet
         counts |= {f"network.{name}": getattr(self.network, name) for name in NETWORK_SIZES}
         counts |= {f"dreamwaq.{name}": getattr(self.dreamwaq, name) for name in ("code", "frame")}
         lists = {f"network.{name}": getattr(self.network, name) for name in LAYERS}
@@ -345,7 +356,7 @@ class TrainCfg:
                 raise ConfigurationError(f"{name} has {len(layers)} layers; expected at most {MOST_LAYERS}")
             counts |= {f"{name}[{number}]": size for number, size in enumerate(layers)}
         for name, count in counts.items():
-            least, most = 0 if name == "student.iterations" else 1, MOST_COUNTS.get(name.rpartition(".")[2], 10_000)
+            least, most = 0 if name in ("student.iterations", "teacher.quiet") else 1, MOST_COUNTS.get(name.rpartition(".")[2], 10_000)
             if not least <= count <= most:
                 raise ConfigurationError(f"{name} is {count}; expected at least {least}, and at most {most}")
         if self.video_every < 0:
@@ -417,6 +428,12 @@ class TrainCfg:
         if teacher.latent == "history" and teacher.both_ways:
             raise ConfigurationError(
                 "with --teacher.latent history there is no z for L_ada to train; leave both_ways out"
+            )
+        ended = teacher.latent == "history" and not student.iterations and not one_phase
+        if teacher.quiet and not ended:
+            raise ConfigurationError(
+                f"--teacher.quiet {teacher.quiet} ends a training of one phase by RMA, in which the estimator then "
+                "learns alone, and this is none; add --teacher.quiet 0"
             )
         if not 0.0 < teacher.student_share < 1.0:
             raise ConfigurationError(

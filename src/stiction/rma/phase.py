@@ -117,8 +117,10 @@ class PhaseRunner(OnPolicyRunner):
 
     @property
     def finished(self) -> bool:
-        """Whether the phase has made all its iterations, or reached its target."""
-        return self.stopped is not None or self.current_learning_iteration >= self.iterations
+        """Whether the phase has made all its iterations, or reached its target and made the quiet ones."""
+        alg, made = self.alg, self.current_learning_iteration
+        quiet = isinstance(alg, AdaptationPPO) and made < alg.quiet_from + alg.quiet_for
+        return made >= self.iterations or (self.stopped is not None and not quiet)
 
     def learn(self, num_learning_iterations: int | None = None, init_at_random_ep_len: bool = False) -> None:
         """Train to the end, from wherever the phase stands.
@@ -199,7 +201,10 @@ class PhaseRunner(OnPolicyRunner):
                 f"{diagnosis.what}; the last good checkpoint is {name}; train again in another folder with "
                 f"{diagnosis.advice}"
             )
-        self.stopped = self.early_stop.check(row, it)
+        if self.stopped is None and (met := self.early_stop.check(row, it)) is not None:
+            self.stopped = met
+            if isinstance(self.alg, AdaptationPPO):
+                self.alg.end_early()
         if not self.ranks.leads:
             return
         self.run.log({"phase": self.phase, "iteration": it, **row})

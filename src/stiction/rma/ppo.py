@@ -65,6 +65,10 @@ class AdaptationPPO(PPO):
             blind = evenly_spread(self.storage.num_envs, settings.student_share)
             self.fixed["walks_blind"] = blind.float()[:, None].to(self.device)
         self.iteration = 0
+        self.quiet_from = settings.quiet_from
+        """Iterations before the quiet ones, see `TeacherCfg.quiet`."""
+        self.quiet_for = settings.iterations - settings.quiet_from
+        """How many of those there are."""
         self.kl = 0.0
         self.figures: dict[str, float] = {}
         """Further figures of the last update, by name."""
@@ -95,7 +99,11 @@ class AdaptationPPO(PPO):
 
     def act(self, obs: TensorDict) -> torch.Tensor:
         """Sample actions; store, with the observations, what PPO holds fixed."""
-        return super().act(obs.clone(recurse=False).update(self.fixed | self.actor.remembered(obs)))
+        actions = super().act(obs.clone(recurse=False).update(self.fixed | self.actor.remembered(obs)))
+        if self.is_quiet:
+            # The mean; it comes first.
+            actions = self.transition.actions = self.transition.distribution_params[0]
+        return actions
 
     def compute_returns(self, obs: TensorDict) -> None:
         """Compute returns and advantages, the latter in units of their spread over the robots of all processes."""
@@ -106,8 +114,13 @@ class AdaptationPPO(PPO):
 
     def update(self) -> dict[str, float]:
         """Update the policy, then adaptation and estimator; prepare the next rollout."""
-        losses = super().update()
-        self.kl = self._divergence()
+        if self.is_quiet:
+            losses, self.kl = {}, 0.0
+            # As `PPO.update` leaves it.
+            self.storage.clear()
+        else:
+            losses = super().update()
+            self.kl = self._divergence()
         losses |= self._supervise()
         self.iteration += 1
         self._prepare_rollout()
@@ -118,8 +131,18 @@ class AdaptationPPO(PPO):
         """Iteration from which robots walk with the least noise of the phase."""
         return 0 if self.noise is None else self.noise[2]
 
+    @property
+    def is_quiet(self) -> bool:
+        """Whether the present iteration is a quiet one."""
+        return self.quiet_for > 0 and self.iteration >= self.quiet_from
+
+    def end_early(self) -> None:
+        """Go over to the quiet iterations, unless they have begun."""
+        self.quiet_from = min(self.quiet_from, self.iteration)
+        self._prepare_rollout()
+
     def _prepare_rollout(self) -> None:
-        """Set where the next rollout's latent comes from, and how much noise it may have."""
+        """Set where the next rollout's latent comes from, how much noise it may have, and the supervised step."""
         source: str = self.settings.latent
         every = self.settings.alternate
         if source == "alternate":
@@ -129,6 +152,10 @@ class AdaptationPPO(PPO):
             start, end, iterations = self.noise
             done = min(1.0, self.iteration / max(1, iterations - 1))
             self.actor.distribution.std_range = [STD_RANGE[0], start + (end - start) * done]
+        if self.is_quiet:
+            left = 1.0 - (self.iteration - self.quiet_from) / self.quiet_for
+            for group in self.adaptation_optimizer.param_groups:
+                group["lr"] = max(0.0, left) * self.settings.adaptation_learning_rate
 
     def _divergence(self) -> float:
         """Return KL(policy that walked || policy after the update), mean over the robots' last step.
@@ -154,6 +181,7 @@ class AdaptationPPO(PPO):
         observations = self.storage.observations.flatten(0, 1)
         total: dict[str, float] = {}
         passes, batches = self.settings.adaptation_passes, self.settings.adaptation_batches
+        passes *= 2 if self.is_quiet else 1
         steps = passes * batches
         for _ in range(passes):
             for ids in torch.randperm(observations.batch_size[0], device=self.device).chunk(batches):
@@ -178,6 +206,7 @@ class AdaptationPPO(PPO):
         return super().save() | {
             "adaptation_optimizer_state_dict": self.adaptation_optimizer.state_dict(),
             "algorithm_iteration": self.iteration,
+            "quiet_from": self.quiet_from,
         }
 
     def load(self, loaded_dict: dict, load_cfg: dict | None = None, strict: bool = True) -> bool:
@@ -185,5 +214,7 @@ class AdaptationPPO(PPO):
         result = super().load(loaded_dict, load_cfg, strict)
         self.adaptation_optimizer.load_state_dict(loaded_dict["adaptation_optimizer_state_dict"])
         self.iteration = loaded_dict["algorithm_iteration"]
+        # Runs of before there were quiet iterations have none.
+        self.quiet_from = loaded_dict.get("quiet_from", self.quiet_from)
         self._prepare_rollout()
         return result

@@ -71,7 +71,7 @@ def ppo_cfg(cfg: TrainCfg, phase: str = "teacher") -> dict[str, Any]:
         "critic": {"class_name": "stiction.rma.models:RMACritic", "network": cfg.network},
         "algorithm": {
             **own,
-            "settings": teacher if first else replace(teacher, latent="history", both_ways=False),
+            "settings": teacher if first else replace(teacher, latent="history", both_ways=False, quiet=0),
             "noise": noise,
             "num_learning_epochs": teacher.epochs // fewer,
             "num_mini_batches": teacher.mini_batches * fewer,
