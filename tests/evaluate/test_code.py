@@ -55,7 +55,10 @@ BENCHES = {
 
 TRAINING = {
     *(f"locomotion/{name}.py" for name in ("commands", "device", "env", "gait")),
-    *(f"rma/{name}.py" for name in ("config", "figures", "health", "hinf_config", "phase", "ppo", "quick", "run")),
+    *(
+        f"rma/{name}.py"
+        for name in ("config", "figures", "health", "hinf_config", "identity", "phase", "ppo", "quick", "run")
+    ),
     *("rma/ranks.py", "rma/simulator.py", "rma/symmetry.py", "deploy/vendor.py"),
     *(name for name in NAMES.values() if name.startswith("engines/")),
     *(*CHECKING, "deploy/pilot.py", "deploy/policy.py", "virtual/sensors.py", "evaluate/golden.py"),

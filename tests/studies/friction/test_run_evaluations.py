@@ -10,10 +10,11 @@ import pytest
 from stiction.core import cache
 from stiction.core.errors import StictionError
 from stiction.evaluate import trained as run_evaluation
-from stiction.formats.bundle import read_bundle
+from stiction.formats.bundle import read_bundle, write_bundle
 from stiction.rma.arguments import parse
+from stiction.rma.identity import settings_of
 from stiction.studies.friction.evaluation import BASE, LEVELS, Task, evaluate_tasks, settings_for, tasks_for
-from stiction.studies.friction.manifest import Condition, PlannedRun, Run
+from stiction.studies.friction.manifest import Condition, PlannedRun, Run, unrecorded
 from synthetic import place, row, write_run
 
 
@@ -108,6 +109,36 @@ def test_a_run_that_is_elsewhere_is_evaluated_by_its_policy(tmp_path: Path) -> N
     assert not failed and [r.policy for r in rows] == [f"coulomb20-none-s{seed}/student"]
     with pytest.raises(StictionError, match="is another policy than the manifest's"):
         evaluate_tasks([replace(task, run=exported(tmp_path, seed + 1))], 1)
+
+
+def recorded(tmp_path: Path, *words: str, **changes: object) -> PlannedRun:
+    """A run of the manifest whose exported policy has the settings of a training by `words`, or other ones."""
+    shipped = read_bundle(SHIPPED)
+    settings = settings_of(parse(["--preset", "quick", "--method", "none", "--friction-level", "0.2", *words]).config)
+    contract = replace(shipped.contract, **({"settings": settings} | changes))  # type: ignore[arg-type]
+    golden = replace(shipped.golden)
+    bundle = write_bundle(tmp_path / "policies" / f"s{len(words)}", contract, shipped.policy, golden, shipped.card)
+    return replace(exported(tmp_path, contract.seed), policy=bundle)
+
+
+def test_a_policy_of_other_settings_is_not_the_manifests(tmp_path: Path) -> None:
+    """Renamed, a policy of another training would be a seed of this one; `--seed` is none of the settings."""
+    assert recorded(tmp_path, "--seed", "3").bundle()
+    other = recorded(tmp_path, "--teacher.quiet", "0", "--symmetry", "half")
+    words = (
+        r"s4 is another policy than the manifest's: it was trained with symmetry half, expected network \(1 more diff"
+    )
+    with pytest.raises(StictionError, match=words):
+        other.bundle()
+    with pytest.raises(StictionError, match="another policy"):
+        unrecorded([exported(tmp_path, 0), other])
+
+
+def test_policies_without_settings_are_taken_at_their_names(tmp_path: Path) -> None:
+    """Those of before there were settings could no longer be evaluated; they are named, and once."""
+    older, newer = exported(tmp_path, read_bundle(SHIPPED).contract.seed), recorded(tmp_path)
+    assert older.bundle().contract.settings is None
+    assert unrecorded([older, newer]) == [older.run.name]
 
 
 def test_levels_follow_the_torque_and_hold_the_mean_of_training() -> None:

@@ -20,7 +20,7 @@ from stiction.studies.replication.plan import (
     known_bench,
     parts_of,
 )
-from stiction.studies.replication.run import check_methods
+from stiction.studies.replication.run import check_methods, unrecorded
 
 
 def test_a_way_has_one_run_a_seed() -> None:
@@ -100,3 +100,21 @@ def test_policies_of_two_trainings_are_no_seeds_of_one(tmp_path: Path, change: d
     check_methods([plain, first, like("third", terrain="stairs", seed=1)])
     with pytest.raises(StictionError, match=f"first and second are both of the method 'none'.*{told}"):
         check_methods([plain, first, second])
+
+
+def test_policies_whose_settings_differ_are_no_seeds_of_one_training(tmp_path: Path) -> None:
+    """The mean of two betas would be one confident row; what is not recorded is taken on trust, and named."""
+    plain = read_bundle(make_bundle(tmp_path / "plain", make_contract()))
+
+    def like(name: str, seed: int, settings: dict | None) -> Bundle:
+        return replace(plain, name=name, contract=make_contract(seed=seed, settings=settings))
+
+    older, one, same = like("older", 0, None), like("one", 1, {"teacher.quiet": 0}), like("same", 2, {})
+    other = like("other", 3, {"teacher.quiet": 30, "num-envs": 4})
+    check_methods([older, one, same])
+    assert unrecorded([older, one, same]) == ["older"] and unrecorded([older]) == []
+    words = "one and other are both of the method 'none', trained with num-envs 512 and with 4 \\(1 more differ\\); "
+    with pytest.raises(StictionError, match=words):
+        check_methods([older, one, same, other])
+    stairs = replace(other, contract=replace(other.contract, terrain="stairs"))
+    check_methods([older, one, same, stairs])

@@ -79,11 +79,12 @@ class ReplicateOptions(ParallelOptions, RedrawnOptions):
 def run(options: ReplicateOptions, work: Work) -> Report:
     """Walk the comparison and judge it; the exit status is 1 if a run could not be trained."""
     from stiction.formats.advice import TRANSFER, write_source
+    from stiction.rma.identity import unrecorded_note
     from stiction.robots.catalog import find_robot
     from stiction.studies.replication.clips import render
     from stiction.studies.replication.page import report, warnings
     from stiction.studies.replication.plan import parts_of
-    from stiction.studies.replication.run import check_engines, judge_again, replicate, source_of
+    from stiction.studies.replication.run import check_engines, judge_again, replicate, source_of, unrecorded
 
     parts = parts_of(options.preset, options.num_robots)
     names = [part.name for part in parts]
@@ -107,7 +108,7 @@ def run(options: ReplicateOptions, work: Work) -> Report:
     walked = result.summary["policies"]
     bundles = [one for one in bundles if walked.get(one.name, {}).get("digest") == one.digest]
     clips = render(bundles, folders, out, find_robot(ROBOT), work.say) if options.clips else []
-    for note in warnings(result):
+    for note in (*unrecorded_note(unrecorded(bundles)), *warnings(result)):
         work.say(note)
     return replace(report(result, clips), files=write_advice, status=1 if failed else 0)
 
