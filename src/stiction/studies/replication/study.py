@@ -29,6 +29,14 @@ method on flat ground, and of two over stairs; none of an Actuator Net over stai
 that fails is named and left out, and the exit status is 1. Stop it at any time: the same command goes on; a walk in
 progress, or a bench of some minutes, is begun anew."""
 
+EXPORTING = (
+    *("evaluate/export.py", "evaluate/golden.py", "evaluate/rollout.py"),
+    *("formats/contract*.py", "formats/golden.py", "formats/observation.py"),
+    *("locomotion/config.py", "locomotion/randomization.py", "rma/identity.py", "rma/models.py", "rma/run.py"),
+    *("robots/*.py", "robots/shipped/*.py"),
+)
+"""Code that makes a bundle of a run."""
+
 ROBOT = "saturn_lite"
 """The paper's robot: engines are tried with it before anything is trained."""
 
@@ -140,7 +148,7 @@ def exported(run: Path, out: Path) -> Path:
 
     directory = RunDirectory(run)
     directory.check_finished("student")
-    key = key_of(directory.student_digest(), "evaluate/export.py", "formats/contract.py")
+    key = key_of([directory.student_digest(), directory.walks_by()], *EXPORTING)
     folder = out / "bundles" / key[:12] / run.resolve().name
     if not folder.exists():
         make_folder(folder.parent)
