@@ -196,6 +196,11 @@ def contract_cases() -> Iterator[tuple[str, Change]]:
         "actuator": [{"name": "net"}, 5],
         "known_friction": [{"hip": 0.1}, 0.1],
         "known_friction_file": [{"name": "joints.json", "sha256": "0" * 64}],
+        "settings": [
+            *(5, [], "quiet", {"": 1}, {"x" * 200: 1}, {"a\x1b[31m": 1}, {"a": "\x07"}, {"a": {}}, {"a": [[1]]}),
+            *({"a": HUGE}, {"a": [-HUGE]}, {"a": 1e305}, {"a": "x" * 5000}, {"a": [0] * 1000}, {"a": [{"b": 1}]}),
+            {str(number): 1 for number in range(5000)},
+        ],
         "anatomy": [{}, "go1", asdict(make_robot("go2")), asdict(make_robot("saturn_lite"))],
         "observation.history_length": [0, 3, 10**9, "2", True],
         "observation.direction": ["newest_first"],
@@ -224,6 +229,11 @@ def contract_cases() -> Iterator[tuple[str, Change]]:
     yield "contract unknown field", text('"seed"', '"gravity": 9.81, "seed"')
     yield "contract missing field", text('"seed"', '"sead"')
     yield "contract deep", contract_bytes(b'{"robot":' + b"[" * 200_000 + b"]" * 200_000 + b"}")
+    yield "contract settings NaN", text('"settings": null', '"settings": {"a": NaN}')
+    yield "contract settings 1e999", text('"settings": null', '"settings": {"a": 1e999}')
+    for depth in (900, 100_000):
+        nested = "[" * depth + "]" * depth
+        yield f"contract settings {depth} deep", text('"settings": null', f'"settings": {{"a": {nested}}}')
     yield "contract endless number", contract_bytes(b'{"seed": ' + b"9" * 100_000 + b"}")
     for number, content in enumerate((b"", b"{", b"[]", b"null", b"\xff\xfe{}", b"\xef\xbb\xbf{}", b"{}" * 1000)):
         yield f"contract text {number}", contract_bytes(content)

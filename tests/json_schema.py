@@ -30,6 +30,8 @@ RULES: dict[str, tuple[str, Callable[[Any, Any], bool]]] = {
     "maxItems": ("array", lambda v, a: len(v) <= a),
     "uniqueItems": ("array", lambda v, a: not a or len({repr(item) for item in v}) == len(v)),
     "required": ("object", lambda v, a: set(a) <= v.keys()),
+    "maxProperties": ("object", lambda v, a: len(v) <= a),
+    "propertyNames": ("object", lambda v, a: not any(any(faults(name, a)) for name in v)),
 }
 """Keyword -> the type that it says something of, and whether a value obeys an argument."""
 

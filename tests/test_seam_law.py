@@ -6,6 +6,7 @@ import csv
 from collections.abc import Iterator
 from dataclasses import fields, replace
 from pathlib import Path
+from runpy import run_path
 
 import numpy as np
 import pytest
@@ -15,9 +16,12 @@ from stiction.cli.main import main
 from stiction.core.errors import StictionError
 from stiction.engines.engine import Motion
 from stiction.engines.friction import JointFriction
+from stiction.evaluate.evaluate import EvaluationCfg
+from stiction.evaluate.grid import GridCfg, Simulator, Walk
+from stiction.evaluate.run import WalkLedger
 from stiction.formats.contract import read_contract
 from stiction.joints import friction
-from stiction.joints.friction import LAWS, FrictionLaw, Law, LawSpec, Piece, find_law, register_law
+from stiction.joints.friction import LAWS, FrictionLaw, Law, LawSpec, Piece, find_law, law_source, register_law
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Joint, simulate
 from stiction.robots.catalog import find_robot
@@ -54,6 +58,22 @@ SEAL = LawSpec(
     reads=("velocity",),
     joint=lambda of: SealPieces(of["coulomb_friction"]),
 )
+
+
+def test_walks_under_a_law_are_known_by_the_file_that_it_is_in(tmp_path: Path) -> None:
+    """After a change of the law, walks that were kept would be taken for walks under the new one."""
+    keys = []
+    for growth in ("0.05", "0.1", "0.05"):
+        file = tmp_path / "own_seal.py"
+        file.write_text(f"def factor(velocity):\n    return 1 + {growth} * velocity**2\n")
+        LAWS["seal"] = replace(SEAL, factor=run_path(str(file))["factor"])
+        grid = GridCfg(EvaluationCfg(friction_law="seal"))
+        keys.append(WalkLedger(tmp_path / "walks.jsonl", grid, {"p": "0"}).key(WALK))
+    assert keys[0] == keys[2] != keys[1]
+    assert law_source("coulomb") is None and law_source("real") is None
+
+
+WALK = Walk("p", Simulator("mujoco"), "seal", "0.1", "flat", "vx=0.5", 0)
 
 
 @pytest.fixture(autouse=True)

@@ -19,12 +19,13 @@ from stiction.evaluate.export import (
     write_card,
 )
 from stiction.evaluate.golden import record_golden
-from stiction.formats.contract import Contract
+from stiction.formats.contract import Contract, read_contract
 from stiction.formats.joints import Estimate, JointRecord, JointsFile
 from stiction.locomotion.config import CommandCfg, TaskCfg
 from stiction.locomotion.friction import FrictionCfg
+from stiction.locomotion.rewards import RewardCfg
 from stiction.locomotion.terrain import TerrainCfg
-from stiction.rma.config import StudentCfg, TrainCfg
+from stiction.rma.config import DreamWaQCfg, StudentCfg, TrainCfg
 from stiction.robots.catalog import find_robot
 
 torch = pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to export")
@@ -97,7 +98,21 @@ def test_the_contract_of_a_run_says_what_was_trained() -> None:
         action_clip=5.0,
         anatomy=find_robot("saturn_lite"),
         command_range={"forward": (-0.8, 0.8), "sideways": (-0.3, 0.3), "turn": (-0.6, 0.6)},
+        settings={"task.friction.level": 0.2},
     )
+
+
+def test_contract_and_card_have_the_settings_of_the_training(tmp_path: Path) -> None:
+    """With one beta or another, or rewards of one's own, two policies would be seeds of one training."""
+    own = RewardCfg(own=(("my.rewards:lift", -0.5),))
+    cfg = TrainCfg(task=TaskCfg(rewards=own), dreamwaq=DreamWaQCfg(beta=1.0), seed=4)
+    run = RunDirectory.create(tmp_path / "run", cfg, "stiction train", None)
+    contract = contract_of(run.config(), run.header())
+    assert contract.settings == {"task.rewards.own": ["my.rewards:lift", -0.5], "dreamwaq.beta": 1.0}
+    assert read_contract(contract.to_json().encode()) == contract
+    line = "| settings of the training | dreamwaq.beta 1, task.rewards.own my.rewards:lift -0.5 |\n"
+    assert line in write_card(contract)
+    assert "| settings of the training | not recorded |\n" in write_card(replace(contract, settings=None))
 
 
 def test_the_trained_commands_are_those_of_the_courses_too() -> None:

@@ -16,8 +16,10 @@ from stiction.evaluate.grid import GridCfg
 from stiction.evaluate.metrics import Metrics
 from stiction.evaluate.run import LEDGER, walk_grid
 from stiction.evaluate.samples import samples_of
+from stiction.evaluate.summary import taken_together
 from stiction.evaluate.table import Sample, methods_of, rows_of
 from stiction.formats.bundle import Bundle, read_bundle
+from stiction.formats.observation import proprioception
 from stiction.formats.results import ResultRow
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
@@ -213,6 +215,12 @@ def named(bundle: Bundle, name: str, **changes: Any) -> Bundle:
         ),
         ({"friction_level": 0.25}, ("0.2", "0.25")),
         ({"friction_range": (0.0, 0.5)}, ("range 0 to 0.24", "range 0 to 0.5")),
+        ({"friction_spread": (0.5, 1.5)}, ("no spread", "spread 0.5 to 1.5")),
+        ({"friction_load": (0.0, 0.1)}, ("no load", "load 0 to 0.1")),
+        ({"joints_file": {"name": "j", "sha256": "0" * 64}}, ("the data sheet's joints", "joints 00000000")),
+        ({"observation": proprioception(18, 21)}, ("11 frames", "21 frames")),
+        ({"physics_timestep": 0.0025, "decimation": 8}, ("4 steps of 5 ms", "8 steps of 2.5 ms")),
+        ({"settings": {}}, ("settings not recorded", "")),
     ],
 )
 def test_policies_of_different_trainings_are_no_seeds_of_each_other(
@@ -227,8 +235,54 @@ def test_policies_of_different_trainings_are_no_seeds_of_each_other(
         for seed, name in enumerate((f"a{fed}", f"b{fed}"))
     ]
     means = means_of(rows, bundles)
-    assert [mean.method for mean in means] == [f"none{fed} ({word})" for fed in ("", "+forward") for word in words]
+    told = [f" ({word})" if word else "" for word in words]
+    assert [mean.method for mean in means] == [f"none{fed}{word}" for fed in ("", "+forward") for word in told]
     assert [(mean.seeds, mean.mean) for mean in means] == [("0", 0.0), ("1", 1.0)] * 2
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        (({}, {}), ("", "")),
+        (({}, {"teacher.quiet": 0, "seed": 1}), ("", "")),
+        (({"dreamwaq.beta": 1.0}, {"dreamwaq.beta": 1}), ("", "")),
+        (({}, {"dreamwaq.beta": 1.0}), (" (dreamwaq.beta 0.35)", " (dreamwaq.beta 1)")),
+        (
+            ({}, {"hinf.eta": 0.0}, {"hinf.curriculum": 0.5, "engine": "physx"}),
+            (
+                " (engine mujoco, hinf.curriculum 0, hinf.eta 2)",
+                " (hinf.eta 0)",
+                " (engine physx, hinf.curriculum 0.5)",
+            ),
+        ),
+        (
+            ({"num-envs": 4}, {"num-envs": 4, "a": 1, "b": 2, "c": 3, "d": "$|<b>"}, {"e": 1}),
+            (" (num-envs 4)", " (a 1, b 2, c 3, 2 more)", " (e 1)"),
+        ),
+        (({f"n{n}": n for n in range(9)}, {f"n{n}": n for n in range(8)} | {"x": 1}), None),
+        ((None, {"a": "$|<b>"}, {}), (" (settings not recorded)", " (a \\u0024\\u007c\\u003cb\\u003e)", " (a null)")),
+    ],
+)
+def test_methods_say_in_which_settings_bundles_differ(
+    still: Bundle, walked, settings: tuple[dict, ...], words: tuple[str, ...] | None
+) -> None:
+    """Two trainings would be seeds of one method with a confident mean; or two seeds of one training two methods."""
+    row = rows_of(walked[0], [still])[0][0]
+    bundles = [named(still, f"p{seed}", seed=seed, settings=one) for seed, one in enumerate(settings)]
+    found = methods_of([replace(row, policy=bundle.name) for bundle in bundles], bundles)
+    if words is None:
+        assert len({*found.values()}) == len(bundles)
+    else:
+        assert [*found.values()] == [f"none{word}" for word in words]
+
+
+def test_bundles_without_settings_are_named_once(still: Bundle) -> None:
+    """That they are seeds of one training would be said as if somebody knew."""
+    older = [named(still, f"p{seed}", seed=seed) for seed in (0, 1)]
+    assert taken_together(older) == ["p0", "p1"]
+    assert taken_together(older[:1]) == []
+    assert taken_together([older[0], named(still, "b", seed=1, settings={})]) == []
+    assert taken_together([older[0], named(still, "b", seed=1, terrain="stairs")]) == []
 
 
 def test_two_policies_of_one_seed_stand_alone(still: Bundle, walked) -> None:

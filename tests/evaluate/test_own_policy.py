@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -52,3 +54,22 @@ def test_a_function_that_is_none_is_refused(name: str, message: str) -> None:
     cfg = EvaluationCfg(friction_levels=(0.0,), commands=("stand",), episodes=1, seconds=3.5)
     with pytest.raises(StictionError, match=message):
         evaluate_bundle(own_policy(f"{__name__}:{name}", "go2", 0.02), cfg)
+
+
+def leaning(angle: float):
+    """Return a function that stands off its pose."""
+
+    def lean(sensors: Sensors, command: np.ndarray, fresh: np.ndarray) -> np.ndarray:
+        return stand(sensors, command, fresh) + angle
+
+    return lean
+
+
+def test_functions_that_differ_in_what_they_hold_are_different_policies() -> None:
+    """Two closures of one name: the walks of the first, kept in a folder, would be taken for those of the second."""
+    digests = [own_policy(leaning(angle), "go2", 0.02).digest for angle in (0.0, 0.1)]
+    digests += [own_policy(partial(stand), "go2", 0.02).digest, own_policy(partial(short), "go2", 0.02).digest]
+    assert len({*digests}) == 4
+    assert own_policy(stand, "go2", 0.02).digest == own_policy(stand, "go2", 0.02).digest
+    name = f"{__name__}:stand"
+    assert own_policy(name, "go2", 0.02).digest == own_policy(name, "go2", 0.02).digest

@@ -39,6 +39,7 @@ def whole() -> dict[str, Any]:
         stribeck=(1.5, 0.1),
         action_scale=0.25,
         phases=2,
+        settings={"teacher.quiet": 30, "symmetry": "network", "hinf.actor": [64, 32], "task.known-friction": True},
     )
     return plain(contract)
 
@@ -77,7 +78,9 @@ MUTATIONS: list[tuple[str, Any]] = [
     ("observation.slow_kept", 1.0), ("observation.terms", []), ("observation.terms.0.name", "odometry"),
     ("observation.terms.0.size", 0), ("observation.terms.0.scale", 0), ("observation.terms.0.clip", "5"),
     ("observation.terms.0.frame", "world"), ("observation.terms.0.offset", "zero"), ("observation.terms.0.extra", 1),
-    ("gravity", 9.81),
+    ("gravity", 9.81), ("settings", []), ("settings", "quiet"), ("settings", {"a": {"b": 1}}),
+    ("settings", {"a": [[1]]}), ("settings", {"": 1}), ("settings", {"a" * 129: 1}), ("settings", {"a": "x" * 513}),
+    ("settings", {"a": 1e301}), ("settings", {"a": [0] * 257}), ("settings", {str(n): n for n in range(513)}),
 ]  # fmt: skip
 
 

@@ -32,7 +32,8 @@ RUN_WALK_CODE = (
     *(*FLEET, "deploy/observation.py"),
     *("rma/models.py", "rma/context.py", "rma/runner.py", "rma/equivariant.py"),
     *("locomotion/observations.py", "locomotion/randomization.py", "locomotion/symmetry.py"),
-    "locomotion/task_fleet.py",
+    *("locomotion/task_fleet.py", "locomotion/config.py", "virtual/sensors.py", "deploy/check.py"),
     *("evaluate/export.py", "evaluate/trained.py", "evaluate/methods.py"),
 )
-"""The same of the teacher and the student of a run, both in the simulator of the training."""
+"""The same of the teacher and the student of a run, both in the simulator of the training; beside it the key has what
+`RunDirectory.walks_by` returns. A policy that was exported walks by `WALK_CODE`, wherever its run is."""

@@ -21,6 +21,7 @@ import torch
 
 from stiction.core.errors import BundleError, ConfigurationError, FileError, StictionError, TrainingError
 from stiction.core.files import digest_of
+from stiction.core.records import from_plain
 from stiction.deploy.check import BundleCheck, check_bundle, robot_of
 from stiction.deploy.observation import Sensors, friction_of_robots
 from stiction.deploy.policy import INPUT, OUTPUT, PolicyStep
@@ -43,6 +44,7 @@ from stiction.locomotion.observations import FrameBuilder, History, SlowMeans, r
 from stiction.locomotion.randomization import friction_angle, nominal_joints
 from stiction.locomotion.terrain import FASTEST_TURN
 from stiction.rma.config import TrainCfg
+from stiction.rma.identity import settings_of, settings_text
 from stiction.rma.run import RunDirectory, identified_values
 from stiction.rma.runner import load_student
 from stiction.robots.catalog import find_robot
@@ -64,6 +66,7 @@ attitude and its own last actions, and follows a commanded velocity.
 | control period | {period:g} s |
 | identification used | {identification} |
 {told}| joint torque in training | {torque} |
+| settings of the training | {settings} |
 | seed | {seed} |
 | code | {revision} |
 | made by | `{command}` |
@@ -105,6 +108,7 @@ def write_card(contract: Contract) -> str:
         identification=_file_text(used) if used else "none",
         told=_known_friction_line(contract),
         torque=f"Actuator Net{_side(contract)} {_file_text(net)}" if net else "PD law with the gains of the contract",
+        settings=settings_text(contract.settings),
         seed=contract.seed,
         revision=contract.revision,
         command=contract.command,
@@ -236,8 +240,8 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
 
     Args:
         cfg: configuration of the run.
-        header: `command`, `revision`, `identified`, and of a run with a net `actuator` and `torque_source`, as in its
-            config.json.
+        header: `command`, `revision`, `identified`, of a run with a net `actuator` and `torque_source`, and where it
+            is there `config`, as in its config.json.
 
     """
     task = cfg.task
@@ -290,11 +294,21 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         actuator=header.get("actuator"),
         torque_source=header.get("torque_source"),
         joints_file={"name": identified["file"], "sha256": identified["sha256"]} if identified else None,
+        settings=_settings(cfg, header),
     )
     if not contract.observes_friction:
         return contract
     nominal = zip(spec.joint_kinds, nominal_known(contract, spec).tolist(), strict=True)
     return replace(contract, known_friction=dict(nominal))
+
+
+def _settings(cfg: TrainCfg, header: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings of a run that differ from the defaults, with the names of reward terms of one's own."""
+    if "config" in header:
+        # The configuration of a run has none of them, see `RunDirectory.config`: here they are names alone.
+        own = from_plain(TrainCfg, header["config"], "config.json").task.rewards.own
+        cfg = replace(cfg, task=replace(cfg.task, rewards=replace(cfg.task.rewards, own=own)))
+    return settings_of(cfg)
 
 
 def _command_range(task: TaskCfg) -> dict[str, tuple[float, float]]:

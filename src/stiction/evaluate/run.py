@@ -30,6 +30,7 @@ from stiction.evaluate.grid import GridCfg, Unit, Walk, plan, units
 from stiction.evaluate.metrics import Metrics, measure
 from stiction.formats.bundle import Bundle
 from stiction.joints.compensation import BY_ERROR, Compensation, parse_compensation
+from stiction.joints.friction import law_source
 from stiction.robots.catalog import find_robot
 from stiction.robots.model import GRAVITY, Robot
 from stiction.virtual import trial as trials
@@ -48,7 +49,7 @@ class WalkLedger(Ledger):
         super().__init__(path)
         self._digests = digests
         spec = None if robot is None else find_robot(robot)
-        self._common = key_of([cfg.settings(), robot, spec], *WALK_CODE)
+        self._common = key_of([cfg.settings(), law_source(cfg.base.friction_law), robot, spec], *WALK_CODE)
 
     def key(self, walk: Walk) -> str:
         """Return the key of a walk: bundle, cell, settings, code that measures, engine."""

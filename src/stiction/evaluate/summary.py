@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -13,11 +14,13 @@ from stiction.core.provenance import Origin
 from stiction.deploy.check import check_bundle
 from stiction.evaluate.benches import forward_notes, unidentified_notes
 from stiction.evaluate.grid import GridCfg
+from stiction.evaluate.methods import method_of
 from stiction.evaluate.own_policy import own_policy
 from stiction.evaluate.run import BENCHES, Progress, walk_grid
-from stiction.evaluate.table import methods_of, rows_of
+from stiction.evaluate.table import methods_of, rows_of, sample_names
 from stiction.formats.bundle import Bundle, find_bundle
 from stiction.formats.results import ResultRow
+from stiction.rma.identity import unrecorded_note
 from stiction.virtual.cases import warnings_on
 
 
@@ -63,6 +66,7 @@ def evaluate_all(
         "robots": cfg.used_robots,
         "warnings": [
             *origin.warnings(),
+            *unrecorded_note(taken_together(bundles)),
             *warnings_on(cfg.used_robots),
             *forward_notes(bundles, cfg, out / BENCHES, robot),
             *unidentified_notes(done, bundles, cfg, out / BENCHES, robot),
@@ -78,6 +82,15 @@ def evaluate_all(
         "rows": details,
     }
     return rows, summary
+
+
+def taken_together(bundles: Sequence[Bundle]) -> list[str]:
+    """Return the names of bundles without recorded settings that count as seeds of one training with others."""
+    contracts = {bundle.name: bundle.contract for bundle in bundles if bundle.contract.settings is None}
+    suffixes = sample_names({bundle.name: bundle.contract for bundle in bundles})
+    groups = {name: method_of(contract) + suffixes[name] for name, contract in contracts.items()}
+    shared = Counter(groups.values())
+    return [name for name, group in groups.items() if shared[group] > 1]
 
 
 LONGEST_NAME = 120
@@ -100,7 +113,7 @@ def check_names(names: Sequence[str], kind: str = "bundles") -> None:
 
 DESCRIBED = (
     *("robot", "method", "friction_law", "friction_level", "friction_range", "joints_file", "actuator"),
-    *("known_friction", "seed", "phases", "revision", "command"),
+    *("known_friction", "seed", "phases", "settings", "revision", "command"),
 )
 """Fields of the contract in a summary."""
 

@@ -16,6 +16,8 @@ from stiction.evaluate.metrics import Metrics, combine
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract import PHASES, Contract
 from stiction.formats.results import ResultRow
+from stiction.joints.friction import Law
+from stiction.rma.identity import MISSING, SHOWN, differing, key_of_settings, setting_text, settings_in
 from stiction.robots.model import Robot
 from stiction.virtual.cases import parse_level
 
@@ -135,29 +137,74 @@ def _beside(walks: Sequence[Walk], done: Mapping[Walk, Metrics]) -> dict[str, An
 def sample_names(contracts: Mapping[str, Contract]) -> dict[str, str]:
     """Return policy -> suffix of its method, so that only policies that differ in their seed share a name.
 
-    Where a method has several such groups, the suffix names what they differ in: `deception (stairs)`. Where a group
-    has one seed twice, it is the name of the policy. contracts: by name of the policy.
+    Where a method has several such groups, the suffix names what they differ in: `deception (stairs)`,
+    `dreamwaq-friction (dreamwaq.beta 1)`. Where a group has one seed twice, it is the name of the policy. contracts: by
+    name of the policy.
     """
-    groups: dict[tuple[str, ...], list[str]] = {}
+    groups: dict[tuple[tuple[str, ...], str | None], list[str]] = {}
     for name, contract in contracts.items():
-        groups.setdefault(_sample_of(contract), []).append(name)
+        groups.setdefault((_sample_of(contract), key_of_settings(contract.settings)), []).append(name)
     suffixes = {}
-    for group, names in groups.items():
-        values = zip(*(other for other in groups if other[0] == group[0]), strict=True)
-        differs = [own for own, of_method in zip(group, values, strict=True) if len(set(of_method)) > 1]
-        twice = len({contracts[name].seed for name in names}) < len(names)
+    for (group, key), names in groups.items():
+        others = [other for other in groups if other[0][0] == group[0]]
+        seeds = {contracts[name].seed for name in names}
+        words = _words(group, key, others)
+        # Shortened, two may be the same words.
+        if any(other != (group, key) and _words(*other, others) == words for other in others):
+            words.append(f"as {names[0]}")
         for name in names:
-            words = [name] if twice else differs
-            suffixes[name] = f" ({', '.join(words)})" if words else ""
+            told = words if len(seeds) == len(names) else [name]
+            suffixes[name] = f" ({', '.join(told)})" if told else ""
     return suffixes
+
+
+def _words(group: tuple[str, ...], key: str | None, groups: Sequence[tuple[tuple[str, ...], str | None]]) -> list[str]:
+    """Return what tells a group from the others of its method: what contracts say of all, then settings."""
+    values = zip(*(other for other, _ in groups), strict=True)
+    words = [own for own, of_method in zip(group, values, strict=True) if len(set(of_method)) > 1]
+    recorded = {other for _, other in groups if other is not None}
+    if key is None:
+        return [*words, f"settings {MISSING}"] if recorded else words
+    own, names = settings_in(key), set()
+    for other in recorded:
+        names |= {*differing(own, settings_in(other))}
+    untold = [name for name in sorted(names) if not (words and name in TOLD)] if len(recorded) > 1 else []
+    # What is the default goes without saying, where something is not.
+    given = [name for name in untold if name in own] or ([] if words else untold)
+    more = [f"{len(given) - SHOWN} more"] if len(given) > SHOWN else []
+    return [*words, *(setting_text(own, name) for name in given[:SHOWN]), *more]
+
+
+TOLD = (
+    *("task.terrain.kind", "student.iterations", "teacher.latent"),
+    *(f"task.friction.{name}" for name in ("level", "law", "range", "spread", "load")),
+    *("task.timestep", "task.decimation", "task.history"),
+)
+"""Settings that the words of a contract tell where they differ."""
+
+
+USUAL_SHAPE = (Law().static_ratio, Law().stribeck_velocity)
+"""Numbers of the law `stribeck` that go without saying."""
 
 
 def _sample_of(contract: Contract) -> tuple[str, ...]:
     """Return what two policies share that are samples of one training, in words; the method comes first."""
     low, high = contract.friction_range
-    phases = PHASES.get(contract.phases or 0, "phases not recorded")
-    trained = contract.robot, contract.terrain, phases, contract.friction_law, f"{contract.friction_level:g}"
-    return method_of(contract), *trained, f"range {low:g} to {high:g}"
+    phases = PHASES.get(contract.phases or 0, f"phases {MISSING}")
+    law = contract.friction_law
+    if contract.stribeck not in (None, USUAL_SHAPE):
+        law += " {:g} {:g}".format(*contract.stribeck)
+    trained = contract.robot, contract.terrain, phases, law, f"{contract.friction_level:g}"
+    joints = (
+        "the data sheet's joints" if contract.joints_file is None else f"joints {contract.joints_file['sha256'][:8]}"
+    )
+    more = {"spread": contract.friction_spread, "load": contract.friction_load}
+    return (
+        *(method_of(contract), *trained, f"range {low:g} to {high:g}"),
+        *(f"no {name}" if pair is None else f"{name} {pair[0]:g} to {pair[1]:g}" for name, pair in more.items()),
+        *(joints, f"{contract.observation.history_length} frames"),
+        f"{contract.decimation} steps of {1000 * contract.physics_timestep:g} ms",
+    )
 
 
 def methods_of(rows: Sequence[OfPolicy], bundles: Sequence[Bundle]) -> dict[str, str]:

@@ -46,7 +46,7 @@ MOST_JOINTS = 256
 
 _SINCE_2 = (
     *("stribeck", "actuator", "known_friction", "known_friction_file", "phases", "anatomy", "command_range"),
-    *("imported", "friction_load", "friction_spread", "disturber", "torque_source"),
+    *("imported", "friction_load", "friction_spread", "disturber", "torque_source", "settings"),
 )
 
 LATER = {"compensation": 1, "compensation_width": 1} | dict.fromkeys(_SINCE_2, 2)
@@ -156,6 +156,10 @@ class Contract:
     command_range: Mapping[str, tuple[float, float]] | None = None
     """Velocity commands that training drew from, lower and upper end of `forward`, `sideways` [m/s] and
     `turn` [rad/s]. None: the bundle is older than this field."""
+    settings: Mapping[str, Any] | None = None
+    """Settings of the training that differ from the defaults of the code, by their dotted names on the command line:
+    `teacher.quiet`: 30; numbers, texts, or lists of them. With the seed they tell one training from another, beside
+    `robot`, `joints_file` and `actuator`. None: the bundle is older than this field, or was trained elsewhere."""
     compensation_width: float = 0.05
     """Distance of the target at which all of it is added [rad]."""
     schema_version: int = SCHEMA_VERSION

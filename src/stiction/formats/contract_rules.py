@@ -119,6 +119,48 @@ FILE = Rule(
     },
 )
 
+MOST_SETTINGS, MOST_IN_LIST, LONGEST_SETTING, LARGEST_SETTING = 512, 256, 512, 1e300
+"""Settings of a training, entries of one that is a list, characters of one that is a text, and size of a number."""
+
+
+def _is_scalar(value: Any) -> bool:
+    """Return whether a value is a number, a text, true, false or null, and not too large."""
+    if isinstance(value, str):
+        return len(value) <= LONGEST_SETTING and value.isprintable()
+    return value is None or isinstance(value, bool) or is_number(value, LARGEST_SETTING)
+
+
+def _are_settings(value: Any) -> bool:
+    """Return whether a value is settings of a training by name, or None."""
+    if value is None or not isinstance(value, Mapping):
+        return value is None
+    if len(value) > MOST_SETTINGS or not all(map(is_name, value)):
+        return False
+    lists = [one for one in value.values() if isinstance(one, list | tuple)]
+    single = [one for one in value.values() if not isinstance(one, list | tuple)]
+    return all(map(_is_scalar, single)) and all(len(one) <= MOST_IN_LIST and all(map(_is_scalar, one)) for one in lists)
+
+
+_SCALAR: list[dict[str, Any]] = [
+    {"type": ["boolean", "null"]},
+    {"type": "number", "exclusiveMinimum": -LARGEST_SETTING, "exclusiveMaximum": LARGEST_SETTING},
+    {"type": "string", "maxLength": LONGEST_SETTING},
+]
+SETTINGS = Rule(
+    _are_settings,
+    f"null, or an object of at most {MOST_SETTINGS} settings: a printable name of 1 to 128 characters, and a number, a "
+    f"printable text of at most {LONGEST_SETTING} characters, true, false, null, or a list of at most {MOST_IN_LIST} "
+    "such",
+    {
+        "type": ["object", "null"],
+        "maxProperties": MOST_SETTINGS,
+        "propertyNames": NAME.schema,
+        "additionalProperties": {
+            "anyOf": [*_SCALAR, {"type": "array", "items": {"anyOf": _SCALAR}, "maxItems": MOST_IN_LIST}]
+        },
+    },
+)
+
 UNKNOWN, IMPORTED = "unknown", "imported"
 """Ground, and method, of a policy that was trained elsewhere."""
 
@@ -188,6 +230,7 @@ RULES: dict[str, Rule] = {
     "action_offset": one_of("standing"),
     "quaternion_order": one_of("wxyz"),
     **dict.fromkeys(("joints_file", "actuator", "known_friction_file", "imported"), FILE),
+    "settings": SETTINGS,
 }
 """Field -> what it may be, of those that do not depend on the number of joints."""
 

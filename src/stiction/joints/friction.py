@@ -16,11 +16,14 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.core.files import digest_of
+from stiction.core.provenance import PACKAGE
 
 KNOTS = (0.0, 0.19, 0.4, 0.84, 1.15, 1.43, 1.76, 2.33)
 """Ends of the secants of exp(−x²), the last value being taken as zero: they are off by less than 1 % of its height."""
@@ -435,6 +438,13 @@ class Law:
         """Return what multiplies the level to the bound [N m]; `signals`: at least those that the law reads."""
         assert self.spec.factor is not None
         return self.spec.factor(**{name: signals[name] for name in self.spec.reads}, **self.numbers)
+
+
+def law_source(law: str) -> str | None:
+    """Return the SHA-256 of the file that defines a law which was registered from outside; None of one of ours."""
+    code = getattr(LAWS[law].factor, "__code__", None) if law in LAWS else None
+    file = None if code is None else Path(code.co_filename).resolve()
+    return None if file is None or PACKAGE in file.parents or not file.is_file() else digest_of(file)
 
 
 def has_coefficient(law: str) -> bool:

@@ -30,6 +30,8 @@ MOST_COUNTS = {
 """Most of what is counted; of all else, widths of layers among it, 10,000. A training of the field has 4096 robots, 24
 steps, 5 passes and some thousand iterations: what is far above that is a mistake, and would take all memory or time."""
 
+MAY_BE_NONE = ("student.iterations", "teacher.quiet")
+
 LAYERS = ("actor", "critic", "privileged", "history", "estimator", "terrain")
 NETWORK_SIZES = ("history_frame", "estimator_frame", "terrain_latent", "latent")
 """Fields of `NetworkCfg`: lists of layers, and single sizes."""
@@ -341,11 +343,8 @@ class TrainCfg:
         names = ("iterations", "steps", "epochs", "mini_batches")
         counts = {name: getattr(self, name) for name in ("num_envs", "checkpoint_every", "contacts")}
         counts |= {f"{phase}.{name}": getattr(cfg, name) for phase, cfg in phases.items() for name in names}
-        counts |= {
-            f"teacher.{name}": getattr(self.teacher, name)
-            for name in ("adaptation_batches", "adaptation_passes", "alternate")
-        }
-        counts["teacher.quiet"] = self.teacher.quiet
+        more = ("adaptation_batches", "adaptation_passes", "alternate", "quiet")
+        counts |= {f"teacher.{name}": getattr(self.teacher, name) for name in more}
         counts |= {f"network.{name}": getattr(self.network, name) for name in NETWORK_SIZES}
         counts |= {f"dreamwaq.{name}": getattr(self.dreamwaq, name) for name in ("code", "frame")}
         lists = {f"network.{name}": getattr(self.network, name) for name in LAYERS}
@@ -356,7 +355,7 @@ class TrainCfg:
                 raise ConfigurationError(f"{name} has {len(layers)} layers; expected at most {MOST_LAYERS}")
             counts |= {f"{name}[{number}]": size for number, size in enumerate(layers)}
         for name, count in counts.items():
-            least, most = 0 if name in ("student.iterations", "teacher.quiet") else 1, MOST_COUNTS.get(name.rpartition(".")[2], 10_000)
+            least, most = int(name not in MAY_BE_NONE), MOST_COUNTS.get(name.rpartition(".")[2], 10_000)
             if not least <= count <= most:
                 raise ConfigurationError(f"{name} is {count}; expected at least {least}, and at most {most}")
         if self.video_every < 0:

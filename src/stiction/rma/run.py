@@ -436,6 +436,16 @@ class RunDirectory:
             raise TrainingError(f"{self.path} has no student yet; finish it with `stiction train --resume {self.path}`")
         return digest_of(newest)
 
+    def walks_by(self) -> dict[str, Any]:
+        """Return what decides how the run's policies walk beside their weights, for keys of a cache.
+
+        Configuration, identified joints, net and robot: with other gains, clips, histories or joints the same weights
+        are another policy. Raises `StictionError` as `header` and `config`.
+        """
+        header = self.header()
+        names = ("config", "identified", "actuator", "torque_source")
+        return {name: header.get(name) for name in names} | {"robot": repr(find_robot(self.config().task.robot))}
+
     def log(self, row: dict[str, Any]) -> None:
         """Append one iteration's figures."""
         with self.metrics.open("a") as file:

@@ -10,6 +10,7 @@ import pytest
 pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to train")
 
 from stiction.cli.main import main
+from stiction.core import cache
 from stiction.core.errors import StictionError
 from stiction.formats.actuator import read_actuator
 from stiction.formats.bundle import find_bundle, read_bundle
@@ -18,6 +19,7 @@ from stiction.formats.walk import read_walk
 from stiction.studies.actuator.config import RUNS, VARIANTS, LoopCfg
 from stiction.studies.actuator.page import mean_table
 from stiction.studies.actuator.robots import loop_robots, plan_logs
+from stiction.studies.actuator.run import ActuatorLoop
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -46,6 +48,18 @@ def test_robots_are_drawn_from_the_seed(contract) -> None:
         assert 0.1 <= robot.level <= 0.3 and min(robot.strength, robot.damping, robot.armature) >= 0.8
         assert robot.joints(contract).kp[0] == pytest.approx(robot.strength * contract.kp[0])
         assert robot.joints(contract).torque_limit == contract.torque_limit
+
+
+def test_evaluations_count_by_the_code_that_walks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rows of an earlier physics would stand beside those of today."""
+    loop = ActuatorLoop(tmp_path, LoopCfg(), "a test")
+    loop.robots, bundle = (), read_bundle(find_bundle(Path("saturn_lite-flat-none-0.2")))
+    keys = []
+    for code in ("one", "other", "one"):
+        monkeypatch.setattr(cache, "fingerprint", lambda *files, code=code: [code, "sim/*.py" in files])
+        loop._evaluate("f0", bundle)
+        keys.append(json.loads((tmp_path / "evaluation" / "f0.json").read_text())["key"])
+    assert keys[0] == keys[2] != keys[1]
 
 
 def test_the_loop_from_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

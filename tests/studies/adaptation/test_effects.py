@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,7 +16,8 @@ from stiction.rma.config import StudentCfg, TrainCfg
 from stiction.rma.run import RunDirectory, save_checkpoint
 from stiction.studies.adaptation.monitor import WINDOW, over_seeds, per_episode
 from stiction.studies.adaptation.probes import WalkCfg, probe_task
-from stiction.studies.adaptation.run import AdaptationCfg, same_but_for_seed, study
+from stiction.studies.adaptation.run import AdaptationCfg, same_but_for_seed, study, study_run
+from synthetic import place, write_run
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,19 @@ def test_episodes_are_averaged_over_commands_and_kept_apart() -> None:
     walk = Walked([[Figure(value) for value in row] for row in rows])
     cfg = EvaluationCfg(friction_levels=(0.0, 0.2), episodes=2)
     assert per_episode(walk, cfg, 1, "speed_ratio").tolist() == [2.0, 3.5]  # type: ignore[arg-type]
+
+
+def test_a_part_counts_by_the_run_that_it_is_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With other joints, the same student walks and feels otherwise: its old part would stand for it."""
+    at, keys = place(tmp_path, "toy", 0, "--friction-level", "0.2"), []
+    write_run(at)
+    monkeypatch.setattr("stiction.studies.adaptation.run.read_entry", lambda file, key: keys.append(key) or {})
+    file = at.path / "config.json"
+    text = file.read_text()
+    for identified in (None, {"file": "j", "sha256": "0" * 64}, None):
+        file.write_text(json.dumps(json.loads(text) | {"identified": identified}))
+        study_run(at.path, tmp_path, AdaptationCfg(), 1, lambda name, share: None)
+    assert keys[0] == keys[2] != keys[1]
 
 
 def test_seeds_are_pooled_with_a_t_interval() -> None:

@@ -71,7 +71,8 @@ def test_budget_is_the_same_unless_it_is_the_question() -> None:
 
 def test_designs_and_methods_are_compared_on_one_ground() -> None:
     """If this failed, a design would win by the ground that the preset draws since, and not by itself."""
-    other = {f"coulomb20-{name}" for name in ("drawn-contact", "fine-contact", "known-drawn")}
+    drawn = ("drawn-contact", "fine-contact", "known-drawn", "quiet", "known-quiet")
+    other = {f"coulomb20-{name}" for name in drawn}
     for condition in (one for one in MANIFEST if one.part in ("designs", "methods")):
         ground = configured()[condition.name].task.randomization.contact_time
         assert (ground == (0.02, 0.02)) == (condition.name not in other), condition.name

@@ -1,5 +1,6 @@
 """Evaluation of runs: what is asked of each, what is kept, and what is read again."""
 
+import json
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
@@ -10,10 +11,12 @@ import pytest
 from stiction.core import cache
 from stiction.core.errors import StictionError
 from stiction.evaluate import trained as run_evaluation
-from stiction.formats.bundle import read_bundle
+from stiction.evaluate.code import RUN_WALK_CODE, WALK_CODE
+from stiction.formats.bundle import read_bundle, write_bundle
 from stiction.rma.arguments import parse
+from stiction.rma.identity import settings_of
 from stiction.studies.friction.evaluation import BASE, LEVELS, Task, evaluate_tasks, settings_for, tasks_for
-from stiction.studies.friction.manifest import Condition, PlannedRun, Run
+from stiction.studies.friction.manifest import Condition, PlannedRun, Run, unrecorded
 from synthetic import place, row, write_run
 
 
@@ -55,6 +58,51 @@ def test_an_evaluation_is_done_once_and_again_when_what_it_depends_on_changes(
     monkeypatch.setattr(cache, "fingerprint", lambda *code: {"code": "other"})
     evaluate_tasks([task], 1)
     assert len(walked) == 4
+
+
+def edited(task: Task, **changes: object) -> str:
+    """The key of a task after config.json of its run was edited, which is put back."""
+    file = task.run.path / "config.json"
+    text = file.read_text()
+    header = json.loads(text)
+    for name, value in changes.items():
+        *outer, last = name.split("__")
+        inner = header
+        for part in outer:
+            inner = inner[part]
+        assert inner[last] != value
+        inner[last] = value
+    file.write_text(json.dumps(header))
+    key = task.key
+    file.write_text(text)
+    return key
+
+
+def test_runs_with_the_same_weights_that_walk_differently_have_different_keys(tmp_path: Path) -> None:
+    """A run's network meets the joints, gains, clip and histories of its configuration: others are another walk."""
+    (task,) = tasks(tmp_path)
+    identified = {"file": "joints.json", "sha256": "0" * 64, "values": {"damping": [0.1] * 18}}
+    keys = [
+        task.key,
+        edited(task, identified=identified),
+        edited(task, identified=identified | {"values": {"damping": [0.2] * 18}}),
+        edited(task, config__task__action_clip=4.0),
+        edited(task, config__task__history=5),
+        edited(task, config__task__timestep=0.0025),
+        replace(task, settings=replace(task.settings, known_friction="true")).key,
+        replace(task, settings=replace(task.settings, friction_law="stribeck")).key,
+    ]
+    assert len({*keys}) == len(keys) and task.key == keys[0]
+
+
+def test_an_exported_policy_counts_by_the_code_that_deploys_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its observations, network and actions are those of the runtime, which no run's walk needs."""
+    seen: list[tuple[str, ...]] = []
+    monkeypatch.setattr(cache, "fingerprint", lambda *code: seen.append(code))
+    at = exported(tmp_path, read_bundle(SHIPPED).contract.seed)
+    for task in (*tasks_for([at], BASE, tmp_path / "cache"), *tasks(tmp_path)):
+        _ = task.key
+    assert seen == [WALK_CODE, RUN_WALK_CODE]
 
 
 def test_a_policy_that_cannot_be_evaluated_stops_nobody(tmp_path: Path, walked: list) -> None:
@@ -108,6 +156,36 @@ def test_a_run_that_is_elsewhere_is_evaluated_by_its_policy(tmp_path: Path) -> N
     assert not failed and [r.policy for r in rows] == [f"coulomb20-none-s{seed}/student"]
     with pytest.raises(StictionError, match="is another policy than the manifest's"):
         evaluate_tasks([replace(task, run=exported(tmp_path, seed + 1))], 1)
+
+
+def recorded(tmp_path: Path, *words: str, **changes: object) -> PlannedRun:
+    """A run of the manifest whose exported policy has the settings of a training by `words`, or other ones."""
+    shipped = read_bundle(SHIPPED)
+    settings = settings_of(parse(["--preset", "quick", "--method", "none", "--friction-level", "0.2", *words]).config)
+    contract = replace(shipped.contract, **({"settings": settings} | changes))  # type: ignore[arg-type]
+    golden = replace(shipped.golden)
+    bundle = write_bundle(tmp_path / "policies" / f"s{len(words)}", contract, shipped.policy, golden, shipped.card)
+    return replace(exported(tmp_path, contract.seed), policy=bundle)
+
+
+def test_a_policy_of_other_settings_is_not_the_manifests(tmp_path: Path) -> None:
+    """Renamed, a policy of another training would be a seed of this one; `--seed` is none of the settings."""
+    assert recorded(tmp_path, "--seed", "3").bundle()
+    other = recorded(tmp_path, "--teacher.quiet", "0", "--symmetry", "half")
+    words = (
+        r"s4 is another policy than the manifest's: it was trained with symmetry half, expected network \(1 more diff"
+    )
+    with pytest.raises(StictionError, match=words):
+        other.bundle()
+    with pytest.raises(StictionError, match="another policy"):
+        unrecorded([exported(tmp_path, 0), other])
+
+
+def test_policies_without_settings_are_taken_at_their_names(tmp_path: Path) -> None:
+    """Those of before there were settings could no longer be evaluated; they are named, and once."""
+    older, newer = exported(tmp_path, read_bundle(SHIPPED).contract.seed), recorded(tmp_path)
+    assert older.bundle().contract.settings is None
+    assert unrecorded([older, newer]) == [older.run.name]
 
 
 def test_levels_follow_the_torque_and_hold_the_mean_of_training() -> None:

@@ -1,5 +1,6 @@
 """The policies of the comparison: one a training method and seed, no ablation among them."""
 
+import json
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -10,6 +11,7 @@ from bundles import make_bundle, make_contract
 from stiction.core.errors import StictionError
 from stiction.evaluate.methods import method_of
 from stiction.formats.bundle import Bundle, read_bundle
+from stiction.rma.run import RunDirectory
 from stiction.robots.catalog import find_robot
 from stiction.studies.replication.plan import (
     ACTUATOR_RUNS,
@@ -20,7 +22,9 @@ from stiction.studies.replication.plan import (
     known_bench,
     parts_of,
 )
-from stiction.studies.replication.run import check_methods
+from stiction.studies.replication.run import check_methods, unrecorded
+from stiction.studies.replication.study import exported
+from synthetic import place, write_run
 
 
 def test_a_way_has_one_run_a_seed() -> None:
@@ -100,3 +104,33 @@ def test_policies_of_two_trainings_are_no_seeds_of_one(tmp_path: Path, change: d
     check_methods([plain, first, like("third", terrain="stairs", seed=1)])
     with pytest.raises(StictionError, match=f"first and second are both of the method 'none'.*{told}"):
         check_methods([plain, first, second])
+
+
+def test_a_run_is_exported_again_where_it_says_something_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The bundle that was kept would be of other joints than the run has now."""
+    at = place(tmp_path, "toy", 0, "--friction-level", "0.2")
+    write_run(at)
+    monkeypatch.setattr(RunDirectory, "check_finished", lambda *rest: None)
+    monkeypatch.setattr("stiction.evaluate.export.export_run", lambda run, folder: folder.mkdir())
+    first = exported(at.path, tmp_path / "out")
+    file = at.path / "config.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"identified": {"file": "j", "sha256": "0" * 64}}))
+    assert first.is_dir() and exported(at.path, tmp_path / "out") != first
+
+
+def test_policies_whose_settings_differ_are_no_seeds_of_one_training(tmp_path: Path) -> None:
+    """The mean of two betas would be one confident row; what is not recorded is taken on trust, and named."""
+    plain = read_bundle(make_bundle(tmp_path / "plain", make_contract()))
+
+    def like(name: str, seed: int, settings: dict | None) -> Bundle:
+        return replace(plain, name=name, contract=make_contract(seed=seed, settings=settings))
+
+    older, one, same = like("older", 0, None), like("one", 1, {"teacher.quiet": 0}), like("same", 2, {})
+    other = like("other", 3, {"teacher.quiet": 30, "num-envs": 4})
+    check_methods([older, one, same])
+    assert unrecorded([older, one, same]) == ["older"] and unrecorded([older]) == []
+    words = "one and other are both of the method 'none', trained with num-envs 512 and with 4 \\(1 more differ\\); "
+    with pytest.raises(StictionError, match=words):
+        check_methods([older, one, same, other])
+    stairs = replace(other, contract=replace(other.contract, terrain="stairs"))
+    check_methods([older, one, same, stairs])

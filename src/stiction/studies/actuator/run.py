@@ -26,6 +26,7 @@ from stiction.core.errors import ConfigurationError, FileError, PolicyError
 from stiction.core.files import publish
 from stiction.core.provenance import num_threads
 from stiction.deploy.check import check_bundle
+from stiction.evaluate.code import WALK_CODE
 from stiction.evaluate.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.evaluate.export import export_run
 from stiction.evaluate.summary import describe
@@ -40,6 +41,10 @@ from stiction.rma.run import RunDirectory, write_json
 from stiction.rma.runner import train
 from stiction.studies.actuator.config import LoopCfg
 from stiction.studies.actuator.robots import loop_robots, record_logs
+
+EVALUATING = (*WALK_CODE, "studies/actuator/robots.py")
+"""Code by which policies are evaluated. Logs, nets and trainings count by what they were made of, and not by code: days
+of training are of them, and go on with what they began with."""
 
 Progress = Callable[[str, float], None]
 """Called with the name of the stage and the share of it that is done."""
@@ -175,7 +180,7 @@ class ActuatorLoop:
     def _evaluate(self, name: str, bundle: Bundle) -> list[dict[str, Any]]:
         """Return a policy's rows on every virtual robot, and on the study's own without friction."""
         file = self.out / "evaluation" / f"{name}.json"
-        key = key_of([self.options, bundle.digest])
+        key = key_of([self.options, bundle.digest], *EVALUATING)
         done = read_entry(file, key)
         if done is None:
             rows = []

@@ -108,7 +108,7 @@ def study_run(run: Path, out: Path, cfg: AdaptationCfg, threads: int, progress: 
     directory, name = RunDirectory(run), run.resolve().name
     header, train = directory.header(), directory.config()
     student = directory.student_digest()
-    key = key_of({"config": asdict(cfg), "student": student}, *PROBING)
+    key = key_of({"config": asdict(cfg), "student": student, "run": directory.walks_by()}, *PROBING)
     file = out / f"{name}.json"
     if (done := read_entry(file, key)) is not None:
         progress(name, 1.0)

@@ -17,7 +17,7 @@ from stiction.core.cache import cached, entry_file, key_of
 from stiction.core.errors import ConfigurationError, StictionError, TrainingError
 from stiction.core.files import digest_of
 from stiction.core.parallel import spread
-from stiction.evaluate.code import RUN_WALK_CODE
+from stiction.evaluate.code import RUN_WALK_CODE, WALK_CODE
 from stiction.evaluate.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.evaluate.grid import BATCH
 from stiction.evaluate.samples import SeedValues
@@ -25,7 +25,7 @@ from stiction.formats.results import DIRECTIONS, FOLLOWS, ResultRow
 from stiction.joints.friction import has_coefficient
 from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.config import TrainCfg
-from stiction.rma.run import latest_checkpoint
+from stiction.rma.run import RunDirectory, latest_checkpoint
 from stiction.robots.catalog import find_robot
 from stiction.studies.friction.evidence import TrainingEvidence, at
 from stiction.studies.friction.manifest import LEVEL, PlannedRun, condition_of
@@ -103,26 +103,27 @@ class Task:
 
     @property
     def key(self) -> str:
-        """What its rows depend on, for the cache: weights, settings and code.
+        """What its rows depend on, for the cache: weights, what walks on them, settings and code.
 
         Raises `StictionError` where the run has no such policy.
         """
-        return key_of([self._weights(), asdict(self.settings)], *RUN_WALK_CODE)
+        code = WALK_CODE if self.exported else RUN_WALK_CODE
+        return key_of([self._policy(), asdict(self.settings)], *code)
 
     @property
     def done(self) -> bool:
         """Whether its rows are there. Raises as `key`."""
         return entry_file(self.cache, self.who, self.key, ".json").exists()
 
-    def _weights(self) -> str:
-        """Return the digest of what walks."""
+    def _policy(self) -> Any:
+        """Return what tells apart what walks: a bundle's digest; of a run that of the weights, and what it walks by."""
         if self.exported:
             return self.run.bundle().digest
         checkpoint = latest_checkpoint(self.run.path / "checkpoints", self.who)
         if checkpoint is None:
             path = self.run.path
             raise TrainingError(f"{path} has no {self.who}; finish it with `stiction train --resume {path}`")
-        return digest_of(checkpoint)
+        return [digest_of(checkpoint), RunDirectory(self.run.path).walks_by()]
 
     def walk(self) -> list[ResultRow]:
         """Return its rows, walked on this thread, by the network of its run or by the policy that was exported."""

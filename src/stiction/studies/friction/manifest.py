@@ -14,7 +14,7 @@ with σ = 0.3 (7.5 N m, between that of hip and shank).
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -28,6 +28,7 @@ from stiction.formats.results import read_metrics
 from stiction.joints.net import ActuatorNet
 from stiction.rma.arguments import parse
 from stiction.rma.config import TrainCfg
+from stiction.rma.identity import difference, settings_of
 from stiction.rma.run import RunDirectory, latest_checkpoint
 
 LEVEL = 0.2
@@ -270,9 +271,7 @@ MANIFEST: tuple[Condition, ...] = (
     _design("known", "one phase, told its joints' friction", "--task.known-friction"),
     _design("known-drawn", "the same, ground of drawn softness", "--task.known-friction", *DRAWN),
     _design("quiet", "ground of drawn softness, quiet iterations at the end", *DRAWN, QUIET, "30"),
-    _design(
-        *("known-quiet", "the same, told its joints' friction", "--task.known-friction"), *DRAWN, QUIET, "30"
-    ),
+    _design(*("known-quiet", "the same, told its joints' friction", "--task.known-friction"), *DRAWN, QUIET, "30"),
     _design("slow-means", "one phase, means over a second as inputs", "--task.slow-means", "1"),
     _design("drawn-contact", "one phase, ground of drawn softness", *DRAWN),
     _design(
@@ -423,7 +422,8 @@ class PlannedRun:
     def bundle(self) -> Bundle:
         """Return the exported policy.
 
-        Raises `StictionError` where there is none, it is damaged, or it says that it is of another run.
+        Raises `StictionError` where there is none, it is damaged, or it says that it is of another run: by what the
+        contract says of friction and, where it has them, by its settings.
         """
         if self.policy is None:
             raise FileError(f"{self.run.name} has no exported policy; name the folder of the policies with --policies")
@@ -434,6 +434,11 @@ class PlannedRun:
         if found != expected:
             raise ConfigurationError(
                 f"{self.policy} is another policy than the manifest's: it is {found}, expected {expected}"
+            )
+        if other := difference(contract.settings, settings_of(self.cfg)):
+            raise ConfigurationError(
+                f"{self.policy} is another policy than the manifest's: it was trained with {other[0]}, expected "
+                f"{other[1]}; move it away, or name another folder with --policies"
             )
         return bundle
 
@@ -449,6 +454,15 @@ class PlannedRun:
         other = differences(found, expected, "SHA-256 of joints")
         same_net = _content(run.actuator()) == _content(net)
         return other if same_net else [*other, f"actuator is another net than {self.cfg.actuator}"]
+
+
+def unrecorded(planned: Sequence[PlannedRun]) -> list[str]:
+    """Return the names of the exported policies whose settings are not recorded: they are taken at their names.
+
+    Raises as `PlannedRun.bundle`.
+    """
+    exported = (run for run in planned if run.state() == "exported")
+    return [run.run.name for run in exported if run.bundle().contract.settings is None]
 
 
 def _content(net: ActuatorNet | None) -> Any:

@@ -71,10 +71,11 @@ class FrictionOptions(ParallelOptions, RedrawnOptions):
 
 def run(options: FrictionOptions, work: Work) -> Report | int:
     """Train, evaluate and judge; the exit status is 1 if a run could not be trained or evaluated."""
+    from stiction.rma.identity import unrecorded_note
     from stiction.studies.friction.assemble import assemble, judge_again, read_earlier, ship
     from stiction.studies.friction.evaluation import BASE, evaluate_tasks, tasks_for
     from stiction.studies.friction.evidence import parse_policy
-    from stiction.studies.friction.manifest import EVALUATED, PlannedRun, runs_of
+    from stiction.studies.friction.manifest import EVALUATED, PlannedRun, runs_of, unrecorded
     from stiction.studies.friction.training import train
 
     if options.judge_again:
@@ -94,6 +95,9 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
         have = {parse_policy(row.policy)[0] for row in before.rows}
         planned = [replace(run, policy=None) if run.run.name in have else run for run in planned]
     work.begin()
+    # Before anything is trained or walks: a policy that is another's stops all.
+    for note in unrecorded_note(unrecorded(planned)):
+        work.say(note)
     failed = train(planned, work.jobs, work.progress, work.say) if options.train else {}
     base = replace(BASE, episodes=options.episodes, seconds=options.seconds)
     finished = [run for run in planned if run.state() in EVALUATED]

@@ -33,6 +33,7 @@ from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
 from stiction.formats.following import following
 from stiction.formats.results import read_summary
+from stiction.rma.identity import difference
 from stiction.robots.catalog import find_robot, robot_in_file
 from stiction.robots.model import Robot
 from stiction.studies.claims import Verdict, rejudged_summary
@@ -260,12 +261,15 @@ def _once(records: Sequence[PartRecord]) -> list[PartRecord]:
 def check_methods(bundles: Sequence[Bundle]) -> None:
     """Raise `StictionError` where policies of one method are no seeds of one training: they would count as its samples.
 
-    On flat ground and over stairs apart, they must be of one robot, ground and friction, and of a seed each.
+    On flat ground and over stairs apart, they must be of one robot, ground and friction, of the same settings as far as
+    those are recorded, and of a seed each.
     """
     groups: dict[tuple[str, bool], list[Bundle]] = {}
     for bundle in bundles:
         groups.setdefault((method_of(bundle.contract), bundle.contract.terrain == "flat"), []).append(bundle)
-    for (method, _), (first, *others) in groups.items():
+    for (method, _), members in groups.items():
+        _check_settings(method, [bundle for bundle in members if bundle.contract.settings is not None])
+        first, *others = members
         seeds = {first.contract.seed: first.name}
         for other in others:
             if (one := _trained(first.contract)) != (two := _trained(other.contract)):
@@ -279,6 +283,26 @@ def check_methods(bundles: Sequence[Bundle]) -> None:
                     f"seed {seed}; expected one policy a method and seed"
                 )
             seeds[seed] = other.name
+
+
+def _check_settings(method: str, bundles: Sequence[Bundle]) -> None:
+    """Raise `StictionError` where the settings of two trainings of a method differ. bundles: those that have them."""
+    for other in bundles[1:]:
+        if found := difference(bundles[0].contract.settings, other.contract.settings):
+            raise ConfigurationError(
+                f"{bundles[0].name} and {other.name} are both of the method {method!r}, trained with {found[0]} and "
+                f"with {found[1]}; expected seeds of one training: leave one of them out"
+            )
+
+
+def unrecorded(bundles: Sequence[Bundle]) -> list[str]:
+    """Return the names of the policies that count as seeds of a method although their settings are not recorded."""
+    groups = Counter((method_of(bundle.contract), bundle.contract.terrain) for bundle in bundles)
+    return [
+        bundle.name
+        for bundle in bundles
+        if bundle.contract.settings is None and groups[method_of(bundle.contract), bundle.contract.terrain] > 1
+    ]
 
 
 def _trained(contract: Contract) -> str:

@@ -29,6 +29,14 @@ method on flat ground, and of two over stairs; none of an Actuator Net over stai
 that fails is named and left out, and the exit status is 1. Stop it at any time: the same command goes on; a walk in
 progress, or a bench of some minutes, is begun anew."""
 
+EXPORTING = (
+    *("evaluate/export.py", "evaluate/golden.py", "evaluate/rollout.py"),
+    *("formats/contract*.py", "formats/golden.py", "formats/observation.py"),
+    *("locomotion/config.py", "locomotion/randomization.py", "rma/identity.py", "rma/models.py", "rma/run.py"),
+    *("robots/*.py", "robots/shipped/*.py"),
+)
+"""Code that makes a bundle of a run."""
+
 ROBOT = "saturn_lite"
 """The paper's robot: engines are tried with it before anything is trained."""
 
@@ -79,11 +87,12 @@ class ReplicateOptions(ParallelOptions, RedrawnOptions):
 def run(options: ReplicateOptions, work: Work) -> Report:
     """Walk the comparison and judge it; the exit status is 1 if a run could not be trained."""
     from stiction.formats.advice import TRANSFER, write_source
+    from stiction.rma.identity import unrecorded_note
     from stiction.robots.catalog import find_robot
     from stiction.studies.replication.clips import render
     from stiction.studies.replication.page import report, warnings
     from stiction.studies.replication.plan import parts_of
-    from stiction.studies.replication.run import check_engines, judge_again, replicate, source_of
+    from stiction.studies.replication.run import check_engines, judge_again, replicate, source_of, unrecorded
 
     parts = parts_of(options.preset, options.num_robots)
     names = [part.name for part in parts]
@@ -107,7 +116,7 @@ def run(options: ReplicateOptions, work: Work) -> Report:
     walked = result.summary["policies"]
     bundles = [one for one in bundles if walked.get(one.name, {}).get("digest") == one.digest]
     clips = render(bundles, folders, out, find_robot(ROBOT), work.say) if options.clips else []
-    for note in warnings(result):
+    for note in (*unrecorded_note(unrecorded(bundles)), *warnings(result)):
         work.say(note)
     return replace(report(result, clips), files=write_advice, status=1 if failed else 0)
 
@@ -139,7 +148,7 @@ def exported(run: Path, out: Path) -> Path:
 
     directory = RunDirectory(run)
     directory.check_finished("student")
-    key = key_of(directory.student_digest(), "evaluate/export.py", "formats/contract.py")
+    key = key_of([directory.student_digest(), directory.walks_by()], *EXPORTING)
     folder = out / "bundles" / key[:12] / run.resolve().name
     if not folder.exists():
         make_folder(folder.parent)
