@@ -206,7 +206,8 @@ class StopCfg:
     """When a phase has learned enough and ends before its last iteration. Off unless a tracking error is named.
 
     All figures are those of training: noisy, pushed, randomised. Its tracking error is some 0.1 m/s above that of an
-    evaluation. Teacher and student each end by this rule, the teacher not before the last stage of friction has begun.
+    evaluation. Teacher and student each end by this rule, the teacher not before the last stage of friction has begun,
+    the noise is the least of the phase, and a disturber's limit has grown to its value.
     """
 
     tracking_error: Annotated[float | None, arg(aliases=("--stop-at-tracking-error",))] = None
