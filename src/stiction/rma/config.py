@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Annotated, Literal, get_args
 
@@ -357,7 +356,8 @@ class TrainCfg:
                 raise ConfigurationError(f"{name} has {len(layers)} layers; expected at most {MOST_LAYERS}")
             counts |= {f"{name}[{number}]": size for number, size in enumerate(layers)}
         for name, count in counts.items():
-            least, most = 0 if name in ("student.iterations", "teacher.quiet") else 1, MOST_COUNTS.get(name.rpartition(".")[2], 10_000)
+            least = 0 if name in ("student.iterations", "teacher.quiet") else 1
+            most = MOST_COUNTS.get(name.rpartition(".")[2], 10_000)
             if not least <= count <= most:
                 raise ConfigurationError(f"{name} is {count}; expected at least {least}, and at most {most}")
         if self.video_every < 0:
@@ -451,42 +451,6 @@ class TrainCfg:
             )
         if not teacher.velocity_weight > 0:
             raise ConfigurationError(f"teacher.velocity_weight is {teacher.velocity_weight}; expected more than 0")
-
-    def check_effects(self) -> None:
-        """Refuse settings without effect. Not in `__post_init__`: older runs may have some."""
-        teacher, student = self.teacher, self.student
-        for name in ("noise", "epochs"):
-            given = getattr(student, name)
-            if student.algorithm == "ppo" and given != getattr(StudentCfg(), name):
-                raise ConfigurationError(
-                    f"--student.{name} {given} is of distillation and has no effect with --student.algorithm ppo; "
-                    "leave it out"
-                )
-        if teacher.latent != "groups" and teacher.student_share != TeacherCfg().student_share:
-            raise ConfigurationError(
-                f"--teacher.student-share {teacher.student_share:g} has no effect with --teacher.latent "
-                f"{teacher.latent}; leave it out, or say --teacher.latent groups"
-            )
-        if not self.has_context and self.dreamwaq != DreamWaQCfg():
-            raise ConfigurationError("--dreamwaq.* has no effect without --method dreamwaq; leave it out")
-        if not self.is_disturbed and self.hinf != HinfCfg():
-            raise ConfigurationError("--hinf.* has no effect without --method hinf; leave it out")
-        for name, why in self.hinf.without_effect():
-            flag = name.replace("_", "-")
-            raise ConfigurationError(f"--hinf.{flag} {getattr(self.hinf, name)} has no effect: {why}; leave it out")
-        for flag, given, other in self._replaced() if self.has_context else ():
-            if given != other:
-                raise ConfigurationError(
-                    f"--{flag} {given} has no effect with --method dreamwaq, whose networks are --dreamwaq.*; leave it "
-                    "out"
-                )
-
-    def _replaced(self) -> Iterator[tuple[str, object, object]]:
-        """Yield what DreamWaQ's context takes the place of: flag, value, default."""
-        yield "task.estimated-friction", self.task.estimated_friction, False
-        yield "teacher.velocity-weight", self.teacher.velocity_weight, TeacherCfg().velocity_weight
-        for name in REPLACED:
-            yield f"network.{name.replace('_', '-')}", getattr(self.network, name), getattr(NetworkCfg(), name)
 
     def check_memory(self, robot: Robot) -> None:
         """Raise `StictionError` where the training needs more memory than there is. Of a GPU its own library knows."""
