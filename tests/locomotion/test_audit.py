@@ -129,9 +129,7 @@ def test_a_coefficient_of_load_beside_the_law_acts_as_its_formula_says() -> None
 
 
 @pytest.mark.parametrize("joints", [slice(None), slice(5, 6)])
-def test_a_coefficient_of_load_that_reaches_no_joint_is_caught(
-    monkeypatch: pytest.MonkeyPatch, joints: slice
-) -> None:
+def test_a_coefficient_of_load_that_reaches_no_joint_is_caught(monkeypatch: pytest.MonkeyPatch, joints: slice) -> None:
     """Its draws fill their range, and no joint, or all but one, has the friction."""
     whole = JointFriction.set_level
 

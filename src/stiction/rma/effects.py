@@ -181,11 +181,15 @@ def _task(cfg: TrainCfg) -> Idle:
         yield place + "known_friction", " without --task.known-friction"
     between = round(randomization.push_interval / task.control_period)
     if not between:
-        yield place + "push_velocity", f": with --task.randomization.push-interval {randomization.push_interval:g} no "\
-            "robot is pushed"
+        yield (
+            place + "push_velocity",
+            f": with --task.randomization.push-interval {randomization.push_interval:g} no robot is pushed",
+        )
         if randomization.push_interval:
-            yield place + "push_interval", f": it is less than a control period, {task.control_period:g} s, and no "\
-                "robot is pushed; 0 says so"
+            yield (
+                place + "push_interval",
+                f": it is less than a control period, {task.control_period:g} s, and no robot is pushed; 0 says so",
+            )
     elif between >= round(task.episode / task.control_period):
         yield place + "push_velocity", f": an episode of {task.episode:g} s is over before the first push"
     if not randomization.push_velocity:
@@ -209,7 +213,10 @@ def _run(cfg: TrainCfg) -> Idle:
     last = round(cfg.task.friction.last.begin * cfg.teacher.iterations)
     longest = max(cfg.teacher.iterations - last, cfg.student.iterations)
     if cfg.stop.iterations >= longest:
-        yield "stop.tracking_error", (
-            f": it is judged over --stop.iterations {cfg.stop.iterations}, and no phase has more than {longest} with "
-            "the friction of the last stage"
+        yield (
+            "stop.tracking_error",
+            (
+                f": it is judged over --stop.iterations {cfg.stop.iterations}, and no phase has more than {longest} with "
+                "the friction of the last stage"
+            ),
         )
