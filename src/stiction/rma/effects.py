@@ -213,10 +213,5 @@ def _run(cfg: TrainCfg) -> Idle:
     last = round(cfg.task.friction.last.begin * cfg.teacher.iterations)
     longest = max(cfg.teacher.iterations - last, cfg.student.iterations)
     if cfg.stop.iterations >= longest:
-        yield (
-            "stop.tracking_error",
-            (
-                f": it is judged over --stop.iterations {cfg.stop.iterations}, and no phase has more than {longest} with "
-                "the friction of the last stage"
-            ),
-        )
+        why = f"it is judged over --stop.iterations {cfg.stop.iterations}, and no phase has more than {longest}"
+        yield "stop.tracking_error", f": {why} with the friction of the last stage"
