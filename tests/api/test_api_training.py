@@ -17,7 +17,7 @@ from stiction.rma.presets import preset
 
 TINY = replace(
     preset("quick"),
-    network=NetworkCfg(actor=(8,), critic=(8,), privileged=(8,), history_frame=4, history=(8,), latent=4),
+    network=NetworkCfg(actor=(8,), critic=(8,), history_frame=4, history=(8,), latent=4),
     teacher=TeacherCfg(iterations=2, steps=4, epochs=2, mini_batches=2, latent="history"),
     student=StudentCfg(iterations=0),
     num_envs=4,

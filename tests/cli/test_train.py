@@ -88,7 +88,7 @@ def test_a_law_is_trained_and_resumed(tmp_path: Path, capsys: pytest.CaptureFixt
     rows = [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]
     assert [row["phase"] for row in rows] == ["teacher", "student"] and all(row["friction/share"] > 0 for row in rows)
     path = latest_checkpoint(run / "checkpoints", "teacher")
-    assert set(load_checkpoint(path)["environment"]["friction"]) == {"bound", "measured", "fresh"}
+    assert set(load_checkpoint(path)["environment"]["friction"]) == {"friction", "bound", "measured", "fresh"}
 
 
 def test_a_proposal_of_identify_is_what_is_trained(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

@@ -14,6 +14,7 @@ from stiction.locomotion.randomization import Randomizer
 from stiction.locomotion.rewards import RewardCfg
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
+from stiction.sim.friction import JointFriction
 
 NAMES = {
     *("armature", "damping", "friction", "stiffness", "motor_strength", "ground_friction", "payload", "center_of_mass"),
@@ -114,6 +115,35 @@ def test_a_law_that_does_not_act_is_caught(monkeypatch: pytest.MonkeyPatch, law:
         audit.Stand(find_robot("go1"), TaskCfg("go1", friction=FrictionCfg(level=0.1, law=law)))
     )
     assert "torque of break-away" in {row.quantity.split(": ")[1].partition(",")[0] for row in rows if not row.ok}
+
+
+BESIDE = TaskCfg(robot="go1", friction=FrictionCfg(level=0.1, load=(0.0, 0.2)))
+
+
+def test_a_coefficient_of_load_beside_the_law_acts_as_its_formula_says() -> None:
+    """Four rows of each: the law's own friction is put aside while that of the load is measured."""
+    rows = audit.audit_friction(audit.Stand(find_robot("go1"), BESIDE))
+    names = [(row.parameter, row.quantity.partition(": ")[0]) for row in rows]
+    assert names == [("friction", "coulomb")] * 4 + [("load_coefficient", "load")] * 4
+    assert all(abs(row.share - 1.0) < 0.03 for row in rows), rows
+
+
+@pytest.mark.parametrize("joints", [slice(None), slice(5, 6)])
+def test_a_coefficient_of_load_that_reaches_no_joint_is_caught(monkeypatch: pytest.MonkeyPatch, joints: slice) -> None:
+    """Its draws fill their range, and no joint, or all but one, has the friction."""
+    whole = JointFriction.set_level
+
+    def set_level(self: JointFriction, *levels: np.ndarray, ids: np.ndarray) -> None:
+        law, load = levels
+        load = np.broadcast_to(load, law.shape).copy()
+        load[:, joints] = 0.0
+        whole(self, law, load, ids=ids)
+
+    monkeypatch.setattr(JointFriction, "set_level", set_level)
+    rows = audit.audit_friction(audit.Stand(find_robot("go1"), BESIDE))
+    assert list(failed(rows)) == ["load_coefficient"]
+    brakes = next(row for row in rows if row.parameter == "load_coefficient" and "brakes" in row.quantity)
+    assert brakes.verdict == "DOES NOTHING"
 
 
 def test_a_delay_that_never_reaches_the_motor_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -122,6 +122,8 @@ def test_a_checkpoint_holds_what_each_robot_was_told(tmp_path: Path) -> None:
     ("changes", "message"),
     [
         ({"friction": FrictionCfg("none")}, "no friction in training of which a policy could be told"),
+        ({"friction": FrictionCfg("hinf", 0.2, load=(0.0, 0.1))}, "no friction in training of which"),
+        ({"friction": FrictionCfg("deception", 0.2, range=(0.0, 0.0))}, "no friction in training of which"),
         ({"error": (1.3, 0.7)}, "known_friction is the range"),
         ({"error": (-0.1, 1.0)}, "known_friction is the range"),
     ],

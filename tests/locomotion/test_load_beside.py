@@ -7,6 +7,8 @@ import torch
 from locomotion.test_env import make
 from stiction.core.errors import StictionError
 from stiction.joints.friction import Law
+from stiction.locomotion.config import TaskCfg
+from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
 
 BOTH = FrictionCfg("deception", level=0.1, range=(0.0, 1.0), load=(0.0, 0.1))
@@ -51,6 +53,42 @@ def test_spread_keeps_the_mean_of_a_robot_and_lets_its_joints_differ() -> None:
     mean = drawn.mean(axis=1, keepdims=True)
     assert 0.3 < (drawn / mean).min() < 0.6 and 1.4 < (drawn / mean).max() < 2.0
     assert drawn.max() <= 1.2 * 1.5 and mean.min() < 0.05 and 0.5 < mean.mean() < 0.7
+
+
+@pytest.mark.parametrize(
+    ("words", "by_law", "any_at_all"),
+    [
+        ({}, True, True),
+        ({"level": None}, True, True),
+        ({"level": 0.0}, False, False),
+        ({"level": 0.0, "load": (0.0, 0.1)}, False, True),
+        ({"range": (0.0, 0.0)}, False, False),
+        ({"range": (0.0, 0.0), "load": (0.0, 0.1)}, False, True),
+        ({"mixture": ((1.0, 0.0, 0.0),)}, False, False),
+        ({"mixture": ((1.0, 0.0, 0.0), (0.1, 0.5, 0.5))}, True, True),
+        ({"spread": (0.0, 0.0)}, False, False),
+        ({"spread": (0.0, 2.0)}, True, True),
+        ({"load": (0.0, 0.0)}, True, True),
+        ({"method": "none"}, False, False),
+        ({"method": "iterative"}, True, True),
+        ({"method": "hinf"}, False, False),
+        ({"method": "hinf", "spread": (0.5, 1.5)}, False, False),
+        ({"method": "hinf", "range": (0.0, 1.2)}, True, True),
+        ({"method": "dreamwaq", "range": (0.0, 0.0)}, False, False),
+        ({"method": "dreamwaq", "load": (0.0, 0.0)}, False, False),
+        ({"method": "dreamwaq", "load": (0.0, 0.1)}, False, True),
+    ],
+)
+def test_friction_is_there_where_a_robot_can_draw_some(words: dict, by_law: bool, any_at_all: bool) -> None:
+    """By its draws, not by the names of its options: what is counted on is told, disturbed, and shown."""
+    cfg = FrictionCfg(**{"level": 0.2} | words)
+    assert (cfg.draws_law, cfg.has_friction) == (by_law, any_at_all)
+    env = LocomotionEnv(TaskCfg(robot="go1", friction=cfg), 16, 0)
+    env.enter_stage(len(cfg.schedule) - 1)
+    assert (bool(env.randomizer.unloaded_share().any()), bool(env.randomizer.friction_share().any())) == (
+        by_law,
+        any_at_all,
+    )
 
 
 def test_without_them_nothing_else_is_drawn() -> None:

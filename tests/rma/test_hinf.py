@@ -14,7 +14,7 @@ from stiction.core.errors import StictionError
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.rewards import RewardCfg, best_reward
-from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
+from stiction.rma.config import NetworkCfg, StopCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.rma.disturber import (
     LearningDisturber,
     RandomDisturber,
@@ -26,6 +26,8 @@ from stiction.rma.disturber import (
 from stiction.rma.hinf import HinfPPO, ascended, combined, cost, tightened
 from stiction.rma.hinf_config import DisturberName, HinfCfg
 from stiction.rma.ppo import AdaptationPPO
+from stiction.rma.run import RunDirectory
+from stiction.rma.runner import train
 from stiction.robots.catalog import find_robot
 
 PLAIN = TrainCfg(
@@ -297,6 +299,17 @@ def test_the_curriculum_raises_the_limit_on_a_straight_line(tmp_path: Path) -> N
     rows = [runner.iterate() for _ in range(3)]
     assert [row["hinf/limit"] for row in rows] == pytest.approx([0.25, 0.5, 0.5])
     assert phase_runner(HINF, tmp_path / "b").alg.scale == 1.0
+
+
+def test_a_phase_does_not_end_before_the_curriculum_has(tmp_path: Path) -> None:
+    """The limit of all four iterations' curriculum is there in the third: a target met under half of it is not met."""
+    cfg = replace(with_hinf(curriculum=0.75), stop=StopCfg(tracking_error=10.0, iterations=1, falls=1e6))
+    summary = train(cfg, RunDirectory.create(tmp_path / "run", cfg, "test", None))
+    assert summary["stopped"]["teacher"]["iteration"] == 3
+    at_once = phase_runner(replace(cfg, hinf=HINF.hinf), tmp_path / "b")
+    assert at_once.early_stop.not_before == 0
+    nobody = replace(cfg, hinf=replace(cfg.hinf, disturber="none"))
+    assert phase_runner(nobody, tmp_path / "c").early_stop.not_before == 0
 
 
 def test_other_methods_are_never_disturbed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

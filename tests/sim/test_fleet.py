@@ -93,6 +93,27 @@ def test_delayed_command_reaches_the_motor_late() -> None:
     assert seen[2] > 2.0
 
 
+@pytest.mark.parametrize("ids", [[0, 1, 2], [0, 2]])
+def test_a_fresh_robot_with_a_delay_measures_what_it_would_without(ids: list[int]) -> None:
+    """Its delay line is empty: motors would seem to pull towards angle 0, at their limit, and the feet to be loaded."""
+    spec = find_robot("saturn_lite")
+    fleets = [Fleet(spec, 3, joint_sensors=True) for _ in range(2)]
+    delay = np.array([0.005, 0.01, 0.015])
+    fleets[1].delay[:] = delay[:, None]
+    for fleet in fleets:
+        fleet.set_targets(fleet.standing + np.full((3, 1), 0.1))
+        fleet.step()
+        fleet.reset(np.array(ids))
+    at_once, late = fleets
+    for name in ("torque", "foot_force", "joint_load"):
+        assert np.array_equal(getattr(late, name)[ids], getattr(at_once, name)[ids])
+    assert np.abs(late.torque[ids]).max() < 1e-9
+    weight = late.foot_force[ids].sum(axis=1)
+    np.testing.assert_array_less(weight, 2.0 * spec.weight)
+    assert np.array_equal(late.delay, np.broadcast_to(delay[:, None], late.delay.shape))
+    assert len(ids) == 3 or np.abs(late.torque[1]).max() > 0.1
+
+
 def test_a_robot_that_blows_up_is_named_counted_and_reset() -> None:
     """NaN in one robot must neither pass unnoticed nor reach the others."""
     fleet = Fleet(find_robot("go1"), 4, threads=2)

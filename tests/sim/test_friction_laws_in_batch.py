@@ -88,13 +88,36 @@ def test_a_robot_that_blew_up_has_finite_friction_again(law: Law) -> None:
     assert len(fleet.step()) == 0 and (fleet.friction[1] > 0.0).all()
 
 
+@pytest.mark.parametrize("laws", [*((law,) for law in MEASURED), (Law("stribeck"),), (Law(), Law("load"))])
+@pytest.mark.parametrize("delay", [0.0, 0.015])
+def test_a_redrawn_robot_has_the_friction_of_its_own_state_at_once(laws: tuple[Law, ...], delay: float) -> None:
+    """What disturbs joints in proportion to their friction reads it before the step: it would read another robot's."""
+    fleet = Fleet(find_robot("go1"), 3, joint_sensors=True)
+    fleet.delay[:] = delay
+    friction = JointFriction(fleet, *laws)
+    friction.set_level(*(np.full((3, 12), 0.1) for _ in laws))
+    fleet.set_targets(fleet.standing + 0.3)
+    for _ in range(3):
+        fleet.step()
+    others, chosen = fleet.friction[:2].copy(), np.array([2])
+    # In this order the task begins an episode.
+    friction.set_level(*(np.full((1, 12), 0.4) for _ in laws), ids=chosen)
+    fleet.reset(chosen)
+    expected = sum(0.4 * friction.factor(law, chosen) * np.ones((1, 12)) for law in laws)
+    np.testing.assert_allclose(fleet.friction[chosen], expected)
+    np.testing.assert_array_equal(fleet.friction[:2], others)
+    at_once = fleet.friction[chosen].copy()
+    fleet.substep()
+    np.testing.assert_allclose(fleet.friction[chosen], at_once)
+
+
 def test_the_bounds_of_two_laws_add_up() -> None:
     """2 N m of Coulomb friction, and half of the old and half of the new 0.1 of what the joints transmit."""
     fleet = Fleet(find_robot("go1"), 2, joint_sensors=True)
     friction = JointFriction(fleet, Law(), Law("load"))
     friction.set_level(np.full((2, 12), 2.0), np.full((2, 12), 0.1))
-    np.testing.assert_array_equal(fleet.friction, 2.0)
     first = load_size(fleet.joint_load)
+    np.testing.assert_allclose(fleet.friction, 2.0 + 0.1 * first)
     fleet.substep()
     np.testing.assert_allclose(fleet.friction, 2.0 + 0.1 * first)
     second = load_size(fleet.joint_load)
@@ -129,12 +152,13 @@ def test_state_restores_the_friction_bit_by_bit(laws: tuple[Law, ...]) -> None:
         return fleet.qpos.copy()
 
     walk(targets[:10])
-    saved, kept = fleet.simulation.state(), friction.state()
+    saved, kept, bounds = fleet.simulation.state(), friction.state(), fleet.friction.copy()
     first = walk(targets[10:])
     fleet.reset(np.arange(2))
     friction.set_level(*levels)
     fleet.simulation.load_state(saved)
     friction.load_state(kept)
+    np.testing.assert_array_equal(fleet.friction, bounds)
     np.testing.assert_array_equal(walk(targets[10:]), first)
 
 

@@ -19,6 +19,7 @@ from stiction.core.lock import output_folder, replaced_folder
 from stiction.formats.joints import read_training
 from stiction.locomotion.friction import FrictionMethod
 from stiction.rma.config import TrainCfg
+from stiction.rma.effects import check_effects
 from stiction.rma.presets import PresetName
 from stiction.rma.presets import preset as preset_of
 
@@ -120,13 +121,14 @@ def train(
             raise ConfigurationError("friction_from and method or friction_level both set the friction; leave one out")
         proposed, where = _proposal(friction_from)
         cfg = with_friction(cfg, proposed, where)
+        given = replace(given, task=replace(given.task, friction=cfg.task.friction))
     elif method is not None or friction_level is not None:
         old = cfg.task.friction
         friction = replace(
             old, method=method or old.method, level=old.level if friction_level is None else friction_level
         )
         cfg = replace(cfg, task=replace(cfg.task, friction=friction))
-    cfg.check_effects()
+    check_effects(cfg, given if config is None else None)
     run, cfg = begin_run(Path(out), cfg, "stiction.train(...)", several(joint_map), say)
     with output_folder(run.path):
         return Trained(run.path, run_training(cfg, run, identified_values(run.header()), progress))

@@ -81,7 +81,7 @@ def figures_line(cfg: TrainCfg, figures: Mapping[str, float]) -> str:
     if "terrain/level" in figures:
         words.append(f"terrain level {figures['terrain/level']:.2f}")
     friction = cfg.task.friction
-    if friction.has_friction:
+    if friction.draws_law:
         nominal, sign = (1.0, "×") if friction.level is None else (friction.level, "")
         low, high = figures["friction/low"] * nominal, figures["friction/high"] * nominal
         words.append(f"friction {sign}{low:.3g} to {sign}{high:.3g}")

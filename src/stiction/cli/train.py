@@ -9,13 +9,15 @@ import sys
 import warnings
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stiction.core.errors import ConfigurationError, StictionError
 from stiction.core.extras import require
-from stiction.rma.arguments import Train, parse
+from stiction.rma.arguments import Train, defaults, parse
 from stiction.rma.config import TrainCfg
+from stiction.rma.effects import check_effects
 
 if TYPE_CHECKING:
     from stiction.rma.run import RunDirectory
@@ -105,7 +107,9 @@ def _begin(options: Train, arguments: list[str]) -> tuple[RunDirectory, TrainCfg
 
     cfg = options.config
     if options.friction_from is not None:
-        cfg = _friction_from(options.friction_from, cfg, arguments)
+        cfg, base = _friction_from(options.friction_from, cfg, arguments), defaults(arguments)
+        # Once more, with the file's friction: nobody typed that, but what was typed has to go with it.
+        check_effects(cfg, replace(base, task=replace(base.task, friction=cfg.task.friction)))
     command = shlex.join(["stiction", "train", *arguments])
     return begin_run(options.out, cfg, command, options.joint_map, _say, named_ranks())
 

@@ -41,7 +41,7 @@ class AuditRow:
     """The audit of one parameter."""
 
     parameter: str
-    """Field of `RandomizationCfg`, or `friction`, or a check of its own."""
+    """Field of `RandomizationCfg`, or `friction`, or `load_coefficient` beside it, or a check of its own."""
     quantity: str
     """What was measured."""
     share: float
@@ -95,11 +95,21 @@ def audit_joints(stand: Stand) -> list[AuditRow]:
 
 
 def audit_friction(stand: Stand) -> list[AuditRow]:
-    """Check the law of friction at the largest multiplier: at rest, at break-away, and sliding."""
-    most = stand.cfg.friction.last.range[1]
-    if most == 0.0 or stand.cfg.friction.level == 0.0:
-        return []
-    bench, law = FrictionBench(stand, most), stand.cfg.friction.law
+    """Check the law of friction at the largest multiplier, and the coefficient of load beside it."""
+    cfg, rows = stand.cfg.friction, []
+    most = cfg.last.range[1]
+    if most > 0.0 and cfg.level != 0.0:
+        rows += _friction_rows("friction", FrictionBench(stand, most))
+    if cfg.load is not None and cfg.load[1] > 0.0:
+        # As with the level: less moves a joint less than the physics step's own error.
+        coefficient = max(cfg.load[1], AUDIT_LEVEL)
+        rows += _friction_rows("load_coefficient", FrictionBench(stand, 0.0, coefficient))
+    return rows
+
+
+def _friction_rows(parameter: str, bench: FrictionBench) -> list[AuditRow]:
+    """Check friction at rest, at break-away, and sliding."""
+    law = bench.law.name
     hold, begin = (values[np.argmax(np.abs(values - 1.0))] for values in (bench.hold(), bench.break_away()))
     shares = {
         "holds below its bound": hold,
@@ -107,7 +117,7 @@ def audit_friction(stand: Stand) -> list[AuditRow]:
         "brakes above its bound": effect_share(*bench.slowed(coasting=False)),
         "slows free motion": effect_share(*bench.slowed(coasting=True)),
     }
-    return [AuditRow("friction", f"{law}: {what}, worst joint", float(share)) for what, share in shares.items()]
+    return [AuditRow(parameter, f"{law}: {what}, worst joint", float(share)) for what, share in shares.items()]
 
 
 def audit_body(stand: Stand) -> list[AuditRow]:

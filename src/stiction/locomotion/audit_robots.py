@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 import torch
 
-from stiction.joints.friction import Coulomb
+from stiction.joints.friction import Coulomb, Law
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Joint, simulate
 from stiction.locomotion.config import TaskCfg
@@ -192,14 +192,19 @@ class LoadedJoint:
 class FrictionBench:
     """Runs in one batch: for each joint a search of break-away, a run below the bound, one above, one coasting."""
 
-    def __init__(self, stand: Stand, multiplier: float) -> None:
-        """Prepare robots whose friction is `multiplier` times the nominal one."""
-        self.stand, self.law = stand, stand.cfg.friction.joint_law
+    def __init__(self, stand: Stand, multiplier: float, coefficient: float = 0.0) -> None:
+        """Prepare robots whose friction is `multiplier` times the nominal one.
+
+        `coefficient`: of the load, in place of that friction, where the task draws one beside its law.
+        """
+        self.stand, self.law = stand, Law("load") if coefficient else stand.cfg.friction.joint_law
         self.joints, self.runs = stand.spec.num_joints, len(SHARES) + 3
         self.joint = np.repeat(np.arange(self.joints), self.runs)
         self.robot = np.arange(len(self.joint))
-        self.fleet, randomizer = stand.fleet(len(self.joint), friction=multiplier)
-        self.known = loaded_joints(self.fleet, multiplier * randomizer.nominal.frictionloss)
+        draws = {"load_coefficient": coefficient} if coefficient else {"friction": multiplier}
+        self.fleet, randomizer = stand.fleet(len(self.joint), **draws)
+        level = np.full(self.joints, coefficient) if coefficient else multiplier * randomizer.nominal.frictionloss
+        self.known = loaded_joints(self.fleet, level)
         share = np.array([*SHARES, HOLD, SLIDE, 0.0])
         self.net = (self.bound_at_rest()[:, None] * share).ravel()
         self.speed = np.zeros_like(self.net)

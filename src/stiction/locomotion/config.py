@@ -201,7 +201,7 @@ class TaskCfg:
                 f"slow means over {self.slow_means} s: expected from one control period, {self.control_period} s, to "
                 f"{SLOWEST:g} s"
             )
-        if self.known_friction and not self.friction.has_friction:
+        if self.known_friction and not self.friction.draws_law:
             raise ConfigurationError(
                 f"known_friction with the method {self.friction.method!r}: there is no friction in training of which a "
                 "policy could be told; use another --method"

@@ -180,9 +180,28 @@ class FrictionCfg:
                 )
 
     @property
-    def has_friction(self) -> bool:
-        """Whether training draws any: not by `none`, and by `dreamwaq` and `hinf` where range or mixture asks."""
+    def asks(self) -> bool:
+        """Whether friction by the law is asked for: not by `none`, and by `dreamwaq` and `hinf` with range or mixture.
+
+        It may still be none: see `draws_law`.
+        """
         return FRICTION_RANGES[self.method] != (0.0, 0.0) or self.range is not None or bool(self.mixture)
+
+    @property
+    def draws_law(self) -> bool:
+        """Whether training draws friction by the law: a multiplier above 0, of a level that is not 0."""
+        most = 1.0 if self.spread is None else self.spread[1]
+        return self.level != 0.0 and self.last.range[1] * most > 0.0
+
+    @property
+    def draws_load(self) -> bool:
+        """Whether training draws a coefficient of load beside the law, above 0."""
+        return self.load is not None and self.load[1] > 0.0
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether training draws any, by the law or beside it."""
+        return self.draws_law or self.draws_load
 
     @property
     def joint_law(self) -> Law:

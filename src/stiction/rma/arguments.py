@@ -10,6 +10,7 @@ import tyro
 
 from stiction.core.options import read_options
 from stiction.rma.config import TrainCfg
+from stiction.rma.effects import check_effects
 from stiction.rma.presets import PRESETS, PresetName, preset
 
 DESCRIPTION = """Train a policy that walks on what the robot measures, with or without friction in its joints.
@@ -80,9 +81,9 @@ def parse(arguments: list[str]) -> Train:
 
     Raises `ConfigurationError` where one of them would have no effect.
     """
-    default = Train(config=_defaults(arguments))
+    default = Train(config=defaults(arguments))
     options = read_options(Train, arguments, "stiction train", DESCRIPTION, default, GROUPS)
-    options.config.check_effects()
+    check_effects(options.config, default.config)
     return options
 
 
@@ -95,8 +96,11 @@ def _named(arguments: list[str], flag: str) -> str | None:
     return None
 
 
-def _defaults(arguments: list[str]) -> TrainCfg:
-    """Find preset, device, engine and method first: they change the defaults that the parser then shows."""
+def defaults(arguments: list[str]) -> TrainCfg:
+    """Return what a command line begins with, before any of its settings.
+
+    Find preset, device, engine and method first: they change the defaults that the parser then shows.
+    """
     name, method = _named(arguments, "--preset"), _named(arguments, "--method")
     method = method or _named(arguments, "--task.friction.method")
     device, engine = _named(arguments, "--device") or "cpu", _named(arguments, "--engine") or "mujoco"

@@ -22,6 +22,7 @@ from stiction.rma.run import RunDirectory
 from stiction.rma.simulator import find_simulator, why_task_on_host
 from stiction.robots.catalog import find_robot
 from stiction.robots.mirror import robot_mirror
+from stiction.robots.model import Robot
 from stiction.sim.fleet import Fleet
 
 Say = Callable[[str], None]
@@ -41,11 +42,7 @@ def begin_run(
     command: by which the run was asked for; joint_map: RECORDED=JOINT pairs for `cfg.joints`; ranks: the processes that
     will train it. Raises `StictionError` for whatever cannot be trained, before the folder is made.
     """
-    if cfg.task.friction.has_friction and cfg.task.friction.level == 0.0:
-        raise ConfigurationError(
-            f"--method {cfg.task.friction.method} at --friction-level 0 trains without friction; "
-            "use --method none, or a level above 0"
-        )
+    _check_friction(cfg.task.friction)
     if cfg.has_context and not cfg.task.friction.has_friction:
         say("dreamwaq trains without dry friction, as in its paper; with: --task.friction.range 0 1.2")
     if cfg.is_disturbed and not cfg.task.friction.has_friction:
@@ -64,7 +61,36 @@ def begin_run(
         robot_mirror(robot)
     refuse_alone(joint_map, cfg.joints)
     identified = nominal_of(cfg.joints, cfg.task.robot, joint_map, cfg.task.friction, say)
+    _check_own_friction(cfg, robot, identified)
     return RunDirectory.create(out, cfg, command, identified, ranks.size), cfg
+
+
+def _check_friction(friction: FrictionCfg) -> None:
+    """Refuse friction that is asked for and cannot be there."""
+    if friction.has_friction or not friction.asks:
+        return
+    if friction.level == 0.0:
+        raise ConfigurationError(
+            f"--method {friction.method} at --friction-level 0 trains without friction; "
+            "use --method none, or a level above 0"
+        )
+    raise ConfigurationError(
+        f"--method {friction.method} with a range, mixture or spread that ends at 0 trains without friction; "
+        "use --method none, or an upper end above 0"
+    )
+
+
+def _check_own_friction(cfg: TrainCfg, robot: Robot, identified: dict[str, Any] | None) -> None:
+    """Refuse multiples of the joints' own friction where nobody has said how much that is."""
+    friction = cfg.task.friction
+    if friction.level is not None or not friction.draws_law or has_coefficient(friction.law):
+        return
+    found = () if identified is None else identified["values"]["frictionloss"]
+    if not robot.joint_values("frictionloss").any() and not any(found):
+        raise ConfigurationError(
+            f"--method {friction.method} draws multiples of the friction that the joints of {robot.name} have, which "
+            "nobody has measured: none; say --friction-level 0.2 or so, --joints, or --method none"
+        )
 
 
 def with_friction(cfg: TrainCfg, training: Mapping[str, Any], where: str) -> TrainCfg:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Annotated, Literal, get_args
 
@@ -208,7 +207,8 @@ class StopCfg:
     """When a phase has learned enough and ends before its last iteration. Off unless a tracking error is named.
 
     All figures are those of training: noisy, pushed, randomised. Its tracking error is some 0.1 m/s above that of an
-    evaluation. Teacher and student each end by this rule, the teacher not before the last stage of friction has begun.
+    evaluation. Teacher and student each end by this rule, the teacher not before the last stage of friction has begun,
+    the noise is the least of the phase, and a disturber's limit has grown to its value.
     """
 
     tracking_error: Annotated[float | None, arg(aliases=("--stop-at-tracking-error",))] = None
@@ -449,42 +449,6 @@ class TrainCfg:
             )
         if not teacher.velocity_weight > 0:
             raise ConfigurationError(f"teacher.velocity_weight is {teacher.velocity_weight}; expected more than 0")
-
-    def check_effects(self) -> None:
-        """Refuse settings without effect. Not in `__post_init__`: older runs may have some."""
-        teacher, student = self.teacher, self.student
-        for name in ("noise", "epochs"):
-            given = getattr(student, name)
-            if student.algorithm == "ppo" and given != getattr(StudentCfg(), name):
-                raise ConfigurationError(
-                    f"--student.{name} {given} is of distillation and has no effect with --student.algorithm ppo; "
-                    "leave it out"
-                )
-        if teacher.latent != "groups" and teacher.student_share != TeacherCfg().student_share:
-            raise ConfigurationError(
-                f"--teacher.student-share {teacher.student_share:g} has no effect with --teacher.latent "
-                f"{teacher.latent}; leave it out, or say --teacher.latent groups"
-            )
-        if not self.has_context and self.dreamwaq != DreamWaQCfg():
-            raise ConfigurationError("--dreamwaq.* has no effect without --method dreamwaq; leave it out")
-        if not self.is_disturbed and self.hinf != HinfCfg():
-            raise ConfigurationError("--hinf.* has no effect without --method hinf; leave it out")
-        for name, why in self.hinf.without_effect():
-            flag = name.replace("_", "-")
-            raise ConfigurationError(f"--hinf.{flag} {getattr(self.hinf, name)} has no effect: {why}; leave it out")
-        for flag, given, other in self._replaced() if self.has_context else ():
-            if given != other:
-                raise ConfigurationError(
-                    f"--{flag} {given} has no effect with --method dreamwaq, whose networks are --dreamwaq.*; leave it "
-                    "out"
-                )
-
-    def _replaced(self) -> Iterator[tuple[str, object, object]]:
-        """Yield what DreamWaQ's context takes the place of: flag, value, default."""
-        yield "task.estimated-friction", self.task.estimated_friction, False
-        yield "teacher.velocity-weight", self.teacher.velocity_weight, TeacherCfg().velocity_weight
-        for name in REPLACED:
-            yield f"network.{name.replace('_', '-')}", getattr(self.network, name), getattr(NetworkCfg(), name)
 
     def check_memory(self, robot: Robot) -> None:
         """Raise `StictionError` where the training needs more memory than there is. Of a GPU its own library knows."""

@@ -149,7 +149,7 @@ class EarlyStop:
 
     def __init__(self, cfg: StopCfg, last_stage: int, not_before: int = 0) -> None:
         """`last_stage`: of the friction, to which all averaged iterations must belong; `not_before`: first iteration
-        that counts, from which robots walk with their least noise.
+        that counts, from which robots walk with their least noise, and are disturbed up to the limit.
         """
         self.cfg, self.last_stage, self.not_before = cfg, last_stage, not_before
         self._rows: deque[Row] = deque(maxlen=cfg.iterations)

@@ -16,6 +16,7 @@ The disturber maximises the return of h (`stiction.rma.disturber`). What the pap
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import torch
@@ -101,6 +102,12 @@ class HinfPPO(AdaptationPPO):
         """Share of the limit that the curriculum has reached."""
         over = self.hinf.curriculum * self.iterations
         return min(1.0, (self.iteration + 1) / over) if over > 0 else 1.0
+
+    @property
+    def settled_from(self) -> int:
+        """Iteration from which robots walk as they will in the end: disturbed up to the limit too."""
+        grown = math.ceil(self.hinf.curriculum * self.iterations) if self.hinf.disturbs else 0
+        return max(super().settled_from, grown)
 
     def act(self, obs: TensorDict) -> torch.Tensor:
         """Sample actions, and disturb the step that follows."""

@@ -106,21 +106,16 @@ class HinfCfg:
         """Whether the disturber learns, and the constraint with it."""
         return self.disturbs and self.disturber in ("force", "friction")
 
-    def without_effect(self) -> Iterator[tuple[str, str]]:
-        """Yield what was set and does nothing: a field, and why."""
-        idle: dict[str, str] = {}
+    def idle(self) -> Iterator[tuple[str, str]]:
+        """Yield the fields that do nothing beside the others, each with why."""
         if not self.disturbs:
             why = f"with --hinf.disturber {self.disturber} and --hinf.limit {self.share:g} nobody disturbs"
-            idle = {field.name: why for field in fields(self) if field.name not in ("disturber", "limit")}
+            yield from ((field.name, why) for field in fields(self) if field.name not in ("disturber", "limit"))
             if self.disturber == "none":
-                idle["limit"] = "with --hinf.disturber none nobody disturbs"
+                yield "limit", "with --hinf.disturber none nobody disturbs"
         elif self.learns:
-            idle = {"hold": "a disturber that learns acts anew at every step"}
+            yield "hold", "a disturber that learns acts anew at every step"
             if self.eta == 0:
-                idle["tightening"] = "with --hinf.eta 0 there is nothing to tighten"
+                yield "tightening", "with --hinf.eta 0 there is nothing to tighten"
         else:
-            idle = dict.fromkeys(LEARNT, f"--hinf.disturber {self.disturber} does not learn")
-        default = HinfCfg()
-        for name, why in idle.items():
-            if getattr(self, name) != getattr(default, name):
-                yield name, why
+            yield from ((name, f"--hinf.disturber {self.disturber} does not learn") for name in LEARNT)

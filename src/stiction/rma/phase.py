@@ -104,7 +104,7 @@ class PhaseRunner(OnPolicyRunner):
             self.alg.symmetry.remembered = self.alg.actor.remembered
             self.alg.symmetry.targets = self.alg.targets
         self.health = Health(self.env.num_envs, self.rl_cfg["algorithm"].get("desired_kl", 0.01))
-        steady = self.alg.least_noise_from if isinstance(self.alg, AdaptationPPO) else 0
+        steady = self.alg.settled_from if isinstance(self.alg, AdaptationPPO) else 0
         self.early_stop = EarlyStop(self.stop, len(self.env.cfg.friction.schedule) - 1, steady)
 
     def _configure_multi_gpu(self) -> None:

@@ -127,8 +127,8 @@ class AdaptationPPO(PPO):
         return losses
 
     @property
-    def least_noise_from(self) -> int:
-        """Iteration from which robots walk with the least noise of the phase."""
+    def settled_from(self) -> int:
+        """Iteration from which robots walk as they will in the end: with the least noise of the phase."""
         return 0 if self.noise is None else self.noise[2]
 
     @property

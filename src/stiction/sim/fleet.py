@@ -281,7 +281,11 @@ class Fleet:
         """
         if not len(ids):
             return
+        # A delay line is empty at first, and a motor at its end would pull towards angle 0 in what is derived here.
+        delay = self.delay[ids].copy()
+        self.delay[ids] = 0.0
         self.simulation.reset(ids)
+        self.delay[ids] = delay
         self.targets[ids] = self.standing
         # A delayed motor would else first be given the targets of the episode before.
         self._delayed_targets[ids] = self.standing[:, None]

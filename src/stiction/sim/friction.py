@@ -69,18 +69,22 @@ class JointFriction:
             fleet.after_reset.append(self.forget)
 
     def set_level(self, *levels: np.ndarray, ids: np.ndarray | slice = slice(None)) -> None:
-        """Give the robots `ids` their level under each law, shape (len(ids), joints), and forget their old bounds."""
-        for law, level, bound, values in zip(self.laws, self.levels, self._bounds, levels, strict=True):
+        """Give the robots `ids` their level under each law, shape (len(ids), joints), and the bounds of now."""
+        for level, values in zip(self.levels, levels, strict=True):
             level[ids] = values
-            # A coefficient is no bound before the load is known: `act` writes that one.
-            if law.spec.unit == "share":
-                bound[ids] = values
+        self.forget(ids)
+
+    def forget(self, ids: np.ndarray | slice) -> None:
+        """Give the robots `ids`, which were just reset, the bounds of their present state in place of their old ones.
+
+        Whoever reads `Fleet.friction` before the next step would else see the friction of the robot before.
+        """
+        for law, level, bound in zip(self.laws, self.levels, self._bounds, strict=True):
+            now = level[ids] * self.factor(law, ids)
+            # Of a robot that blew up nothing is known before its reset.
+            bound[ids] = np.where(np.isfinite(now), now, bound[ids])
         self._fresh[ids] = True
         self.fleet.friction[ids] = sum(bound[ids] for bound in self._bounds)
-
-    def forget(self, ids: np.ndarray) -> None:
-        """Forget the old bounds of the robots `ids`, which were just reset."""
-        self._fresh[ids] = True
 
     def act(self, fleet: Fleet) -> None:
         """Write the bounds of the coming step.
@@ -99,27 +103,31 @@ class JointFriction:
         self._fresh[:] = False
         fleet.friction[:] = sum(self._bounds)
 
-    def factor(self, law: Law) -> np.ndarray:
-        """Return what the level of one law is multiplied by now, shape (N, joints)."""
-        return np.asarray(law.factor(**{name: SIGNALS[name](self.fleet) for name in law.spec.reads}))
+    def factor(self, law: Law, ids: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Return what the level of one law is multiplied by now, shape (len(ids), joints), or one number."""
+        return np.asarray(law.factor(**{name: SIGNALS[name](self.fleet)[ids] for name in law.spec.reads}))
 
     def state(self) -> dict[str, np.ndarray]:
         """Return a copy of what the next step depends on beside the simulation's state and `levels`.
 
-        Only a law that reads sensors, which are not in the simulation's state, has any.
+        Of laws that read nothing there is none; sensors, which are not in the simulation's state, are in this one.
         """
-        if self._sensed is None:
+        if not any(law.spec.reads for law in self.laws):
             return {}
-        bound, measured = self._bounds[self._sensed], self.factor(self.laws[self._sensed])
-        return {"bound": bound.copy(), "measured": measured.copy(), "fresh": self._fresh.copy()}
+        state = {"friction": self.fleet.friction.copy()}
+        if self._sensed is not None:
+            bound, measured = self._bounds[self._sensed], self.factor(self.laws[self._sensed])
+            state |= {"bound": bound.copy(), "measured": measured.copy(), "fresh": self._fresh.copy()}
+        return state
 
     def load_state(self, state: dict[str, np.ndarray]) -> None:
         """Restore what `state` returned; the next step is then bit-identical."""
-        if self._sensed is None or not state:
-            return
-        self._bounds[self._sensed][:] = state["bound"]
-        self._restored, self._fresh = state["measured"].copy(), state["fresh"].copy()
-        self.fleet.friction[:] = sum(self._bounds)
+        self.forget(slice(None))
+        if self._sensed is not None and state:
+            self._bounds[self._sensed][:] = state["bound"]
+            self._restored, self._fresh = state["measured"].copy(), state["fresh"].copy()
+        # Older states are without it.
+        self.fleet.friction[:] = state.get("friction", sum(self._bounds))
 
 
 class FrictionMeter:
