@@ -21,7 +21,7 @@ from stiction.rma.ranks import ALONE, Ranks
 from stiction.rma.run import RunDirectory
 from stiction.rma.simulator import find_simulator, why_task_on_host
 from stiction.robots.catalog import find_robot
-from stiction.robots.mirror import robot_mirror
+from stiction.robots.mirror import mirrored_kinds, robot_mirror
 from stiction.sim.fleet import Fleet
 
 Say = Callable[[str], None]
@@ -61,7 +61,9 @@ def begin_run(
     if not ranks.alone and (cfg.has_context or cfg.is_disturbed):
         raise ConfigurationError(f"--method {cfg.task.friction.method} trains in one process; leave torchrun out")
     if cfg.symmetry != "none":
-        robot_mirror(robot)
+        mirror = robot_mirror(robot)
+        if cfg.task.known_friction or cfg.task.estimated_friction:
+            mirrored_kinds(robot, mirror)
     refuse_alone(joint_map, cfg.joints)
     identified = nominal_of(cfg.joints, cfg.task.robot, joint_map, cfg.task.friction, say)
     return RunDirectory.create(out, cfg, command, identified, ranks.size), cfg
