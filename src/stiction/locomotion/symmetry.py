@@ -14,6 +14,10 @@ without is an error.
 * What belongs to a kind of joint is exchanged with that of the kind of its joints' images: a kind that both sides have
   stays, `left_hip` and `right_hip` change places.
 * The elevation map is looked up at (x, -y); a history is mirrored frame by frame.
+
+What a step makes of the mirrored robot is the mirror image of what it makes of the robot, to rounding, as far as the
+solver is done. Newton is. The sliders of `--physics plastic` have few sweeps of PGS, foot after foot, which are not:
+there the mirrored sample of a transition is as wrong as the transition itself is unfinished.
 """
 
 from __future__ import annotations
