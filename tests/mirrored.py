@@ -128,7 +128,7 @@ def _simulation(env: LocomotionEnv, mirror: RobotMirror) -> dict[str, np.ndarray
         "ctrl": state["ctrl"][:, mirror.joints] * mirror.sign,
         "history": lines.reshape(env.num_envs, -1),
     }
-    if state["plastic"].size:  # angles at which the sliders of the joints are slack
+    if "plastic" in state:  # angles at which the sliders of the joints are slack
         state["plastic"] = state["plastic"][:, mirror.joints] * mirror.sign
     for name in ("qvel", "qacc_warmstart", "qfrc_applied"):
         state[name] = mirrored_qvel(state[name], mirror)

@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from stiction.core.errors import ConfigurationError
 from stiction.core.files import digest_of
 from stiction.core.records import from_plain
@@ -22,6 +24,7 @@ from stiction.rma.run import RunDirectory
 from stiction.rma.simulator import find_simulator, why_task_on_host
 from stiction.robots.catalog import find_robot
 from stiction.robots.mirror import mirrored_kinds, robot_mirror
+from stiction.robots.sliders import stiff_sliders
 from stiction.sim.fleet import Fleet
 
 Say = Callable[[str], None]
@@ -66,6 +69,10 @@ def begin_run(
             mirrored_kinds(robot, mirror)
     refuse_alone(joint_map, cfg.joints)
     identified = nominal_of(cfg.joints, cfg.task.robot, joint_map, cfg.task.friction, say)
+    rotors = robot.joint_values("armature") if identified is None else np.array(identified["values"]["armature"])
+    lightest = cfg.task.randomization.armature[0] * rotors
+    if line := stiff_sliders(robot, cfg.task.physics, cfg.task.timestep, lightest):
+        say(f"warning: {line}")
     return RunDirectory.create(out, cfg, command, identified, ranks.size), cfg
 
 

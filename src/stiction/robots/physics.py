@@ -10,7 +10,9 @@ p the angle at which the spring is slack:
 
 Its torque is bounded by exactly f, and below the bound the joint gives way by τ/k and swings, undamped but for the
 motor, instead of creeping. No solver row is needed, which makes a physics step nearly twice as fast. The spring is
-explicit: steps of h want k h² below four times the inertia that a joint moves, or it chatters within ±f.
+explicit: steps of h want k h² well below four times the inertia that a joint moves, or it breaks away too early, and
+beyond chatters within ±f (`robots.sliders`). What the sliders leave to the solver, contacts and limits, is as finished
+as its iterations are many: ten of PGS are not done, and do not even commute with the robot's mirror to rounding.
 """
 
 from __future__ import annotations
@@ -51,7 +53,8 @@ class PhysicsCfg:
     impedance: float = FRICTION_D0
     """Impedance d0 of the rows, below 1 [1]: the nearer, the less a held joint creeps; no meaning for `plastic`."""
     stiffness: float = 1000.0
-    """Stiffness k of the slider [N m/rad]; no meaning for `rows`."""
+    """Stiffness k of the slider [N m/rad]; no meaning for `rows`. A training says where it is too
+    stiff for its step."""
     solver: Solver | None = None
     """Of contacts, limits and rows; by default Newton for `rows`, and for `plastic` PGS, which on the few rows that are
     left is faster and as good."""
