@@ -276,3 +276,15 @@ def test_wrong_usage_is_status_two(capsys: pytest.CaptureFixture) -> None:
     with pytest.raises(SystemExit) as stop:
         main(["train", "--no-such-option"])
     assert stop.value.code == 2
+
+
+@pytest.mark.parametrize("name", ["contract.json", "metrics.jsonl", "summary.json", "checkpoints/teacher_000001.json"])
+def test_no_run_begins_among_files_of_another(name: str, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """A bundle would no longer be what its digests say, and figures of two runs would be one curve."""
+    file = tmp_path / name
+    file.parent.mkdir(exist_ok=True)
+    file.write_text("{}")
+    assert main(["train", *SMALL, "--out", str(tmp_path)]) == 1
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and f"holds {name}, of a bundle or of a run without its config.json" in said
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == [file]

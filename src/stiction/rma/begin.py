@@ -57,6 +57,7 @@ def begin_run(
     cfg.task.randomization.check_robot(robot)
     cfg.check_memory(robot)
     cfg = replace(cfg, task=replace(cfg.task, rewards=cfg.task.rewards.for_robot(robot)))
+    cfg.task.rewards.terms_for(robot)  # a term that there is not is no run
     find_simulator(cfg, ranks.local)
     if cfg.device != "cpu" and (why := why_task_on_host(cfg)):
         say(f"the task of this training stays on the host, only physics and networks are on {cfg.device}: {why}")

@@ -32,6 +32,13 @@ Solver = Literal["newton", "pgs"]
 SOLVERS: dict[FrictionPhysics, tuple[Solver, int]] = {"rows": ("newton", 100), "plastic": ("pgs", 10)}
 """Solver and most iterations where none are named. Newton needs five or so on rows; PGS takes all that it is given."""
 
+STIFFNESSES = (1.0, 1e6)
+"""Least and most stiffness of a slider [N m/rad]: under the first no joint of a legged robot would stick, and the
+second wants steps of some microseconds."""
+
+MOST_ITERATIONS = 10_000
+"""Most iterations of the solver that may be asked for."""
+
 FRICTION_D0 = 0.999
 """Impedance of the dry-friction constraint. Below its limit a joint creeps at (τ/J)(1 - d0)/d0 · timeconst/2.
 With a time constant of two steps that is some thousandths of a rad/s; with MuJoCo's default of 0.9, which simulates
@@ -71,10 +78,11 @@ class PhysicsCfg:
                 raise ConfigurationError(unknown_name(f"physics.{name}", value, names))
         if not 0 < self.impedance < 1:
             raise ConfigurationError(f"physics.impedance is {self.impedance}; expected a number in (0, 1)")
-        if not self.stiffness > 0 or self.solver_iterations < 1:
+        soft, stiff = STIFFNESSES
+        if not soft <= self.stiffness <= stiff or not 1 <= self.solver_iterations <= MOST_ITERATIONS:
             raise ConfigurationError(
                 f"physics: stiffness {self.stiffness} N m/rad, {self.solver_iterations} iterations; "
-                "expected a positive stiffness and at least one iteration"
+                f"expected a stiffness in [{soft:g}, {stiff:g}] and 1 to {MOST_ITERATIONS} iterations"
             )
         if self.friction == "rows" and self.solver_name != "newton":
             raise ConfigurationError(
