@@ -288,3 +288,19 @@ def test_no_run_begins_among_files_of_another(name: str, tmp_path: Path, capsys:
     said = capsys.readouterr().err
     assert said.count("\n") == 1 and f"holds {name}, of a bundle or of a run without its config.json" in said
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == [file]
+
+
+def test_a_finished_run_that_lost_a_file_says_which(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """`export` would send its user to --resume, and --resume, of a run that is finished, back to `export`."""
+    run = tmp_path / "run"
+    assert main(["train", *SMALL, "--out", str(run)]) == 0
+    for file in (run / "checkpoints").glob("student_*"):
+        file.unlink()
+    capsys.readouterr()
+    assert main(["export", str(run)]) == 1
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "is finished, and has no whole checkpoint of its student any more" in said
+    (run / "config.json").write_text("[]")
+    assert main(["train", "--resume", str(run)]) == 1
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "config.json: holds a list" in said

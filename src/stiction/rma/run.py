@@ -340,6 +340,11 @@ class RunDirectory:
         iterations = getattr(self.config(), phase).iterations
         iterations = self.summary().get("stopped", {}).get(phase, {}).get("iteration", iterations)
         done = int(newest.stem.rpartition("_")[2]) if newest else 0
+        if newest is None and self.finished:
+            raise TrainingError(
+                f"{self.path} is finished, and has no whole checkpoint of its {phase} any more; put its checkpoints "
+                "back, or train again in another folder"
+            )
         if newest is None or done != iterations:
             raise TrainingError(
                 f"{self.path} is not finished, its {phase} stands at iteration {done} of {iterations}; "
