@@ -44,7 +44,10 @@ def mirrored_state(env: LocomotionEnv, mirror: RobotMirror) -> dict[str, Any]:
         buffers[name] = signed(buffers[name])
     buffers["air_time"] = buffers["air_time"][:, feet]
 
-    state["history"] = mirrored_frames(state["history"], mirror)
+    kinds = mirror_of_kinds(env)
+    buffers["bench_error"] = buffers["bench_error"][:, kinds]
+
+    state["history"] = mirrored_frames(state["history"], mirror, kinds)
     if env.slow is not None:
         state["slow"]["sums"] = state["slow"]["sums"][..., joints]
     groups = env.spec.groups()
@@ -76,11 +79,18 @@ def mirrored_state(env: LocomotionEnv, mirror: RobotMirror) -> dict[str, Any]:
     return state
 
 
-def mirrored_frames(frames: torch.Tensor, mirror: RobotMirror) -> torch.Tensor:
+def mirror_of_kinds(env: LocomotionEnv) -> list[int]:
+    """Return which kind each kind mirrors, told from names: `L_hip` and `R_hip`; any other is its own image."""
+    kinds = env.spec.joint_kinds
+    sides = {"L_": "R_", "R_": "L_"}
+    return [kinds.index(sides.get(kind[:2], kind[:2]) + kind[2:]) for kind in kinds]
+
+
+def mirrored_frames(frames: torch.Tensor, mirror: RobotMirror, kinds: list[int]) -> torch.Tensor:
     """Return frames of the paper's layout in the mirror, shape (..., 11 + 3 joints), entry by entry.
 
-    What is known of kinds of joints, or slow means, stand behind it, if anything: the first are the same on both sides,
-    the second have no sign.
+    What is known of kinds of joints, or slow means, stand behind it, if anything: the first are those of the kinds'
+    images, the second have no sign.
     """
     ahead = torch.tensor([-1.0, 1, -1, -1, 1, 1, 1, -1, -1, 1])  # rates; roll, pitch; nothing; command; nothing
     parts = [frames[..., :10] * ahead]
@@ -92,7 +102,7 @@ def mirrored_frames(frames: torch.Tensor, mirror: RobotMirror) -> torch.Tensor:
     if rest.shape[-1] >= len(mirror.joints):
         parts += [values[..., mirror.joints] for values in rest.tensor_split(3, dim=-1)]
     else:
-        parts.append(rest)
+        parts.append(rest[..., kinds[: rest.shape[-1]]])
     return torch.cat(parts, -1)
 
 
@@ -118,6 +128,8 @@ def _simulation(env: LocomotionEnv, mirror: RobotMirror) -> dict[str, np.ndarray
         "ctrl": state["ctrl"][:, mirror.joints] * mirror.sign,
         "history": lines.reshape(env.num_envs, -1),
     }
+    if "plastic" in state:  # angles at which the sliders of the joints are slack
+        state["plastic"] = state["plastic"][:, mirror.joints] * mirror.sign
     for name in ("qvel", "qacc_warmstart", "qfrc_applied"):
         state[name] = mirrored_qvel(state[name], mirror)
     assert not state["xfrc_applied"].any()

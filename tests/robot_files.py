@@ -63,6 +63,11 @@ _DATA = replace(go1.DATA.base, com=(0.02, 0.0, 0.0), inertia=(*go1.DATA.base.ine
 TWIN = replace(go1.DATA, name="twin", base=_DATA, calf_is_mirrored=True).robot()
 """A Go1 whose right half is the mirror image of its left one to the last digit; all hips turn about +x."""
 
+SIDED = replace(
+    TWIN, name="sided", joints=tuple(replace(joint, kind=f"{joint.name[1]}_{joint.kind}") for joint in TWIN.joints)
+)
+"""The same with six kinds of joints, which know their side: L_hip, ..., R_calf."""
+
 
 def urdf() -> str:
     """Return a biped with boxes for feet."""

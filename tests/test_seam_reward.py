@@ -68,3 +68,51 @@ def test_what_is_no_new_term_is_refused(name: str, said: str) -> None:
     assert fall.__name__ == "fall"
     with pytest.raises(StictionError, match=said):
         RewardCfg(own=((name, 1.0),)).terms_for(find_robot("saturn_lite"))
+
+
+def crooked(snapshot: Snapshot):
+    """One number in all, where one a robot is expected."""
+    return snapshot.command.sum()
+
+
+def broken(snapshot: Snapshot):
+    """Ask for what no snapshot has."""
+    return snapshot.no_such_thing
+
+
+def number(snapshot: Snapshot) -> float:
+    """Pay no tensor."""
+    return 1.0
+
+
+@pytest.mark.parametrize(
+    ("term", "said"),
+    [
+        ("crooked", r"returns a tensor of shape \(\); expected \(2,\), a number a robot"),
+        (
+            "broken",
+            "fails with AttributeError: 'Snapshot' object has no attribute 'no_such_thing'; expected a function",
+        ),
+        ("number", "fails with AttributeError: 'float' object has no attribute 'shape'; expected a function"),
+    ],
+)
+def test_a_term_that_fails_is_named(term: str, said: str) -> None:
+    """It is the user's own mistake, and no fault of the program; a sum over all robots would be paid to each."""
+    env = LocomotionEnv(TaskCfg(robot="go1", rewards=RewardCfg(own=((f"{__name__}:{term}", 1.0),))), 2, seed=0)
+    with pytest.raises(StictionError, match=f"reward term '{__name__}:{term}' {said}"):
+        env.step(env.last_action)
+
+
+def test_a_term_that_there_is_not_begins_no_run(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """The same command, with the name mended, would else be told that the folder holds a run already."""
+    words = [
+        "--num-envs",
+        "4",
+        "--task.rewards.own",
+        "no_such_module_at_all:alive",
+        "1",
+        "--out",
+        str(tmp_path / "run"),
+    ]
+    assert main(["train", *words]) == 1
+    assert "no_such_module_at_all" in capsys.readouterr().err and not (tmp_path / "run").exists()

@@ -129,3 +129,26 @@ def test_physics_writes_its_rows_and_says_how_far_they_are(bundle: Path, tmp_pat
     summary = json.loads((out / "summary.json").read_text())
     assert summary["walks"]["episodes"] == 2 and summary["bias"].keys() == settings.keys()
     assert main(["study", "physics", *options]) == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["study", "physics", "--seconds", "nan"], "16 walks of nan s at 0.5 m/s: expected at least 2"),
+        (["study", "gait", "--seconds", "nan"], "nan"),
+        (["study", "friction", "--out", "{file}"], "is a file; choose another --out"),
+        (["study", "wear", "--out", "{file}/in"], "is a file; choose another --out"),
+        (["replicate", "--runs", "elsewhere"], "--runs elsewhere is of --preset full without --policies"),
+    ],
+)
+def test_what_cannot_be_done_is_said_before_any_work(words: list[str], said: str, tmp_path: Path, capsys) -> None:
+    """NaN passes every comparison with `<`, and a folder that cannot be made is no news after an hour."""
+    file = tmp_path / "file"
+    file.write_text("")
+    words = [word.format(file=file) for word in words]
+    names = [] if words[0] == "replicate" or words[1] == "friction" else ["no-such-bundle"]
+    out = [] if "--out" in words else ["--out", str(tmp_path / "out")]
+    assert main([*words[:2], *names, *words[2:], *out] if names else [*words, *out]) == 1
+    printed = capsys.readouterr().err
+    assert said in printed and printed.count("\n") == 1 and "unforeseen" not in printed
+    assert [*tmp_path.iterdir()] == [file]

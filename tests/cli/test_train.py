@@ -276,3 +276,31 @@ def test_wrong_usage_is_status_two(capsys: pytest.CaptureFixture) -> None:
     with pytest.raises(SystemExit) as stop:
         main(["train", "--no-such-option"])
     assert stop.value.code == 2
+
+
+@pytest.mark.parametrize("name", ["contract.json", "metrics.jsonl", "summary.json", "checkpoints/teacher_000001.json"])
+def test_no_run_begins_among_files_of_another(name: str, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """A bundle would no longer be what its digests say, and figures of two runs would be one curve."""
+    file = tmp_path / name
+    file.parent.mkdir(exist_ok=True)
+    file.write_text("{}")
+    assert main(["train", *SMALL, "--out", str(tmp_path)]) == 1
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and f"holds {name}, of a bundle or of a run without its config.json" in said
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == [file]
+
+
+def test_a_finished_run_that_lost_a_file_says_which(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """`export` would send its user to --resume, and --resume, of a run that is finished, back to `export`."""
+    run = tmp_path / "run"
+    assert main(["train", *SMALL, "--out", str(run)]) == 0
+    for file in (run / "checkpoints").glob("student_*"):
+        file.unlink()
+    capsys.readouterr()
+    assert main(["export", str(run)]) == 1
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "is finished, and has no whole checkpoint of its student any more" in said
+    (run / "config.json").write_text("[]")
+    assert main(["train", "--resume", str(run)]) == 1
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "config.json: holds a list" in said

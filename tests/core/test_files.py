@@ -110,3 +110,13 @@ def test_no_reader_waits_for_a_pipe(name: str, tmp_path: Path) -> None:
     read = (readers | {"walk": read_walk}).get(name.partition(".")[0], open_log)
     with pytest.raises(FileError):
         read(file)
+
+
+def test_a_file_takes_no_folders_place(tmp_path: Path) -> None:
+    """`convert --out FOLDER` would delete all that is in it, and leave a file under its name."""
+    kept = tmp_path / "folder" / "kept"
+    kept.parent.mkdir()
+    kept.write_text("of years")
+    with pytest.raises(UnwrittenError, match="folder cannot be written: it is a folder, and a file was to be written"):
+        write_text(kept.parent, "new")
+    assert kept.read_text() == "of years" and [*tmp_path.iterdir()] == [kept.parent]

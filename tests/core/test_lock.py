@@ -150,3 +150,11 @@ def test_a_folder_that_is_replaced_is_locked_from_beside(tmp_path: Path) -> None
         assert list(out.iterdir()) == []
         assert {path.name for path in tmp_path.iterdir()} == {"bundle", ".bundle.lock"}
     assert [path.name for path in tmp_path.iterdir()] == ["bundle"]
+
+
+@pytest.mark.parametrize("name", ["/", ".."])
+def test_a_folder_without_a_name_is_not_replaced(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The root has no place beside it for a lock; the answer is a line."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(FileError, match="cannot be replaced as a whole"), replaced_folder(Path(name)):
+        pass

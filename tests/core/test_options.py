@@ -151,3 +151,39 @@ def test_only_what_is_missing_is_said_to_be_missing(capsys: pytest.CaptureFixtur
             read_options(Carry, words, "stiction carry", "Carry.")
         found = capsys.readouterr().err
         assert [name for name in ("WHAT", "--to PATH") if f"{name} is missing" in found] == list(missing), found
+
+
+@dataclass(frozen=True)
+class Ways:
+    """Options that are paths."""
+
+    source: Annotated[Path, tyro.conf.Positional]
+    """From where."""
+    out: Path = Path("out")
+    """To where."""
+    more: tuple[Path, ...] = ()
+    """And others."""
+    note: str = ""
+    """What is said of it."""
+    dry: bool = False
+    """Nothing is written."""
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["here", "--out", ""], "--out"),
+        (["here", "--out="], "--out"),
+        (["here", "--more", "a", ""], "--more"),
+        ([""], "SOURCE"),
+        (["--dry", ""], "SOURCE"),
+    ],
+)
+def test_an_empty_path_is_refused(words: list[str], named: str, capsys: pytest.CaptureFixture) -> None:
+    """`--out "$FOLDER"` with a variable that is not set would fill the folder that one is in."""
+    with pytest.raises(SystemExit) as stop:
+        read_options(Ways, words, "stiction way", TEXT)
+    printed = capsys.readouterr().err
+    assert stop.value.code == 2 and printed.count("\n") == 1
+    assert f"{named} '': expected a path" in printed
+    assert read_options(Ways, ["here", "--note", "", "--out", "."], "x", TEXT) == Ways(Path("here"), Path())

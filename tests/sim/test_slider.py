@@ -161,7 +161,11 @@ def test_what_has_no_meaning_is_refused_in_one_line() -> None:
         ({"solver": "pgs"}, "--physics plastic"),
         ({"impedance": 1.0}, "impedance"),
         ({"stiffness": 0.0}, "stiffness"),
+        ({"stiffness": 1e-300}, r"stiffness 1e-300 N m/rad, 100 iterations; expected a stiffness in \[1, 1e\+06\]"),
+        ({"stiffness": 1e7}, "stiffness"),
+        ({"stiffness": float("nan")}, "stiffness"),
         ({"iterations": 0}, "iteration"),
+        ({"iterations": 10**9}, "1 to 10000 iterations"),
     ):
         with pytest.raises(StictionError, match=word) as error:
             PhysicsCfg(**wrong)

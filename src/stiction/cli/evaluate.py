@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+from stiction.core.errors import ConfigurationError
 from stiction.core.lock import output_folder
 from stiction.core.options import read_options, refuse
 from stiction.formats.results import DIRECTIONS
@@ -103,10 +105,56 @@ class EvaluateCfg:
     """Print the summary as JSON on standard output, and nothing else."""
 
 
+def _on_bench(cfg: EvaluateCfg) -> bool:
+    """Whether a virtual robot plays the real one in some engine."""
+    return any("+" in engine for engine in cfg.engines)
+
+
+BELONGS: dict[str, tuple[str, Callable[[EvaluateCfg], bool]]] = {
+    **dict.fromkeys(
+        ("static_ratio", "stribeck_velocity"), ("--friction-law stribeck", lambda cfg: cfg.friction_law == "stribeck")
+    ),
+    **dict.fromkeys(("robots", "robot_levels"), ("a virtual robot, --engines mujoco+all", _on_bench)),
+    "forward_by": ("--forward", lambda cfg: bool(cfg.forward)),
+    "callable_period": ("--policy-callable", lambda cfg: cfg.policy_callable is not None),
+    **dict.fromkeys(("log_robots", "log_seconds", "log_torque"), ("--log", lambda cfg: cfg.log is not None)),
+}
+"""Option -> what it is an option of, in words, and whether that is asked for."""
+
+JUDGED = ("out", "judge_again", "json")
+"""Options that --judge-again has."""
+
+
+def check_effects(cfg: EvaluateCfg) -> None:
+    """Raise `ConfigurationError` for an option that is not what it is by default, and would have no effect."""
+    changed = [item.name for item in fields(EvaluateCfg) if getattr(cfg, item.name) != getattr(DEFAULTS, item.name)]
+    if cfg.judge_again:
+        if others := [_flag(name) for name in changed if name not in JUDGED]:
+            raise ConfigurationError(
+                f"--judge-again walks nothing, and {', '.join(others)} would have no effect; leave it out"
+            )
+        return
+    for name, (owner, asked) in BELONGS.items():
+        if name in changed and not asked(cfg):
+            raise ConfigurationError(
+                f"{_flag(name)} is of {owner}, and would have no effect; leave it out, or add that"
+            )
+
+
+def _flag(name: str) -> str:
+    """Return an option as it is typed; bundles have no name."""
+    return "a bundle" if name == "bundles" else f"--{name.replace('_', '-')}"
+
+
+DEFAULTS = EvaluateCfg(())
+"""What is not said."""
+
+
 def main(arguments: list[str]) -> int:
     """Check and evaluate the bundles, write the results, print them."""
     cfg = read_options(EvaluateCfg, arguments, "stiction evaluate", DESCRIPTION, groups=GROUPS)
     command = shlex.join(["stiction", "evaluate", *arguments])
+    check_effects(cfg)
     if cfg.judge_again:
         with output_folder(cfg.out):
             judge_again(cfg, command)

@@ -129,6 +129,7 @@ def _resume(options: Train, arguments: list[str]) -> int:
     if any(word.partition("=")[0] in AGAIN[:2] for word in arguments):
         run.adopt(task.robot)
     if run.finished:
+        run.header()  # a folder with a summary alone is no run
         print(f"stiction train: {run.path} is finished already; next: stiction export {run.path}", file=sys.stderr)
         _report(run, run.summary(), options.json)
         return 0

@@ -41,6 +41,9 @@ def publish(path: Path) -> Iterator[Path]:
         # Before the rename: else a power cut could leave the new name with an empty file behind it.
         for written in (partial, *partial.rglob("*")):
             _sync(written)
+        if path.is_dir() and not partial.is_dir() and not path.is_symlink():
+            # All that is in it would go for one file.
+            raise IsADirectoryError(errno.EISDIR, "it is a folder, and a file was to be written", str(path))
         if path.is_dir():
             # A folder that is not empty cannot be renamed over, and half of one may not stay under its name.
             path.rename(before)

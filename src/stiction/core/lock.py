@@ -64,6 +64,8 @@ def replaced_folder(out: Path, option: str = "--out") -> Iterator[None]:
     Raises `StictionError` as `output_folder`.
     """
     out = out.absolute()
+    if out.name in ("", ".."):
+        raise FileError(f"{out} cannot be replaced as a whole; choose an {option} with a name of its own")
     with _made(out.parent, option), _locked(out.with_name(f".{out.name}{LOCK}"), out, option):
         yield
 

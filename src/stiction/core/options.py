@@ -68,12 +68,17 @@ def read_options(
     said = io.StringIO()
     try:
         with redirect_stderr(said):
-            return tyro.cli(kind, args=arguments, prog=program, **extra)
+            options = tyro.cli(kind, args=arguments, prog=program, **extra)
     except SystemExit as stop:
         # Not wrong: tyro was asked for a shell's completions, has printed them and ends.
         if not stop.code:
             raise
         refuse(program, _wrong(_parser(kind, program, extra), arguments, said.getvalue()))
+    # The parser takes a while to make, and hardly anybody says nothing.
+    empty = any(not word.partition("=")[2] and word[-1:] in ("", "=") for word in arguments)
+    if empty and (name := _empty_path(_parser(kind, program, extra), arguments)):
+        refuse(program, f"{name} '': expected a path, and the empty one would be the folder that you are in")
+    return options
 
 
 def refuse(program: str, what: str) -> NoReturn:
@@ -106,6 +111,26 @@ def _repeated(kind: type[Any], arguments: Sequence[str], program: str, extra: di
             before = seen[option]
             return f"{name} is given twice" if before == name else f"{before} and {name} are one option, given twice"
         seen[option] = name
+    return None
+
+
+def _empty_path(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> str | None:
+    """Return the option or argument that is given an empty path, as of a shell's variable that is not set; or None."""
+    known = {name: action for action in parser._actions for name in action.option_strings}
+    owner: argparse.Action | None = None
+    for word in arguments:
+        name, equals, value = word.partition("=")
+        if word.startswith("--"):
+            owner = known.get(name.replace("_", "-"))
+            if value or not equals:
+                continue
+        elif word:
+            continue
+        free = owner is None or not _values(owner)[0]
+        named = [action for action in parser._actions if not action.option_strings] if free else [owner]
+        for action in named:
+            if action is not None and "PATH" in _values(action)[0]:
+                return name if equals else _name(action).split()[0].strip("[]")
     return None
 
 

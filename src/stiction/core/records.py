@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import math
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -231,3 +232,12 @@ def make_folder(out: Path, option: str = "--out") -> None:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FileError(f"the directory {out} cannot be made: {error.strerror}; choose another {option}") from error
+
+
+def check_folder(out: Path, option: str = "--out") -> None:
+    """Raise `StictionError` where the directory for results could not be made or written, before hours of work."""
+    there = next(folder for folder in (out.absolute(), *out.absolute().parents) if folder.exists())
+    if not there.is_dir():
+        raise FileError(f"{out} cannot be made: {there} is a file; choose another {option}")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise FileError(f"{out} cannot be written: {there} is not yours to write; choose another {option}")

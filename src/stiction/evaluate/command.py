@@ -13,6 +13,9 @@ from stiction.formats.velocity import AXES
 STAND = "stand"
 """The command to stand still."""
 
+FASTEST = 20.0
+"""Largest speed that may be commanded [m/s, rad/s], beyond any legged robot's."""
+
 SETTLE = 2.0
 """What is not measured at the start of a walk [s]: the robot gets up to speed."""
 
@@ -65,6 +68,8 @@ def parse_command(text: str) -> Command:
             raise ConfigurationError(
                 f"command {text!r} is not understood; expected such as vx=0.5 or vx=0.3,wz=0.2 or {STAND}"
             )
+        if abs(value) > FASTEST:
+            raise ConfigurationError(f"command {text!r}: expected at most {FASTEST:g} m/s or rad/s along each axis")
         values[axis] = value
     if not any(values.values()):
         return Command(STAND, (0.0, 0.0, 0.0))

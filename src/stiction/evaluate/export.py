@@ -20,7 +20,7 @@ import numpy as np
 import torch
 
 from stiction.core.errors import BundleError, ConfigurationError, FileError, StictionError, TrainingError
-from stiction.core.files import digest_of
+from stiction.core.files import digest_of, read_bounded
 from stiction.core.records import from_plain
 from stiction.deploy.check import BundleCheck, check_bundle, robot_of
 from stiction.deploy.observation import Sensors, friction_of_robots
@@ -28,7 +28,7 @@ from stiction.deploy.policy import INPUT, OUTPUT, PolicyStep
 from stiction.deploy.vendor import VendorMap, write_maker_targets
 from stiction.evaluate.golden import record_golden
 from stiction.evaluate.known_friction import nominal_known
-from stiction.formats.bundle import write_bundle
+from stiction.formats.bundle import MAX_BYTES, WEAR, write_bundle
 from stiction.formats.contract import Contract
 from stiction.formats.contract_rules import METHODS
 from stiction.formats.joint_map import mapped, refuse_alone
@@ -226,10 +226,8 @@ def with_bench(
 
 def _wear_of(run: RunDirectory, path: Path) -> WearModel:
     """Read a wear.json and check that it belongs to the student of a run."""
-    try:
-        model = read_wear(path.read_bytes())
-    except OSError as error:
-        raise FileError(f"cannot read {path}: {error.strerror or error}") from error
+    expected = "the RUN-wear.json of `stiction study adaptation`"
+    model = read_wear(read_bounded(path, expected, FileError, MAX_BYTES[WEAR]))
     if model.student != run.student_digest():
         raise FileError(f"{path} is of another student than {run.path}; make it with `stiction study adaptation`")
     return model

@@ -41,8 +41,9 @@ def check_spans(owner: object, lowest: dict[str, float]) -> None:
     for name, least in lowest.items():
         low, high = getattr(owner, name)
         if not least <= low <= high < float("inf"):
+            begin = "" if least == float("-inf") else f" from {least:g} on"
             raise ConfigurationError(
-                f"{name} is the range {low:g} to {high:g}; expected two numbers from {least:g} on, the lower one first"
+                f"{name} is the range {low:g} to {high:g}; expected two numbers{begin}, the lower one first"
             )
 
 

@@ -142,8 +142,30 @@ class RewardCfg:
                 raise ConfigurationError(
                     f"reward term {place!r}: expected a function with a name of its own, and none of {', '.join(found)}"
                 )
-            found[name] = (term, float(weight))
+            found[name] = (_checked(place, term), float(weight))
         return {name: (term, weight) for name, (term, weight) in found.items() if weight}
+
+
+def _checked(place: str, term: Term) -> Term:
+    """Return a term of the user's own that says in one line where it fails, or pays no number a robot."""
+
+    def pay(snapshot: Snapshot) -> torch.Tensor:
+        try:
+            paid = term(snapshot)
+            shape = tuple(paid.shape)
+        # Whatever code of others raises.
+        except Exception as error:
+            raise ConfigurationError(
+                f"reward term {place!r} fails with {type(error).__name__}: {error}; expected a function that takes a "
+                "Snapshot and returns a tensor; mend it (--debug shows where), or leave it out"
+            ) from error
+        if shape != (expected := (len(snapshot.command),)):
+            raise ConfigurationError(
+                f"reward term {place!r} returns a tensor of shape {shape}; expected {expected}, a number a robot"
+            )
+        return paid
+
+    return pay
 
 
 def best_reward(terms: Mapping[str, tuple[Term, float]]) -> float:

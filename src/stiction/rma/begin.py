@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from stiction.core.errors import ConfigurationError
 from stiction.core.files import digest_of
 from stiction.core.records import from_plain
@@ -21,8 +23,9 @@ from stiction.rma.ranks import ALONE, Ranks
 from stiction.rma.run import RunDirectory
 from stiction.rma.simulator import find_simulator, why_task_on_host
 from stiction.robots.catalog import find_robot
-from stiction.robots.mirror import robot_mirror
+from stiction.robots.mirror import mirrored_kinds, robot_mirror
 from stiction.robots.model import Robot
+from stiction.robots.sliders import stiff_sliders
 from stiction.sim.fleet import Fleet
 
 Say = Callable[[str], None]
@@ -51,6 +54,7 @@ def begin_run(
     cfg.task.randomization.check_robot(robot)
     cfg.check_memory(robot)
     cfg = replace(cfg, task=replace(cfg.task, rewards=cfg.task.rewards.for_robot(robot)))
+    cfg.task.rewards.terms_for(robot)  # a term that there is not is no run
     find_simulator(cfg, ranks.local)
     if cfg.device != "cpu" and (why := why_task_on_host(cfg)):
         say(f"the task of this training stays on the host, only physics and networks are on {cfg.device}: {why}")
@@ -58,10 +62,16 @@ def begin_run(
     if not ranks.alone and (cfg.has_context or cfg.is_disturbed):
         raise ConfigurationError(f"--method {cfg.task.friction.method} trains in one process; leave torchrun out")
     if cfg.symmetry != "none":
-        robot_mirror(robot)
+        mirror = robot_mirror(robot)
+        if cfg.task.known_friction or cfg.task.estimated_friction:
+            mirrored_kinds(robot, mirror)
     refuse_alone(joint_map, cfg.joints)
     identified = nominal_of(cfg.joints, cfg.task.robot, joint_map, cfg.task.friction, say)
     _check_own_friction(cfg, robot, identified)
+    rotors = robot.joint_values("armature") if identified is None else np.array(identified["values"]["armature"])
+    lightest = cfg.task.randomization.armature[0] * rotors
+    if line := stiff_sliders(robot, cfg.task.physics, cfg.task.timestep, lightest):
+        say(f"warning: {line}")
     return RunDirectory.create(out, cfg, command, identified, ranks.size), cfg
 
 

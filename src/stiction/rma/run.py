@@ -160,6 +160,9 @@ def keep_newest(folder: Path, phase: str, keep: int = 2) -> None:
 REPORTED, STOPPED = ("walk/tracking_error", "walk/tripod_share"), ("iteration", "walk/tracking_error")
 """Numbers that summary.json has of a phase, and of one that reached its target."""
 
+OTHERS = ("contract.json", "metrics.jsonl", "summary.json", "checkpoints/*")
+"""What a folder must not hold in which a run begins: a bundle, and what is left of a run without its config.json."""
+
 HOLDS_ONE = "{} holds a run already; resume it with --resume, or name another folder with --out"
 
 
@@ -184,6 +187,10 @@ class RunDirectory:
         """
         if (path / "config.json").exists():
             raise TrainingError(HOLDS_ONE.format(path))
+        if found := [file.relative_to(path) for pattern in OTHERS for file in sorted(path.glob(pattern))]:
+            raise TrainingError(
+                f"{path} holds {found[0]}, of a bundle or of a run without its config.json; name another --out"
+            )
         run, robot = cls(path), find_robot(cfg.task.robot)
         header = {"command": command, "revision": git_revision(), "seed": cfg.seed, "identified": identified}
         if processes > 1:
@@ -333,6 +340,11 @@ class RunDirectory:
         iterations = getattr(self.config(), phase).iterations
         iterations = self.summary().get("stopped", {}).get(phase, {}).get("iteration", iterations)
         done = int(newest.stem.rpartition("_")[2]) if newest else 0
+        if newest is None and self.finished:
+            raise TrainingError(
+                f"{self.path} is finished, and has no whole checkpoint of its {phase} any more; put its checkpoints "
+                "back, or train again in another folder"
+            )
         if newest is None or done != iterations:
             raise TrainingError(
                 f"{self.path} is not finished, its {phase} stands at iteration {done} of {iterations}; "

@@ -64,6 +64,25 @@ def robot_mirror(robot: Robot) -> RobotMirror:
     return RobotMirror(joints, sign, feet)
 
 
+def mirrored_kinds(robot: Robot, mirror: RobotMirror) -> np.ndarray:
+    """Return the number of the kind that each kind of joint mirrors, shape (kinds,), in the order of `joint_kinds`.
+
+    A kind that both sides have is its own image; `left_hip` is that of `right_hip`. Raises `RobotError` naming a kind
+    whose joints are not mirrored by those of one kind.
+    """
+    kinds, image = np.array([joint.kind for joint in robot.joints]), []
+    for kind in robot.joint_kinds:
+        seen = list(dict.fromkeys(kinds[mirror.joints[robot.joints_of(kind)]].tolist()))
+        # The map exchanges joints one by one, so equal numbers are the same joints.
+        if len(seen) > 1 or len(robot.joints_of(seen[0])) != len(robot.joints_of(kind)):
+            raise RobotError(
+                f"robot {robot.name!r}: the joints of kind {kind!r} mirror joints of {', '.join(map(repr, seen))}; "
+                "expected all joints of one kind: mend `kind` in its description, or use --symmetry none"
+            )
+        image.append(robot.joint_kinds.index(seen[0]))
+    return np.array(image)
+
+
 def match_links(
     tree: Sequence[Link], names: Sequence[str], said: Sequence[str] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:

@@ -10,7 +10,9 @@ p the angle at which the spring is slack:
 
 Its torque is bounded by exactly f, and below the bound the joint gives way by τ/k and swings, undamped but for the
 motor, instead of creeping. No solver row is needed, which makes a physics step nearly twice as fast. The spring is
-explicit: steps of h want k h² below four times the inertia that a joint moves, or it chatters within ±f.
+explicit: steps of h want k h² well below four times the inertia that a joint moves, or it breaks away too early, and
+beyond chatters within ±f (`robots.sliders`). What the sliders leave to the solver, contacts and limits, is as finished
+as its iterations are many: ten of PGS are not done, and do not even commute with the robot's mirror to rounding.
 """
 
 from __future__ import annotations
@@ -29,6 +31,13 @@ Solver = Literal["newton", "pgs"]
 
 SOLVERS: dict[FrictionPhysics, tuple[Solver, int]] = {"rows": ("newton", 100), "plastic": ("pgs", 10)}
 """Solver and most iterations where none are named. Newton needs five or so on rows; PGS takes all that it is given."""
+
+STIFFNESSES = (1.0, 1e6)
+"""Least and most stiffness of a slider [N m/rad]: under the first no joint of a legged robot would stick, and the
+second wants steps of some microseconds."""
+
+MOST_ITERATIONS = 10_000
+"""Most iterations of the solver that may be asked for."""
 
 FRICTION_D0 = 0.999
 """Impedance of the dry-friction constraint. Below its limit a joint creeps at (τ/J)(1 - d0)/d0 · timeconst/2.
@@ -51,7 +60,8 @@ class PhysicsCfg:
     impedance: float = FRICTION_D0
     """Impedance d0 of the rows, below 1 [1]: the nearer, the less a held joint creeps; no meaning for `plastic`."""
     stiffness: float = 1000.0
-    """Stiffness k of the slider [N m/rad]; no meaning for `rows`."""
+    """Stiffness k of the slider [N m/rad]; no meaning for `rows`. A training says where it is too
+    stiff for its step."""
     solver: Solver | None = None
     """Of contacts, limits and rows; by default Newton for `rows`, and for `plastic` PGS, which on the few rows that are
     left is faster and as good."""
@@ -68,10 +78,11 @@ class PhysicsCfg:
                 raise ConfigurationError(unknown_name(f"physics.{name}", value, names))
         if not 0 < self.impedance < 1:
             raise ConfigurationError(f"physics.impedance is {self.impedance}; expected a number in (0, 1)")
-        if not self.stiffness > 0 or self.solver_iterations < 1:
+        soft, stiff = STIFFNESSES
+        if not soft <= self.stiffness <= stiff or not 1 <= self.solver_iterations <= MOST_ITERATIONS:
             raise ConfigurationError(
                 f"physics: stiffness {self.stiffness} N m/rad, {self.solver_iterations} iterations; "
-                "expected a positive stiffness and at least one iteration"
+                f"expected a stiffness in [{soft:g}, {stiff:g}] and 1 to {MOST_ITERATIONS} iterations"
             )
         if self.friction == "rows" and self.solver_name != "newton":
             raise ConfigurationError(

@@ -30,7 +30,7 @@ from stiction.core.files import write_text
 from stiction.core.lock import output_folder
 from stiction.core.options import Groups, read_options
 from stiction.core.provenance import Origin, num_threads
-from stiction.core.records import make_folder, write_rows
+from stiction.core.records import check_folder, check_numbers, make_folder, write_rows
 from stiction.formats.results import ResultRow, summary_text, write_results, write_summary
 from stiction.formats.settings import results_folder
 from stiction.report.terminal import Terminal, jobs_of, print_warnings, work_progress
@@ -265,6 +265,8 @@ class Study(Generic[Chosen]):
         program = f"stiction {verb}"
         example = "" if "\n  stiction " in self.description else f"\n\nExample:\n  {program} --out {verb.split()[-1]}"
         options = read_options(self.options, arguments, program, self.description + example, groups=self.groups)
+        check_numbers(options)
+        check_folder(options.folder)
         command = shlex.join([*program.split(), *arguments])
         # A study of one's own lies outside the package, whose files are in the key of every part.
         code = hashlib.sha256(Path(inspect.getfile(self.run)).read_bytes()).hexdigest()

@@ -30,7 +30,7 @@ class WalkCfg:
             raise ConfigurationError(
                 f"friction levels {self.friction_levels}: expected at least one, in [0, {MAX_LEVEL}]"
             )
-        if self.episodes < 2 or self.seconds < SETTLE + 1.0 or not 0.05 <= self.speed <= 2.0:
+        if self.episodes < 2 or not self.seconds >= SETTLE + 1.0 or not 0.05 <= self.speed <= 2.0:
             raise ConfigurationError(
                 f"{self.episodes} walks of {self.seconds} s at {self.speed} m/s: expected at least 2, of at least "
                 f"{SETTLE + 1.0:g} s, at 0.05 to 2 m/s"

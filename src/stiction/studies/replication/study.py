@@ -74,9 +74,13 @@ class ReplicateOptions(ParallelOptions, RedrawnOptions):
     """Print the verdicts as JSON on standard output, and nothing else."""
 
     def __post_init__(self) -> None:
-        """Refuse no robots."""
+        """Refuse no robots, and a folder of runs that is not looked at."""
         if self.num_robots is not None and self.num_robots < 1:
             raise ConfigurationError(f"--num-robots {self.num_robots}: expected at least 1")
+        if self.runs != Path("runs") and (self.preset != "full" or self.policies):
+            raise ConfigurationError(
+                f"--runs {self.runs} is of --preset full without --policies, and would have no effect; leave it out"
+            )
 
     @property
     def folder(self) -> Path:

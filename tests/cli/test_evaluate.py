@@ -1,0 +1,34 @@
+"""`stiction evaluate` asked for what would have no effect."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from stiction.cli.main import main
+
+pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--static-ratio", "2"], "--static-ratio is of --friction-law stribeck, and would have no effect"),
+        (["--robots", "7"], "--robots is of a virtual robot, --engines mujoco+all"),
+        (["--robot-levels", "0.1"], "--robot-levels is of a virtual robot"),
+        (["--forward-by", "measured"], "--forward-by is of --forward"),
+        (["--callable-period", "-1"], "--callable-period is of --policy-callable"),
+        (["--log-torque", "output_side"], "--log-torque is of --log"),
+        (["--judge-again", "--episodes", "7"], "--judge-again walks nothing, and a bundle, --episodes would have no"),
+        (["--commands", "vx=1e9"], "expected at most 20 m/s or rad/s along each axis"),
+    ],
+)
+def test_what_would_have_no_effect_is_refused(
+    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """Who asks for virtual robots and forgets the engine would take the data sheet's for them."""
+    out = tmp_path / "out"
+    assert main(["evaluate", "saturn_lite-flat-deception-0.2", *words, "--out", str(out)]) == 1
+    printed = capsys.readouterr().err
+    assert said in printed and printed.count("\n") == 1 and not out.exists()
