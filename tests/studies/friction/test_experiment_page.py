@@ -56,16 +56,18 @@ def test_designs_are_led_by_who_follows(tmp_path: Path) -> None:
     """They test no sentence of the paper: a page that begins with 18 untested ones would say nothing."""
     found = experiment(tmp_path, ("designs",), seeds=1)
     answer, _ = lead(found).splitlines()
-    assert answer == "None of 3 ways to train follows with every seed at any friction up to 30 %."
+    assert answer == "None of 3 ways to train follows with its one seed at any friction up to 30 %."
+    assert "with every seed at any friction" in lead(experiment(tmp_path / "two", ("designs",), seeds=2))
     assert {"following", "methods-student"} <= set(sheets_of(found)) and "verdicts" not in sheets_of(found)
     following = [replace(cell, follow=cell.friction_level < 0.1) for cell in found.following]
     assert "the most do at 1 of 2 frictions: a purpose (partdesigns-none); a purpose" in lead(
         replace(found, following=following)
     )
-    following = [replace(cell, follow="none" in cell.method) for cell in found.following]
-    assert lead(replace(found, following=following)).startswith(
-        "1 of 3 ways to train follows with every seed up to 30 % friction: a purpose (partdesigns-none)."
-    )
+    for seeds, said in ((1, "its one seed"), (3, "every seed")):
+        following = [replace(one, seeds=seeds, follow=seeds * ("none" in one.method)) for one in found.following]
+        assert lead(replace(found, following=following)).startswith(
+            f"1 of 3 ways to train follows with {said} up to 30 % friction: a purpose (partdesigns-none)."
+        )
     assert "verdicts" in sheets_of(experiment(tmp_path / "first", ("1",)))
 
 
@@ -81,6 +83,14 @@ def test_methods_are_led_by_where_every_seed_follows(tmp_path: Path) -> None:
         "With this much friction, of each joint's torque limit, every seed follows: trained with 16 to 24 % (direct), "
         "at 20 %; trained without friction (none), nowhere; trained with 0 to 24 % (deception), nowhere."
     )
+    alone = [replace(cell, seeds=1, follow=min(cell.follow, 1)) for cell in following]
+    answer = lead(replace(found, following=alone)).splitlines()[0]
+    assert "the one seed of each follows: trained with 16 to 24 % (direct), at 20 %" in answer
+    some = [
+        replace(cell, seeds=1, follow=min(cell.follow, 1)) if "direct" in cell.method else cell for cell in following
+    ]
+    answer = lead(replace(found, following=some)).splitlines()[0]
+    assert "every seed follows: trained with 16 to 24 % (direct), its one seed, at 20 %; trained without" in answer
     assert report(found).title == "Which training in two phases copes with how much joint friction?"
 
 

@@ -270,9 +270,7 @@ MANIFEST: tuple[Condition, ...] = (
     _design("known", "one phase, told its joints' friction", "--task.known-friction"),
     _design("known-drawn", "the same, ground of drawn softness", "--task.known-friction", *DRAWN),
     _design("quiet", "ground of drawn softness, quiet iterations at the end", *DRAWN, QUIET, "30"),
-    _design(
-        *("known-quiet", "the same, told its joints' friction", "--task.known-friction"), *DRAWN, QUIET, "30"
-    ),
+    _design(*("known-quiet", "the same, told its joints' friction", "--task.known-friction"), *DRAWN, QUIET, "30"),
     _design("slow-means", "one phase, means over a second as inputs", "--task.slow-means", "1"),
     _design("drawn-contact", "one phase, ground of drawn softness", *DRAWN),
     _design(
