@@ -175,7 +175,7 @@ def test_over_levels(findings: list, outcome: str, start: str) -> None:
 
 
 def test_each_virtual_robot_has_to_be_followed_on() -> None:
-    """Two seeds on two robots, at 0.6 and 1.4 or at 0.95 and 1.05: the means are all 1.0, and the first follow nowhere."""
+    """Two seeds on two robots, at 0.6 and 1.4 or at 0.95 and 1.05: all means are 1.0, and the first follow nowhere."""
 
     def judged(*ratios: float) -> Finding:
         rows = [

@@ -24,8 +24,8 @@ BAND = f"{100 * FOLLOWS[0]:g} to {FAST}"
 
 DEFINITION = (
     f"Following is {BAND} of the commanded speed, forward and backward, by every training seed, on each virtual robot, "
-    f"and nobody falls. Too slow: under {SLOW} in the slower direction; too fast: over {FAST} in the faster one; a seed "
-    "can be both."
+    f"and nobody falls. Too slow: under {SLOW} in the slower direction; too fast: over {FAST} in the faster one; a "
+    "seed can be both."
 )
 """For pages."""
 
