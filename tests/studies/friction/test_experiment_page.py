@@ -131,6 +131,37 @@ def test_many_ways_to_train_have_a_panel_each(tmp_path: Path, monkeypatch: pytes
     assert len({axis.get_ylim() for axis in shown}) == 1
 
 
+def test_rows_that_are_kept_say_whence_they_are(tmp_path: Path) -> None:
+    """`--add` twice, each by other code: if this failed, rows would bear a revision that never walked them.
+
+    The onset of a condition of which no run is here any more is kept with its rows.
+    """
+    first = experiment(tmp_path / "first", seeds=2)
+    out = tmp_path / "out"
+    out.mkdir()
+    write_report(out, report(first), MADE)
+    assert [one.condition for one in first.onsets] == ["coulomb20-direct", "coulomb20-deception"]
+    condition = Condition("coulomb20-none", "1", "a purpose", ("--method", "none", "--friction-level", "0.2"), (2,))
+    new = PlannedRun(Run(condition, 2), configuration("none"), tmp_path / "coulomb20-none-s2")
+    write_run(new)
+    rows = condition_rows("coulomb20-none", {0.0: [1.0, 1.0, 1.0], 0.2: [0.5] * 3}, "student", backward=0.5)
+    rows = [row for row in rows if "-s2/" in row.policy]
+    made = MADE | {"command": "again", "revision": "def", "machine": {"cpu": "another"}, "failed": {}}
+    second = assemble.assemble([new], rows, replace(BASE, episodes=3), made, assemble.read_experiment(out))
+    assert [one.condition for one in second.onsets] == ["coulomb20-direct", "coulomb20-deception"]
+    (kept,) = second.summary["kept"]
+    assert (kept["command"], kept["revision"], len(kept["runs"])) == ("c", "abc", 6)
+    assert second.summary["revision"] == "def" and "coulomb20-none-s2" not in kept["runs"]
+    write_report(out, report(second), made | {"warnings": []})
+    text = (out / "report.html").read_text()
+    assert "by c, revision abc, on a processor, evaluated with episodes 16." in text
+    assert "coulomb20-none-s0, coulomb20-none-s1" in text
+    third = assemble.assemble([], [], BASE, made | {"revision": "123"}, assemble.read_experiment(out))
+    origins = {run: one["revision"] for one in third.summary["kept"] for run in one["runs"]}
+    assert origins == dict.fromkeys(kept["runs"], "abc") | {"coulomb20-none-s2": "def"}
+    assert [one.condition for one in third.onsets] == ["coulomb20-direct", "coulomb20-deception"]
+
+
 def test_a_run_whose_folder_has_gone_keeps_its_curve(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Trainings move from machine to machine, their policies stay: the page lost the curve with the folder."""
     curve = [CurvePoint(f"coulomb20-{method}-s0", "teacher", 10, 0.9, 0.8) for method in METHODS]
