@@ -21,6 +21,7 @@ from stiction.locomotion.rewards import Snapshot
 from stiction.locomotion.task_fleet import HostFleet, TaskFleet, to_tensor
 from stiction.locomotion.terrain import SCAN_POINTS, UNDER, Curriculum
 from stiction.robots.catalog import find_robot
+from stiction.robots.model import Robot
 from stiction.sim.chosen import put
 from stiction.sim.fleet import Fleet
 from stiction.sim.net_motors import NetMotors
