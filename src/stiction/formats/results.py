@@ -91,13 +91,13 @@ def row_of(plain: Mapping[str, Any]) -> ResultRow:
 
     Raises `KeyError` where a column is missing.
     """
-    later = {name: plain.get(name) for name in ("slowest", "fastest")}
-    if later["slowest"] is None:
-        later = ends_of(plain.get("robots", {}).values())
-    return ResultRow(**{name: plain[name] for name in COLUMNS if name not in later}, **later)
+    ends: dict[str, Any] = {name: plain.get(name) for name in ("slowest", "fastest")}
+    if ends["slowest"] is None:
+        ends = ends_of(plain.get("robots", {}).values())
+    return ResultRow(**{name: plain[name] for name in COLUMNS if name not in ends} | ends)
 
 
-def ends_of(ratios: Iterable[float | None]) -> dict[str, float | None]:
+def ends_of(ratios: Iterable[float | None]) -> dict[str, Any]:
     """Return the columns `slowest` and `fastest` from the speed ratios of virtual robots, None of those without."""
     known = [ratio for ratio in ratios if ratio is not None]
     return {"slowest": min(known, default=None), "fastest": max(known, default=None)}

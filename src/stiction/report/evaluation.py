@@ -336,8 +336,9 @@ def methods_table(samples: Sequence[Sample], walked: Sequence[ResultRow], method
     """
     paced: dict[tuple[str, ...], list[str]] = {}
     for row in walked:
-        cell = methods[row.policy], row.engine, row.terrain, _level(row.friction_law, row.friction_level), row.command
-        paced.setdefault(cell, []).append(row_pace(row) or "")
+        level = _level(row.friction_law, row.friction_level)
+        own_cell = methods[row.policy], row.engine, row.terrain, level, row.command
+        paced.setdefault(own_cell, []).append(row_pace(row) or "")
     cells: dict[tuple[str, ...], dict[str, Sample]] = {}
     for one in samples:
         if one.command != BOTH:

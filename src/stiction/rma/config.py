@@ -356,10 +356,7 @@ class TrainCfg:
                 raise ConfigurationError(f"{name} has {len(layers)} layers; expected at most {MOST_LAYERS}")
             counts |= {f"{name}[{number}]": size for number, size in enumerate(layers)}
         for name, count in counts.items():
-            least, most = (
-                0 if name in ("student.iterations", "teacher.quiet") else 1,
-                MOST_COUNTS.get(name.rpartition(".")[2], 10_000),
-            )
+            least, most = 0 if name in ("student.iterations", "teacher.quiet") else 1, MOST_COUNTS.get(name.rpartition(".")[2], 10_000)
             if not least <= count <= most:
                 raise ConfigurationError(f"{name} is {count}; expected at least {least}, and at most {most}")
         if self.video_every < 0:
