@@ -95,6 +95,32 @@ def test_losses_agree_with_and_without_and_the_switch_switches() -> None:
     assert on["path"] == "fast" and on["answer"] == 1
 
 
+IN_WORKERS = """
+import json, sys
+from stiction.core.gemm import gemm_path, open_fast_gemm
+from stiction.core.parallel import spread
+if sys.argv[1:] == ["open"]:
+    open_fast_gemm()
+print(json.dumps([gemm_path(), *(path for _, path in spread(gemm_path, [(), ()], 2))]))
+"""
+
+
+@pytest.mark.parametrize("words", [["open"], []])
+def test_workers_take_the_path_of_their_parent(words: list[str]) -> None:
+    """The parent's is the one that results name; if this failed, `--jobs 2` would round otherwise than they say."""
+    known = {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(Path(gemm.__file__).parents[2])}
+    done = subprocess.run(
+        [sys.executable, "-c", IN_WORKERS, *words],
+        env={**os.environ, **known},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    parent, *workers = json.loads(done.stdout)
+    assert workers == [parent, parent]
+    assert (parent == "fast") == (words == ["open"] and gemm.fast_gemm_obstacle() is None)
+
+
 def test_opening_it_too_late_is_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
     """Once torch is loaded it has no effect; a result must not claim it."""
     pytest.importorskip("torch", reason="the package torch, of the extra 'train', has to be loaded first")

@@ -305,15 +305,18 @@ def test_a_virtual_robot_is_one_sample_of_a_rate(still: Bundle) -> None:
             fall_rate=fell[walk.robot][walk.episode],
             crossed=1.0 - fell[walk.robot][walk.episode],
             tracking_error=0.5 * walk.robot + walk.episode,
+            speed_ratio=0.2 * walk.robot + 0.1 * walk.episode,
         )
         for walk in plan.plan(["still"], cfg)
     }
-    (detail,) = rows_of(done, [still])[1]
+    (row,), (detail,) = rows_of(done, [still])
     # Wilson by hand, p = 1/2, n = 3: 1/2 -+ z/(1 + z^2/n) sqrt(1/(4 n) + z^2/(4 n^2)) = 1/2 -+ z/(2 sqrt(n + z^2)).
     half = 1.959964 / (2 * (3 + 1.959964**2) ** 0.5)
     assert detail["fall_rate"] == 0.5
     assert detail["fall_interval"] == pytest.approx((0.5 - half, 0.5 + half))
     assert detail["crossed_interval"] == pytest.approx((0.5 - half, 0.5 + half))
     assert list(detail["robots"]) == ["3", "4", "5"]
+    # Means over two episodes of 0.6 and 0.7, and of 1.0 and 1.1: the mean of all would follow.
+    assert (row.slowest, row.speed_ratio, row.fastest) == pytest.approx((0.65, 0.85, 1.05))
     assert (detail["robot_fall_rates"], detail["robot_crossed"]) == ([1.0, 0.5, 0.0], [0.0, 0.5, 1.0])
     assert detail["robot_tracking_errors"] == [2.0, 2.5, 3.0]

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from stiction.formats.following import BAND, DEFINITION, following, pace, row_pace
-from stiction.formats.results import ResultRow
+from stiction.formats.following import BAND, DEFINITION, NOT_KNOWN, following, pace, paces, row_pace
+from stiction.formats.results import ResultRow, ends_of, row_of
 
 ROW = ResultRow(
     *("p", "none", 0, "mujoco", "coulomb", 0.1, "flat", "vx=0.5"), *(1.0, 0.1, 0.0, 4.0, None, 1.0, 20.0, 0.8, 0.0, 8)
@@ -64,6 +64,47 @@ def test_a_fall_is_told_apart_from_speed() -> None:
     """A seed within the band in whose walks somebody fell."""
     (found,) = following([*seed(0, 1.0, 1.0), *seed(1, 1.0, 1.0, fall_rate=0.1)], lambda row: row.method)
     assert (found.follow, found.fell, found.text) == (1, 1, "1 of 2, 1 fell")
+
+
+def test_each_virtual_robot_is_judged() -> None:
+    """A policy at 0.6 on one robot and at 1.4 on the other is at 1.0 in the mean, and follows on neither.
+
+    Forward 0.6 and 1.4 are 0.4 off, backward 0.9 and 1.1 are 0.1 off: 0.25 of the worst robots.
+    """
+    forward, backward = seed(0, 1.0, 1.0)
+    rows = [replace(forward, **ends_of((0.6, 1.4))), replace(backward, **ends_of((1.1, None, 0.9)))]
+    (found,) = following(rows, lambda row: row.method)
+    assert (found.follow, found.too_slow, found.too_fast) == (0, 1, 1)
+    assert found.each == "0.60..1.40/0.90..1.10" and found.deviation == pytest.approx(0.25)
+    assert paces(rows) == {"too slow", "follows", "too fast"}
+    assert [row_pace(replace(forward, **ends_of(ratios))) for ratios in ((0.7, 1.1), (0.9, 1.5), (0.8, 1.2))] == [
+        *("too slow", "too fast", "follows")
+    ]
+    within = [replace(forward, **ends_of((0.8, 1.1))), replace(backward, **ends_of((1.2, 0.9)))]
+    assert following(within, lambda row: row.method)[0].every_seed and paces(within) == {"follows"}
+
+
+def test_a_row_of_before_tells_its_robots_where_it_has_them() -> None:
+    """summary.json has had the ratio of each robot; results.csv of before has the mean alone, which then counts."""
+    plain = {name: value for name, value in vars(ROW).items() if name not in ("slowest", "fastest")}
+    assert row_of(plain) == ROW and row_of(plain).ends == (1.0, 1.0)
+    assert row_of(plain | {"robots": {"1000": 0.6, "1001": 1.4, "1002": None}}).ends == (0.6, 1.4)
+    assert row_of(vars(replace(ROW, slowest=0.7, fastest=1.1))).ends == (0.7, 1.1)
+    with pytest.raises(KeyError, match="episodes"):
+        row_of({name: value for name, value in plain.items() if name != "episodes"})
+
+
+def test_who_walked_one_way_is_not_known_to_follow() -> None:
+    """Within the band forward alone, or forward twice; too slow forward is known to be too slow."""
+    forward, backward = seed(0, 1.0, 1.0)
+    turn = replace(forward, command="wz=0.5")
+    assert paces([forward]) == paces([forward, turn]) == paces([forward, forward]) == {NOT_KNOWN}
+    assert paces([forward, replace(backward, command="vx=-0.5,wz=0.2")]) == {NOT_KNOWN}
+    assert paces([forward, replace(backward, command="vx=-0.3")]) == {"follows"}
+    assert paces([replace(forward, speed_ratio=0.5)]) == {"too slow"} and paces(seed(0, 1.0, 0.5)) == {
+        *("follows", "too slow")
+    }
+    assert paces([replace(forward, speed_ratio=None)]) == set()
 
 
 def test_cells_are_apart_and_stairs_are_none() -> None:

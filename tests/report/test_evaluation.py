@@ -170,6 +170,25 @@ def test_without_the_details_there_is_no_moving_column() -> None:
     assert ">moving [% of steps]</th>" in results_table(ROWS, SUMMARY["rows"])
 
 
+def test_one_way_alone_is_not_known_to_be_following() -> None:
+    """Forward within the band, backward never walked; too slow one way is known to be too slow."""
+    said = lead([make_row("plain", 0.0, "vx=0.5", 0.95), make_row("plain", 0.2, "vx=0.5", 0.3)])
+    assert said.startswith("Whether a policy follows is not known: none that may walked both forward and backward.")
+    assert (
+        "plain is too slow at 20 %; is not known to follow, not having walked both ways, at 0 %." in said.splitlines()
+    )
+    assert "No policy follows" in lead([make_row("plain", 0.2, "vx=0.5", 0.3)])
+
+
+def test_the_worst_virtual_robot_is_judged_and_shown() -> None:
+    """At 0.6 on one robot and at 1.4 on another: 1.0 in the mean, and no policy follows."""
+    ends = {"slowest": 0.6, "fastest": 1.4}
+    rows = [replace(make_row("p", 0.1, command, 1.0), engine="physx+all", **ends) for command in ("vx=0.5", "vx=-0.5")]
+    assert "p follows nowhere; is too fast at 10 %; is too slow at 10 %." in lead(rows)
+    table = results_table(rows)
+    assert "1.00 (0.60 to 1.40)" in table and ">follows<" not in table and ">too " in table
+
+
 def test_a_coefficient_is_no_percentage() -> None:
     """A law with a coefficient has panels and an axis of its own, and the torque that it came to in the table."""
     load = [replace(row, friction_law="load", friction_level=0.05) for row in ROWS[:1]]
@@ -180,6 +199,6 @@ def test_a_coefficient_is_no_percentage() -> None:
         "load friction c, N m per N and N m transmitted",
     ]
     assert [line.get_xydata().tolist() for line in figure.axes[2].get_lines()[1:]] == [[[0.05, 0.95]], []]
-    assert "plain follows at load c = 0.05." in lead(load)
+    assert "plain follows at load c = 0.05." in lead([*load, replace(load[0], command="vx=-0.5")])
     details = [asdict(load[0]) | {"moving_share": 0.4, "mean_friction": 3.21}]
     assert "load c = 0.05, 3.21 N m" in results_table(load, details)

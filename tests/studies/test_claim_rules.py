@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 
 from stiction.core.statistics import t_interval
-from stiction.evaluate.samples import Measurement, Rate
+from stiction.evaluate.samples import Condition, Evidence, Measurement, Rate
+from stiction.formats.results import DIRECTIONS
 from stiction.studies.claims import (
     Finding,
     Verdict,
     all_of,
     any_of,
     changed_verdicts,
+    follows,
     larger,
     larger_paired,
     over_levels,
@@ -170,6 +172,26 @@ def test_over_levels(findings: list, outcome: str, start: str) -> None:
     """If this failed, `only above x` would name the wrong x, or a level at which nothing was shown."""
     found = over_levels(findings)
     assert found.outcome == outcome and found.evidence.startswith(start)
+
+
+def test_each_virtual_robot_has_to_be_followed_on() -> None:
+    """Two seeds on two robots, at 0.6 and 1.4 or at 0.95 and 1.05: all means are 1.0, and the first follow nowhere."""
+
+    def judged(*ratios: float) -> Finding:
+        rows = [
+            {
+                **{"method": "none", "engine": "physx+all", "friction_law": "real", "friction_level": 0.1},
+                **{"terrain": "flat", "command": command, "seed": seed, "speed_ratio": 1.0, "fall_rate": 0.0},
+                **{"robots": {str(at): ratio for at, ratio in enumerate(ratios)}, "episodes": len(ratios)},
+            }
+            for seed in (0, 1)
+            for command in DIRECTIONS
+        ]
+        return follows(Evidence.of(rows), "none", Condition("physx+all", 0.1, "real"), "none")
+
+    apart, near = judged(0.6, 1.4), judged(*[0.95, 1.05] * 4)
+    assert apart.outcome == "does not" and "0 of 2 seeds follow, 2 too slow, 2 too fast" in apart.evidence
+    assert near.outcome == "reproduces" and "2 of 2 seeds follow" in near.evidence
 
 
 def test_changes_are_kept_from_the_first_judgement_on() -> None:

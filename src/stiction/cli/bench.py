@@ -81,14 +81,16 @@ def main(arguments: list[str]) -> int:
     from stiction.robots.catalog import find_robot
 
     # Refused before anything is measured.
-    find_robot(options.robot)
+    spec = find_robot(options.robot)
     note, origin = Terminal(stderr=True, quiet=options.json), Origin.now()
     note.print("task against bare simulator ...")
     base = replace(preset(options.preset, options.device), num_envs=options.num_envs)
     cfg = bench_cfg(base, options.method, options.friction_level)
     friction = replace(cfg.task.friction, law=options.friction_law)
     terrain = replace(cfg.task.terrain, kind=options.terrain)
-    task = replace(cfg.task, robot=options.robot, friction=friction, terrain=terrain)
+    # The rewards that a training of this robot has: one without contact groups is not paid for a trot.
+    rewards = cfg.task.rewards.for_robot(spec)
+    task = replace(cfg.task, robot=options.robot, friction=friction, terrain=terrain, rewards=rewards)
     cfg = replace(cfg, device=options.device, task=task)
     net = None if options.actuator is None else read_actuator(options.actuator)
     timing, sizes = measure_training(cfg, options.blocks, net)

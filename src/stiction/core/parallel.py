@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 from stiction.core import lifeline
 from stiction.core.cluster import current_cluster
 from stiction.core.errors import StictionError
+from stiction.core.gemm import gemm_path, open_fast_gemm
 from stiction.core.isolation import isolate_workers, main_unseen
 from stiction.core.memory import check_memory
 
@@ -33,7 +34,8 @@ def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: 
 
     A script, a notebook or a prompt may call this as it stands: workers do not run the program's main module again, and
     no `if __name__ == "__main__"` is needed, unless `work` or an argument is defined there. A worker of somebody else's
-    pool, which may not start processes, does the tasks itself.
+    pool, which may not start processes, does the tasks itself. Workers take this process's path of matrix products,
+    which is the one that results name.
     """
     if (cluster := current_cluster()) is not None and tasks:
         yield from cluster.spread(work, tasks, jobs)
@@ -48,7 +50,7 @@ def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: 
     # Forked children would share the simulator's threads with this process.
     context = multiprocessing.get_context("spawn")
     reader, writer = context.Pipe(duplex=False)
-    pool = ProcessPoolExecutor(processes, context, initializer=_begin, initargs=(reader,))
+    pool = ProcessPoolExecutor(processes, context, initializer=_begin, initargs=(reader, gemm_path()))
     try:
         # Each submission may start a process, here and now.
         with nullcontext() if _of_main(work, tasks) else main_unseen():
@@ -84,8 +86,13 @@ _HELD: list[Connection] = []
 """The end of the parent's pipe in a worker: it must stay open."""
 
 
-def _begin(reader: Connection) -> None:
-    """Make a worker follow its parent. Ctrl-C and a closed terminal reach all processes; the parent answers them."""
+def _begin(reader: Connection, products: str) -> None:
+    """Make a worker follow its parent. Ctrl-C and a closed terminal reach all processes; the parent answers them.
+
+    products: the parent's `gemm_path`. A worker unpickles its first task, and with it perhaps torch, after this.
+    """
+    if products == "fast":
+        open_fast_gemm()
     _HELD.append(reader)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)

@@ -10,7 +10,7 @@ import dataclasses
 import math
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, fields
+from dataclasses import fields
 from pathlib import Path
 from types import UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -28,6 +28,11 @@ def column(label: str, unit: str = "", form: str | Callable[[Any], str] = ".3g",
     files of before, which are read too.
     """
     return {"label": f"{label} [{unit}]" if unit else label, "form": form, "was": was}
+
+
+LATER = {"later": True}
+"""Metadata of a field with a default that came later: files without the column are read too, and it is written where a
+row has something else in it; no table shows it."""
 
 
 def header(kind: Any) -> tuple[str, ...]:
@@ -69,11 +74,15 @@ def write_rows(path: Path, rows: Sequence[Any], form: str = ".9g") -> None:
     """
     if not rows:
         raise FileError(f"{path.name}: no row to write; expected at least one")
-    names = [field.name for field in fields(rows[0])]
+    names = [
+        field.name
+        for field in fields(rows[0])
+        if not field.metadata.get("later") or any(getattr(row, field.name) != field.default for row in rows)
+    ]
     with publish(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(names)
-        writer.writerows([_cell(path, name, value, form) for name, value in asdict(row).items()] for row in rows)
+        writer.writerows([_cell(path, name, getattr(row, name), form) for name in names] for row in rows)
 
 
 def _cell(path: Path, name: str, value: Any, form: str) -> str:
@@ -102,14 +111,17 @@ def read_rows(path: Path, kind: type[Row], optional: bool = False) -> list[Row]:
         raise FileError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
     # The header alone is translated: the order of the cells is that of the fields, then as now.
     now = {field.metadata.get("was"): field.name for field in fields(kind)}  # type: ignore[arg-type]
-    if not lines or [now.get(name, name) for name in lines[0]] != list(types):
-        raise FileError(f"{path}: its first line must be {','.join(types)}; move it away, or give another --out")
+    names = [now.get(name, name) for name in lines[0]] if lines else []
+    later = {field.name for field in fields(kind) if field.metadata.get("later")}  # type: ignore[arg-type]
+    if not names or names != [name for name in types if name in names or name not in later]:
+        wanted = ",".join(name for name in types if name not in later)
+        raise FileError(f"{path}: its first line must be {wanted}; move it away, or give another --out")
     found = []
     for number, cells in enumerate(lines[1:], start=2):
-        if len(cells) != len(types):
-            raise FileError(f"{path}, line {number}: {len(cells)} cells; expected {len(types)}")
+        if len(cells) != len(names):
+            raise FileError(f"{path}, line {number}: {len(cells)} cells; expected {len(names)}")
         row = {}
-        for name, cell in zip(types, cells, strict=True):
+        for name, cell in zip(names, cells, strict=True):
             try:
                 row[name] = _value(cell, types[name])
             except ValueError as error:

@@ -186,6 +186,17 @@ class Evidence:
         """Return the speed ratio of the faster direction of every seed."""
         return self._over(_cells(method, condition, DIRECTIONS), "speed_ratio", _most)
 
+    def ends(self, method: str, condition: Condition) -> dict[int, tuple[float, float]]:
+        """Return the least and the largest speed ratio of every seed that walked both ways: of virtual robots that of
+        the slowest and of the fastest, in either direction.
+        """
+        cells = _cells(method, condition, DIRECTIONS)
+        found = {}
+        for seed in self.slower(method, condition).seeds:
+            each = [ratio for cell in cells for row in self.cells[cell][seed] for ratio in _ratios(row)]
+            found[seed] = min(each), max(each)
+        return found
+
     def error(self, method: str, *conditions: Condition) -> Measurement:
         """Return the mean of |speed ratio - 1| over both directions and the conditions, of every seed that has all."""
         return self._over([cell for one in conditions for cell in _cells(method, one, DIRECTIONS)], ERROR, _evenly)
@@ -251,9 +262,14 @@ def _value(row: Row, column: str) -> float | None:
     if column != ERROR:
         value: float | None = row[column]
         return value
-    each = row["robots"].values() if "robots" in row else [row["speed_ratio"]]
-    deviations = [abs(ratio - 1.0) for ratio in each if ratio is not None]
+    deviations = [abs(ratio - 1.0) for ratio in _ratios(row)]
     return float(np.mean(deviations)) if deviations else None
+
+
+def _ratios(row: Row) -> list[float]:
+    """Return the speed ratio of each virtual robot of a row, or that of the robot of the data sheet."""
+    each = row["robots"].values() if "robots" in row else [row["speed_ratio"]]
+    return [ratio for ratio in each if ratio is not None]
 
 
 def _each_robot(cells: Sequence[Sequence[Row]], column: str) -> dict[int, list[float]]:

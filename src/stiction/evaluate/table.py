@@ -15,7 +15,7 @@ from stiction.evaluate.methods import MethodCell, method_of
 from stiction.evaluate.metrics import Metrics, combine
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract import PHASES, Contract
-from stiction.formats.results import ResultRow
+from stiction.formats.results import ResultRow, ends_of
 from stiction.joints.friction import Law
 from stiction.rma.identity import MISSING, SHOWN, differing, key_of_settings, setting_text, settings_in
 from stiction.robots.model import Robot
@@ -92,9 +92,10 @@ def rows_of(
             command=first.command,
             episodes=len(walks),
             **metrics.columns,
+            **ends_of((beside := _beside(walks, done)).get("robots", {}).values()),
         )
         rows.append(row)
-        details.append(asdict(row) | metrics.beside | _beside(walks, done))
+        details.append(asdict(row) | metrics.beside | beside)
     return rows, details
 
 

@@ -1,7 +1,8 @@
 """Following: 80 to 120 % of the commanded speed, forward and backward, by every training seed, and nobody falls.
 
 The one definition. A speed ratio alone is too slow, follows, or is too fast; a policy, which is one training seed,
-follows where it does so in both directions and never falls; of a training method the seeds that follow are counted.
+follows where it does so in both directions and never falls, on virtual robots on each of them: one that is too slow and
+one that is too fast are not one that follows. Of a training method the seeds that follow are counted.
 """
 
 from __future__ import annotations
@@ -22,8 +23,9 @@ BAND = f"{100 * FOLLOWS[0]:g} to {FAST}"
 """The band as people read it."""
 
 DEFINITION = (
-    f"Following is {BAND} of the commanded speed, forward and backward, by every training seed, and nobody falls. "
-    f"Too slow: under {SLOW} in the slower direction; too fast: over {FAST} in the faster one; a seed can be both."
+    f"Following is {BAND} of the commanded speed, forward and backward, by every training seed, on each virtual robot, "
+    f"and nobody falls. Too slow: under {SLOW} in the slower direction; too fast: over {FAST} in the faster one; a "
+    "seed can be both."
 )
 """For pages."""
 
@@ -34,17 +36,43 @@ def pace(ratio: float) -> Pace:
 
 
 def row_pace(row: ResultRow) -> Pace | Literal["fell"] | None:
-    """Return what a row is: `fell` if anybody fell in it, None where no speed is commanded."""
-    if row.speed_ratio is None:
+    """Return what a row is: `fell` if anybody fell in it, of virtual robots what the worst is; None where no speed is
+    commanded.
+    """
+    if row.ends is None:
         return None
-    return "fell" if row.fall_rate > 0.0 else pace(row.speed_ratio)
+    return "fell" if row.fall_rate > 0.0 else pace(worst(row.ends))
+
+
+def worst(ratios: Iterable[float]) -> float:
+    """Return the speed ratio that is the farthest from the middle of the band [-]; at least one is given."""
+    return max(ratios, key=lambda ratio: abs(ratio - sum(FOLLOWS) / 2.0))
+
+
+NOT_KNOWN = "not known"
+"""Whether a policy follows that was within the band where it walked, and did not walk both ways."""
+
+
+def paces(rows: Iterable[ResultRow]) -> set[str]:
+    """Return all that is seen in the rows of one policy under one friction, of each virtual robot: `{"follows"}` alone
+    is a policy that follows. In place of it stands `NOT_KNOWN` where it did not walk both forward and backward.
+    """
+    seen: set[str] = set()
+    ways: set[bool] = set()
+    for row in rows:
+        if row.ends is None:
+            continue
+        seen |= {"fell"} if row.fall_rate > 0.0 else {pace(ratio) for ratio in row.ends}
+        if row.command.startswith("vx=") and "," not in row.command:
+            ways.add(row.command.startswith("vx=-"))
+    return {NOT_KNOWN} if seen == {"follows"} and len(ways) < 2 else seen
 
 
 @dataclass(frozen=True)
 class Following:
     """Which training seeds of a method follow under one friction in one engine on flat ground; a row of following.csv.
 
-    A seed counts that walked in both directions; of virtual robots its mean over them counts.
+    A seed counts that walked in both directions; of virtual robots the slowest and the fastest count.
     """
 
     method: str
@@ -60,15 +88,16 @@ class Following:
     follow: int
     """Those that follow in both directions, and never fall."""
     too_slow: int
-    """Those that are too slow in at least one direction."""
+    """Those that are too slow in at least one direction, on at least one robot."""
     too_fast: int
-    """Those that are too fast in at least one direction."""
+    """Those that are too fast in at least one direction, on at least one robot."""
     fell: int
     """Those that fell."""
     deviation: float
-    """Mean of |speed ratio - 1| over both directions and the seeds [-]."""
+    """Mean of |speed ratio - 1| over both directions and the seeds [-]; of virtual robots, of the worst."""
     each: str
-    """Forward and backward speed ratio of every seed, `1.15/1.05 1.09/1.02`."""
+    """Forward and backward speed ratio of every seed, `1.15/1.05 1.09/1.02`; of virtual robots that of the slowest and
+    of the fastest, `0.60..1.40/0.90..1.10`."""
 
     @property
     def every_seed(self) -> bool:
@@ -98,21 +127,27 @@ def count(cell: tuple[str, str, str, float], seeds: Iterable[Mapping[str, Result
     cell: method, engine, law, level; seeds: command -> row, of each.
     """
     walked = [[rows[command] for command in DIRECTIONS] for rows in seeds if all(vx in rows for vx in DIRECTIONS)]
-    ratios = [[row.speed_ratio or 0.0 for row in rows] for rows in walked]
-    paces = [{pace(ratio) for ratio in both} for both in ratios]
+    ratios = [[row.ends or (0.0, 0.0) for row in rows] for rows in walked]
+    seen = [{pace(ratio) for ends in both for ratio in ends} for both in ratios]
     fell = [any(row.fall_rate > 0.0 for row in rows) for rows in walked]
     if not walked:
         return None
     return Following(
         *cell,
         seeds=len(walked),
-        follow=sum(own == {"follows"} and not down for own, down in zip(paces, fell, strict=True)),
-        too_slow=sum("too slow" in own for own in paces),
-        too_fast=sum("too fast" in own for own in paces),
+        follow=sum(own == {"follows"} and not down for own, down in zip(seen, fell, strict=True)),
+        too_slow=sum("too slow" in own for own in seen),
+        too_fast=sum("too fast" in own for own in seen),
         fell=sum(fell),
-        deviation=sum(abs(ratio - 1.0) for both in ratios for ratio in both) / (2 * len(ratios)),
-        each=" ".join(f"{forward:.2f}/{backward:.2f}" for forward, backward in ratios),
+        deviation=sum(max(abs(ratio - 1.0) for ratio in ends) for both in ratios for ends in both) / (2 * len(ratios)),
+        each=" ".join("/".join(map(ends_text, rows)) for rows in walked),
     )
+
+
+def ends_text(row: ResultRow) -> str:
+    """Return the speed ratio of a row; of virtual robots that of the slowest and of the fastest: `0.60..1.40`."""
+    low, high = row.ends or (0.0, 0.0)
+    return f"{low:.2f}" if row.slowest is None else f"{low:.2f}..{high:.2f}"
 
 
 def following(rows: Iterable[ResultRow], method_of: Callable[[ResultRow], str]) -> list[Following]:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 from stiction.core.errors import FileError
 from stiction.core.files import open_regular, write_text
-from stiction.core.records import column, read_rows, write_rows
+from stiction.core.records import LATER, column, read_rows, write_rows
 from stiction.formats.plain import is_integer, is_number, read_object, take_version
 
 SCHEMA_VERSION = 1
@@ -67,10 +67,40 @@ class ResultRow:
     """Share of moving steps with no foot on the ground [-]; None without any."""
     episodes: int = field(metadata=column("episodes"))
     """Number of episodes behind the row."""
+    slowest: float | None = field(default=None, metadata=LATER)
+    """Of virtual robots the speed ratio of the slowest [-]; None on the robot of the data sheet, and in older files."""
+    fastest: float | None = field(default=None, metadata=LATER)
+    """The same of the fastest [-]."""
+
+    @property
+    def ends(self) -> tuple[float, float] | None:
+        """Speed ratio of the slowest and of the fastest robot [-], both of which is the row's own where they are not
+        known, or it is one robot; None where no speed is commanded.
+        """
+        if self.slowest is None or self.fastest is None:
+            return None if self.speed_ratio is None else (self.speed_ratio, self.speed_ratio)
+        return self.slowest, self.fastest
 
 
 COLUMNS = tuple(item.name for item in fields(ResultRow))
 """Header of results.csv."""
+
+
+def row_of(plain: Mapping[str, Any]) -> ResultRow:
+    """Return the row of plain data as in summary.json; what came later is taken from its `robots`, if it has them.
+
+    Raises `KeyError` where a column is missing.
+    """
+    ends: dict[str, Any] = {name: plain.get(name) for name in ("slowest", "fastest")}
+    if ends["slowest"] is None:
+        ends = ends_of(plain.get("robots", {}).values())
+    return ResultRow(**{name: plain[name] for name in COLUMNS if name not in ends} | ends)
+
+
+def ends_of(ratios: Iterable[float | None]) -> dict[str, Any]:
+    """Return the columns `slowest` and `fastest` from the speed ratios of virtual robots, None of those without."""
+    known = [ratio for ratio in ratios if ratio is not None]
+    return {"slowest": min(known, default=None), "fastest": max(known, default=None)}
 
 
 def write_results(path: Path, rows: Sequence[ResultRow]) -> None:

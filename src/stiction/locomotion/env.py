@@ -21,6 +21,7 @@ from stiction.locomotion.rewards import Snapshot
 from stiction.locomotion.task_fleet import HostFleet, TaskFleet, to_tensor
 from stiction.locomotion.terrain import SCAN_POINTS, UNDER, Curriculum
 from stiction.robots.catalog import find_robot
+from stiction.robots.model import Robot
 from stiction.sim.chosen import put
 from stiction.sim.fleet import Fleet
 from stiction.sim.net_motors import NetMotors
@@ -85,16 +86,18 @@ class LocomotionEnv(VecEnv):
         identified: dict[str, np.ndarray] | None = None,
         device: Device = CPU,
         actuator: ActuatorNet | None = None,
+        spec: Robot | None = None,
     ) -> None:
         """Build the fleet and reset every robot.
 
         `identified`: see `nominal_joints`; `device`: simulator, and where observations, rewards and actions are;
-        `actuator`: gives the joints' torque in place of the PD law. Raises `StictionError` where the net does not fit
+        `actuator`: gives the joints' torque in place of the PD law; `spec`: the robot in place of that of the name in
+        `cfg`, as a bundle has it. Raises `StictionError` where the net does not fit
         the robot, the physics step or the friction.
         """
         self.cfg: Any = cfg
         self.num_envs, self.device = num_envs, device.torch
-        self.spec = find_robot(cfg.robot)
+        self.spec = find_robot(cfg.robot) if spec is None else spec
         self.num_actions = self.spec.num_joints
         flat, draws = cfg.terrain.kind == "flat", np.random.default_rng(seed)
         self.course = None if flat else Curriculum(cfg.terrain, num_envs, draws)

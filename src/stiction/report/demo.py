@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract_rules import METHODS
-from stiction.formats.following import BAND, FAST, SLOW, row_pace
+from stiction.formats.following import BAND, FAST, SLOW, paces, row_pace
 from stiction.formats.joints import JointRecord
 from stiction.formats.results import ResultRow
 from stiction.joints.friction import level_text
@@ -179,11 +179,11 @@ def verdict(policies: Sequence[DemoPolicy], rows: Sequence[ResultRow]) -> list[s
     """Return a line for each policy: with how much friction it follows both ways, and with how much it does not."""
     lines = []
     for policy in policies:
-        seen: dict[float, set[str]] = {}
+        walked: dict[float, list[ResultRow]] = {}
         for row in sorted(rows, key=lambda row: row.friction_level):
-            if row.policy == policy.bundle.name and (pace := row_pace(row)):
-                seen.setdefault(row.friction_level, set()).add(pace)
-        said = paces_text([(level_text("coulomb", at), paces) for at, paces in seen.items()])
+            if row.policy == policy.bundle.name and row.ends is not None:
+                walked.setdefault(row.friction_level, []).append(row)
+        said = paces_text([(level_text("coulomb", at), paces(own)) for at, own in walked.items()])
         lines.append(f"{policy.name.capitalize()}, it {said} of friction.")
     return lines
 
@@ -214,11 +214,11 @@ def _followed(rows: Sequence[ResultRow], policies: Sequence[DemoPolicy]) -> Mark
     commands = list(dict.fromkeys(r.command for r in rows if r.speed_ratio is not None))
     cells = []
     for policy in policies:
-        paces: dict[str, list[tuple[str, set[str]]]] = {command: [] for command in commands}
+        seen: dict[str, list[tuple[str, set[str]]]] = {command: [] for command in commands}
         for r in moving:
             if r.policy == policy.name:
-                paces[r.command].append((level_text("coulomb", r.friction_level), {row_pace(r) or ""}))
-        cells.append([policy.name, *map(paces_text, paces.values())])
+                seen[r.command].append((level_text("coulomb", r.friction_level), {row_pace(r) or ""}))
+        cells.append([policy.name, *map(paces_text, seen.values())])
     return table(["policy", *(f"{command} m/s" for command in commands)], cells)
 
 

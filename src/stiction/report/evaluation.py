@@ -14,7 +14,7 @@ from stiction.core.records import make_folder, write_rows
 from stiction.engines.catalog import TIMESTEP
 from stiction.evaluate.metrics import WINDOW
 from stiction.evaluate.table import BOTH, Sample
-from stiction.formats.following import BAND, DEFINITION, FAST, SLOW, following, pace, row_pace
+from stiction.formats.following import BAND, DEFINITION, FAST, NOT_KNOWN, SLOW, following, paces, row_pace
 from stiction.formats.results import ResultRow, write_results, write_summary
 from stiction.joints.friction import LAWS, has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
@@ -153,10 +153,15 @@ UNITS = {
 """Column -> its unit."""
 
 DEFINITIONS = (
-    ("speed ratio", "mean speed along the command over the commanded speed; after a fall the speed counts as zero"),
+    (
+        "speed ratio",
+        "mean speed along the command over the commanded speed; after a fall the speed counts as zero; in brackets the "
+        "slowest and the fastest virtual robot",
+    ),
     (
         "pace",
-        f"follows: {BAND} of the commanded speed, and nobody fell; too slow: under {SLOW}; too fast: over {FAST}",
+        f"follows: {BAND} of the commanded speed, and nobody fell; too slow: under {SLOW}; too fast: over {FAST}; of "
+        "virtual robots that of the worst",
     ),
     ("error", f"mean distance of velocity and command, over windows of {WINDOW:g} s, in m/s (rad/s for a pure turn)"),
     ("falls", "share of episodes with a fall; a simulation that became unstable counts as one"),
@@ -268,16 +273,15 @@ def lead(rows: Sequence[ResultRow]) -> str:
 
 def best(rows: Sequence[ResultRow]) -> str:
     """Return which policy follows at most of the frictions, as a sentence to be read aloud."""
-    seen: dict[tuple[str, Scene], dict[tuple[str, float], set[str]]] = {}
-    for row in rows:
-        if (found := row_pace(row)) is not None:
-            levels = seen.setdefault((row.policy, _scene(row)), {})
-            levels.setdefault((row.friction_law, row.friction_level), set()).add(found)
+    walked = {(row.policy, _scene(row)): None for row in rows if row.ends is not None}
+    seen = {key: _seen([row for row in rows if (row.policy, _scene(row)) == key]) for key in walked}
     if not seen:
         return "No policy was asked to move."
     counts = {key: sum(one == {"follows"} for one in levels.values()) for key, levels in seen.items()}
     most = max(counts.values())
     first = [key for key, count in counts.items() if count == most]
+    if not most and any(NOT_KNOWN in one for levels in seen.values() for one in levels.values()):
+        return "Whether a policy follows is not known: none that may walked both forward and backward."
     if not most:
         return "No policy follows its command at any of the frictions."
     named = dict.fromkeys(policy for policy, _ in first)
@@ -294,13 +298,19 @@ MOST_NAMED = 3
 
 def _follows_where(rows: Sequence[ResultRow]) -> str:
     """Return at which levels one policy follows in one scene, as the end of a sentence."""
-    levels: dict[tuple[str, float], set[str]] = {}
-    for row in rows:
-        if (seen := row_pace(row)) is not None:
-            levels.setdefault((row.friction_law, row.friction_level), set()).add(seen)
+    levels = _seen(rows)
     if not levels:
         return "was not asked to move."
     return f"{paces_text([(_level(*level), seen) for level, seen in sorted(levels.items())])}."
+
+
+def _seen(rows: Sequence[ResultRow]) -> dict[tuple[str, float], set[str]]:
+    """Return friction law and level -> `paces` of the rows of one policy in one scene, where it was asked to move."""
+    levels: dict[tuple[str, float], list[ResultRow]] = {}
+    for row in rows:
+        if row.ends is not None:
+            levels.setdefault((row.friction_law, row.friction_level), []).append(row)
+    return {level: paces(own) for level, own in levels.items()}
 
 
 def sections(
@@ -311,7 +321,7 @@ def sections(
     if any(sample.low is not None for sample in samples):
         counts = following(rows, lambda row: summary["ways"][row.policy])
         found.append(Section("How many training seeds follow", counts_sheet(counts).blocks()))
-        found.append(Section("Training methods, over their seeds", (methods_table(samples),)))
+        found.append(Section("Training methods, over their seeds", (methods_table(samples, rows, summary["ways"]),)))
     return [
         *found,
         Section("Every row", (results_table(rows, summary["rows"]), definitions_table())),
@@ -319,8 +329,16 @@ def sections(
     ]
 
 
-def methods_table(samples: Sequence[Sample]) -> Markup:
-    """Return what every training method reached, with intervals, and the speed ratio of every seed."""
+def methods_table(samples: Sequence[Sample], walked: Sequence[ResultRow], methods: Mapping[str, str]) -> Markup:
+    """Return what every training method reached, with intervals, and the pace and the speed ratio of every seed.
+
+    walked: the rows behind the samples; methods: policy -> its method.
+    """
+    paced: dict[tuple[str, ...], list[str]] = {}
+    for row in walked:
+        level = _level(row.friction_law, row.friction_level)
+        own_cell = methods[row.policy], row.engine, row.terrain, level, row.command
+        paced.setdefault(own_cell, []).append(row_pace(row) or "")
     cells: dict[tuple[str, ...], dict[str, Sample]] = {}
     for one in samples:
         if one.command != BOTH:
@@ -333,15 +351,15 @@ def methods_table(samples: Sequence[Sample]) -> Markup:
         points = [] if speed is None else [float(point) for point in speed.each.split()]
         each = ", ".join(f"{point:.2f}" for point in points) or "–"
         numbers = (sample_text(own.get(name), look[name]["form"]) for name in MEASURES)
-        rows.append([*cell, *numbers, _paces(points), each])
+        rows.append([*cell, *numbers, _paces(paced.get(cell, ())), each])
     header = ["method", "engine", "ground", "friction", "command", *(look[name]["label"] for name in MEASURES)]
     header = [f"{name} [{UNITS[name]}]" if name in UNITS else name for name in header]
     return table([*header, "pace of the seeds", "speed ratio of each seed [1]"], rows, SAMPLES, grouped=True)
 
 
-def _paces(points: Sequence[float]) -> str:
-    """Return how many seeds have which pace under one command: `4 follow, 1 too fast`."""
-    found = [pace(point).replace("follows", "follow") for point in points]
+def _paces(seeds: Sequence[str]) -> str:
+    """Return how many seeds have which pace under one command: `4 follow, 1 too fast`. seeds: the pace of each."""
+    found = [one.replace("follows", "follow") for one in seeds if one]
     return ", ".join(f"{found.count(one)} {one}" for one in dict.fromkeys(found)) or "–"
 
 

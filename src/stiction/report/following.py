@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Literal
 
-from stiction.formats.following import DEFINITION, SLOW, Following, counts_text
+from stiction.formats.following import DEFINITION, NOT_KNOWN, SLOW, Following, counts_text
 from stiction.formats.results import FOLLOWS
 from stiction.joints.friction import level_text
 from stiction.report.page import COLORS, Sheet
@@ -62,9 +62,14 @@ def most(methods: Mapping[str, Sequence[Following]]) -> list[str]:
     return [method for method, share in shares.items() if share == best > 0.0]
 
 
+def has_one_seed(cells: Iterable[Following]) -> bool:
+    """Return whether there is one training seed: it is not every seed, and pages say `its one seed`."""
+    return max((cell.seeds for cell in cells), default=0) == 1
+
+
 def _named(method: str, cells: Sequence[Following]) -> str:
     """Return a method, and that it has one seed where it does."""
-    return f"{method} (one seed)" if max(cell.seeds for cell in cells) == 1 else method
+    return f"{method} (one seed)" if has_one_seed(cells) else method
 
 
 def recommended_sheet(cells: Sequence[Following]) -> Sheet:
@@ -81,10 +86,11 @@ def recommended_sheet(cells: Sequence[Following]) -> Sheet:
         sure = ", ".join(_named(method, own[method]) for method in everywhere(methods))
         counts = (counts_text(methods[method]) if methods[method] else "not tested" for method in own)
         rows.append((friction_text("coulomb", level), sure or "nobody", *counts))
-    header = ("friction", "every seed, everywhere", *(_named(method, found) for method, found in own.items()))
+    everyone = "its one seed, everywhere" if has_one_seed(cells) else "every seed, everywhere"
+    header = ("friction", everyone, *(_named(method, found) for method, found in own.items()))
     note = (
         f"{DEFINITION} Levels are those that were tested. Columns of methods count pairs of a seed and a place: the "
-        "engines, and the virtual robots, of which a seed is known by its mean over them. One seed is no evidence."
+        "engines, and the virtual robots, on each of which a seed has to follow. One seed is no evidence."
     )
     return Sheet("My joint has this much friction: which training follows?", header, tuple(rows), note)
 
@@ -115,19 +121,22 @@ def counts_sheet(cells: Sequence[Following]) -> Sheet:
         "seeds that follow",
         "speed ratios of each seed [1]",
     )
-    return Sheet("Seeds that follow", header, tuple(rows), DEFINITION)
+    note = f"{DEFINITION} Of virtual robots: the slowest..the fastest."
+    return Sheet("Seeds that follow", header, tuple(rows), note)
 
 
 def paces_text(found: Sequence[tuple[str, set[str]]]) -> str:
     """Say where something follows and where it does what else: `follows at 20 %; is too fast at 0 and 10 %`.
 
-    found: a place in words, and all that was seen there, as of `row_pace`; it follows where nothing else was seen.
+    found: a place in words, and all that was seen there, as of `paces`; it follows where nothing else was seen.
     """
     where = {"follows": {at: seen == {"follows"} for at, seen in found}}
-    where |= {one: {at: one in seen for at, seen in found} for one in ("too fast", "too slow", "fell")}
+    where |= {one: {at: one in seen for at, seen in found} for one in ("too fast", "too slow", "fell", NOT_KNOWN)}
     words = {"follows": "follows", "too fast": "is too fast", "too slow": "is too slow", "fell": "falls"}
+    words[NOT_KNOWN] = "is not known to follow, not having walked both ways,"
     said = [f"{words[one]} {places_text(places)}" for one, places in where.items() if any(places.values())]
-    return "; ".join(said if any(where["follows"].values()) else ["follows nowhere", *said])
+    known = any(where["follows"].values()) or any(where[NOT_KNOWN].values())
+    return "; ".join(said if known else ["follows nowhere", *said])
 
 
 def places_text(tried: Mapping[str, bool]) -> str:
@@ -155,12 +164,24 @@ def recommended_sentence(cells: Sequence[Following], level: float) -> str:
     methods = by_level(cells).get(level)
     if methods is None:
         return ""
-    several = everywhere(methods)
-    sure = ", ".join(_named(method, methods[method]) for method in several) or "no training"
+    found = everywhere(methods)
+    alone = [method for method in found if has_one_seed(methods[method])]
+    said = [_everywhere_text([method for method in found if method not in alone], "every seed")]
+    said.append(_everywhere_text(alone, "their one seed" if len(alone) > 1 else "its one seed"))
+    if not found:
+        own = [cell for some in methods.values() for cell in some]
+        said = [_everywhere_text(["no training"], "its one seed" if has_one_seed(own) else "every seed")]
     best = ", ".join(f"{_named(method, methods[method])}, {counts_text(methods[method])}" for method in most(methods))
     seeds = f"; the largest share of seeds over all places: {best}" if best else ""
-    verb = "follow" if len(several) > 1 else "follows"
-    return f"With {friction_text('coulomb', level)} friction, {sure} {verb} everywhere with every seed{seeds}."
+    sure = ", and ".join(filter(None, said))
+    return f"With {friction_text('coulomb', level)} friction, {sure}{seeds}."
+
+
+def _everywhere_text(methods: Sequence[str], seeds: str) -> str:
+    """Say that methods follow everywhere with these of their seeds; empty of none."""
+    if len(methods) < 2:
+        return f"{methods[0]} follows everywhere with {seeds}" if methods else ""
+    return f"{', '.join(methods)} follow everywhere with {seeds}"
 
 
 def changes_sheet(summary: Mapping[str, Any], sentences: Mapping[str, str]) -> Sheet | None:

@@ -91,6 +91,8 @@ def result_cells(row: ResultRow) -> dict[str, str]:
     """Return column -> cell of a row of results, a dash where there is no number."""
     measured = dict(zip(header(row), texts(row), strict=True))
     friction = level_text(row.friction_law, row.friction_level)
+    if row.slowest is not None:
+        measured["speed ratio"] += f" ({row.slowest:.2f} to {row.fastest:.2f})"
     return measured | {"friction": friction, "command": row.command, "pace": row_pace(row) or "–"}
 
 

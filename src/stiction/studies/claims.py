@@ -72,7 +72,10 @@ def in_words(share: float) -> str:
     return {1 / 2: "half", 1 / 3: "a third", 1 / 4: "a quarter"}.get(share, f"{100 * share:g} %")
 
 
-FOLLOWING = f"{BAND} both ways by every seed and no fall, and falls shown to be in under {in_words(STABLE)} of walks"
+FOLLOWING = (
+    f"{BAND} both ways by every seed, on each virtual robot, and no fall, and falls shown to be in under "
+    f"{in_words(STABLE)} of walks"
+)
 """What `follows` asks, for criteria."""
 
 
@@ -249,7 +252,7 @@ def _text(interval: Interval) -> str:
 
 
 def follows(e: Evidence, method: str, condition: Condition, label: str) -> Finding:
-    """Judge that a method follows: every training seed in both directions, and nobody falls.
+    """Judge that a method follows: every training seed in both directions, on each virtual robot, and nobody falls.
 
     One seed that does not, or a single fall, refutes it. That nobody fell in the walks that there were shows no more
     than the upper end of Wilson's interval: it must be under `STABLE`, in each direction.
@@ -259,9 +262,10 @@ def follows(e: Evidence, method: str, condition: Condition, label: str) -> Findi
     mean = all_of(within(f"{label}, slower direction", slower, *FOLLOWS), within("faster direction", faster, *FOLLOWS))
     if mean.outcome == "not tested":
         return mean
+    ends = e.ends(method, condition)
     wrong = {
-        "too slow": {seed for seed, ratio in slower.seeds.items() if pace(ratio) == "too slow"},
-        "too fast": {seed for seed, ratio in faster.seeds.items() if pace(ratio) == "too fast"},
+        "too slow": {seed for seed, (low, _) in ends.items() if pace(low) == "too slow"},
+        "too fast": {seed for seed, (_, high) in ends.items() if pace(high) == "too fast"},
         "fell": {seed for rate in rates.values() for seed, share in rate.seeds.items() if share > 0.0},
     }
     follow = len(slower.seeds.keys() - set.union(*wrong.values()))

@@ -7,6 +7,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
+import torch
 
 from stiction.cli.main import main
 from stiction.core.errors import ConfigurationError
@@ -14,7 +15,7 @@ from stiction.deploy.check import check_bundle
 from stiction.formats.bundle import Bundle, find_bundle
 from stiction.formats.contract import Contract
 from stiction.studies.disturber import duel
-from stiction.studies.disturber.duel import DuelCfg, DuelRow, fight, task_for
+from stiction.studies.disturber.duel import Duel, DuelCfg, DuelRow, fight, task_for
 from stiction.studies.disturber.study import gains, report
 from stiction.studies.study import write_report
 
@@ -54,6 +55,45 @@ def test_the_task_is_the_trainings_without_pushes(bundle: Bundle) -> None:
     other: Contract = replace(bundle.contract, compensation=(0.01,) * 18, compensation_width=0.01)
     with pytest.raises(ConfigurationError, match="friction fed forward"):
         task_for(other, SMALL)
+
+
+def test_joints_are_those_of_the_bundle(bundle: Bundle) -> None:
+    """A bench found other inertia and viscous friction than the data sheet has, and training drew about those.
+
+    If this failed, the policy would walk on a robot that it was not trained for. Draws are within 0.8 to 1.2.
+    """
+    contract = bundle.contract
+    found = replace(
+        contract, armature=tuple(3.0 * contract.array("armature")), damping=tuple(5.0 * contract.array("damping"))
+    )
+    for stream in ("learning", "judging"):
+        fleet = Duel(replace(bundle, contract=found), SMALL, 0, stream, 1, None).env.fleet
+        for name in ("armature", "damping"):
+            ratio = getattr(fleet, name) / found.array(name)
+            assert 0.79 < ratio.min() < ratio.max() < 1.21, name
+
+
+def test_who_is_judged_has_one_episode(bundle: Bundle) -> None:
+    """No time-out within it, however long; who is learned from is of every age, as in a training."""
+    long = replace(SMALL, seconds=60.0, num_envs=64)
+    judged, learned = (Duel(bundle, long, 0, stream, 1, None).env for stream in ("judging", "learning"))
+    assert judged.max_episode_length == round(60.0 / judged.cfg.control_period) and not judged.episode_length_buf.any()
+    assert learned.max_episode_length == round(20.0 / learned.cfg.control_period)
+    assert 100 < learned.episode_length_buf.float().std() < 500  # evenly over 1000 steps: 289
+
+
+def test_a_fall_changes_nothing_for_the_others(bundle: Bundle) -> None:
+    """The robots of all sides are the same until one falls; then the others' noise must be the same still."""
+    seen = []
+    for falls in (False, True):
+        env = Duel(bundle, SMALL, 0, "judging", 1, None).env
+        for step in range(3):
+            if falls and step == 1:
+                env.fleet.qpos[0, 2] -= 0.5  # into the ground, where it has fallen
+            obs, _, dones, _ = env.step(torch.zeros(4, 18))
+        seen.append((obs["history"][1:], dones))
+        assert bool(env.episode_length_buf[0] < 3) == falls
+    assert torch.equal(seen[0][0], seen[1][0])
 
 
 @pytest.mark.parametrize(

@@ -56,16 +56,18 @@ def test_designs_are_led_by_who_follows(tmp_path: Path) -> None:
     """They test no sentence of the paper: a page that begins with 18 untested ones would say nothing."""
     found = experiment(tmp_path, ("designs",), seeds=1)
     answer, _ = lead(found).splitlines()
-    assert answer == "None of 3 ways to train follows with every seed at any friction up to 30 %."
+    assert answer == "None of 3 ways to train follows with its one seed at any friction up to 30 %."
+    assert "with every seed at any friction" in lead(experiment(tmp_path / "two", ("designs",), seeds=2))
     assert {"following", "methods-student"} <= set(sheets_of(found)) and "verdicts" not in sheets_of(found)
     following = [replace(cell, follow=cell.friction_level < 0.1) for cell in found.following]
     assert "the most do at 1 of 2 frictions: a purpose (partdesigns-none); a purpose" in lead(
         replace(found, following=following)
     )
-    following = [replace(cell, follow="none" in cell.method) for cell in found.following]
-    assert lead(replace(found, following=following)).startswith(
-        "1 of 3 ways to train follows with every seed up to 30 % friction: a purpose (partdesigns-none)."
-    )
+    for seeds, said in ((1, "its one seed"), (3, "every seed")):
+        following = [replace(one, seeds=seeds, follow=seeds * ("none" in one.method)) for one in found.following]
+        assert lead(replace(found, following=following)).startswith(
+            f"1 of 3 ways to train follows with {said} up to 30 % friction: a purpose (partdesigns-none)."
+        )
     assert "verdicts" in sheets_of(experiment(tmp_path / "first", ("1",)))
 
 
@@ -81,6 +83,14 @@ def test_methods_are_led_by_where_every_seed_follows(tmp_path: Path) -> None:
         "With this much friction, of each joint's torque limit, every seed follows: trained with 16 to 24 % (direct), "
         "at 20 %; trained without friction (none), nowhere; trained with 0 to 24 % (deception), nowhere."
     )
+    alone = [replace(cell, seeds=1, follow=min(cell.follow, 1)) for cell in following]
+    answer = lead(replace(found, following=alone)).splitlines()[0]
+    assert "the one seed of each follows: trained with 16 to 24 % (direct), at 20 %" in answer
+    some = [
+        replace(cell, seeds=1, follow=min(cell.follow, 1)) if "direct" in cell.method else cell for cell in following
+    ]
+    answer = lead(replace(found, following=some)).splitlines()[0]
+    assert "every seed follows: trained with 16 to 24 % (direct), its one seed, at 20 %; trained without" in answer
     assert report(found).title == "Which training in two phases copes with how much joint friction?"
 
 
@@ -119,6 +129,37 @@ def test_many_ways_to_train_have_a_panel_each(tmp_path: Path, monkeypatch: pytes
     thick = {line.get_label(): list(line.get_ydata()) for line in shown[0].lines if line.get_linewidth() == 2}
     assert thick["forward"] == pytest.approx([0.95, 0.475]) and thick["backward"] == pytest.approx([0.475, 0.2375])
     assert len({axis.get_ylim() for axis in shown}) == 1
+
+
+def test_rows_that_are_kept_say_whence_they_are(tmp_path: Path) -> None:
+    """`--add` twice, each by other code: if this failed, rows would bear a revision that never walked them.
+
+    The onset of a condition of which no run is here any more is kept with its rows.
+    """
+    first = experiment(tmp_path / "first", seeds=2)
+    out = tmp_path / "out"
+    out.mkdir()
+    write_report(out, report(first), MADE)
+    assert [one.condition for one in first.onsets] == ["coulomb20-direct", "coulomb20-deception"]
+    condition = Condition("coulomb20-none", "1", "a purpose", ("--method", "none", "--friction-level", "0.2"), (2,))
+    new = PlannedRun(Run(condition, 2), configuration("none"), tmp_path / "coulomb20-none-s2")
+    write_run(new)
+    rows = condition_rows("coulomb20-none", {0.0: [1.0, 1.0, 1.0], 0.2: [0.5] * 3}, "student", backward=0.5)
+    rows = [row for row in rows if "-s2/" in row.policy]
+    made = MADE | {"command": "again", "revision": "def", "machine": {"cpu": "another"}, "failed": {}}
+    second = assemble.assemble([new], rows, replace(BASE, episodes=3), made, assemble.read_experiment(out))
+    assert [one.condition for one in second.onsets] == ["coulomb20-direct", "coulomb20-deception"]
+    (kept,) = second.summary["kept"]
+    assert (kept["command"], kept["revision"], len(kept["runs"])) == ("c", "abc", 6)
+    assert second.summary["revision"] == "def" and "coulomb20-none-s2" not in kept["runs"]
+    write_report(out, report(second), made | {"warnings": []})
+    text = (out / "report.html").read_text()
+    assert "by c, revision abc, on a processor, evaluated with episodes 16." in text
+    assert "coulomb20-none-s0, coulomb20-none-s1" in text
+    third = assemble.assemble([], [], BASE, made | {"revision": "123"}, assemble.read_experiment(out))
+    origins = {run: one["revision"] for one in third.summary["kept"] for run in one["runs"]}
+    assert origins == dict.fromkeys(kept["runs"], "abc") | {"coulomb20-none-s2": "def"}
+    assert [one.condition for one in third.onsets] == ["coulomb20-direct", "coulomb20-deception"]
 
 
 def test_a_run_whose_folder_has_gone_keeps_its_curve(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

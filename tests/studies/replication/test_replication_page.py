@@ -146,7 +146,20 @@ def test_a_way_follows_only_if_every_seed_does_in_every_engine() -> None:
     sure = needs([both[0], cell("none", "ode", 0.01, 3)])
     assert sure["1 %"] == {"every seed, everywhere": "none", "none": "6 of 6"}
     alone = needs([cell("direct", "physx", 0.2, 1, seeds=1)])
-    assert alone["20 %"] == {"every seed, everywhere": "direct (one seed)", "direct (one seed)": "1 of 1"}
+    assert alone["20 %"] == {"its one seed, everywhere": "direct (one seed)", "direct (one seed)": "1 of 1"}
+
+
+def test_one_seed_is_not_every_seed() -> None:
+    """A method that was trained once follows with its one seed, beside one that does with each of three."""
+    one, three = cell("direct", "physx", 0.2, 1, seeds=1), cell("none", "physx", 0.2, 3)
+    assert "friction, direct follows everywhere with its one seed; " in recommended_sentence([one], 0.2)
+    both = recommended_sentence([one, three], 0.2)
+    assert "none follows everywhere with every seed, and direct follows everywhere with its one seed; " in both
+    slow = cell("direct", "physx", 0.2, 0, slow=1, seeds=1)
+    assert "no training follows everywhere with its one seed" in recommended_sentence([slow], 0.2)
+    assert "no training follows everywhere with every seed" in recommended_sentence(
+        [slow, cell("none", "physx", 0.2, 2, slow=1)], 0.2
+    )
 
 
 def test_too_fast_is_no_following() -> None:

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from bundles import make_bundle, make_contract
+from bundles import make_bundle, make_contract, make_network
 from stiction.core.errors import StictionError
+from stiction.evaluate import benches
 from stiction.evaluate.evaluate import EvaluationCfg
 from stiction.evaluate.grid import GridCfg, plan, plan_forward
 from stiction.evaluate.metrics import Metrics
@@ -14,11 +15,15 @@ from stiction.evaluate.run import WalkLedger
 from stiction.evaluate.samples import Evidence, samples
 from stiction.evaluate.table import rows_of
 from stiction.formats.bundle import Bundle, read_bundle
+from stiction.formats.joints import Estimate, JointRecord, JointsFile
+from stiction.formats.observation import proprioception
 from stiction.formats.results import write_summary
+from stiction.robots.catalog import find_robot
 from stiction.studies.replication import run as walked
-from stiction.studies.replication.page import warnings
+from stiction.studies.replication.page import run_blocks, warnings
 from stiction.studies.replication.plan import Part, Size, parts_of
-from stiction.studies.replication.run import part_from_ledger, planned_rows, replicate, rows_in, walk_part
+from stiction.studies.replication.run import TOLD, part_from_ledger, planned_rows, replicate, rows_in, walk_part
+from stiction.virtual.bench import Bench
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
@@ -99,6 +104,35 @@ def test_no_robot_is_put_on_its_bench_for_a_part_that_is_not_asked_for(
     kept = part_from_ledger(part, [still], tmp_path)
     assert kept is not None
     assert [(row.method, row.episodes) for row in kept.rows] == [("none", 2)]
+
+
+def test_a_policy_that_is_told_friction_is_told_what_the_bench_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """2.5 N m on a bench is 10 % of the limit of hip and thigh; the nominal friction of its training is 20 %.
+
+    If this failed, it would be told of every virtual robot what its contract says, and the page would not say what.
+    """
+    kinds = {"hip": 0.2, "thigh": 0.2, "shank": 0.2}
+    contract = make_contract(observation=proprioception(18, known_kinds=3), known_friction=kinds)
+    told = read_bundle(make_bundle(tmp_path / "told", contract, make_network(contract, gain=1e-3)))
+
+    def make(bench: Bench, folder: Path, workers: int) -> None:
+        folder.mkdir(parents=True)
+        found = JointRecord(coulomb_friction=Estimate(2.5, 0.1, (2.0, 3.0)))
+        JointsFile(dict.fromkeys(bench.spec.joint_names, found)).write(folder / "joints.json")
+
+    monkeypatch.setattr("stiction.virtual.bench.identify_on_bench", make)
+    monkeypatch.setattr(benches, "has_entry", lambda folder, key: (folder / "joints.json").is_file())
+    grid = replace(FLAT, engines=("mujoco", "mujoco-alone+all"), robots=(3,), robot_levels=("0.3",))
+    found = replicate([told], [replace(FIRST, grid=grid)], tmp_path)
+    given = {(row["engine"], row["friction_level"]): row["known_friction"] for row in found.parts[0].details}
+    assert given["mujoco", 0.1]["data sheet"] == pytest.approx((0.1, 0.1, 0.1))
+    ((robot, share),) = next(known for (engine, _), known in given.items() if engine == "mujoco-alone+all").items()
+    limits = find_robot("saturn_lite").joint_values("torque_limit")[:3]
+    assert robot == "3" and share == pytest.approx(2.5 / limits)
+    assert found.summary["told"] == TOLD and TOLD.partition("`")[0] in "".join(run_blocks(found))
+    assert part_from_ledger(replace(FIRST, grid=grid), [told], tmp_path / "first") is not None
 
 
 def test_what_could_not_be_walked_is_said_before_the_numbers(

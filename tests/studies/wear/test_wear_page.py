@@ -115,6 +115,12 @@ def test_wear_of_what_a_bench_found_stays_a_factor() -> None:
     assert said == "While dry friction grows from x0.30 to x3.00 of bench, p follows up to x1.50."
 
 
+def test_a_walk_one_way_says_that_the_other_is_not_known() -> None:
+    """Following asks for both directions, and a worn robot walks one of them."""
+    said = lead([GROUP], {"start": 0.3, "end": 3.0, "command": "vx=0.5"})
+    assert said.endswith("They walked one way alone, vx=0.5: whether they follow both ways is not known.")
+
+
 def test_robots_that_are_too_fast_at_first_are_said_to_be(tmp_path: Path) -> None:
     """A policy that outruns its command until friction slows it down does not follow from the start."""
     group = GROUP | {"first": {"too fast": 2, "follows": 1}, "begin": 1.5}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from stiction.formats.results import COLUMNS, ResultRow
+from stiction.formats.results import ResultRow, row_of
 from stiction.report.following import shade_following
 from stiction.report.page import Section, figure_uri, fold, legend, mark_look, new_figure, paragraph, picture, table
 from stiction.studies.actuator.config import VARIANTS
@@ -33,7 +33,7 @@ def report(found: dict[str, Any]) -> Report:
     return Report(
         title="What does an Actuator Net learn from a walk?",
         lead="\n".join(lead(means)),
-        tables={"results": [ResultRow(**_named_by_robot(row)) for row in rows]},
+        tables={"results": [_named_by_robot(row) for row in rows]},
         sections=(
             Section("What was found", (table([header[0], *units(header[1:])], means), paragraph(NO_VERDICT))),
             Section("Speed reached", (picture(figure_uri(figure), CAPTION), fold(EVERY, [speed_table(rows)]))),
@@ -62,10 +62,9 @@ def lead(means: Sequence[Sequence[str]]) -> list[str]:
     return said
 
 
-def _named_by_robot(row: Row) -> Row:
+def _named_by_robot(row: Row) -> ResultRow:
     """Return the columns of results.csv, the robot in the name of the policy."""
-    own = row | {"policy": f"{row['policy']} on {row['robot']}"}
-    return {name: own[name] for name in COLUMNS}
+    return row_of(row | {"policy": f"{row['policy']} on {row['robot']}"})
 
 
 CAPTION = "Mean speed along the command over the commanded speed; after a fall the speed counts as zero."

@@ -11,7 +11,7 @@ from stiction.evaluate.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.evaluate.methods import fed_suffix
 from stiction.evaluate.rollout import friction_at
 from stiction.formats.bundle import Bundle
-from stiction.formats.following import pace
+from stiction.formats.following import pace, worst
 from stiction.formats.results import ResultRow
 from stiction.joints.compensation import Compensation
 
@@ -58,7 +58,7 @@ def followed(rows: Sequence[ResultRow]) -> list[Followed]:
         back = next((r for c, r in by.items() if c.startswith("vx=-")), None)
         if ahead is None or back is None or ahead.speed_ratio is None or back.speed_ratio is None:
             continue
-        paces = dict.fromkeys((pace(ahead.speed_ratio), pace(back.speed_ratio)))
+        paces = dict.fromkeys(pace(worst(row.ends or (0.0,))) for row in (ahead, back))
         falls = (ahead.fall_rate + back.fall_rate) / 2.0
         still = by["stand"].joint_jitter if "stand" in by else None
         found.append(Followed(policy, level, ahead.speed_ratio, back.speed_ratio, ", ".join(paces), falls, still))

@@ -6,8 +6,9 @@ robots that are judged are the same for everyone who disturbs them.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -35,6 +36,7 @@ from stiction.robots.physics import FAST
 
 Progress = Callable[[float], None]
 Who = Literal["nobody", "random", "learned"]
+Stream = Literal["learning", "judging"]
 
 GAMMA, LAMBDA, EPOCHS, BATCHES = 0.99, 0.95, 4, 4
 """Discount and λ of the disturber's advantages, passes over a rollout and steps of each, as of a training."""
@@ -63,7 +65,8 @@ class DuelCfg:
     num_envs: int = 256
     """Robots side by side."""
     seconds: float = 20.0
-    """Time for which robots are judged [s]; its first 2 s do not count."""
+    """Time for which robots are judged [s], without time-outs; its first 2 s do not count. A robot that falls stands up
+    anew, and its way back to speed counts."""
 
     def __post_init__(self) -> None:
         """Refuse what is no duel."""
@@ -115,6 +118,8 @@ class DuelRow:
 def task_for(contract: Contract, cfg: DuelCfg, robot: str | None = None) -> TaskCfg:
     """Return the task in which a policy is disturbed: the training's, without pushes, at one command and one friction.
 
+    Masses, motors, delays and the joints' viscous friction and inertia are drawn about the nominal ones as in training.
+
     `robot`: as of `robot_of`. Raises `StictionError` where the policy observes what this task does not give, or walks
     with friction fed forward.
     """
@@ -143,14 +148,57 @@ def task_for(contract: Contract, cfg: DuelCfg, robot: str | None = None) -> Task
     return task
 
 
+class SteadyEnv(LocomotionEnv):
+    """The task, in which a robot that begins anew changes nothing that is drawn for the others: noise above all."""
+
+    _anew: torch.Generator | None = None
+    """Of what is drawn where a robot begins anew, once all have begun."""
+
+    def _reset(self, which: torch.Tensor) -> None:
+        """Start new episodes."""
+        with self._own_draws():
+            super()._reset(which)
+
+    def _push_and_command(self, fresh: torch.Tensor) -> None:
+        """Draw commands where their time has come, which is another after a fall."""
+        with self._own_draws():
+            super()._push_and_command(fresh)
+
+    @contextmanager
+    def _own_draws(self) -> Iterator[None]:
+        """Draw from a generator of its own within."""
+        if self._anew is None:
+            self._anew = torch.Generator(self.home).manual_seed(self.generator.initial_seed() ^ 1)
+        everyone, self.generator = self.generator, self._anew
+        try:
+            yield
+        finally:
+            self.generator = everyone
+
+
 class Duel:
     """One frozen policy and its disturber, in one simulation."""
 
-    def __init__(self, bundle: Bundle, cfg: DuelCfg, seed: int, stream: str, threads: int, robot: str | None) -> None:
-        """`stream`: of the robots' draws; others as of `fight`. Raises `StictionError` as `task_for`."""
-        contract = bundle.contract
+    def __init__(
+        self, bundle: Bundle, cfg: DuelCfg, seed: int, stream: Stream, threads: int, robot: str | None
+    ) -> None:
+        """`stream`: what the robots are drawn for; others as of `fight`. Raises `StictionError` as `task_for`.
+
+        Joints have inertia and viscous friction of the contract, as in an evaluation: training may have had those that
+        a bench identified. Robots that are judged have one episode; those that are learned from are of all ages, as in
+        a training, or all would be reset in the same step.
+        """
+        contract, task = bundle.contract, task_for(bundle.contract, cfg, robot)
+        joints = {name: contract.array(name) for name in ("armature", "damping")}
+        judged = stream == "judging"
+        if judged:
+            task = replace(task, episode=cfg.seconds)
         self.cfg, self.adversary = cfg, cfg.adversary
-        self.env = LocomotionEnv(task_for(contract, cfg, robot), cfg.num_envs, stream_seed(seed, stream), threads)
+        make, seed = SteadyEnv if judged else LocomotionEnv, stream_seed(seed, stream)
+        self.env = make(task, cfg.num_envs, seed, threads, joints, spec=robot_of(contract, robot))
+        if not judged:
+            ages = (0, self.env.max_episode_length, (cfg.num_envs,))
+            self.env.episode_length_buf = torch.randint(*ages, generator=self.env.generator)
         self.network = Network(bundle.policy, contract.observation.size, len(contract.joint_names))
         self.disturbance = Disturbance(self.env.fleet, self.adversary.by_torque, self.adversary.share)
         self.best = best_reward(self.env.terms) * self.env.cfg.control_period

@@ -19,7 +19,9 @@ DESCRIPTION = """Train a new disturber against each policy, which does not learn
 How well a policy withstands the disturber that it was trained beside says little: a new one finds other weaknesses. It
 pushes the base, or puts a torque on each joint that the joint's own friction bounds, in the simulator of the training,
 and maximises the share of the best reward that is lost. Then the same robots walk with nobody, with random disturbances
-within the same limit, and with the disturber, without its exploration. Policy by seed is cached: a rerun goes on.
+within the same limit, and with the disturber, without its exploration. Joints have inertia and viscous friction of the
+bundle, as they were in training, drawn about them; no episode times out while robots are judged, and one that falls
+stands up anew. Policy by seed is cached: a rerun goes on.
 
 Examples:
   stiction study disturber saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out disturber
@@ -48,7 +50,8 @@ class DisturberOptions(Options):
     num_envs: int = 256
     """Robots side by side."""
     seconds: float = 20.0
-    """Time for which robots are judged [s]; its first 2 s do not count."""
+    """Time for which robots are judged [s], without time-outs; its first 2 s do not count. A robot that falls stands up
+    anew, and its way back to speed counts."""
     seeds: tuple[int, ...] = (0, 1)
     """Seeds of disturber and robots."""
     robot: str | None = None

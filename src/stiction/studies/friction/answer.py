@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from stiction.formats.following import Following
 from stiction.joints.friction import level_text
 from stiction.locomotion.friction import FRICTION_RANGES
-from stiction.report.following import places_text
+from stiction.report.following import has_one_seed, places_text
 from stiction.studies.claims import said_of
 from stiction.studies.friction.manifest import EVALUATED, TWO_PHASE
 from stiction.studies.friction.records import HIGHEST, STUDENT, Experiment, short_name
@@ -65,10 +65,17 @@ def _is_first(experiment: Experiment) -> bool:
 
 def _methods_answer(experiment: Experiment, conditions: Sequence[str]) -> str:
     """Return where every seed of the training methods follows, to be read aloud; those that never do come last."""
-    how = named(experiment)
-    said = [f"{how[name]}, {_where_all_follow(experiment, name)}" for name in conditions]
+    how, single = named(experiment), _with_one_seed(experiment, conditions)
+    alone = {name: ", its one seed" if name in single and len(single) < len(conditions) else "" for name in conditions}
+    said = [f"{how[name]}{alone[name]}, {_where_all_follow(experiment, name)}" for name in conditions]
     listed = "; ".join(sorted(said, key=lambda one: one.endswith("nowhere")))
-    return f"With this much friction, of each joint's torque limit, every seed follows: {listed}."
+    seeds = "the one seed of each" if len(single) == len(conditions) else "every seed"
+    return f"With this much friction, of each joint's torque limit, {seeds} follows: {listed}."
+
+
+def _with_one_seed(experiment: Experiment, conditions: Sequence[str]) -> list[str]:
+    """Return the conditions of which one seed walked: it is not every seed."""
+    return [name for name in conditions if has_one_seed(_cells(experiment, name))]
 
 
 def named(experiment: Experiment) -> dict[str, str]:
@@ -87,20 +94,23 @@ def _ways_answer(experiment: Experiment, conditions: Sequence[str]) -> str:
     """Return how many designs or methods follow at every friction, or how far the best come, to be read aloud."""
     counts = {name: sum(cell.every_seed for cell in _cells(experiment, name)) for name in conditions}
     tried = {name: len(_cells(experiment, name)) for name in conditions}
-    how = named(experiment)
+    how, single = named(experiment), _with_one_seed(experiment, conditions)
+    seeds = "its one seed" if len(single) == len(conditions) else "every seed"
+    if len(single) < len(conditions):
+        how |= {name: f"{how[name]} (one seed)" for name in single}
     everywhere = [name for name in conditions if counts[name] == tried[name]]
     if everywhere:
         said = "; ".join(how[name] for name in everywhere)
         verb = "follows" if len(everywhere) == 1 else "follow"
         number = f"{len(everywhere)} of {len(conditions)} ways to train"
-        return f"{number} {verb} with every seed up to {MOST} friction: {said}."
+        return f"{number} {verb} with {seeds} up to {MOST} friction: {said}."
     best = max(counts.values())
     if not best:
-        return f"None of {len(conditions)} ways to train follows with every seed at any friction up to {MOST}."
+        return f"None of {len(conditions)} ways to train follows with {seeds} at any friction up to {MOST}."
     those = [how[name] for name in conditions if counts[name] == best]
     at = f"at {best} of {max(tried.values())} frictions"
     return (
-        f"None of {len(conditions)} ways to train follows with every seed at every friction up to {MOST}; "
+        f"None of {len(conditions)} ways to train follows with {seeds} at every friction up to {MOST}; "
         f"the most do {at}: {'; '.join(those)}."
     )
 

@@ -125,7 +125,7 @@ def assemble(
         for run in planned
         if run.state() == "finished"
     }
-    records = {run.run.name: _record(run) for run in planned}
+    records, kept, known = {run.run.name: _record(run) for run in planned}, [], []
     here = {name for name, record in records.items() if record.state in EVALUATED}
     conditions = {run.run.condition.name: _condition(run) for run in planned}
     if before is not None:
@@ -135,13 +135,14 @@ def assemble(
         conditions |= {one.name: one for one in before.conditions if one.name in used}
         rank = {name: number for number, name in enumerate(records)}
         rows = [*(row for row in before.rows if parse_policy(row.policy)[0] in elsewhere), *rows]
+        kept, known = kept_origins(before, list(elsewhere)), list(before.onsets)
         rows = sorted(rows, key=lambda row: rank[parse_policy(row.policy)[0]])
         same = {one.name: one for one in before.runs if one.state in EVALUATED and _same(one, records[one.name])}
         untimed = (name for name in same if records[name].minutes is None)
         records |= {name: replace(records[name], minutes=same[name].minutes) for name in untimed}
         curves = {name: points for name, points in curves_by_run(before.curves).items() if name in same} | curves
         curves = {name: curves[name] for name in records if name in curves}
-    found = onsets(TrainingEvidence.of_runs(rows), {run.run.condition.name: run.cfg for run in planned})
+    found = onsets(TrainingEvidence.of_runs(rows), {run.run.condition.name: run.cfg for run in planned}, known)
     experiment = Experiment(
         rows,
         [point for points in curves.values() for point in points],
@@ -152,12 +153,28 @@ def assemble(
         parts=PARTS,
         summary={
             **summary,
+            **({"kept": kept} if kept else {}),
             "evaluation": asdict(base) | {"commands": COMMANDS},
             "conditions_of_evaluation": base.conditions,
             "median_seeds": {name: median_seed(rows, name) for name in ADVISED.values()},
         },
     )
     return _judged(experiment)
+
+
+def kept_origins(before: Experiment, runs: Sequence[str]) -> list[dict[str, Any]]:
+    """Return from which command, revision and machine, and with which evaluation, kept rows come: `runs` names whose.
+
+    before: what they are kept from, which may have kept some itself.
+    """
+    own = ("command", "revision", "machine", "evaluation")
+    sources = [*before.summary.get("kept", []), {name: before.summary.get(name) for name in own}]
+    left, found = dict.fromkeys(runs), []
+    for source in sources:
+        taken = [run for run in left if run in source.get("runs", left)]
+        found += [{**source, "runs": taken}] if taken else []
+        left = dict.fromkeys(run for run in left if run not in taken)
+    return found
 
 
 def _same(before: RunRecord, now: RunRecord) -> bool:

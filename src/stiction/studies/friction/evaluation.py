@@ -6,7 +6,7 @@ what the first actions ask for, f/(kp · action scale · σ).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -286,17 +286,29 @@ def axis_scales(cfg: TrainCfg) -> dict[str, float]:
     return dict(zip(AXES, (1.0, robot.dead_band, float((limit / first).max())), strict=True))
 
 
-def onsets(evidence: TrainingEvidence, configured: Mapping[str, TrainCfg]) -> list[Onset]:
-    """Return the onset of the student of every condition that was evaluated. `configured`: condition -> its runs'."""
+def onsets(
+    evidence: TrainingEvidence, configured: Mapping[str, TrainCfg], earlier: Iterable[Onset] = ()
+) -> list[Onset]:
+    """Return the onset of the student of every condition that was evaluated. `configured`: condition -> its runs'.
+
+    earlier: of conditions of which rows are here, and no run: the level is that of the rows, the scales are theirs.
+    """
+    scales = {one.condition: one.scales for one in earlier}
+    scales |= {name: axis_scales(cfg) for name, cfg in configured.items() if _has_onset(name)}
     found = []
     for method, endings in CANDIDATES.items():
         for name in (f"coulomb20-{method}{ending}" for ending in endings):
             measured = ((level, evidence.slower(name, at(level)).seeds) for level in evidence.levels(name, BATCH))
             ratios = {level: float(np.mean([*seeds.values()])) for level, seeds in measured if seeds}
-            if ratios and name in configured:
+            if ratios and name in scales:
                 level = onset_level([*ratios], [*ratios.values()])
-                found.append(Onset(name, method, level, axis_scales(configured[name])))
+                found.append(Onset(name, method, level, scales[name]))
     return found
+
+
+def _has_onset(condition: str) -> bool:
+    """Return whether a condition is one of those whose onsets are compared."""
+    return any(condition == f"coulomb20-{method}{end}" for method, endings in CANDIDATES.items() for end in endings)
 
 
 def collapse(method: str, found: Sequence[Onset]) -> Collapse:

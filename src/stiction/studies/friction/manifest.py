@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
+from math import prod
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -26,6 +27,7 @@ from stiction.formats.actuator import read_actuator
 from stiction.formats.bundle import Bundle, read_bundle
 from stiction.formats.results import read_metrics
 from stiction.joints.net import ActuatorNet
+from stiction.locomotion.config import TaskCfg
 from stiction.rma.arguments import parse
 from stiction.rma.config import TrainCfg
 from stiction.rma.identity import difference, settings_of
@@ -357,6 +359,11 @@ STEP_SECONDS = {"rows": 2.34e-4, "sliders": 1.21e-4, "physx": 1.2e-3}
 1.49 s an iteration of 512 robots and 24 steps (results/speed, two busy AMD cores; machines differ by two). In PhysX, a
 robot at a time, 15 s."""
 
+DEARER_BY = {"mirrored": 1.5, "recurrent": 1.45, "dreamwaq": 1.03, "hinf": 1.27}
+"""What an iteration takes over one of the presets of one phase [1]: mirrored samples, 1,089 to 1,118 s for 333 where
+440 take 940 to 1,000, and a recurrent encoder, 3.2 s where others take 2.2 (results/student); DreamWaQ, 1,074 and 1,082
+s, and H∞ beside a disturber that learns, 1,307 to 1,369 s, where one phase takes 1,050 (results/methods)."""
+
 
 @dataclass(frozen=True)
 class PlannedRun:
@@ -388,12 +395,36 @@ class PlannedRun:
         before = self.cfg.teacher.iterations if rows[-1]["phase"] == "student" else 0
         return before + int(rows[-1]["iteration"])
 
-    def minutes(self) -> float:
-        """Return the processor time that its training takes from the beginning, by `STEP_SECONDS` [min]."""
-        cfg, physics = self.cfg, "sliders" if self.cfg.task.physics.plastic else "rows"
+    def minutes(self) -> float | None:
+        """Return the processor time that its training takes from the beginning, by `STEP_SECONDS` and `DEARER_BY`
+        [min]; None where nothing like it was measured.
+        """
+        cfg, physics, factor = self.cfg, "sliders" if self.cfg.task.physics.plastic else "rows", self._factor()
         physics = physics if cfg.engine == "mujoco" else cfg.engine
+        if factor is None or physics not in STEP_SECONDS or (physics == "physx" and factor != 1.0):
+            return None
         steps = cfg.num_envs * sum(phase.iterations * phase.steps for phase in (cfg.teacher, cfg.student))
-        return steps * STEP_SECONDS[physics] / 60.0
+        return steps * factor * STEP_SECONDS[physics] / 60.0
+
+    def _factor(self) -> float | None:
+        """Return what its iterations take over those that `STEP_SECONDS` is of [1]; None where that is not measured."""
+        cfg, usual = self.cfg, TaskCfg()
+        task, disturbed = cfg.task, cfg.is_disturbed and cfg.hinf.disturbs
+        measured = (
+            (task.timestep, task.decimation, task.history) == (usual.timestep, usual.decimation, usual.history)
+            and task.robot.partition("@")[0] == usual.robot
+            and task.terrain.kind == "flat"
+            and cfg.actuator is None
+            and not any(law.spec.reads for law in task.friction.laws)
+            and not (disturbed and not cfg.hinf.learns)
+        )
+        has = {
+            "mirrored": cfg.symmetry == "batches",
+            "recurrent": cfg.network.recurrent,
+            "dreamwaq": cfg.has_context,
+            "hinf": disturbed,
+        }
+        return prod(DEARER_BY[name] for name, there in has.items() if there) if measured else None
 
     def state(self) -> State:
         """Return where the run stands.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -450,12 +451,29 @@ def sections(experiment: Experiment, figures: Mapping[str, Figure], sheets: Mapp
     return [*page, Section("Tables", tuple(tables))]
 
 
+def kept_texts(summary: Mapping[str, Any]) -> list[str]:
+    """Say whence rows are that were kept from before, a sentence for each command that made some."""
+    # As a file gives it back, with lists in place of tuples.
+    now, found = json.loads(json.dumps(summary["evaluation"])), []
+    for one in summary.get("kept", ()):
+        before = json.loads(json.dumps(one["evaluation"] or {}))
+        other = ", ".join(f"{name} {before[name]}" for name in before if name in now and before[name] != now[name])
+        cpu = (one["machine"] or {}).get("cpu", "a machine that is not known")
+        own = f", evaluated with {other}" if other else ""
+        found.append(
+            f"Kept from before: the rows of {', '.join(one['runs'])}, by {one['command']}, revision {one['revision']}, "
+            f"on {cpu}{own}. All others are by the command above."
+        )
+    return found
+
+
 def _run_blocks(experiment: Experiment, runs: Sheet) -> tuple[Markup, ...]:
     """Return what was run, and how it was evaluated."""
     summary = experiment.summary
     settings = {name: value for name, value in summary["evaluation"].items() if name != "noise"}
     return (
         paragraph("Everything here is simulation. A training seed is one sample, however many episodes it walks."),
+        *map(paragraph, kept_texts(summary)),
         fold("Settings of the evaluation", (settings_table(settings | summary["conditions_of_evaluation"]),)),
         fold(runs.title, (runs.html(),)),
     )

@@ -133,18 +133,21 @@ def print_runs(planned: Sequence[PlannedRun], states: Mapping[str, str]) -> None
     """Print every run with its state, its cost and the command that trains it by hand; then what is missing in all."""
     from stiction.studies.friction.manifest import EVALUATED
 
-    left = 0.0
+    left, unknown = 0.0, 0
     for run in planned:
-        share = run.done() / run.iterations
-        left += 0.0 if states[run.run.name] in EVALUATED else (1.0 - share) * run.minutes()
+        share, minutes = run.done() / run.iterations, run.minutes()
+        if states[run.run.name] not in EVALUATED:
+            left += (1.0 - share) * (minutes or 0.0)
+            unknown += minutes is None
         words = shlex.join(run.run.arguments)
-        state, cost = states[run.run.name], f"{run.minutes():.0f} min"
-        print(f"{state:<12}{share:>5.0%}{cost:>9}  stiction train {words} --out {run.path}")
+        state, cost = states[run.run.name], "not measured" if minutes is None else f"{minutes:.0f} min"
+        print(f"{state:<12}{share:>5.0%}{cost:>14}  stiction train {words} --out {run.path}")
     missing = sum(state not in EVALUATED for state in states.values())
     seeds = len({run.run.seed for run in planned})
+    others = f", and {unknown} runs whose cost was not measured" if unknown else ""
     print(
-        f"{len(planned)} runs, of up to {seeds} seeds; {missing} are missing, some {left / 60.0:.1f} hours of one core "
-        "(by results/speed; machines differ by a factor of two)"
+        f"{len(planned)} runs, of up to {seeds} seeds; {missing} are missing, some {left / 60.0:.1f} hours of one core"
+        f"{others} (by results/speed, student and methods; machines differ by a factor of two)"
     )
 
 

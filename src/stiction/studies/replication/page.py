@@ -456,6 +456,7 @@ def run_blocks(result: Replication) -> tuple[Markup, ...]:
         table(("method", "what it is"), list(result.methods.items())),
         fold("Policies", [table(("policy", "method", "seed", "revision", "digest", "made by"), policies)]),
         fold("Grids", grids),
+        *((paragraph(summary["told"]),) if "told" in summary else ()),
         paragraph("Everything here is simulation. The virtual robot plays the real one; no robot was involved."),
     )
 

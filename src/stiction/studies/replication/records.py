@@ -12,7 +12,7 @@ from stiction.core.errors import FileError
 from stiction.evaluate.methods import MethodCell
 from stiction.evaluate.table import Sample
 from stiction.formats.following import Following
-from stiction.formats.results import COLUMNS, ResultRow
+from stiction.formats.results import ResultRow, row_of
 from stiction.studies.claims import Verdict
 
 SUMMARY = "summary.json"
@@ -117,7 +117,7 @@ class PartRecord:
     @property
     def rows(self) -> list[ResultRow]:
         """Its rows as in results.csv."""
-        return [ResultRow(**{column: row[column] for column in COLUMNS}) for row in self.details]
+        return [row_of(row) for row in self.details]
 
 
 @dataclass(frozen=True)

@@ -132,12 +132,24 @@ def row_key(walk: Walk, contract: Contract) -> Key:
     return walk.name, walk.simulator.label, law, level, walk.terrain, walk.command
 
 
+TOLD = (
+    "Policies of the method `told` are given, on each virtual robot, the friction that identification found in the log "
+    "of that robot's own bench, as by `stiction evaluate --known-friction bench`; on the robot of the data sheet, that "
+    "of the walk. What a bench does not tell is the nominal one of training, and stands among the warnings."
+)
+"""What policies were told that observe their joints' friction; for the page."""
+
+
 def _grid(part: Part, bundles: Sequence[Bundle]) -> GridCfg:
-    """Return a part's grid, with the policies that walk with friction fed forward too, in every way."""
+    """Return a part's grid, with the policies that walk with friction fed forward too, in every way.
+
+    Policies that observe their joints' friction are told what each robot's bench found: see `TOLD`.
+    """
+    grid = replace(part.grid, base=replace(part.grid.base, known_friction="bench"))
     if not part.forward:
-        return part.grid
+        return grid
     fed = tuple(bundle.name for bundle in bundles if conventional(bundle.contract))
-    return replace(part.grid, forward=fed, forward_by=tuple(FED_BY))
+    return replace(grid, forward=fed, forward_by=tuple(FED_BY))
 
 
 def _planned(grid: GridCfg, bundles: Sequence[Bundle], out: Path) -> list[Walk]:
@@ -199,6 +211,7 @@ def replicate(
         **(summary or {}),
         "dead_band": spec.dead_band,
         "grids": {record.name: _settings(by_name[record.name], record) for record in records},
+        **({"told": TOLD} if any("known_friction" in row for one in records for row in one.details) else {}),
         "seconds": time.perf_counter() - start,
         "policies": {bundle.name: describe(bundle) | {"way": method_of(bundle.contract)} for bundle in bundles},
     }

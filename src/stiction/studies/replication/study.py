@@ -27,7 +27,8 @@ verdict takes several training seeds of every method that a sentence compares: g
 --policies, or --preset full, which trains what is missing first (days on two cores): three seeds or more of each
 method on flat ground, and of two over stairs; none of an Actuator Net over stairs. A training
 that fails is named and left out, and the exit status is 1. Stop it at any time: the same command goes on; a walk in
-progress, or a bench of some minutes, is begun anew."""
+progress, or a bench of some minutes, is begun anew. Policies that observe their joints' friction are told what was
+identified on the bench of each virtual robot, which is put there first: minutes for each robot and friction."""
 
 EXPORTING = (
     *("evaluate/export.py", "evaluate/golden.py", "evaluate/rollout.py"),

@@ -199,6 +199,8 @@ def lead(groups: Sequence[dict[str, Any]], wear: dict[str, Any]) -> str:
         f"of {level if level == BENCH else 'the torque limit'}, {'; '.join(own)}."
         for level, own in lives.items()
     ]
+    if wear.get("command", "").startswith("vx="):
+        said.append(f"They walked one way alone, {wear['command']}: whether they follow both ways is not known.")
     return " ".join(said)
 
 
