@@ -102,6 +102,19 @@ def test_a_result_never_replaces_a_log_or_its_sidecar(
         (["half.csv"], "the header names 4 columns"),
         (["."], "is a directory"),
         (["swing.csv", "--torque-scale", "1e6"], "beyond the torque limit 45"),
+        ([".", "--init"], "is a directory"),
+        (["", "--init"], "is a directory"),
+        (["none.csv", "--init"], "no log at none.csv; expected"),
+        (["loop.csv"], "no log at loop.csv"),
+        (["loop.csv", "--init"], "no log at loop.csv"),
+        (["swing.csv", "--up", "0", "0", "1"], "--up is for a whole limb, whose robot is named; add --robot"),
+        (["swing.csv", "--joint-map", "a=b"], "--joint-map is for a whole limb"),
+        (["swing.csv", "--model-error", "nan"], "--model-error is for a whole limb"),
+        (["swing.csv", "--repeat-columns", "a=b"], "add --repeat LOG"),
+        (["swing.csv", "--delay", "1e308"], "delay 1e+308: expected at most 1"),
+        (["swing.csv", "--velocity-delay", "2"], "velocity delay 2.0: expected at most 1"),
+        (["swing.csv", "--motor-strength", "1e308"], "motor strength 1e+308: expected at most 1e+12"),
+        (["swing.csv", "--out", "\udcff"], "'\\udcff' is no UTF-8 text, in which results name the command"),
     ],
 )
 def test_what_a_user_can_mend_is_one_line_and_status_1(
@@ -110,6 +123,7 @@ def test_what_a_user_can_mend_is_one_line_and_status_1(
     """No traceback, nothing on standard output, one line on standard error."""
     monkeypatch.chdir(log.parent)
     Path("half.csv").write_bytes(log.read_bytes()[:-12])
+    Path("loop.csv").symlink_to("loop.csv")
     assert main(["identify", *arguments]) == 1
     captured = capsys.readouterr()
     lines = [line for line in captured.err.splitlines() if line.strip()]

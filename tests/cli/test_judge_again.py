@@ -63,6 +63,49 @@ def test_rows_that_change_turn_verdict_and_advice(tmp_path: Path, capsys: pytest
     assert sources[TRAINING].revision == "e0231d6ae9e5"
 
 
+DRAWN = "friction-training/drawn-ground"
+
+
+def test_what_the_advised_policies_did_elsewhere_goes_into_the_advice(tmp_path: Path) -> None:
+    """From tables beside the experiment; without them it says that these policies have not walked there."""
+    out = copy(DRAWN, "results.csv", "curves.csv", "summary.json", "physx.csv", "robots.csv", out=tmp_path / "study")
+    words = ["study", "friction", "--preset", "quick", "--judge-again", "--out", str(out)]
+    words += ["--advice", str(tmp_path / "advice.json")]
+    assert main([*words, "--elsewhere", str(out / "physx.csv"), str(out / "robots.csv")]) == 0
+    (source,) = read_advice(tmp_path / "advice.json").values()
+    assert source == shipped()[TRAINING] and source.tables == ("physx.csv", "robots.csv")
+    assert {one.engine for one in source.cells} == {"mujoco", "physx", "physx+all"}
+    assert main(words) == 0
+    sources = shipped() | read_advice(tmp_path / "advice.json")
+    assert {one.engine for one in sources[TRAINING].cells} == {"mujoco"} and sources[TRAINING].tables == ()
+    assert "these policies have not walked: how they do there is not known" in advise(0.2, 0.2, sources).text
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ("another/physx.csv", "policies of another experiment may have the same names"),
+        ("study/none.csv", "none.csv"),
+        ("study/results.csv", "rows of the engine 'mujoco', that of the training"),
+        ("study/strange.csv", "rows of the policy 'coulomb20-deception-s9', which is none of the 15 students"),
+    ],
+)
+def test_tables_of_other_policies_are_refused(table: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture):
+    """Two experiments have policies of the same names; what one's did elsewhere is not what the other's do."""
+    out = copy(DRAWN, "results.csv", "curves.csv", "summary.json", "physx.csv", out=tmp_path / "study")
+    copy("friction-training/one-phase", "physx.csv", out=tmp_path / "another")
+    text = (out / "physx.csv").read_text()
+    (out / "strange.csv").write_text(text.replace("coulomb20-deception-s4", "coulomb20-deception-s9"))
+    words = ["study", "friction", "--preset", "quick", "--judge-again", "--out", str(out)]
+    words += ["--advice", str(tmp_path / "advice.json"), "--elsewhere", str(tmp_path / table)]
+    assert main(words) == 1
+    error = capsys.readouterr().err
+    assert message in error and error.count("\n") == 1
+    assert not (tmp_path / "advice.json").exists() and not (out / "report.html").exists()
+    assert main([*words[:7], "--elsewhere", str(out / "physx.csv")]) == 1
+    assert "--advice FILE" in capsys.readouterr().err
+
+
 def test_the_comparison_is_judged_from_its_summary_alone(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """The same rows and means come out, byte for byte; the tables have each tested level; the advice is written."""
     out = copy("replication", "summary.json", out=tmp_path / "comparison")

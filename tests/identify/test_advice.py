@@ -17,6 +17,9 @@ from stiction.identify.verdict import Thresholds, judge
 
 RESULTS = Path(__file__).parents[2] / "results"
 
+TABLES = ("physx.csv", "robots.csv")
+"""What the advised policies did in other engines."""
+
 METHODS = {"none": TrainedWith("none", 0.0, 0.0, 0.0), "deception": TrainedWith("deception", 0.2, 0.0, 1.2)}
 
 
@@ -25,11 +28,11 @@ def cell(method: str, level: float, follow: int, slow: int = 0, fast: int = 0, d
     return Following(method, engine, "coulomb", level, 5, follow, slow, fast, 5 - follow - slow - fast, deviation, "")
 
 
-def sources(*cells: Following, elsewhere: tuple[Following, ...] = ()) -> dict[str, Source]:
-    """Both studies."""
+def sources(*cells: Following, others: tuple[Following, ...] = ()) -> dict[str, Source]:
+    """Both studies; others: what the comparison of engines counted, of policies of its own."""
     return {
-        name: Source("stiction", "abc", ("p",), METHODS, own)
-        for name, own in ((TRAINING, cells), (TRANSFER, elsewhere))
+        name: Source("stiction", "abc", "saturn_lite", 6, ("p",), METHODS, own)
+        for name, own in ((TRAINING, cells), (TRANSFER, others))
     }
 
 
@@ -45,11 +48,11 @@ ROWS = (
 
 def test_the_training_with_more_seeds_is_advised() -> None:
     """`none` at 1 %, where the other is too fast; `deception` at 20 %, where `none` is too slow."""
-    told = advise(0.008, 0.012, sources(*ROWS))
+    told = advise(0.01, 0.01, sources(*ROWS))
     assert told.settings == {"method": "none", "level": 0.0, "law": "coulomb", "per": "robot"}
     assert "train with --method none." in told.text
     assert "none 4 of 5 (1 too fast); deception 0 of 5 (5 too fast)." in told.text
-    told = advise(0.19, 0.2, sources(*ROWS))
+    told = advise(0.2, 0.2, sources(*ROWS))
     assert told.settings["method"] == "deception" and told.range == [0.0, pytest.approx(0.24)]
     assert "none 0 of 5 (5 too slow); deception 4 of 5 (1 too fast)." in told.text
     assert "has not been tried" not in told.text
@@ -58,18 +61,99 @@ def test_the_training_with_more_seeds_is_advised() -> None:
 def test_other_counts_are_another_advice() -> None:
     """If this failed, the advice would not come from the rows."""
     better = tuple(replace(one, follow=5, too_fast=0) if one.method == "deception" else one for one in ROWS)
-    assert advise(0.008, 0.012, sources(*ROWS)).training.method == "none"
-    assert advise(0.008, 0.012, sources(*better)).training.method == "deception"
+    assert advise(0.01, 0.01, sources(*ROWS)).training.method == "none"
+    assert advise(0.01, 0.01, sources(*better)).training.method == "deception"
 
 
 def test_a_level_that_nobody_trained_or_tested_is_said_to_be_none() -> None:
-    """3 % is nearest to 1 %; 24 % to 20 %, where policies of level 0.2 stand for it; 40 % is beyond all."""
-    assert advise(0.03, 0.03, sources(*ROWS)).levels == (0.01,)
-    assert "at the nearest level that was tested, 1 %" in advise(0.03, 0.03, sources(*ROWS)).text
+    """3 % is compared at 1 and 10 %; 24 % at 20 %, the highest, where policies of level 0.2 stand for it."""
+    assert advise(0.03, 0.03, sources(*ROWS)).levels == (0.01, 0.1)
     told = advise(0.24, 0.24, sources(*ROWS))
+    assert told.levels == (0.2,) and "at the nearest level that was tested, 20 %" in told.text
     assert told.training.level == 0.2 and "training at 0.24 itself has not been tried" in told.text
-    assert "Nothing was tested beyond 20 %." in advise(0.4, 0.4, sources(*ROWS)).text
-    assert "beyond" not in told.text.replace("Nothing was tested beyond 20 %.", "")
+    assert "beyond 20 % nothing was walked" in told.text
+    assert "beyond" not in advise(0.2, 0.2, sources(*ROWS)).text
+
+
+FIVE = (
+    *(cell("none", 0.0, 5), cell("none", 0.1, 5), cell("none", 0.2, 0, slow=5), cell("none", 0.3, 0, slow=5)),
+    *(cell("deception", 0.0, 5), cell("deception", 0.1, 5), cell("deception", 0.2, 5)),
+    cell("deception", 0.3, 4, slow=1),
+    *(cell("none", 0.4, 0, slow=5), cell("deception", 0.4, 0, slow=5)),
+)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "said"),
+    [
+        (0.1, 0.2, "It covers 20 %: each of 5 seeds follows at 10 % and 20 %."),
+        (
+            *(0.15, 0.15),
+            "Whether it covers 15 % is not known: every seed follows at 10 % and 20 %; between 10 % and 20 % nothing "
+            "was walked.",
+        ),
+        (0.3, 0.3, "It does not cover 30 %: at 30 % 4 of 5 (1 too slow) follow."),
+        (
+            *(0.2, 0.25),
+            "Whether it covers 25 % is not known: at 30 % 4 of 5 (1 too slow) follow; every seed follows at 20 %; "
+            "between 20 % and 30 % nothing was walked.",
+        ),
+        (
+            *(0.35, 0.35),
+            "It does not cover 35 %: at 30 % 4 of 5 (1 too slow) follow; at 40 % 0 of 5 (5 too slow) follow; between "
+            "30 % and 40 % nothing was walked.",
+        ),
+        (
+            *(0.3, 0.45),
+            "It does not cover 45 %: at 30 % 4 of 5 (1 too slow) follow; at 40 % 0 of 5 (5 too slow) follow; beyond "
+            "40 % nothing was walked.",
+        ),
+    ],
+)
+def test_a_friction_is_covered_only_where_every_seed_follows_with_it(low: float, high: float, said: str) -> None:
+    """Tested at 0, 10, 20, 30 and 40 %: at 45 % nobody follows, and between and beyond nobody walked.
+
+    If this failed, somebody would train for a friction at which no policy was seen to walk, and be told that it does.
+    """
+    told = advise(low, high, sources(*FIVE))
+    assert told.method == "deception" and said in told.coverage and said in told.text
+    assert told.covered is told.to_dict()["covered"] is said.startswith("It covers ")
+
+
+def test_a_level_above_a_gap_is_not_all_below_it() -> None:
+    """With every seed at 40 % and not at 30 %: 40 % is covered, and what lies below it is not."""
+    rows = (*(one for one in FIVE if one.friction_level < 0.4), cell("deception", 0.4, 5), cell("none", 0.4, 0, slow=5))
+    told = advise(0.32, 0.4, sources(*rows))
+    assert not told.covered
+    said = "It covers 40 %, and not all below it: at 30 % 4 of 5 (1 too slow) follow; every seed follows at 40 %."
+    assert said in told.coverage
+
+
+@pytest.mark.parametrize("level", [0.1, 0.15, 0.25])
+def test_two_seeds_do_not_tell(level: float) -> None:
+    """Both follow at 10 and at 20 %: a third might not, so that nothing is covered, nor said to be borne."""
+    two = tuple(replace(cell(method, tested, 2), seeds=2, fell=0) for method in METHODS for tested in (0.0, 0.1, 0.2))
+    told = advise(level, level, sources(*two))
+    assert not told.covered and told.borne_at is None and "fewer than 3 seeds do not tell" in told.coverage
+    assert f"Whether it covers {100 * level:g} % is not known" in told.coverage
+    three = tuple(replace(one, seeds=3, follow=3) for one in two)
+    assert advise(0.1, 0.1, sources(*three)).covered and advise(0.1, 0.1, sources(*three)).borne_at == 0.1
+
+
+@pytest.mark.parametrize(
+    ("robot", "known"),
+    [
+        (None, "; of any other robot nothing is known directly."),
+        ("go2", "; of Go2 nothing is known directly."),
+        ("saturn_lite@kp=0.5", "; of saturn_lite@kp=0.5 nothing is known directly."),
+        ("saturn_lite", "."),
+    ],
+)
+def test_robot_ground_and_law_are_named(robot: str | None, known: str) -> None:
+    """What one robot did on flat ground under one law says nothing of another robot's."""
+    said = "That is of the hexapod Saturn Lite, in simulation, on flat ground, under Coulomb friction"
+    for high in (0.1, 0.15, 0.45):
+        assert advise(high, high, sources(*FIVE), robot).coverage.endswith(said + known)
 
 
 def test_where_no_seed_follows_that_is_said_and_the_least_deviation_chosen() -> None:
@@ -86,16 +170,41 @@ def test_all_tested_levels_between_what_was_measured_and_the_margin_count() -> N
     assert "deception 0 of 5 (5 too fast) at 1 %, 0 of 5 (5 too fast) at 10 %, 4 of 5 (1 too fast) at 20 %" in told.text
 
 
-def test_other_engines_are_quoted_and_the_training_s_is_not_counted_twice() -> None:
-    """Of the chosen method alone, at the tested level nearest to the top, with the number of seeds."""
-    others = (
+def test_other_engines_are_quoted_of_the_advised_policies_alone() -> None:
+    """Of the chosen method, at the tested level nearest to the top, place by place; the training's is counted once.
+
+    If this failed, what other policies did elsewhere would be told as what the advised ones do.
+    """
+    there = (
         replace(cell("none", 0.01, 1, engine="physx"), seeds=3, too_slow=1, too_fast=2, fell=0),
-        replace(cell("none", 0.01, 3), seeds=3, fell=0),
-        cell("none", 0.2, 0, slow=5, engine="physx"),
+        *(cell("none", 0.2, 0, slow=5, engine="physx"), cell("deception", 0.01, 5, engine="physx")),
+        replace(cell("none", 0.1, 5, engine="physx+all"), friction_law="real"),
     )
-    told = advise(0.01, 0.02, sources(*ROWS, elsewhere=others))
-    assert "at 1 %, pairs of a seed and a place: 1 of 3 (1 too slow, 2 too fast), of 3 seeds." in told.text
-    assert told.to_dict()["elsewhere"] == {"physx": "1 of 3, 1 too slow, 2 too fast"}
+    told = advise(0.01, 0.01, sources(*ROWS, *there))
+    assert told.method == "none" and told.cells["none"] == ROWS[:1]
+    assert told.text.endswith(
+        "The same policies elsewhere, the nearest level that they walked with there: in PhysX 1 of 3 (1 too slow, 2 "
+        "too fast) at 1 %; on virtual robots 5 of 5 at 10 %."
+    )
+    assert told.to_dict()["elsewhere"] == {
+        "physx": {"1 %": "1 of 3, 1 too slow, 2 too fast"},
+        "physx+all": {"10 %": "5 of 5"},
+    }
+    alone = advise(0.01, 0.01, sources(*ROWS, *there[:1]))
+    assert alone.text.endswith(
+        "The same policies elsewhere: in PhysX 1 of 3 (1 too slow, 2 too fast) at 1 %; on virtual robots they have not "
+        "walked."
+    )
+
+
+def test_what_other_policies_did_elsewhere_is_not_quoted() -> None:
+    """The comparison of engines has policies of its own, trained on other ground, under the same names."""
+    others = (cell("none", 0.01, 3, engine="physx"), cell("deception", 0.01, 2, engine="physx+all"))
+    told = advise(0.01, 0.01, sources(*ROWS, others=others))
+    assert told.elsewhere == () and told.to_dict()["elsewhere"] == {}
+    assert told.text.endswith(
+        "In other engines and on virtual robots these policies have not walked: how they do there is not known."
+    )
 
 
 def committed(changes=lambda row: row) -> dict[str, Source]:
@@ -112,7 +221,9 @@ def committed(changes=lambda row: row) -> dict[str, Source]:
         for name, part in summary["parts"].items()
     ]
     compared = run.judged(records, find_robot("saturn_lite"), summary)
-    return {TRAINING: friction.source_of(trained), TRANSFER: run.source_of(compared)}
+    folder = RESULTS / "friction-training/drawn-ground"
+    there = friction.read_elsewhere([folder / name for name in TABLES], folder)
+    return {TRAINING: friction.source_of(trained, there, TABLES), TRANSFER: run.source_of(compared)}
 
 
 def test_the_package_s_file_is_that_of_the_results() -> None:
@@ -150,8 +261,15 @@ def key(row: dict[str, Any]) -> tuple[Any, ...]:
 
 
 def test_the_headline() -> None:
-    """By the results of five seeds: `none` at 1 %, training with friction from 5 % on; the file is in the package."""
+    """By the results of five seeds: `none` up to 4 %, training with friction from 5 % on; the file is in the package.
+
+    20 % is covered, 24 % lies between a level that is and one that is not, and at 45 % nobody follows.
+    """
     assert SHIPPED.is_file()
     assert [advise(level, level).training.method for level in (0.01, 0.05)] == ["none", "deception"]
     assert {advise(level, level).training.level for level in (0.2, 0.25)} == {0.2}
     assert advise(0.05, 0.05).cells["deception"][0].follow == 5
+    assert [advise(0.15, level).covered for level in (0.2, 0.24, 0.45)] == [True, False, False]
+    assert "It covers 20 %: each of 5 seeds follows at 15 % and 20 %" in advise(0.15, 0.2).text
+    assert "It does not cover 45 %" in advise(0.22, 0.45).text
+    assert "in PhysX 5 of 5 at 20 %; on virtual robots 4 of 5 (1 too slow) at 20 %." in advise(0.2, 0.2).text

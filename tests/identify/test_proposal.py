@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from stiction.formats.advice import TRAINING
 from stiction.formats.joints import Estimate, JointRecord, JointsFile
 from stiction.identify.advice import shipped
@@ -55,3 +57,16 @@ def test_a_record_without_newton_metres_is_judged() -> None:
     """A log without torque knows ratio and dead band."""
     told = judge(record(0.02, "in_air"))
     assert told.level == 0.04 and "units of the command" in told.text
+
+
+def test_the_proposal_says_what_it_does_not_cover() -> None:
+    """Whoever reads training.json alone learns whose evidence it is, and that load is not in it."""
+    loaded = record(0.15, load_coefficient=Estimate(0.1, 0.01, (0.08, 0.12)))
+    told = propose(JointsFile({"shank": replace(loaded, diagnostics={"verdict": {"robot": "go2"}})}))
+    assert "It covers 15 %" in told["text"] or "Whether it covers 15 % is not known" in told["text"]
+    assert "of Go2 nothing is known directly" in told["text"]
+    assert told["text"].endswith("were trained and walked under that alone.")
+    assert told["advice"]["robot"] == "saturn_lite" and told["advice"]["tables"] == ["physx.csv", "robots.csv"]
+    for odd in ({}, {"verdict": None}, {"verdict": {"robot": 3}}):
+        told = propose(JointsFile({"shank": record(0.15, diagnostics=odd)}))
+        assert "of any other robot nothing is known directly" in told["text"] and "load adds" not in told["text"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
@@ -200,6 +201,7 @@ def _identify_joints(config: IdentifyConfig, command: str) -> int:
         columns = parse_columns(config.columns)
         print(write_sidecar(config.log[0], columns, name, config.names, config.rate, config.time_scale))
         return 0
+    _refuse_unread(config)
     for log in (*config.log, *config.repeat):
         _keep_inputs(log, config.out)
     # Before anything is read: a folder of other results is refused at once, not after minutes of fitting.
@@ -225,6 +227,18 @@ def _identify_joints(config: IdentifyConfig, command: str) -> int:
     if len(found.signals) > 1 and setup.test_condition != "bare_motor":
         Terminal(stderr=True).print(COUPLED, highlight=False, soft_wrap=True)
     return 0
+
+
+def _refuse_unread(config: IdentifyConfig) -> None:
+    """Refuse options that nothing would read, for whoever gave them takes the result for another one."""
+    unset = LimbSetup()
+    given = [item.name for item in fields(LimbSetup) if getattr(config, item.name) != getattr(unset, item.name)]
+    if config.robot is None and given:
+        raise ConfigurationError(
+            f"--{given[0].replace('_', '-')} is for a whole limb, whose robot is named; add --robot, or leave it out"
+        )
+    if config.repeat_columns and not config.repeat:
+        raise ConfigurationError("--repeat-columns are those of repeats, and there is none; add --repeat LOG")
 
 
 def _open(config: IdentifyConfig, path: Path, repeat: bool = False) -> Log:
@@ -321,7 +335,9 @@ def _verb(options: IdentifyConfig | WalkOptions) -> str:
 
 def _keep_inputs(log: Path, out: Path) -> None:
     """Refuse a folder in which a result would overwrite the log, or be taken for its sidecar by the next run."""
-    inputs = (log.resolve(), sidecar_of(log.resolve()))
+    # Not `Path.resolve`, which raises where a link leads to itself.
+    real = Path(os.path.realpath(log))
+    inputs = (real, sidecar_of(real))
     for name in RESULTS:
         if (out / name).resolve() in inputs:
             raise ConfigurationError(

@@ -82,6 +82,10 @@ def main(arguments: list[str]) -> int:
         where = "; options stand behind the verb" if verb.startswith("-") else ""
         print(f"stiction: {unknown_name('verb', verb, VERBS)}{where}", file=sys.stderr)
         return 2
+    if odd := next((word for word in rest if not _is_text(word)), None):
+        said = f"{odd!r} is no UTF-8 text, in which results name the command that made them; rename it"
+        print(f"stiction {verb}: {said}", file=sys.stderr)
+        return 1
     # Both before the verb's module: NumPy and torch read their settings when they are imported.
     limit_library_threads()
     open_fast_gemm()
@@ -102,6 +106,15 @@ def main(arguments: list[str]) -> int:
         return status
     except Exception as error:
         return failed(error, verb, debug)
+
+
+def _is_text(word: str) -> bool:
+    """Return whether a word of the command line can be written into a file."""
+    try:
+        word.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def entry() -> None:

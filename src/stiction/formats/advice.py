@@ -15,11 +15,17 @@ from stiction.core.files import write_text
 from stiction.formats.following import Following
 from stiction.formats.plain import build, read_object, take_version
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 """Version of the file."""
 
 TRAINING, TRANSFER = "friction-training", "replication"
 """Names of the parts: in the simulator of the training, and elsewhere."""
+
+SHARES = ("coulomb", "real")
+"""Laws under which a level is a share of the torque limit and nothing else, as a user knows it of a joint."""
+
+KINDS = {2: "biped", 4: "quadruped", 6: "hexapod"}
+"""Number of feet -> what such a robot is called."""
 
 
 @dataclass(frozen=True)
@@ -69,14 +75,30 @@ class Source:
     """Command that made its rows."""
     revision: str
     """Code that did."""
+    robot: str
+    """Robot that walked, on flat ground."""
+    feet: int
+    """How many it has."""
     policies: tuple[str, ...]
     """Names of the policies."""
     methods: Mapping[str, TrainedWith]
     """Training method -> how it was trained."""
     cells: tuple[Following, ...]
-    """Who follows, by method, engine and friction."""
+    """Who follows, by method, engine and friction; every cell is of `policies`, and of no others."""
     effects: tuple[FrictionEffect, ...] = ()
     """What friction did to policies that were trained without it; nothing where the study does not ask."""
+    tables: tuple[str, ...] = ()
+    """Names of tables beside its own that it has cells of other engines from: `physx.csv`."""
+
+    @property
+    def robot_text(self) -> str:
+        """The robot in words: `the hexapod Saturn Lite`."""
+        return f"the {KINDS.get(self.feet, 'robot')} {robot_title(self.robot)}"
+
+
+def robot_title(name: str) -> str:
+    """Return a robot's name as people read it: `Saturn Lite` of `saturn_lite`; one that is no identifier stays."""
+    return name.replace("_", " ").title() if name.isidentifier() else name
 
 
 def read_advice(path: Path) -> dict[str, Source]:

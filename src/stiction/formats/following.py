@@ -68,6 +68,10 @@ def paces(rows: Iterable[ResultRow]) -> set[str]:
     return {NOT_KNOWN} if seen == {"follows"} and len(ways) < 2 else seen
 
 
+FEWEST_SEEDS = 3
+"""Training seeds from which on it is said of a training, and not of its seeds alone, that it follows: a choice."""
+
+
 @dataclass(frozen=True)
 class Following:
     """Which training seeds of a method follow under one friction in one engine on flat ground; a row of following.csv.
@@ -103,6 +107,11 @@ class Following:
     def every_seed(self) -> bool:
         """Whether every training seed follows."""
         return self.follow == self.seeds
+
+    @property
+    def covered(self) -> bool:
+        """Whether every seed follows, of as many as it takes to say so of the training."""
+        return self.every_seed and self.seeds >= FEWEST_SEEDS
 
     @property
     def text(self) -> str:

@@ -34,8 +34,9 @@ def propose(file: JointsFile) -> dict[str, Any]:
         text = f"{', '.join(beyond)} would need level {TRAINABLE:g} or more, which leaves nothing to walk with: mend it"
     else:
         worst = max(levels, key=lambda name: levels[name])
-        proposed = judge(file.joints[worst])
+        proposed = judge(file.joints[worst], robot=_robot(file.joints[worst]))
         text = _reason(file, levels, worst) + (f". {proposed.advice.text}" if proposed.advice else "")
+        text += f" {proposed.uncovered}" if proposed.uncovered else ""
     return {
         "friction": proposed.training,
         "range": proposed.range,
@@ -51,6 +52,13 @@ def propose(file: JointsFile) -> dict[str, Any]:
             for name, record in file.joints.items()
         },
     }
+
+
+def _robot(record: JointRecord) -> str | None:
+    """Return whose joint it is, as the verdict in the file says; None where it does not."""
+    verdict = record.diagnostics.get("verdict")
+    name = verdict.get("robot") if isinstance(verdict, dict) else None
+    return name if isinstance(name, str) else None
 
 
 def _invalid_fit(record: JointRecord) -> bool:

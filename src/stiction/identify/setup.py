@@ -7,9 +7,12 @@ from math import isfinite
 from typing import Literal
 
 from stiction.core.errors import ConfigurationError
-from stiction.formats.log import LogSetup
+from stiction.formats.log import LARGEST_NUMBER, LogSetup
 from stiction.identify.drive import Drive
 from stiction.robots.model import GRAVITY
+
+LONGEST_DELAY = 1.0
+"""Delay that is believed [s]; a controller that is later holds no joint."""
 
 
 @dataclass(frozen=True)
@@ -163,6 +166,8 @@ class IdentifySetup:
             value, less = getattr(self, name), "" if name in positive else ", or 0"
             if value is not None and not (isfinite(value) and (value > 0 or (value == 0 and less))):
                 raise ConfigurationError(f"{name.replace('_', ' ')} {value}: expected a positive number{less}")
+            if value is not None and value > (most := LONGEST_DELAY if name.endswith("delay") else LARGEST_NUMBER):
+                raise ConfigurationError(f"{name.replace('_', ' ')} {value}: expected at most {most:g}")
         for name in ("torque_scale", "disturbance_scale", "feedforward_scale", "position_scale"):
             if getattr(self, name) is not None and not 1e-9 <= abs(getattr(self, name)) <= 1e9:
                 raise ConfigurationError(

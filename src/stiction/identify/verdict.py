@@ -1,34 +1,32 @@
 """How much friction, does it matter, what to run: three lines, and behind them the numbers that they rest on.
 
 Where the fit is not valid the three lines say what to do first, why, and that there is no level. Of walking is spoken
-where the joint is a leg's. From which friction on a policy suffers is read from `advice.json` beside this module, which
-`stiction replicate` writes from its rows. Which training to choose: see `advice`.
+where the joint is a leg's. From which friction on a policy suffers: see `thresholds`; which training to choose, and
+what it covers: see `advice`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from stiction.core.errors import StictionError
 from stiction.core.names import kind_of
-from stiction.formats.advice import TRANSFER, FrictionEffect, Source
-from stiction.formats.following import SLOW
-from stiction.formats.joints import FRICTION_REACHES_ZERO, Estimate, JointRecord
-from stiction.formats.results import DIRECTIONS, FOLLOWS
-from stiction.identify.advice import TRAINED_IN, Advice, advise, shipped
+from stiction.formats.advice import Source
+from stiction.formats.joints import FRICTION_REACHES_ZERO, LOAD_REGRESSORS, Estimate, JointRecord
+from stiction.identify.advice import GROUND_AND_LAW, PLACES, TRAINED_IN, TRAINED_UNDER, Advice, advise
 from stiction.identify.assumption import assumption
 from stiction.identify.objections import no_friction_shown
 from stiction.identify.reference import CONDITIONS, Placement, Quantity, place
+from stiction.identify.thresholds import Thresholds
 
 MARGIN = 2.0
 """Factor on friction measured without load. Friction grows with load, by how much is not known here: a choice."""
 
 BUDGET = (
     "Which training follows up to which friction, engine by engine: the friction budget, results/replication/README.md "
-    "in stiction's repository; `stiction replicate` makes it anew."
+    "in stiction's repository, whose policies are not those that are advised; `stiction replicate` makes it anew."
 )
 """Where a robot builder looks next."""
 
@@ -43,92 +41,8 @@ WHAT_IF = (
 )
 """Case, factor on the friction, where the factor comes from."""
 
-WITHOUT_FRICTION: dict[str, Any] = {"method": "none", "level": 0.0, "law": "coulomb", "per": "robot"}
+WITHOUT_FRICTION: dict[str, Any] = {"method": "none", "level": 0.0, "law": TRAINED_UNDER, "per": "robot"}
 """The fields of `FrictionCfg` where there is no friction to train for."""
-
-PLACES = {"mujoco": "in the simulator of the training", "physx": "in PhysX", "ode-webots": "in ODE"}
-"""Engine -> how people call it; a plus in its name means a virtual robot."""
-
-COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
-"""Small numbers in words."""
-
-
-@dataclass(frozen=True)
-class Thresholds:
-    """From which friction on a policy that was trained without it suffers, over the torque limit [-]."""
-
-    noticeable: float
-    """Lowest level that cost speed, in any engine."""
-    severe: float
-    """Lowest level at which no training seed followed, in any engine."""
-    dead_band: float
-    """Largest dead band that went with `noticeable` [rad]."""
-    text: str
-    """What the policies did, in words."""
-
-    @classmethod
-    def of(cls, sources: Mapping[str, Source] | None = None) -> Thresholds:
-        """Return what the comparison of engines says. sources: as of `advise`.
-
-        Raises:
-            StictionError: no friction was noticeable there, or no comparison was made.
-
-        """
-        effects = (shipped() if sources is None else sources)[TRANSFER].effects
-        noticed = [effect for effect in effects if effect.noticeable is not None]
-        severe = [effect.severe for effect in effects if effect.severe is not None]
-        if not noticed or not severe:
-            raise StictionError(
-                "the file that the verdict rests on names no friction that slows policies; expected what "
-                "`stiction replicate --advice` writes from several training seeds of the method none"
-            )
-        first = min(noticed, key=lambda effect: effect.noticeable or 0.0)
-        level = first.noticeable or 0.0
-        return cls(level, min(severe), first.dead_band or 0.0, _evidence_text(level, effects))
-
-    def effect(self, high: float) -> str:
-        """Return what friction of `high` times the torque limit does to a policy that never met it."""
-        if high < self.noticeable:
-            return "By itself it probably does not trouble a walking policy"
-        if high < self.severe:
-            return "It may slow down a policy that was trained without friction"
-        return "A policy that was trained without friction will probably lose much of its speed"
-
-
-def _evidence_text(noticeable: float, effects: Sequence[FrictionEffect]) -> str:
-    """Say what friction did to policies that were trained without it, engine by engine."""
-    seeds = max(effect.seeds for effect in effects)
-    number = COUNTS[seeds] if seeds < len(COUNTS) else str(seeds)
-    elsewhere = [
-        effect for effect in effects if effect.engine != TRAINED_IN and effect.noticeable == noticeable
-    ] or effects
-    costs = sorted({round(100 * (effect.speed_loss or 0.0)) for effect in elsewhere if effect.noticeable == noticeable})
-    cost = f"{costs[0]} to {costs[-1]}" if len(costs) > 1 else f"{costs[0]}"
-    slowed: dict[int, list[FrictionEffect]] = {}
-    for effect in effects:
-        if effect.onset is not None:
-            slowed.setdefault(round(100 * effect.onset), []).append(effect)
-    onsets = [_onset_text(level, same) for level, same in slowed.items()]
-    text = (
-        f"Provisional: in simulations of one robot, {number} training seeds, friction of {100 * noticeable:g} % of the "
-        f"torque limit cost such policies {cost} % of {DIRECTIONS[0].removeprefix('vx=')} m/s."
-    )
-    if not onsets:
-        return text
-    listed = onsets[0] if len(onsets) == 1 else f"{', '.join(onsets[:-1])}, and {onsets[-1]}"
-    return f"{text} Their slower direction slowed under {SLOW} of it {listed}."
-
-
-def _onset_text(level: int, effects: Sequence[FrictionEffect]) -> str:
-    """Say where policies became too slow at a level [%], and whether they were before there was any friction."""
-    text = f"with {level} % {' and '.join(_place(effect) for effect in effects)}"
-    speed = max(effect.frictionless_speed for effect in effects)
-    return f"{text}, where it was at {round(100 * speed)} % without friction" if speed < FOLLOWS[0] else text
-
-
-def _place(effect: FrictionEffect) -> str:
-    """Return where an effect was seen."""
-    return "on virtual robots" if "+" in effect.engine else PLACES.get(effect.engine, f"in {effect.engine}")
 
 
 def friction_level(ratio: Estimate, condition: str | None) -> float:
@@ -159,8 +73,13 @@ class WhatIf:
     """The same in one sentence."""
 
 
-def what_if(record: JointRecord, thresholds: Thresholds, legs: bool = True) -> tuple[WhatIf, ...]:
-    """Return every case of `WHAT_IF` for a joint; nothing where neither its ratio nor its dead band is known."""
+def what_if(
+    record: JointRecord, thresholds: Thresholds, legs: bool = True, sources: Mapping[str, Source] | None = None
+) -> tuple[WhatIf, ...]:
+    """Return every case of `WHAT_IF` for a joint; nothing where neither its ratio nor its dead band is known.
+
+    sources: as of `advise`.
+    """
     if record.friction_ratio is None and record.dead_band is None:
         return ()
     found = []
@@ -172,14 +91,13 @@ def what_if(record: JointRecord, thresholds: Thresholds, legs: bool = True) -> t
         numbers += [f"dead band {dead_band.value:.3g} rad"] if dead_band else []
         text = f"What if {case} ({origin}): {', '.join(numbers)}"
         if ratio and level is not None:
-            trainable = level < TRAINABLE
             text += f". {thresholds.effect(max(ratio.interval95[1], 0.0))}" if legs else ""
-            text += (
-                f"; to cover: {level:.2f}"
-                if trainable
-                else f"; to cover {level:.2f} is beyond training, mend the joint"
-            )
-            level = level if trainable else None
+            if level >= TRAINABLE:
+                text += f"; to cover {level:.2f} is beyond training, mend the joint"
+                level = None
+            else:
+                known = not legs or not level or advise(max(ratio.interval95[0], 0.0), level, sources).covered
+                text += f"; to cover: {level:.2f}{'' if known else ', which no training is known to'}"
         found.append(WhatIf(case, factor, ratio, dead_band, level, text + "."))
     return tuple(found)
 
@@ -201,6 +119,10 @@ class TrainingNeed:
     """Seals removed, and wear."""
     advice: Advice | None = None
     """What to train with; None where there is nothing to cover."""
+    uncovered: str = ""
+    """What of this joint's friction no training that is advised has met, in words; empty where there is nothing."""
+    robot: str | None = None
+    """Whose joint it is; None where nobody said."""
     assumes: tuple[str, ...] = ()
     """Flags whose numbers the friction rests on and nothing in the log shows; the first line says so."""
 
@@ -230,6 +152,8 @@ class TrainingNeed:
             "range": self.range,
             "training": self.training,
             "advice": self.advice and self.advice.to_dict(),
+            "uncovered": self.uncovered,
+            "robot": self.robot,
             "lines": list(self.lines),
             "details": list(self.details),
             "text": self.text,
@@ -267,12 +191,14 @@ def is_leg(name: str) -> bool:
     return not LEG_WORDS.isdisjoint(kind_of(name).split("_"))
 
 
-def judge(record: JointRecord, sources: Mapping[str, Source] | None = None, legs: bool = True) -> TrainingNeed:
+def judge(
+    record: JointRecord, sources: Mapping[str, Source] | None = None, legs: bool = True, robot: str | None = None
+) -> TrainingNeed:
     """Judge a joint by its ratio f/τ_max and its dead band f/kp, with their intervals; newton metres may be null.
 
     A linear axis is not compared with legs, and no training is proposed for it. sources: what the studies found, as of
     `advise`; by default what comes with the package; legs: whether it is known to be a leg's joint, and a word about
-    walking has a place.
+    walking has a place; robot: whose joint it is, by its name.
     """
     thresholds, rotary = Thresholds.of(sources), record.axis == "rotary"
     known = record.coulomb_friction or record.friction_ratio or record.dead_band
@@ -282,7 +208,8 @@ def judge(record: JointRecord, sources: Mapping[str, Source] | None = None, legs
     ratio, condition = record.friction_ratio, record.test_condition
     level = None if ratio is None or not rotary or record.objections else friction_level(ratio, condition)
     beyond = level is not None and level >= TRAINABLE
-    advice = advise(max(ratio.interval95[0], 0.0), level, sources) if level and not beyond and ratio else None
+    advice = advise(max(ratio.interval95[0], 0.0), level, sources, robot) if level and not beyond and ratio else None
+    uncovered = "" if advice is None else _uncovered(record)
     if record.objections and record.objections[0].reason != FRICTION_REACHES_ZERO:
         return TrainingNeed(None, _invalid(record))
     placement = _placement(record) if rotary else ()
@@ -296,6 +223,7 @@ def judge(record: JointRecord, sources: Mapping[str, Source] | None = None, legs
         )
     if level is not None and not beyond and legs:
         details.append(_proposal(level, condition, advice))
+        details += [uncovered] if uncovered else []
     return TrainingNeed(
         None if beyond else level,
         (
@@ -305,8 +233,10 @@ def judge(record: JointRecord, sources: Mapping[str, Source] | None = None, legs
         ),
         tuple(details),
         placement,
-        what_if(record, thresholds, legs) if rotary and not record.objections else (),
+        what_if(record, thresholds, legs, sources) if rotary and not record.objections else (),
         advice,
+        uncovered,
+        robot,
         assumption(record)[0],
     )
 
@@ -387,11 +317,16 @@ def _matters(record: JointRecord, thresholds: Thresholds, legs: bool, advice: Ad
     low, high = ratio.interval95
     margin = _margin(record)
     noticed = 100 * thresholds.noticeable
-    least = f"{noticed:.4g} % of the torque limit is the least that slowed walking policies in simulation"
-    borne = advice is not None and advice.borne
-    probably = "A little" if borne else "Probably"
-    still = f"; every seed that was trained without friction still follows with that much, {PLACES[TRAINED_IN]}"
-    decides = f"{least}{still if borne else ''}."
+    least = (
+        f"{noticed:.4g} % of the torque limit is the least that slowed walking policies in simulation, of "
+        f"{thresholds.robot} {GROUND_AND_LAW}"
+    )
+    borne = None if advice is None else advice.borne_at
+    probably = "Probably" if borne is None else "A little"
+    still = (
+        "" if borne is None else f"; every seed that was trained without friction still follows at {100 * borne:g} %"
+    )
+    decides = f"{least}{still and f'{still}, {PLACES[TRAINED_IN]}'}."
     if low >= thresholds.noticeable:
         return f"{begin} Yes: it is at least {100 * low:.4g} %; {decides}"
     if _harmless(record, thresholds):
@@ -438,9 +373,30 @@ def _to_run(record: JointRecord, level: float | None, advice: Advice | None, leg
         return "Run: this again with --torque-limit; a training takes friction as a share of it."
     if advice is None:
         return "Run: stiction train --friction-from training.json; there is no friction to train for: --method none."
-    flags = f"--method {advice.training.method}"
-    flags += f" --friction-level {advice.training.level:g}" if advice.training.level > 0 else ""
-    return f"Run: stiction train --friction-from training.json, which is {flags}, to cover {100 * level:.4g} %."
+    law = _other_law(record)
+    more = f" {law[0].upper()}{law[1:]} is not covered." if law else ""
+    return f"Run: stiction train --friction-from training.json, which is {advice.flags}. {advice.coverage}{more}"
+
+
+def _other_law(record: JointRecord) -> str:
+    """Return what of a joint's friction is not Coulomb's, in words; empty where all of it is."""
+    if record.load_coefficient is not None:
+        return "what load adds to this joint's friction"
+    law = (record.friction_law or {}).get("law")
+    return "" if law in (None, TRAINED_UNDER) else f"what the {law} law of this joint has beyond Coulomb's"
+
+
+def _uncovered(record: JointRecord) -> str:
+    """Say what of a joint's friction no training that is advised has met; empty where there is nothing."""
+    if not (law := _other_law(record)):
+        return ""
+    size = ""
+    if record.load_coefficient is not None and record.load_regressor is not None:
+        size = f", {_span(record.load_coefficient, 1, '')} times {LOAD_REGRESSORS[record.load_regressor]},"
+    return (
+        f"{law[0].upper()}{law[1:]}{size} is not covered by a training under Coulomb's law: the policies that are "
+        "counted here were trained and walked under that alone."
+    )
 
 
 def _simulated_effect(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -95,3 +96,16 @@ def test_a_servo_s_duty_is_no_torque(tmp_path: Path) -> None:
     assert all(name in data and data[name] is None for name in fields)
     with pytest.raises(ConfigurationError, match="--duty-voltage"):
         make_run(open_log(path), None, IdentifySetup())
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e300])
+def test_a_log_with_numbers_that_are_none_is_proposed_without_a_warning(value: float, tmp_path: Path) -> None:
+    """The arithmetic of it said `All-NaN slice encountered`, which tells nobody anything."""
+    time = np.arange(200) / 100
+    table = np.column_stack([time, np.full(200, value), np.sin(time), np.full(200, value)])
+    path = tmp_path / "swing.csv"
+    np.savetxt(path, table, delimiter=",", header="time,position,target,torque", comments="")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        data, _ = propose(path, {})
+    assert data["kp"] is None

@@ -95,7 +95,7 @@ def joint_record(limb: LimbRun, fit: LimbFit, free: LimbFit, scale: Estimate | N
         diagnostics["drive"] = brake_summary(brakes, together, strength)
     record = replace(record, diagnostics=plain(diagnostics), friction_law=_law(record, diagnostics, own))
     record = replace(record, objections=limb_objections(record, fit, free, scale, rows))
-    verdict = judge(record, legs=is_leg(run.joint)).to_dict()
+    verdict = judge(record, legs=is_leg(run.joint), robot=limb.mechanism.name).to_dict()
     record = replace(record, diagnostics=record.diagnostics | plain({"verdict": verdict}))
     said = (*(one.seen for one in record.objections), *doubts, *find_warnings(record, run))
     return replace(record, warnings=(*said, *_limb_warnings(limb, record)))

@@ -16,7 +16,7 @@ import numpy as np
 
 from stiction.core.errors import FileError, LogError
 from stiction.core.files import write_text
-from stiction.formats.log import JointSignals, Log, sidecar_of, suffix_of
+from stiction.formats.log import LARGEST_NUMBER, JointSignals, Log, sidecar_of, suffix_of
 from stiction.identify.checks import LARGEST_REACH
 from stiction.identify.logs.naming import CURRENTS, DRIVES, guess_columns
 from stiction.identify.logs.opening import BAGS, open_log, read_rows
@@ -50,7 +50,8 @@ def write_sidecar(
     time_scale: float | None = None,
 ) -> str:
     """Write the sidecar of a log beside it; return what was guessed, for people. Raises `StictionError`."""
-    target = sidecar_of(path)
+    # The folder that one stands in has no name to call a sidecar by.
+    target = sidecar_of(path if path.name else path.absolute())
     if target.exists():
         raise FileError(f"{target} is there already; fill it in, or move it away and ask again")
     data, said = propose(path, columns, joint, names, rate, time_scale)
@@ -75,7 +76,7 @@ def propose(
     try:
         log = open_log(path, chosen, joint, **given)  # type: ignore[arg-type]
     except LogError:
-        if chosen or suffix_of(path) in BAGS:
+        if chosen or suffix_of(path) in BAGS or not path.is_file():
             raise
         # Without a mapping its names say nothing, so that it is read by those that such columns often have.
         table = read_rows(path)
@@ -117,7 +118,9 @@ def propose(
         data |= next(iter(found.values()))
     else:
         data["joints"] = found
-    reach = max(float(np.nanmax(values) - np.nanmin(values)) for values in _positions(log))
+    reach = max(
+        (float(np.ptp(finite)) for values in _positions(log) if len(finite := values[np.isfinite(values)])), default=0.0
+    )
     if reach > LARGEST_REACH:
         data["position_scale"] = 0.0174533
         said.append(f"position_scale: the positions cover {reach:.4g}, so they are taken for degrees")
@@ -155,14 +158,16 @@ def _gains(signals: JointSignals, time: np.ndarray) -> tuple[float, float] | Non
     """Return the gains of the PD law that the torque follows; None where it follows none."""
     if signals.target is None or signals.position is None or signals.torque is None or len(time) < 100:
         return None
+    # Squares of what is beyond are no numbers.
+    given = [one for one in (signals.target, signals.position, signals.velocity, signals.torque) if one is not None]
+    if not all((np.abs(one) < LARGEST_NUMBER).all() for one in given):
+        return None
     velocity = signals.velocity
     if velocity is None:
         if (np.diff(time) <= 0).any():
             return None
         velocity = np.gradient(signals.position, time)
     columns = np.column_stack([signals.target - signals.position, -velocity])
-    if not (np.isfinite(columns).all() and np.isfinite(signals.torque).all()):
-        return None
     gains, *_ = np.linalg.lstsq(columns, signals.torque, rcond=None)
     rest = float(np.var(signals.torque - columns @ gains))
     if rest > (1 - EXPLAINED) * float(np.var(signals.torque)) or gains[0] <= 0 or gains[1] < 0:

@@ -181,7 +181,7 @@ def _record(
     diagnostics["torque_by_weight"] = checks.weight
     own = () if swing.fit is None else joint_objections(swing.fit, motion.measured_acceleration)
     record = JointRecord(**settings, objections=(*checks.objections, *own), diagnostics=plain(diagnostics))
-    return replace(record, diagnostics=record.diagnostics | {"verdict": judge(record).to_dict()})
+    return replace(record, diagnostics=record.diagnostics | {"verdict": judge(record, robot=spec.name).to_dict()})
 
 
 def _warnings(

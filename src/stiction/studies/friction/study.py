@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from tyro.conf import arg
 
-from stiction.core.errors import TrainingError
+from stiction.core.errors import ConfigurationError, TrainingError
 from stiction.studies.study import ParallelOptions, RedrawnOptions, Report, Study, Work
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class FrictionOptions(ParallelOptions, RedrawnOptions):
     add: bool = False
     """Add to what --out has: results of runs that are not in --runs, but were in --runs when --out was written, stay.
     Trainings on several machines, or over several days, then make one experiment."""
-    free: ClassVar[tuple[str, ...]] = ("train", "add", "ship", "list", "parts", "cache")
+    free: ClassVar[tuple[str, ...]] = ("train", "add", "ship", "list", "parts", "cache", "elsewhere")
     """Options that do more of the same, or say where from."""
     out: Path = Path("results/friction-training")
     """Folder of results.csv, intervals.csv, following.csv, curves.csv, summary.json, tables.md, figures,
@@ -60,6 +60,9 @@ class FrictionOptions(ParallelOptions, RedrawnOptions):
     """Length of an episode [s]; its first 2 s are not measured."""
     advice: Path | None = None
     """Also write who follows into this file of what `stiction identify` advises by."""
+    elsewhere: tuple[Path, ...] = ()
+    """With --advice: tables of `stiction evaluate` in --out, of the same policies in other engines and on virtual
+    robots. Without them the advice says that these have not walked there."""
     ship: Path | None = None
     """Export the median seed of each training method of the first part into this folder."""
     list: Annotated[bool, arg(aliases=("--plan",))] = False
@@ -68,16 +71,23 @@ class FrictionOptions(ParallelOptions, RedrawnOptions):
     json: bool = False
     """Print the verdicts as JSON on standard output, and nothing else."""
 
+    def __post_init__(self) -> None:
+        """Refuse tables that nothing would read."""
+        if self.elsewhere and self.advice is None:
+            raise ConfigurationError("--elsewhere goes into the advice; name its file too: --advice FILE")
+
 
 def run(options: FrictionOptions, work: Work) -> Report | int:
     """Train, evaluate and judge; the exit status is 1 if a run could not be trained or evaluated."""
     from stiction.rma.identity import unrecorded_note
-    from stiction.studies.friction.assemble import assemble, judge_again, read_earlier, ship
+    from stiction.studies.friction.assemble import assemble, judge_again, read_earlier, read_elsewhere, ship
     from stiction.studies.friction.evaluation import BASE, evaluate_tasks, tasks_for
     from stiction.studies.friction.evidence import parse_policy
     from stiction.studies.friction.manifest import EVALUATED, PlannedRun, runs_of, unrecorded
     from stiction.studies.friction.training import train
 
+    # Read now, that a mistake is not told after hours of training.
+    read_elsewhere(options.elsewhere, options.out)
     if options.judge_again:
         return report_of(options, judge_again(options.out, work.provenance))
     planned = [PlannedRun.of(run, options.runs, options.policies) for run in runs_of(options.parts, options.preset)]
@@ -118,12 +128,17 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
 def report_of(options: FrictionOptions, experiment: Experiment, further: Callable[[], None] = lambda: None) -> Report:
     """Return the report of the experiment; with it its part of the advice is written if asked for, then `further`."""
     from stiction.formats.advice import TRAINING, write_source
-    from stiction.studies.friction.assemble import source_of
+    from stiction.studies.friction.assemble import read_elsewhere, source_of
     from stiction.studies.friction.page import report
 
+    source = None
+    if options.advice is not None:
+        rows = read_elsewhere(options.elsewhere, options.out)
+        source = source_of(experiment, rows, [file.name for file in options.elsewhere])
+
     def write_files(_: Path) -> None:
-        if options.advice is not None:
-            write_source(options.advice, TRAINING, source_of(experiment))
+        if options.advice is not None and source is not None:
+            write_source(options.advice, TRAINING, source)
         further()
 
     return replace(report(experiment), files=write_files)

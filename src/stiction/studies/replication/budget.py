@@ -7,7 +7,7 @@ import numpy as np
 from stiction.core.statistics import t_interval
 from stiction.evaluate.methods import FED, FED_BY
 from stiction.evaluate.samples import Condition, Evidence
-from stiction.formats.advice import FrictionEffect
+from stiction.formats.advice import SHARES, FrictionEffect
 from stiction.formats.results import FOLLOWS
 from stiction.joints.friction import has_coefficient
 from stiction.robots.model import Robot
@@ -17,7 +17,6 @@ from stiction.studies.replication.plan import FRICTION_CELL, NOMINAL_CELL, REST_
 from stiction.studies.replication.records import (
     CAUSES,
     FEWEST_LEVELS,
-    SHARES,
     BudgetPoint,
     ForwardPoint,
     Onset,

@@ -11,6 +11,7 @@ from typing import Any
 from stiction.core.errors import FileError
 from stiction.evaluate.methods import MethodCell
 from stiction.evaluate.table import Sample
+from stiction.formats.advice import SHARES
 from stiction.formats.following import Following
 from stiction.formats.results import ResultRow, row_of
 from stiction.studies.claims import Verdict
@@ -23,9 +24,6 @@ FEWEST_LEVELS = 3
 
 CAUSES = ("physx+nominal", "physx+friction", "physx+rest")
 """Cells of the virtual robot by which causes are told apart: robots that nobody has, whose friction limits nobody."""
-
-SHARES = ("coulomb", "real")
-"""Laws under which a level is a share of the torque limit and nothing else, as a user knows it of a joint."""
 
 
 @dataclass(frozen=True)

@@ -357,8 +357,18 @@ def source_of(result: Replication) -> Source:
         level = 0.0 if policy["method"] == "none" else policy["friction_level"]
         low, high = (round(end / level, 6) if level else 0.0 for end in policy["friction_range"])
         methods.setdefault(policy["way"], TrainedWith(policy["method"], level, low, high))
-    summary, policies = result.summary, tuple(sorted(result.summary["policies"]))
-    return Source(summary["command"], summary["revision"], policies, methods, result.needs, friction_effects(result))
+    summary, policies = result.summary, result.summary["policies"]
+    (robot,) = {policy["robot"] for policy in policies.values()}
+    return Source(
+        summary["command"],
+        summary["revision"],
+        robot,
+        len(find_robot(robot).feet),
+        tuple(sorted(policies)),
+        methods,
+        result.needs,
+        friction_effects(result),
+    )
 
 
 def judge_again(out: Path, provenance: dict[str, Any]) -> Replication:
