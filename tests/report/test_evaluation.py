@@ -109,6 +109,16 @@ def test_one_panel_for_each_command_with_a_speed() -> None:
     assert line.get_xydata().tolist() == [[0.0, 0.95], [20.0, 0.3]]
 
 
+def test_names_lie_under_the_panels() -> None:
+    """A policy's name of thirty letters lay on the line of standstill."""
+    figure = draw_budget([*ROWS, *(replace(row, policy="go2-flat-deception-0.2-hard-s0") for row in ROWS)])
+    figure.canvas.draw()
+    (names,) = figure.legends
+    assert all(axis.get_legend() is None for axis in figure.axes)
+    assert names.get_window_extent().y1 < min(axis.get_window_extent().y0 for axis in figure.axes)
+    assert {text.get_text() for text in names.get_texts()} >= {"plain", "go2-flat-deception-0.2-hard-s0"}
+
+
 def seeded(column: str, level: float, *each: float, command: str = "vx=0.5", **trials) -> Sample:
     """Return a sample of `deception` with a seed for every number, the interval 0.1 to each side."""
     mean, seeds = sum(each) / len(each), " ".join(map(str, range(len(each))))

@@ -27,6 +27,7 @@ from stiction.report.page import (
     figure_block,
     fold,
     label_ends,
+    labelled,
     legend,
     line_look,
     mark_look,
@@ -120,7 +121,8 @@ def draw_budget(rows: Sequence[ResultRow], samples: Sequence[Sample] = (), metho
         same_scale([axis for axis in axes if axis.get_visible()])
         for axis in axes[width - 1 :: width]:
             label_ends(axis)
-        legend(axes[0])
+        # Under the panels: within, names of thirty letters lie on lines.
+        legend(figure, labelled(axes[0]), loc="outside lower center", ncols=min(2, width))
     return figure
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from stiction.studies.study import write_report
 from stiction.studies.wear.lifetimes import Lifetime, Reading, Window
-from stiction.studies.wear.page import answers, draw_ratios, draw_readings, lead, report
+from stiction.studies.wear.page import answers, draw_ratios, draw_readings, lead, level_title, report
 
 WALK = {"policy": "<b>p</b>", "friction_level": "0.1", "robot": 1000, "steady": None}
 LIFETIME = Lifetime(
@@ -196,3 +196,18 @@ def test_a_robot_that_fell_at_once_has_no_window(tmp_path: Path) -> None:
     fallen = replace(LIFETIME, end="fell", first_ratio=None, last_ratio=None)
     assert "fell" in written(tmp_path, [fallen], [], [])
     assert not (tmp_path / "windows.csv").exists()
+
+
+def test_names_of_many_policies_lie_under_the_lines_and_the_title_says_what_wears() -> None:
+    """The names of six policies lay on their lines, under the title `level 0.1`."""
+    names = [f"coulomb20-deception-s{seed}" for seed in range(6)]
+    lifetimes = [replace(LIFETIME, policy=name) for name in names]
+    windows = [replace(row, policy=name) for name in names for row in WINDOWS]
+    figure = draw_ratios(windows, lifetimes, ["FL_shank"])
+    (axis,) = figure.axes
+    assert axis.get_title() == "x1 is 10 % of the torque limit, FL_shank" and axis.get_legend() is None
+    figure.canvas.draw()
+    (names_below,) = figure.legends
+    assert [text.get_text() for text in names_below.get_texts()] == names
+    assert names_below.get_window_extent().y1 < axis.get_window_extent().y0
+    assert level_title("bench") == "x1 is the level bench"

@@ -16,6 +16,7 @@ from stiction.report.page import (
     figure_uri,
     fold,
     label_ends,
+    labelled,
     legend,
     line_look,
     mark_look,
@@ -37,8 +38,11 @@ TICKS = (0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0)
 """Factors that are written under an axis, as far as they are on it."""
 
 
-def draw_ratios(windows: Sequence[Window], lifetimes: Sequence[Lifetime]) -> Figure:
-    """Return the speed ratio over wear, a panel for each level, a colour and style for each policy."""
+def draw_ratios(windows: Sequence[Window], lifetimes: Sequence[Lifetime], joints: Sequence[str] = ()) -> Figure:
+    """Return the speed ratio over wear, a panel for each level, a colour and style for each policy.
+
+    joints: those that wear; none is all of them.
+    """
     levels = list(dict.fromkeys(row.friction_level for row in lifetimes))
     policies = list(dict.fromkeys(row.policy for row in lifetimes))
     figure, axes = new_figure(len(levels), 1, (8.0, 3.4 * len(levels)))
@@ -60,14 +64,21 @@ def draw_ratios(windows: Sequence[Window], lifetimes: Sequence[Lifetime]) -> Fig
             xscale="log",
             xlabel="wear, factor on dry friction",
             ylabel="speed reached / commanded",
-            title=f"level {level}",
+            title=", ".join((level_title(level), *joints)),
         )
         ticks = [tick for tick in TICKS if axis.get_xlim()[0] <= tick <= axis.get_xlim()[1]]
         axis.set_xticks(ticks, [f"x{tick:g}" for tick in ticks])
         axis.set_xticks([], minor=True)
         label_ends(axis)
-        legend(axis)
+    # Under the panels: the lines of several policies leave it no place in them.
+    legend(figure, labelled(axes[0]), loc="outside lower center", ncols=3)
     return figure
+
+
+def level_title(level: str) -> str:
+    """Return in words of which friction the factors are: `x1 is 10 % of the torque limit`."""
+    share = friction_of(level, 1.0)
+    return f"x1 is {share} of the torque limit" if share.endswith("%") else f"x1 is the level {level}"
 
 
 def draw_readings(readings: Sequence[Reading]) -> Figure:
@@ -92,7 +103,7 @@ def draw_readings(readings: Sequence[Reading]) -> Figure:
                 axis.errorbar(row.time + shift, 100 * row.estimate, bars, color=color, **style)
             axis.plot([], [], linewidth=1.0, marker=mark, markersize=4, label=robot, **look)
         target = "mean over the joints" if rows[0].target == LEVEL else rows[0].target
-        axis.set(xlabel="time [s]", ylabel=f"f/τ_max [%], {target}", title=f"{panel[0]}, level {panel[1]}")
+        axis.set(xlabel="time [s]", ylabel=f"f/τ_max [%], {target}", title=f"{panel[0]}, {level_title(panel[1])}")
         legend(axis)
     return figure
 
@@ -110,7 +121,8 @@ def report(
     """
     worn = [row for row in lifetimes if row.steady is None]
     noticed = [row for row in readings if row.steady is None]
-    ratios = draw_ratios([row for row in windows if row.steady is None], worn)
+    grown = [row for row in windows if row.steady is None]
+    ratios = draw_ratios(grown, worn, settings["settings"]["wear"]["joints"])
     monitor = draw_readings(noticed) if noticed else None
     shown = paragraph(NO_MONITOR) if monitor is None else picture(figure_uri(monitor), MONITOR_CAPTION)
     groups, methods = settings["groups"], settings["ways"]
