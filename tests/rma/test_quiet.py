@@ -113,7 +113,13 @@ def test_a_target_met_early_ends_with_them(tmp_path: Path) -> None:
 
 def test_the_presets_of_one_phase_have_them() -> None:
     """And no other, nor methods whose parts learn together."""
-    assert [preset(name).teacher.quiet for name in ("full", "quick", "two-phase", "paper", "literal")] == [30, 30, 0, 0, 0]
+    assert [preset(name).teacher.quiet for name in ("full", "quick", "two-phase", "paper", "literal")] == [
+        30,
+        30,
+        0,
+        0,
+        0,
+    ]
     for method in ("dreamwaq", "hinf"):
         assert parse(["--preset", "quick", "--method", method, "--friction-level", "0.2"]).config.teacher.quiet == 0
 
@@ -129,12 +135,12 @@ def test_the_presets_of_one_phase_have_them() -> None:
 )
 def test_where_they_mean_nothing_they_are_refused(words: str) -> None:
     """A teacher's estimator goes on to learn in the second phase; a context's code would drift under the policy."""
-    with pytest.raises(ConfigurationError, match="--teacher.quiet 30 .* add --teacher.quiet 0"):
+    with pytest.raises(ConfigurationError, match=r"--teacher\.quiet 30 .* add --teacher\.quiet 0"):
         parse(["--preset", "quick", "--friction-level", "0.2", *words.split()])
 
 
 @pytest.mark.parametrize("quiet", [-1, 2_000_000])
 def test_a_number_that_nobody_could_mean_is_refused(quiet: int) -> None:
     """Before any folder is made."""
-    with pytest.raises(ConfigurationError, match="teacher.quiet"):
+    with pytest.raises(ConfigurationError, match=r"teacher\.quiet"):
         replace(CFG, teacher=replace(CFG.teacher, quiet=quiet))
