@@ -55,11 +55,9 @@ def mirrored_state(env: LocomotionEnv, mirror: RobotMirror) -> dict[str, Any]:
         state["unsync"] = {**state["unsync"], "window": -state["unsync"]["window"]}
     state["command"] = state["command"] * torch.tensor([1.0, -1.0, -1.0])
     state["simulation"] = {name: torch.from_numpy(value) for name, value in _simulation(env, mirror).items()}
-    for name in ("bound", "measured"):
-        if "friction" in state:
-            state["friction"][name] = state["friction"][name][:, joints]
     if "friction" in state:
-        state["friction"] = {name: torch.from_numpy(value) for name, value in state["friction"].items()}
+        of_joints = {name: value if name == "fresh" else value[:, joints] for name, value in state["friction"].items()}
+        state["friction"] = {name: torch.from_numpy(value) for name, value in of_joints.items()}
     state["ground"] = torch.from_numpy(state["ground"].copy())
     state["blown_up"] = torch.from_numpy(state["blown_up"].copy())
     if env.motors is not None:

@@ -10,7 +10,8 @@ from typing import Any
 
 from stiction.formats.results import ResultRow
 from stiction.rma.arguments import parse
-from stiction.studies.friction.manifest import Condition, PlannedRun, Run
+from stiction.studies.friction.manifest import Condition, Run
+from stiction.studies.friction.planned import PlannedRun
 from stiction.studies.friction.records import CurvePoint
 
 

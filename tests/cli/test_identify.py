@@ -103,7 +103,6 @@ def test_a_result_never_replaces_a_log_or_its_sidecar(
         (["."], "is a directory"),
         (["swing.csv", "--torque-scale", "1e6"], "beyond the torque limit 45"),
         ([".", "--init"], "is a directory"),
-        (["", "--init"], "is a directory"),
         (["none.csv", "--init"], "no log at none.csv; expected"),
         (["loop.csv"], "no log at loop.csv"),
         (["loop.csv", "--init"], "no log at loop.csv"),

@@ -89,7 +89,8 @@ def test_what_a_task_raises_comes_home(cluster: Any, tmp_path: Path, monkeypatch
 def test_a_training_is_a_task(cluster: Any, tmp_path: Path) -> None:
     """`study friction --train --cluster`: the node trains in the run's own folder, and says how it ended."""
     pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed for training")
-    from stiction.studies.friction.manifest import Condition, PlannedRun, Run
+    from stiction.studies.friction.manifest import Condition, Run
+    from stiction.studies.friction.planned import PlannedRun
     from stiction.studies.friction.training import train_missing
 
     small = (

@@ -100,7 +100,7 @@ def test_train_and_doctor_say_it(tmp_path, capsys: pytest.CaptureFixture, monkey
     monkeypatch.setattr("stiction.locomotion.audit.check_randomization", lambda *_: [])
     monkeypatch.setattr("stiction.cli.train._run", lambda *_: 0)
     for number, (robot, physics, said) in enumerate((("g1", "plastic", 1), ("g1", "rows", 0), ("go1", "plastic", 0))):
-        asked = ["--robot", robot, "--physics", physics]
+        asked = ["--robot", robot, "--physics", physics, "--friction-level", "0.1"]
         for verb in (["train", "--out", str(tmp_path / str(number))], ["doctor", "--randomization"]):
             assert main([*verb, *asked]) == 0
             err = capsys.readouterr().err

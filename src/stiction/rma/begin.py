@@ -68,11 +68,17 @@ def begin_run(
     refuse_alone(joint_map, cfg.joints)
     identified = nominal_of(cfg.joints, cfg.task.robot, joint_map, cfg.task.friction, say)
     _check_own_friction(cfg, robot, identified)
-    rotors = robot.joint_values("armature") if identified is None else np.array(identified["values"]["armature"])
-    lightest = cfg.task.randomization.armature[0] * rotors
-    if line := stiff_sliders(robot, cfg.task.physics, cfg.task.timestep, lightest):
+    if line := stiff_sliders(robot, cfg.task.physics, cfg.task.timestep, _lightest_rotors(cfg, robot, identified)):
         say(f"warning: {line}")
     return RunDirectory.create(out, cfg, command, identified, ranks.size), cfg
+
+
+def _lightest_rotors(cfg: TrainCfg, robot: Robot, identified: dict[str, Any] | None) -> np.ndarray:
+    """Return the smallest rotor inertia that training draws of each joint [kg m²], (joints,)."""
+    own = robot.joint_values("armature")
+    # What was not identified is None, and the robot's own.
+    found = own if identified is None else np.array(identified["values"]["armature"], float)
+    return cfg.task.randomization.armature[0] * np.where(np.isnan(found), own, found)
 
 
 def _check_friction(friction: FrictionCfg) -> None:

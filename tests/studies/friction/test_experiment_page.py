@@ -17,8 +17,9 @@ from stiction.rma.config import TrainCfg
 from stiction.studies.friction import assemble, page
 from stiction.studies.friction.answer import lead
 from stiction.studies.friction.evaluation import BASE
-from stiction.studies.friction.manifest import Condition, PlannedRun, Run
+from stiction.studies.friction.manifest import Condition, Run
 from stiction.studies.friction.page import draw_budget, draw_figures, methods_sheet, part_sheet, report, sheets_of
+from stiction.studies.friction.planned import PlannedRun
 from stiction.studies.friction.records import CurvePoint, Experiment
 from stiction.studies.study import write_report
 from synthetic import condition_rows, write_run

@@ -14,7 +14,8 @@ from stiction.rma.presets import PRESETS
 from stiction.robots.catalog import find_robot
 from stiction.robots.physics import EXACT
 from stiction.studies.friction.evaluation import training_mean
-from stiction.studies.friction.manifest import MANIFEST, ONE_PHASE, PARTS, PlannedRun, condition_of, runs_of
+from stiction.studies.friction.manifest import MANIFEST, ONE_PHASE, PARTS, condition_of, runs_of
+from stiction.studies.friction.planned import PlannedRun
 
 
 @cache

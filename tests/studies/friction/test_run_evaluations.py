@@ -16,7 +16,8 @@ from stiction.formats.bundle import read_bundle, write_bundle
 from stiction.rma.arguments import parse
 from stiction.rma.identity import settings_of
 from stiction.studies.friction.evaluation import BASE, LEVELS, Task, evaluate_tasks, settings_for, tasks_for
-from stiction.studies.friction.manifest import Condition, PlannedRun, Run, unrecorded
+from stiction.studies.friction.manifest import Condition, Run
+from stiction.studies.friction.planned import PlannedRun, unrecorded
 from synthetic import place, row, write_run
 
 

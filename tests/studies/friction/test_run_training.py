@@ -10,7 +10,7 @@ import pytest
 
 from processes import is_alive, wait_until
 from stiction.core.lock import output_folder
-from stiction.studies.friction.manifest import PlannedRun
+from stiction.studies.friction.planned import PlannedRun
 from stiction.studies.friction.training import ALL, start, stop, train_command, train_missing
 from synthetic import place, run_files, write_run
 

@@ -9,7 +9,8 @@ from stiction.joints.friction import level_text
 from stiction.locomotion.friction import FRICTION_RANGES
 from stiction.report.following import has_one_seed, places_text
 from stiction.studies.claims import said_of
-from stiction.studies.friction.manifest import EVALUATED, TWO_PHASE
+from stiction.studies.friction.manifest import TWO_PHASE
+from stiction.studies.friction.planned import EVALUATED
 from stiction.studies.friction.records import HIGHEST, STUDENT, Experiment, short_name
 
 TITLES = {

@@ -22,7 +22,8 @@ from stiction.studies.claims import Verdict, rejudged_summary
 from stiction.studies.friction.claims import CLAIMS, DECEPTION, DIRECT, NONE
 from stiction.studies.friction.evaluation import CANDIDATES, COMMANDS, collapse, learning_curve, onsets, training_mean
 from stiction.studies.friction.evidence import TrainingEvidence, median_seed, parse_policy, seed_means
-from stiction.studies.friction.manifest import EVALUATED, PARTS, TWO_PHASE, PlannedRun
+from stiction.studies.friction.manifest import PARTS, TWO_PHASE
+from stiction.studies.friction.planned import EVALUATED, PlannedRun
 from stiction.studies.friction.records import (
     STUDENT,
     Collapse,

@@ -28,7 +28,8 @@ from stiction.rma.config import TrainCfg
 from stiction.rma.run import RunDirectory, latest_checkpoint
 from stiction.robots.catalog import find_robot
 from stiction.studies.friction.evidence import TrainingEvidence, at
-from stiction.studies.friction.manifest import LEVEL, PlannedRun, condition_of
+from stiction.studies.friction.manifest import LEVEL, condition_of
+from stiction.studies.friction.planned import PlannedRun
 from stiction.studies.friction.records import STUDENT, Collapse, CurvePoint, Onset
 
 Who = Literal["teacher", "student"]

@@ -9,7 +9,7 @@ from typing import Any
 from stiction.formats.following import Following
 from stiction.formats.results import ResultRow
 from stiction.studies.claims import Verdict
-from stiction.studies.friction.manifest import State
+from stiction.studies.friction.planned import State
 
 STUDENT = "student"
 """Of a run's two policies the one that is deployed, and judged."""

@@ -14,7 +14,7 @@ from stiction.core.errors import ConfigurationError, TrainingError
 from stiction.studies.study import ParallelOptions, RedrawnOptions, Report, Study, Work
 
 if TYPE_CHECKING:
-    from stiction.studies.friction.manifest import PlannedRun
+    from stiction.studies.friction.planned import PlannedRun
     from stiction.studies.friction.records import Experiment
 
 DESCRIPTION = """The experiment on training with dry friction: every run of its manifest, and what follows from them.
@@ -83,7 +83,8 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
     from stiction.studies.friction.assemble import assemble, judge_again, read_earlier, read_elsewhere, ship
     from stiction.studies.friction.evaluation import BASE, evaluate_tasks, tasks_for
     from stiction.studies.friction.evidence import parse_policy
-    from stiction.studies.friction.manifest import EVALUATED, PlannedRun, runs_of, unrecorded
+    from stiction.studies.friction.manifest import runs_of
+    from stiction.studies.friction.planned import EVALUATED, PlannedRun, unrecorded
     from stiction.studies.friction.training import train
 
     # Read now, that a mistake is not told after hours of training.
@@ -146,7 +147,7 @@ def report_of(options: FrictionOptions, experiment: Experiment, further: Callabl
 
 def print_runs(planned: Sequence[PlannedRun], states: Mapping[str, str]) -> None:
     """Print every run with its state, its cost and the command that trains it by hand; then what is missing in all."""
-    from stiction.studies.friction.manifest import EVALUATED
+    from stiction.studies.friction.planned import EVALUATED
 
     left, unknown = 0.0, 0
     for run in planned:

@@ -15,7 +15,7 @@ from stiction.core.isolation import isolated_environment, python_module
 from stiction.core.lifeline import tied
 from stiction.core.provenance import THREADS_VARIABLE
 from stiction.report.terminal import stop_requests
-from stiction.studies.friction.manifest import EVALUATED, PlannedRun
+from stiction.studies.friction.planned import EVALUATED, PlannedRun
 from stiction.studies.study import Stopped
 
 Progress = Callable[[str, float], None]

@@ -172,7 +172,7 @@ def train_all(
         StictionError: no run is finished, or a folder holds another run.
 
     """
-    from stiction.studies.friction.manifest import PlannedRun
+    from stiction.studies.friction.planned import PlannedRun
     from stiction.studies.friction.training import train
     from stiction.studies.replication.plan import comparison_runs
 

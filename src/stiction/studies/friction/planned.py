@@ -1,0 +1,188 @@
+"""Which runs of the experiment are there, whether they are what the manifest says, and what the others cost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from math import prod
+from pathlib import Path
+from typing import Any, Literal, Self
+
+from stiction.core.errors import ConfigurationError, FileError, TrainingError
+from stiction.core.files import digest_of
+from stiction.formats.actuator import read_actuator
+from stiction.formats.bundle import Bundle, read_bundle
+from stiction.formats.results import read_metrics
+from stiction.joints.net import ActuatorNet
+from stiction.locomotion.config import TaskCfg
+from stiction.rma.config import TrainCfg
+from stiction.rma.identity import difference, settings_of
+from stiction.rma.run import RunDirectory, latest_checkpoint
+from stiction.studies.friction.manifest import Run
+
+State = Literal["missing", "interrupted", "exported", "finished"]
+"""`exported`: its folder is elsewhere, its policy is here."""
+
+EVALUATED: tuple[State, ...] = ("exported", "finished")
+"""States of runs that have rows."""
+
+
+STEP_SECONDS = {"rows": 2.34e-4, "sliders": 1.21e-4, "physx": 1.2e-3}
+"""Processor time of a training for each control step of each robot [s], with friction as rows and as sliders: 2.88 and
+1.49 s an iteration of 512 robots and 24 steps (results/speed, two busy AMD cores; machines differ by two). In PhysX, a
+robot at a time, 15 s."""
+
+DEARER_BY = {"mirrored": 1.5, "recurrent": 1.45, "dreamwaq": 1.03, "hinf": 1.27}
+"""What an iteration takes over one of the presets of one phase [1]: mirrored samples, 1,089 to 1,118 s for 333 where
+440 take 940 to 1,000, and a recurrent encoder, 3.2 s where others take 2.2 (results/student); DreamWaQ, 1,074 and 1,082
+s, and H∞ beside a disturber that learns, 1,307 to 1,369 s, where one phase takes 1,050 (results/methods)."""
+
+
+@dataclass(frozen=True)
+class PlannedRun:
+    """A run with its complete configuration, and the folder where it is or will be."""
+
+    run: Run
+    cfg: TrainCfg
+    path: Path
+    policy: Path | None = None
+    """Its exported policy, where there is one."""
+
+    @classmethod
+    def of(cls, run: Run, runs: Path, policies: Path | None = None) -> Self:
+        """Return a run as `stiction train` reads its arguments; runs and policies are the folders of all of them."""
+        bundle = None if policies is None else policies / run.name
+        policy = bundle if bundle is not None and bundle.is_dir() else None
+        return cls(run, run.configuration(), runs / run.name, policy)
+
+    @property
+    def iterations(self) -> int:
+        """Iterations of teacher and student together."""
+        return self.cfg.teacher.iterations + self.cfg.student.iterations
+
+    def done(self) -> int:
+        """Return the iterations that its metrics have."""
+        rows = read_metrics(self.path / "metrics.jsonl")
+        if not rows:
+            return 0
+        before = self.cfg.teacher.iterations if rows[-1]["phase"] == "student" else 0
+        return before + int(rows[-1]["iteration"])
+
+    def minutes(self) -> float | None:
+        """Return the processor time that its training takes from the beginning, by `STEP_SECONDS` and `DEARER_BY`
+        [min]; None where nothing like it was measured.
+        """
+        cfg, physics, factor = self.cfg, "sliders" if self.cfg.task.physics.plastic else "rows", self._factor()
+        physics = physics if cfg.engine == "mujoco" else cfg.engine
+        if factor is None or physics not in STEP_SECONDS or (physics == "physx" and factor != 1.0):
+            return None
+        steps = cfg.num_envs * sum(phase.iterations * phase.steps for phase in (cfg.teacher, cfg.student))
+        return steps * factor * STEP_SECONDS[physics] / 60.0
+
+    def _factor(self) -> float | None:
+        """Return what its iterations take over those that `STEP_SECONDS` is of [1]; None where that is not measured."""
+        cfg, usual = self.cfg, TaskCfg()
+        task, disturbed = cfg.task, cfg.is_disturbed and cfg.hinf.disturbs
+        measured = (
+            (task.timestep, task.decimation, task.history) == (usual.timestep, usual.decimation, usual.history)
+            and task.robot.partition("@")[0] == usual.robot
+            and task.terrain.kind == "flat"
+            and cfg.actuator is None
+            and not any(law.spec.reads for law in task.friction.laws)
+            and not (disturbed and not cfg.hinf.learns)
+        )
+        has = {
+            "mirrored": cfg.symmetry == "batches",
+            "recurrent": cfg.network.recurrent,
+            "dreamwaq": cfg.has_context,
+            "hinf": disturbed,
+        }
+        return prod(DEARER_BY[name] for name, there in has.items() if there) if measured else None
+
+    def state(self) -> State:
+        """Return where the run stands.
+
+        A configuration that was written before a field existed equals the manifest's when the field has its default. A
+        `joints.json` and an Actuator Net are known by their content, and may have moved.
+
+        Raises:
+            StictionError: the folder holds a run with another configuration, joints or net, or one of the manifest's
+                cannot be read.
+
+        """
+        if not (self.path / "config.json").exists():
+            return "missing" if self.policy is None else "exported"
+        run = RunDirectory(self.path)
+        found, expected = (replace(cfg, joints=None, actuator=None) for cfg in (run.config_to_train(), self.cfg))
+        if other := [*differences(found, expected), *self._other_files(run)]:
+            raise TrainingError(
+                f"{self.path} holds another run than the manifest's: {', '.join(other)}; "
+                "move it away, or name another folder with --runs"
+            )
+        newest = latest_checkpoint(self.path / "checkpoints", "student")
+        last = newest is not None and int(newest.stem.rpartition("_")[2]) == self.cfg.student.iterations
+        return "finished" if last and (self.path / "summary.json").is_file() else "interrupted"
+
+    def bundle(self) -> Bundle:
+        """Return the exported policy.
+
+        Raises `StictionError` where there is none, it is damaged, or it says that it is of another run: by what the
+        contract says of friction and, where it has them, by its settings.
+        """
+        if self.policy is None:
+            raise FileError(f"{self.run.name} has no exported policy; name the folder of the policies with --policies")
+        bundle = read_bundle(self.policy)
+        contract, friction = bundle.contract, self.cfg.task.friction
+        found = contract.robot, contract.method, contract.seed, contract.friction_law, contract.friction_level
+        expected = self.cfg.task.robot, friction.method, self.run.seed, friction.law, friction.level
+        if found != expected:
+            raise ConfigurationError(
+                f"{self.policy} is another policy than the manifest's: it is {found}, expected {expected}"
+            )
+        if other := difference(contract.settings, settings_of(self.cfg)):
+            raise ConfigurationError(
+                f"{self.policy} is another policy than the manifest's: it was trained with {other[0]}, expected "
+                f"{other[1]}; move it away, or name another folder with --policies"
+            )
+        return bundle
+
+    def _other_files(self, run: RunDirectory) -> list[str]:
+        """Return in which of the files that a training starts from a run differs from the manifest."""
+        identified, joints = run.header()["identified"], self.cfg.joints
+        found = identified["sha256"] if identified else None
+        try:
+            expected = None if joints is None else digest_of(Path(joints))
+        except OSError as error:
+            raise FileError(f"{joints} cannot be read: {error}; expected the joints.json to train with") from error
+        net = None if self.cfg.actuator is None else read_actuator(Path(self.cfg.actuator))
+        other = differences(found, expected, "SHA-256 of joints")
+        same_net = _content(run.actuator()) == _content(net)
+        return other if same_net else [*other, f"actuator is another net than {self.cfg.actuator}"]
+
+
+def unrecorded(planned: Sequence[PlannedRun]) -> list[str]:
+    """Return the names of the exported policies whose settings are not recorded: they are taken at their names.
+
+    Raises as `PlannedRun.bundle`.
+    """
+    exported = (run for run in planned if run.state() == "exported")
+    return [run.run.name for run in exported if run.bundle().contract.settings is None]
+
+
+def _content(net: ActuatorNet | None) -> Any:
+    """Return all of a net, for comparison, but the command and the revision that made it."""
+    if net is None:
+        return None
+    arrays = [array.tolist() for group in net.layers for layer in group for array in layer]
+    return vars(net) | {"layers": arrays, "revision": None, "command": None}
+
+
+def differences(found: Any, expected: Any, name: str = "") -> list[str]:
+    """Return the fields in which two configurations differ, as `teacher.iterations is 3, expected 350`."""
+    if is_dataclass(found) and is_dataclass(expected):
+        nested = (
+            differences(getattr(found, f.name), getattr(expected, f.name), f"{name}.{f.name}".lstrip("."))
+            for f in fields(found)
+        )
+        return [text for texts in nested for text in texts]
+    return [] if found == expected else [f"{name} is {found}, expected {expected}"]
