@@ -13,7 +13,6 @@ from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.arguments import parse
 from stiction.rma.config import StopCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.rma.phase import Interrupted
-from stiction.rma.presets import preset
 from stiction.rma.run import RunDirectory, latest_checkpoint, load_checkpoint
 from stiction.rma.runner import train
 
@@ -111,24 +110,11 @@ def test_a_target_met_early_ends_with_them(tmp_path: Path) -> None:
     assert summary["stopped"]["teacher"]["iteration"] == 5
 
 
-def test_the_presets_of_one_phase_have_them() -> None:
-    """And no other, nor methods whose parts learn together."""
-    assert [preset(name).teacher.quiet for name in ("full", "quick", "two-phase", "paper", "literal")] == [
-        30,
-        30,
-        0,
-        0,
-        0,
-    ]
-    for method in ("dreamwaq", "hinf"):
-        assert parse(["--preset", "quick", "--method", method, "--friction-level", "0.2"]).config.teacher.quiet == 0
-
-
 @pytest.mark.parametrize(
     "words",
     [
-        "--teacher.latent alternate --student.iterations 80",
-        "--student.algorithm ppo --student.iterations 5",
+        "--teacher.quiet 30 --teacher.latent alternate --student.iterations 80",
+        "--teacher.quiet 30 --student.algorithm ppo --student.iterations 5",
         "--method dreamwaq --teacher.quiet 30",
         "--method hinf --teacher.quiet 30",
     ],

@@ -17,7 +17,7 @@ _SHOWN = TrainCfg(task=TaskCfg(physics=FAST), video_every=100)
 _ONE_PHASE = replace(
     _SHOWN,
     task=replace(_SHOWN.task, estimated_friction=True, randomization=RandomizationCfg(contact_time=(0.01, 0.03))),
-    teacher=TeacherCfg(latent="history", iterations=1000, final_std=0.2, quiet=30, velocity_weight=10.0),
+    teacher=TeacherCfg(latent="history", iterations=1000, final_std=0.2, velocity_weight=10.0),
     student=StudentCfg(iterations=0),
     network=NetworkCfg(estimator_frame=32, estimator=(128, 64)),
     symmetry="network",
@@ -39,7 +39,7 @@ PRESETS = {
     ),
 }
 """`full` and `quick` are one phase: what walks is what will be deployed, on its own z* and its own estimate of velocity
-and friction, with little noise and at last with none, and on ground that is another for each robot. `two-phase` is the
+and friction, with little noise in the end, and on ground that is another for each robot. `two-phase` is the
 paper's teacher and student at the budget with which its claims were judged; `paper` has more of it, and randomises the
 paper's table and no more. `literal` takes the paper at its word where `paper` does what works better: L_ada trains both
 encoders, every joint has friction of its own, and there is as much of it as was measured, 1 % of the torque limit. All
@@ -51,12 +51,9 @@ def preset(name: str, device: str = "cpu", method: str | None = None, engine: st
     """Return a preset; off the processor and in other engines, where there are no sliders, with rows.
 
     Other engines have contacts of their own, whose softness nobody draws. For the method `dreamwaq` without what its
-    context takes the place of, and for it and `hinf`, whose parts learn together, without quiet iterations; the method
-    itself is not set.
+    context takes the place of; the method itself is not set.
     """
     cfg = PRESETS[name]
-    if method in ("dreamwaq", "hinf"):
-        cfg = replace(cfg, teacher=replace(cfg.teacher, quiet=0))
     if method == "dreamwaq":
         usual = NetworkCfg()
         network = replace(cfg.network, **{name: getattr(usual, name) for name in REPLACED})

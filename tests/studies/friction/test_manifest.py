@@ -72,11 +72,14 @@ def test_budget_is_the_same_unless_it_is_the_question() -> None:
 
 def test_designs_and_methods_are_compared_on_one_ground() -> None:
     """If this failed, a design would win by the ground that the preset draws since, and not by itself."""
-    drawn = ("drawn-contact", "fine-contact", "known-drawn", "quiet", "known-quiet")
+    quiet = ("quiet", "known-quiet", "rows")
+    drawn = ("drawn-contact", "fine-contact", "known-drawn", *quiet)
     other = {f"coulomb20-{name}" for name in drawn}
     for condition in (one for one in MANIFEST if one.part in ("designs", "methods")):
         ground = configured()[condition.name].task.randomization.contact_time
         assert (ground == (0.02, 0.02)) == (condition.name not in other), condition.name
+        last = configured()[condition.name].teacher.quiet
+        assert last == (30 if condition.name.removeprefix("coulomb20-") in quiet else 0), condition.name
 
 
 def test_the_literal_rows_are_the_preset_at_the_budget_of_all() -> None:

@@ -161,26 +161,23 @@ presets of one phase draw its softness, which is what came out best of the desig
 DRAWN = (GROUND, "0.01", "0.03")
 """Options of the ground of those presets."""
 
-QUIET = "--teacher.quiet"
-NOISY = (QUIET, "0")
-"""Options without the quiet iterations with which the presets of one phase end: neither designs nor methods had them
-when they were compared, but for the designs that are named after them."""
+QUIET = ("--teacher.quiet", "30")
+"""Options of a training that ends with quiet iterations."""
 
 
-def _compared(options: tuple[str, ...]) -> tuple[str, ...]:
-    """Return options with soft ground, and without quiet iterations, where they name no others."""
-    ground, noise = () if GROUND in options else SOFT, () if QUIET in options else NOISY
-    return (*ground, *options, *noise)
+def _ground(options: tuple[str, ...]) -> tuple[str, ...]:
+    """Return options with soft ground, where they name no other."""
+    return options if GROUND in options else (*SOFT, *options)
 
 
 def _design(name: str, purpose: str, *options: str) -> Condition:
     """Return a way for a student to learn, with `deception`; its iterations are as many as those of one phase."""
-    return replace(_coulomb(name, "designs", purpose, "deception", *_compared(options)), seeds=DESIGN_SEEDS)
+    return replace(_coulomb(name, "designs", purpose, "deception", *_ground(options)), seeds=DESIGN_SEEDS)
 
 
 def _method(name: str, purpose: str, method: str, *options: str) -> Condition:
     """Return another method of one phase, or another friction."""
-    return replace(_coulomb(name, "methods", purpose, method, *_compared(options)), seeds=METHOD_SEEDS)
+    return replace(_coulomb(name, "methods", purpose, method, *_ground(options)), seeds=METHOD_SEEDS)
 
 
 DEARER = ("--teacher.iterations", "333")
@@ -261,8 +258,9 @@ MANIFEST: tuple[Condition, ...] = (
     _coulomb("none-nogait", "gait", "without both", "none", *NO_TROT, *NO_UNSYNC),
     _design("known", "one phase, told its joints' friction", "--task.known-friction"),
     _design("known-drawn", "the same, ground of drawn softness", "--task.known-friction", *DRAWN),
-    _design("quiet", "ground of drawn softness, quiet iterations at the end", *DRAWN, QUIET, "30"),
-    _design(*("known-quiet", "the same, told its joints' friction", "--task.known-friction"), *DRAWN, QUIET, "30"),
+    _design("quiet", "ground of drawn softness, quiet iterations at the end", *DRAWN, *QUIET),
+    _design("known-quiet", "the same, told its joints' friction", "--task.known-friction", *DRAWN, *QUIET),
+    _design("rows", "quiet iterations, friction by the solver's rows", *DRAWN, *QUIET, "--physics", "rows"),
     _design("slow-means", "one phase, means over a second as inputs", "--task.slow-means", "1"),
     _design("drawn-contact", "one phase, ground of drawn softness", *DRAWN),
     _design(
