@@ -3,8 +3,9 @@
     python scripts/beliefs.py runs/mine-s0 runs/mine-s1 --physics rows plastic --out beliefs.csv
 
 The estimator of each run's student is asked in every step of walks of 10 s, on the nominal robot, at several friction
-levels and both commands, eight walks each. The first two seconds do not count. One row for a run, simulation, level and
-command: the speed that was reached and the one that was believed, over the command.
+levels and both commands, eight walks each. The first two seconds do not count. One row for a policy, simulation, level
+and command: the speed that was reached and the one that was believed, over the command. A bundle does not tell what it
+believes.
 """
 
 from __future__ import annotations
@@ -18,63 +19,85 @@ import numpy as np
 import torch
 
 from stiction.core.errors import StictionError
+from stiction.deploy.check import robot_of
+from stiction.deploy.policy import load_policy
 from stiction.evaluate.export import TrainedPolicy, contract_of
-from stiction.evaluate.rollout import Rollout, friction_at
-from stiction.rma.models import StudentPolicy
+from stiction.evaluate.rollout import Driver, Rollout, friction_at
+from stiction.formats.bundle import read_bundle
 from stiction.rma.run import RunDirectory
 from stiction.rma.runner import load_actor
-from stiction.robots.catalog import find_robot
 from stiction.robots.physics import EXACT, FAST
 
-COLUMNS = ("run", "iteration", "physics", "timestep", "friction_level", "command", "reached", "believed")
+LEVELS = [0.0, 0.05, 0.1, 0.15, 0.2, 0.24]
+COLUMNS = ("policy", "iteration", "physics", "timestep", "friction_level", "command", "reached", "believed")
 PHYSICS = {"rows": EXACT, "plastic": FAST}
 SPEED, SECONDS, UNCOUNTED, WALKS = 0.5, 10.0, 2.0, 8
 
-
-def student_of(run: RunDirectory, iteration: int | None) -> StudentPolicy:
-    """Return the policy of a run, or what it was after an earlier iteration whose checkpoint is still there."""
-    if iteration is None:
-        return load_actor(run, "student").student().eval()
-    return load_actor(run, "teacher", run.checkpoints / f"teacher_{iteration:06d}.safetensors").student().eval()
+Answer = tuple[float, float, float, float | None]
+"""Level, command [m/s], and speed reached and believed over the command."""
 
 
-def ask(
-    run: RunDirectory, student: StudentPolicy, levels: list[float], physics: str, timestep: float | None
-) -> list[tuple[float, float, float, float]]:
-    """Return level, command [m/s], and speed reached and believed over the command, of every level and direction."""
-    contract = contract_of(run.config(), run.header())
-    believed: list[np.ndarray] = []
-    hook = student.estimator.register_forward_hook(lambda *call: believed.append(call[2][:, 0].detach().numpy().copy()))
-    cells = [(level, sign * SPEED) for level in levels for sign in (1.0, -1.0)]
-    level, forward = (np.repeat(column, WALKS) for column in zip(*cells, strict=True))
-    command = np.stack((forward, np.zeros_like(forward), np.zeros_like(forward)), -1)
-    known = np.repeat(level[:, None], len(contract.kinds), 1) if contract.observes_friction else None
-    rollout = Rollout(
-        contract,
-        TrainedPolicy(student, contract, len(level), known),
-        find_robot(run.config().task.robot),
-        friction_at(contract, level),
-        [np.random.default_rng([0, number]) for number in range(WALKS)],
-        physics=PHYSICS[physics],
-        timestep=timestep,
-    )
-    reached = []
-    for _ in range(round(SECONDS / contract.control_period)):
-        # Believed before the step, so the truth is that of before it too.
-        reached.append(rollout.fleet.base_linear_velocity[:, 0].copy())
-        rollout.step(command)
-    hook.remove()
-    first = round(UNCOUNTED / contract.control_period)
-    shares = np.stack([np.stack(values)[first:].mean(0) / forward for values in (reached, believed)])
-    means = shares.reshape(2, -1, WALKS).mean(-1)
-    return [(*cell, float(true), float(guess)) for cell, true, guess in zip(cells, *means, strict=True)]
+class Asked:
+    """A policy that walks: the student of a run, which tells what it believes, or a bundle, which does not."""
+
+    def __init__(self, path: Path, iteration: int | None) -> None:
+        """Read it; `iteration`: of an earlier checkpoint of a run."""
+        self.path, self.iteration, self.student = path, iteration, None
+        if (path / "contract.json").exists():
+            self.bundle = read_bundle(path)
+            self.contract = self.bundle.contract
+            return
+        run = RunDirectory(path)
+        self.contract = contract_of(run.config(), run.header())
+        name = "student" if iteration is None else "teacher"
+        checkpoint = None if iteration is None else run.checkpoints / f"teacher_{iteration:06d}.safetensors"
+        self.student = load_actor(run, name, checkpoint).student().eval()
+
+    def driver(self, level: np.ndarray) -> Driver:
+        """Return what drives robots of these friction levels, which are told them where it observes friction."""
+        known = np.repeat(level[:, None], len(self.contract.kinds), 1) if self.contract.observes_friction else None
+        if self.student is None:
+            return load_policy(self.contract, self.bundle.policy, (len(level),), known)
+        return TrainedPolicy(self.student, self.contract, len(level), known)
+
+    def walk(self, levels: list[float], physics: str, timestep: float | None) -> list[Answer]:
+        """Return what came of every level and direction."""
+        contract, believed = self.contract, []
+        hook = None
+        if self.student is not None:
+            hook = self.student.estimator.register_forward_hook(
+                lambda *call: believed.append(call[2][:, 0].detach().numpy().copy())
+            )
+        cells = [(level, sign * SPEED) for level in levels for sign in (1.0, -1.0)]
+        level, forward = (np.repeat(column, WALKS) for column in zip(*cells, strict=True))
+        command = np.stack((forward, np.zeros_like(forward), np.zeros_like(forward)), -1)
+        generators = [np.random.default_rng([0, number]) for number in range(WALKS)]
+        physical = {"physics": PHYSICS[physics], "timestep": timestep}
+        rollout = Rollout(
+            contract, self.driver(level), robot_of(contract), friction_at(contract, level), generators, **physical
+        )
+        reached = []
+        for _ in range(round(SECONDS / contract.control_period)):
+            # Believed before the step, so the truth is that of before it too.
+            reached.append(rollout.fleet.base_linear_velocity[:, 0].copy())
+            rollout.step(command)
+        first = round(UNCOUNTED / contract.control_period)
+
+        def share(values: list[np.ndarray]) -> np.ndarray:
+            return (np.stack(values)[first:].mean(0) / forward).reshape(-1, WALKS).mean(-1)
+
+        if hook is None:
+            return [(*cell, float(true), None) for cell, true in zip(cells, share(reached), strict=True)]
+        hook.remove()
+        means = share(reached), share(believed)
+        return [(*cell, float(true), float(guess)) for cell, true, guess in zip(cells, *means, strict=True)]
 
 
 def main() -> None:
-    """Ask every run, print a table, and write the rows."""
+    """Ask every policy, print a table, and write the rows."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("runs", nargs="+", type=Path, help="folders of trainings of one phase")
-    parser.add_argument("--levels", nargs="+", type=float, default=[0.0, 0.1, 0.2, 0.24], help="of the torque limit")
+    parser.add_argument("policies", nargs="+", type=Path, help="folders of trainings of one phase, or bundles")
+    parser.add_argument("--levels", nargs="+", type=float, default=LEVELS, help="shares of the torque limit")
     parser.add_argument(
         "--physics", nargs="+", choices=list(PHYSICS), default=["rows"], help="how friction is simulated"
     )
@@ -84,15 +107,18 @@ def main() -> None:
     options = parser.parse_args()
     torch.set_num_threads(1)
     rows = []
-    for run in map(RunDirectory, options.runs):
-        student, timestep = student_of(run, options.iteration), options.timestep or run.config().task.timestep
+    for path in options.policies:
+        asked = Asked(path, options.iteration)
+        timestep = options.timestep or asked.contract.physics_timestep
         for physics in options.physics:
-            for level, command, reached, believed in ask(run, student, options.levels, physics, options.timestep):
-                where = (run.path.name, options.iteration or "last", physics, timestep, level, command)
-                rows.append((*where, round(reached, 3), round(believed, 3)))
-                print(
-                    f"{run.path.name} {physics} {level:4.0%} {command:+.1f} m/s: {reached:.2f}, believed {believed:.2f}"
-                )
+            answers = asked.walk(options.levels, physics, options.timestep)
+            for level, command, reached, believed in answers:
+                told = "" if believed is None else f"{believed:.3f}"
+                where = (path.name, options.iteration or "last", physics, timestep, level, command)
+                rows.append((*where, f"{reached:.3f}", told))
+            worst = max((abs(reached - 1), reached) for _, _, reached, _ in answers)[1]
+            mean = sum(abs(reached - 1) for _, _, reached, _ in answers) / len(answers)
+            print(f"{path.name} on {physics}: mean deviation {mean:.3f}, worst {worst:.2f}", flush=True)
     if options.out is not None:
         with options.out.open("w", newline="") as file:
             csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
