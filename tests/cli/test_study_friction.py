@@ -10,7 +10,7 @@ import pytest
 
 from stiction.cli.main import main
 from stiction.formats.results import read_results
-from stiction.studies.friction import evaluation, manifest, training
+from stiction.studies.friction import evaluation, manifest, planned, training
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -33,7 +33,7 @@ class Ended:
 def trained_here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Train in this process: that runs have one of their own is tested by the others, and takes seconds to start."""
 
-    def start(run: manifest.PlannedRun, command: object) -> training.Job:
+    def start(run: planned.PlannedRun, command: object) -> training.Job:
         assert main(["train", *run.run.arguments, "--out", str(run.path)]) == 0
         return training.Job(run, Ended())  # type: ignore[arg-type]
 
