@@ -93,6 +93,16 @@ def build_model(
     return build(robot, timestep, obstacles, joint_sensors, physics).compile()
 
 
+def standing_inertia(model: mujoco.MjModel) -> np.ndarray:
+    """Return the inertia matrix of a model that `build` made, in its standing pose, shape (nv, nv)."""
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    inertia = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, inertia)
+    return inertia
+
+
 def _mass(body: Body) -> dict[str, Any]:
     """Return mass, centre and inertia as fields of `MjsBody`; principal axes along the frame's stay what they are."""
     fields: dict[str, Any] = {"mass": body.mass, "ipos": body.com, "explicitinertial": True}

@@ -14,11 +14,10 @@ from __future__ import annotations
 
 import math
 
-import mujoco
 import numpy as np
 
 from stiction.core.errors import MOST_NAMES
-from stiction.robots.mjcf import build_model
+from stiction.robots.mjcf import build_model, standing_inertia
 from stiction.robots.model import Robot
 from stiction.robots.physics import PhysicsCfg
 
@@ -37,12 +36,7 @@ def moved_inertia(robot: Robot, armature: np.ndarray) -> np.ndarray:
     model = build_model(robot)
     joints = slice(-robot.num_joints, None)
     model.dof_armature[joints] = armature
-    data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, 0)
-    mujoco.mj_forward(model, data)
-    inertia = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, inertia)
-    return 1.0 / np.diag(np.linalg.inv(inertia))[joints]
+    return 1.0 / np.diag(np.linalg.inv(standing_inertia(model)))[joints]
 
 
 def stiffness_ratio(robot: Robot, physics: PhysicsCfg, timestep: float, armature: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ import numpy as np
 
 from stiction.core.errors import ConfigurationError
 from stiction.core.rotation import about, into_frames, yaws
-from stiction.robots.mjcf import build_model, foot_geometries
+from stiction.robots.mjcf import build_model, foot_geometries, standing_inertia
 from stiction.robots.model import DELAY_SAMPLES, Robot, leans_too_far, too_low
 from stiction.robots.physics import EXACT, SMALLEST_YIELD, PhysicsCfg
 from stiction.robots.terrain import Terrain
@@ -325,12 +325,7 @@ class Fleet:
 
     def link_inertia(self) -> np.ndarray:
         """Return the inertia that links put on each joint, standing, all others held [kg m²], (joints,)."""
-        data = mujoco.MjData(self.model)
-        mujoco.mj_resetDataKeyframe(self.model, data, 0)
-        mujoco.mj_forward(self.model, data)
-        full = np.zeros((self.model.nv, self.model.nv))
-        mujoco.mj_fullM(self.model, data, full)
-        return np.diag(full)[BASE_DOFS:] - self.model.dof_armature[BASE_DOFS:]
+        return np.diag(standing_inertia(self.model))[BASE_DOFS:] - self.model.dof_armature[BASE_DOFS:]
 
     def stale_constants(self, env: int) -> float:
         """Return the largest relative error of the constants derived from masses and inertias."""
