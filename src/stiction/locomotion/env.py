@@ -92,8 +92,8 @@ class LocomotionEnv(VecEnv):
 
         `identified`: see `nominal_joints`; `device`: simulator, and where observations, rewards and actions are;
         `actuator`: gives the joints' torque in place of the PD law; `spec`: the robot in place of that of the name in
-        `cfg`, as a bundle has it. Raises `StictionError` where the net does not fit
-        the robot, the physics step or the friction.
+        `cfg`, as a bundle has it. Raises `StictionError` where the net does not fit the robot, the physics step or the
+        friction.
         """
         self.cfg: Any = cfg
         self.num_envs, self.device = num_envs, device.torch

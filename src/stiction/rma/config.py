@@ -30,6 +30,7 @@ MOST_COUNTS = {
 steps, 5 passes and some thousand iterations: what is far above that is a mistake, and would take all memory or time."""
 
 MAY_BE_NONE = ("student.iterations", "teacher.quiet")
+"""Counts that may be 0."""
 
 LAYERS = ("actor", "critic", "privileged", "history", "estimator", "terrain")
 NETWORK_SIZES = ("history_frame", "estimator_frame", "terrain_latent", "latent")

@@ -155,7 +155,7 @@ class AdaptationPPO(PPO):
         if self.is_quiet:
             left = 1.0 - (self.iteration - self.quiet_from) / self.quiet_for
             for group in self.adaptation_optimizer.param_groups:
-                group["lr"] = max(0.0, left) * self.settings.adaptation_learning_rate
+                group["lr"] = left * self.settings.adaptation_learning_rate
 
     def _divergence(self) -> float:
         """Return KL(policy that walked || policy after the update), mean over the robots' last step.
