@@ -35,6 +35,14 @@ def test_other_tasks_are_audited_or_refused_without_a_traceback(options: list[st
         assert stop.code == 2
 
 
+def test_what_the_audit_would_not_see_is_refused(capsys: pytest.CaptureFixture) -> None:
+    """If this failed, a range would be called sound that no robot is drawn from."""
+    words = ["doctor", "--randomization", "--robot", "go1", "--task.randomization.known-friction", "0.5", "1.5"]
+    assert main(words) == 1
+    printed = capsys.readouterr().err
+    assert "has no effect without --task.known-friction; leave it out" in printed and printed.count("\n") == 1
+
+
 def test_machine_is_described(capsys: pytest.CaptureFixture) -> None:
     """Without an audit: what a bug report needs."""
     assert main(["doctor", "--json"]) == 0

@@ -21,6 +21,7 @@ pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is
         (["--callable-period", "-1"], "--callable-period is of --policy-callable"),
         (["--log-torque", "output_side"], "--log-torque is of --log"),
         (["--judge-again", "--episodes", "7"], "--judge-again walks nothing, and a bundle, --episodes would have no"),
+        (["--known-friction", "0.1"], "--known-friction would have no effect: no policy here observes"),
         (["--commands", "vx=1e9"], "expected at most 20 m/s or rad/s along each axis"),
     ],
 )

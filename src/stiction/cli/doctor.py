@@ -62,9 +62,12 @@ def main(arguments: list[str]) -> int:
 
     from stiction.locomotion.audit import check_randomization
     from stiction.report.terminal import Terminal
+    from stiction.rma.config import TrainCfg
+    from stiction.rma.effects import check_effects
     from stiction.robots.catalog import find_robot
     from stiction.robots.sliders import stiff_sliders
 
+    check_effects(TrainCfg(task=options.task), TrainCfg())
     spec = find_robot(options.task.robot)
     task = replace(options.task, rewards=options.task.rewards.for_robot(spec))
     lightest = task.randomization.armature[0] * spec.joint_values("armature")

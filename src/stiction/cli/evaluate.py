@@ -181,6 +181,12 @@ def main(arguments: list[str]) -> int:
         if cfg.policy_callable is not None:
             policies.append(cfg.policy_callable)
         bundles = [bundle_of(policy, settings, cfg.robot, cfg.callable_period) for policy in policies]
+        listening = any(bundle.contract.observes_friction for bundle in bundles)
+        if cfg.known_friction != DEFAULTS.known_friction and not listening:
+            raise ConfigurationError(
+                "--known-friction would have no effect: no policy here observes its joints' friction, as those do that "
+                "were trained with --task.known-friction; leave it out"
+            )
         with work_progress() as progress:
             rows, summary = evaluate_all(bundles, settings, cfg.out, cfg.robot, jobs, progress)
             if record is not None and cfg.log is not None:
