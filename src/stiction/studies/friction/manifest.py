@@ -165,19 +165,24 @@ QUIET = ("--teacher.quiet", "30")
 """Options of a training that ends with quiet iterations."""
 
 
-def _ground(options: tuple[str, ...]) -> tuple[str, ...]:
-    """Return options with soft ground, where they name no other."""
-    return options if GROUND in options else (*SOFT, *options)
+SLIDERS = ("--physics", "plastic")
+"""Options of the simulation of joint friction on which designs and methods are compared."""
+
+
+def _compared(options: tuple[str, ...]) -> tuple[str, ...]:
+    """Return options with soft ground and sliders, where they name no others."""
+    ground = () if GROUND in options else SOFT
+    return (*ground, *(() if SLIDERS[0] in options else SLIDERS), *options)
 
 
 def _design(name: str, purpose: str, *options: str) -> Condition:
     """Return a way for a student to learn, with `deception`; its iterations are as many as those of one phase."""
-    return replace(_coulomb(name, "designs", purpose, "deception", *_ground(options)), seeds=DESIGN_SEEDS)
+    return replace(_coulomb(name, "designs", purpose, "deception", *_compared(options)), seeds=DESIGN_SEEDS)
 
 
 def _method(name: str, purpose: str, method: str, *options: str) -> Condition:
     """Return another method of one phase, or another friction."""
-    return replace(_coulomb(name, "methods", purpose, method, *_ground(options)), seeds=METHOD_SEEDS)
+    return replace(_coulomb(name, "methods", purpose, method, *_compared(options)), seeds=METHOD_SEEDS)
 
 
 DEARER = ("--teacher.iterations", "333")
