@@ -266,6 +266,7 @@ MANIFEST: tuple[Condition, ...] = (
     _design("quiet", "ground of drawn softness, quiet iterations at the end", *DRAWN, *QUIET),
     _design("known-quiet", "the same, told its joints' friction", "--task.known-friction", *DRAWN, *QUIET),
     _design("rows", "quiet iterations, friction by the solver's rows", *DRAWN, *QUIET, "--physics", "rows"),
+    _design("rows-loud", "the same, without quiet iterations", *DRAWN, "--physics", "rows"),
     _design("slow-means", "one phase, means over a second as inputs", "--task.slow-means", "1"),
     _design("drawn-contact", "one phase, ground of drawn softness", *DRAWN),
     _design(
