@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import chain
 
 from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.rma.arguments import parse
@@ -165,14 +166,13 @@ QUIET = ("--teacher.quiet", "30")
 """Options of a training that ends with quiet iterations."""
 
 
-SLIDERS = ("--physics", "plastic")
-"""Options of the simulation of joint friction on which designs and methods are compared."""
+COMPARED = (SOFT, ("--physics", "plastic"), ("--teacher.quiet", "0"))
+"""Options with which designs and methods are compared, whatever the presets have since."""
 
 
 def _compared(options: tuple[str, ...]) -> tuple[str, ...]:
-    """Return options with soft ground and sliders, where they name no others."""
-    ground = () if GROUND in options else SOFT
-    return (*ground, *(() if SLIDERS[0] in options else SLIDERS), *options)
+    """Return options with those of `COMPARED` before them that they do not name."""
+    return (*chain.from_iterable(words for words in COMPARED if words[0] not in options), *options)
 
 
 def _design(name: str, purpose: str, *options: str) -> Condition:
