@@ -15,6 +15,7 @@ from stiction.api.options import public, several
 from stiction.api.policy import LoadedPolicy, load_policy
 from stiction.api.result import Result, html_table
 from stiction.core.errors import ConfigurationError
+from stiction.core.gemm import open_fast_gemm
 from stiction.core.lock import output_folder, replaced_folder
 from stiction.formats.joints import read_training
 from stiction.locomotion.friction import FrictionMethod
@@ -109,6 +110,8 @@ def train(
     stiction.core.errors.ConfigurationError: --method direct at --friction-level 0 trains without friction; ...
 
     """
+    # Before torch, which these bring in.
+    open_fast_gemm()
     from stiction.rma.begin import begin_run, with_friction
     from stiction.rma.run import identified_values
     from stiction.rma.runner import train as run_training

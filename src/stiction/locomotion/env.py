@@ -17,7 +17,7 @@ from stiction.locomotion.device import CPU, Device
 from stiction.locomotion.gait import UnsyncWindow, exactly_one_group, group_imbalance
 from stiction.locomotion.observations import FrameBuilder, History, SlowMeans, roll_pitch
 from stiction.locomotion.randomization import FRICTION_UNIT, Randomizer, friction_angle, nominal_joints
-from stiction.locomotion.rewards import Snapshot
+from stiction.locomotion.rewards import TASK, Snapshot
 from stiction.locomotion.task_fleet import HostFleet, TaskFleet, to_tensor
 from stiction.locomotion.terrain import SCAN_POINTS, UNDER, Curriculum
 from stiction.robots.catalog import find_robot
@@ -197,14 +197,16 @@ class LocomotionEnv(VecEnv):
         self.episode_length_buf = self.episode_length_buf + 1
 
         snapshot = self._snapshot(actions, blown_up)
-        reward = torch.zeros(self.num_envs, device=self.home)
+        reward, task = (torch.zeros(self.num_envs, device=self.home) for _ in range(2))
         means = {}
         for name, (term, weight) in self.terms.items():
             value = weight * term(snapshot)
             reward += value
+            if name in TASK:
+                task += value
             means[f"reward/{name}"] = value.mean()
         # The fleet has reset a robot that blew up: its state says nothing of the step.
-        reward = torch.where(blown_up, 0.0, reward * self.cfg.control_period)
+        reward, task = (torch.where(blown_up, 0.0, paid * self.cfg.control_period) for paid in (reward, task))
         self.last_action = actions
 
         fallen = snapshot.fallen | blown_up
@@ -219,6 +221,8 @@ class LocomotionEnv(VecEnv):
         if self.course:
             log |= {name: torch.tensor(value) for name, value in self.course.figures().items()}
         extras: dict[str, Any] = {"time_outs": time_outs.float().to(self.device), "log": log}
+        # What of the reward the task has paid, (N,).
+        extras["task"] = task.to(self.device)
         if self.tells_terminal and time_outs.any():
             # Before the reset, for after it these states are gone.
             extras["terminal"] = self._frame_without_reset().to(self.device)

@@ -168,13 +168,13 @@ def _checked(place: str, term: Term) -> Term:
     return pay
 
 
-def best_reward(terms: Mapping[str, tuple[Term, float]]) -> float:
-    """Return what robots that walk perfectly are paid [1/s]; `terms`: as of `RewardCfg.terms_for`.
+TASK = ("track_linear", "track_angular")
+"""Terms that pay for the task, to go as commanded; all others say how. Each pays at most 1."""
 
-    Terms with a positive weight pay at most 1, those of one's own are taken to, and the others take nothing. `air_time`
-    does not count: it pays at touch-downs alone, little on the average, and a step with one may be above the best.
-    """
-    return sum(weight for name, (_, weight) in terms.items() if weight > 0 and name != "air_time")
+
+def best_task_reward(terms: Mapping[str, tuple[Term, float]]) -> float:
+    """Return what the task pays robots that go exactly as commanded [1/s]; `terms`: as of `RewardCfg.terms_for`."""
+    return sum(weight for name, (_, weight) in terms.items() if name in TASK and weight > 0)
 
 
 def track_linear(s: Snapshot) -> torch.Tensor:

@@ -3,10 +3,10 @@
 Nothing here touches torch's global stream of random numbers: all draws come from a generator that the disturber owns,
 so that a training whose disturber may do nothing is the training without one, bit for bit.
 
-h = C - η|d| is what a disturber that learns maximises, and what the policy of `stiction.rma.hinf` minimises: one critic
-serves both. It learns the return of h - 1 times 1 - γ, a mean, which is 0 after a fall. A fall then counts as a cost of
-1, all reward lost, in every step that would have followed; as an end of all costs it would pay the policy to fall, and
-cost the disturber.
+h = C - η|d| is what a disturber that learns maximises; the policy of `stiction.rma.hinf` minimises C. A critic with a
+head for each of the two serves both, whatever η has become since. It learns the returns of C - 1 and of |d|, times
+1 - γ: means, which are 0 after a fall. A fall then counts as a cost of 1, all of the task lost, in every step that
+would have followed; as an end of all costs it would pay the policy to fall, and cost the disturber.
 """
 
 from __future__ import annotations
@@ -60,6 +60,15 @@ def advantages(
         advantage = delta + goes_on * gamma * lam * advantage
         found[step] = advantage
     return found
+
+
+def expected(cost: torch.Tensor, size: torch.Tensor, fell: torch.Tensor, eta: float, gamma: float) -> float:
+    """Return E[h] of C, |d| and falls in a rollout, all (steps, N).
+
+    Each fall has cost γ / (1 - γ) steps more, in which C is 1 and nobody pushes.
+    """
+    lost = float(fell.sum()) * gamma / max(1.0 - gamma, LEAST_SHARE)
+    return (float((cost - eta * size).sum()) + lost) / (cost.numel() + lost)
 
 
 def log_density(values: torch.Tensor, mean: torch.Tensor, std: torch.Tensor) -> torch.Tensor:
@@ -120,12 +129,12 @@ class DisturberNetwork(nn.Module):
         """`seen`: size of the disturber's observation; `width`: of a disturbance."""
         super().__init__()
         self.policy = MLP(seen, width, list(cfg.actor), "elu")
-        self.critic = MLP(seen, 1, list(cfg.critic), "elu")
+        self.critic = MLP(seen, 2, list(cfg.critic), "elu")
         self.log_std = nn.Parameter(torch.full((width,), math.log(cfg.initial_std)))
 
     def value(self, seen: torch.Tensor) -> torch.Tensor:
-        """Return the value, (..., seen) -> (...)."""
-        return self.critic(seen).squeeze(-1)
+        """Return the values of C - 1 and of |d|, (..., seen) -> (..., 2)."""
+        return self.critic(seen)
 
 
 class LearningDisturber:
@@ -173,34 +182,38 @@ class LearningDisturber:
         with torch.no_grad():
             return bounded(self.network.policy(self._seen(obs)), self.by_torque)
 
-    def record(self, cost: torch.Tensor, eta: float, dones: torch.Tensor, time_outs: torch.Tensor) -> None:
+    def record(self, cost: torch.Tensor, dones: torch.Tensor, time_outs: torch.Tensor) -> None:
         """Take in what came of the step: cost, and whether the episode ended or timed out, each (N,)."""
         step = self._steps[-1]
-        step["cost"], step["h"] = cost, cost - eta * step["intensity"]
-        step["ended"], step["timed_out"] = dones > 0, time_outs > 0
+        step["cost"], step["ended"], step["timed_out"] = cost, dones > 0, time_outs > 0
 
-    def finish(self, obs: TensorDict, gamma: float, lam: float) -> torch.Tensor:
-        """End the rollout; return A_h times 1 - γ, (steps, N). `obs`: after the last step."""
+    def finish(self, obs: TensorDict, eta: float, gamma: float, lam: float) -> torch.Tensor:
+        """End the rollout; return A_C times 1 - γ, (steps, N). `obs`: after the last step."""
         rollout = {name: torch.stack([step[name] for step in self._steps]) for name in self._steps[0]}
         self._steps = []
         with torch.no_grad():
             last = self.network.value(self._seen(obs))
         # Returns of some tens would be far from what a fresh network says, and the critic long in getting there.
-        rewards, values = max(1.0 - gamma, LEAST_SHARE) * (rollout["h"] - 1.0), rollout["value"]
-        found = advantages(rewards, values, last, rollout["ended"], rollout["timed_out"], gamma, lam)
-        self._rollout = rollout | {"returns": found + values, "advantage": normalised(found)}
-        return found
+        paid = max(1.0 - gamma, LEAST_SHARE) * torch.stack((rollout["cost"] - 1.0, rollout["intensity"]), -1)
+        ends = rollout["ended"], rollout["timed_out"]
+        heads = zip(paid.unbind(-1), rollout["value"].unbind(-1), last.unbind(-1), strict=True)
+        of_cost, of_size = (advantages(reward, value, after, *ends, gamma, lam) for reward, value, after in heads)
+        returns = torch.stack((of_cost, of_size), -1) + rollout["value"]
+        self._rollout = rollout | {"returns": returns, "advantage": normalised(of_cost - eta * of_size)}
+        return of_cost
 
-    def mean_of(self, name: str) -> float:
-        """Return the mean of `h`, `cost` or `intensity` over the rollout that has ended."""
-        return float(self._rollout[name].mean())
+    def expected_h(self, eta: float, gamma: float) -> float:
+        """Return E[h] over the rollout that has ended."""
+        rollout = self._rollout
+        fell = rollout["ended"] & ~rollout["timed_out"]
+        return expected(rollout["cost"], rollout["intensity"], fell, eta, gamma)
 
     def update(self, epochs: int, batches: int) -> dict[str, float]:
         """Learn from the rollout that has ended, in `epochs` passes of `batches` steps; return the mean losses."""
         flat = {name: value.flatten(0, 1) for name, value in self._rollout.items()}
         network, total = self.network, {"disturber": 0.0, "disturber_value": 0.0}
         for _ in range(epochs):
-            order = torch.randperm(len(flat["h"]), generator=self.generator).to(self.device)
+            order = torch.randperm(len(flat["cost"]), generator=self.generator).to(self.device)
             for ids in order.chunk(batches):
                 batch = {name: value[ids] for name, value in flat.items()}
                 std = network.log_std.exp()

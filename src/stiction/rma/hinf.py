@@ -1,15 +1,19 @@
 """H∞ under the one trainer: PPO of the policy beside a disturber that learns, under a bound on what a push may cost.
 
-Long et al. 2024, "Learning H-Infinity Locomotion Control" (arXiv 2404.14405); their code was never released. With the
-reward r of a step, the best one r* (`best_reward`) and the disturbance d in units of its present limit,
+Long et al. 2024, "Learning H-Infinity Locomotion Control" (arXiv 2404.14405); their code was never released. With what
+the task pays in a step, r, its most, r* (`best_task_reward`), and the disturbance d in units of its present limit,
 
     C = max(0, 1 - r / r*),    h = C - η |d|,    E[h] ≤ 0,
-    A' = (A - λ A_h) / (1 + λ),    λ ← max(0, λ + κ E[h]),    η ← τ η where E[h] ≤ 0.
+    A' = (A - λ A_C) / (1 + λ),    λ ← max(0, λ + κ E[h]),    η ← τ η where E[h] ≤ 0.
 
 The disturber maximises the return of h (`stiction.rma.disturber`). What the paper leaves open is settled here:
 
-* C is a share of the best reward, so that η, λ and κ mean the same for every robot and every weight of the reward.
-* E is the mean over a rollout. A and A_h are each normalised before they are put together.
+* C is of the task's reward, to go as commanded, and not of all that is paid: of that A_C would be -A, and the
+  constraint would ask for nothing. It is a share, so that η, λ and κ mean the same for every robot and reward.
+* Of A_h = A_C - η A_d the policy is given A_C. How hard it is pushed another draws; paid for that, it would look
+  for states in which it is pushed harder, and what its own action does would drown in the draws.
+* E is the mean over a rollout and over the steps that falls have cost (`expected`). A and A_C are each normalised
+  before they are put together. η is tightened only once the limit has grown to its value.
 * A fall costs 1 in every step that would have followed; time-outs are bootstrapped, as PPO does.
 * Where nobody disturbs, or by chance, there is no constraint: λ stays 0, and A' is A.
 """
@@ -26,20 +30,20 @@ from tensordict import TensorDict
 
 from stiction.core.errors import ConfigurationError
 from stiction.locomotion.disturbance import Disturbance, intensity
-from stiction.locomotion.rewards import best_reward
+from stiction.locomotion.rewards import TASK, best_task_reward
 from stiction.rma.disturber import Disturber, LearningDisturber, make_disturber, normalised
 from stiction.rma.hinf_config import HinfCfg
 from stiction.rma.ppo import AdaptationPPO
 
 
-def cost(reward: torch.Tensor, best: float) -> torch.Tensor:
-    """Return C, (N,), of rewards, (N,), and the best one."""
-    return (1.0 - reward / best).clamp(min=0.0)
+def cost(paid: torch.Tensor, best: float) -> torch.Tensor:
+    """Return C, (N,), of what the task has paid, (N,), and the most that it pays."""
+    return (1.0 - paid / best).clamp(min=0.0)
 
 
-def combined(advantage: torch.Tensor, of_h: torch.Tensor, multiplier: float) -> torch.Tensor:
-    """Return A' of A, A_h and λ, any shape."""
-    return (advantage - multiplier * of_h) / (1.0 + multiplier)
+def combined(advantage: torch.Tensor, of_cost: torch.Tensor, multiplier: float) -> torch.Tensor:
+    """Return A' of A, A_C and λ, any shape."""
+    return (advantage - multiplier * of_cost) / (1.0 + multiplier)
 
 
 def ascended(multiplier: float, constraint: float, rate: float) -> float:
@@ -58,7 +62,7 @@ class HinfPPO(AdaptationPPO):
     disturber: Disturber | None = None
     disturbance: Disturbance
     best: float = 0.0
-    """Best reward of a step."""
+    """Most that the task pays in a step."""
 
     def __init__(self, *args: Any, hinf: HinfCfg, seed: int, iterations: int, **kwargs: Any) -> None:
         """Begin with λ = 0. `seed`: of the disturber; `iterations`: of the phase; others as of `AdaptationPPO`."""
@@ -79,11 +83,11 @@ class HinfPPO(AdaptationPPO):
         found = AdaptationPPO.construct_algorithm(obs, env, cfg, device)
         assert isinstance(found, HinfPPO)
         # The task pays every term times the control period.
-        found.best = best_reward(env.terms) * env.cfg.control_period
+        found.best = best_task_reward(env.terms) * env.cfg.control_period
         if found.hinf.learns and not found.best > 0:
             raise ConfigurationError(
-                "the method 'hinf' counts the cost of a disturbance from the best reward, and no term of the reward "
-                "pays anything; give one a positive weight"
+                "the method 'hinf' counts the cost of a disturbance from what the task pays, and nothing is paid for "
+                f"going as commanded; give {' or '.join(TASK)} a positive weight"
             )
         found.disturbance = Disturbance(env.fleet, found.hinf.by_torque, found.hinf.share)
         width, period = found.disturbance.width, env.cfg.control_period
@@ -123,19 +127,19 @@ class HinfPPO(AdaptationPPO):
     ) -> None:
         """Store what came of the step, for the policy and for the disturber."""
         if self.disturber is not None and self.best > 0:
-            found = cost(rewards, self.best)
+            found = cost(extras["task"], self.best)
             self._logged.append((float(found.mean()), float(self._intensity.mean())))
             if self.learning is not None:
-                self.learning.record(found, self.eta, dones, extras["time_outs"])
+                self.learning.record(found, dones, extras["time_outs"])
         super().process_env_step(obs, rewards, dones, extras)
 
     def compute_returns(self, obs: TensorDict) -> None:
         """Compute the returns of the reward, and the advantages that the policy climbs."""
         super().compute_returns(obs)
         if self.learning is not None:
-            of_h = self.learning.finish(obs, self.gamma, self.lam)
+            of_cost = self.learning.finish(obs, self.eta, self.gamma, self.lam)
             # rsl_rl has normalised its advantages already, and has them as (steps, N, 1).
-            self.storage.advantages = combined(self.storage.advantages, normalised(of_h)[..., None], self.multiplier)
+            self.storage.advantages = combined(self.storage.advantages, normalised(of_cost)[..., None], self.multiplier)
 
     def update(self) -> dict[str, float]:
         """Update policy and estimator, then disturber and its critic, then λ and η."""
@@ -149,9 +153,10 @@ class HinfPPO(AdaptationPPO):
         self._logged = []
         if (learning := self.learning) is not None:
             losses |= learning.update(self.settings.epochs, self.settings.mini_batches)
-            constraint = learning.mean_of("h")
+            constraint = learning.expected_h(self.eta, self.gamma)
             self.multiplier = ascended(self.multiplier, constraint, self.hinf.multiplier_rate)
-            self.eta = tightened(self.eta, constraint, self.hinf.tightening)
+            if scale == 1.0:
+                self.eta = tightened(self.eta, constraint, self.hinf.tightening)
             self.figures |= {
                 "hinf/constraint": constraint,
                 "hinf/lambda": self.multiplier,

@@ -24,8 +24,8 @@ class HinfCfg:
     """The disturber of `--method hinf` and its constraint, see `stiction.rma.hinf`.
 
     The authors' code was never released. What is theirs: a disturber that learns beside the actor, the cost as the
-    distance of the reward from the best one, the bound η on cost over disturbance, λ by dual ascent. All numbers here
-    are choices of this project, and none has been tuned.
+    distance of the task's reward from the best one, the bound η on cost over disturbance, λ by dual ascent. All numbers
+    here are choices of this project, and none has been tuned.
     """
 
     disturber: DisturberName = "force"
@@ -42,8 +42,9 @@ class HinfCfg:
     """Mean time for which `random` and `random-friction` keep what they have drawn [s]: a force that is drawn anew at
     every step cancels itself."""
     eta: float = 2.0
-    """First η: the cost that a whole disturbance may cause, where a cost of 1 is all reward lost. Two: nothing is asked
-    of the policy at first, until η is tightened. 0: every cost counts, however large the disturbance."""
+    """First η: the cost that a whole disturbance may cause, where a cost of 1 is all lost that the task pays. Two:
+    nothing is asked of the policy at first, until η is tightened. 0: every cost counts, however large the disturbance.
+    """
     tightening: float = 0.99
     """Factor on η after every iteration in which the constraint holds. 1: η stays."""
     multiplier_rate: float = 0.05

@@ -27,7 +27,7 @@ from stiction.locomotion.config import CommandCfg, RandomizationCfg, TaskCfg
 from stiction.locomotion.disturbance import Disturbance
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
-from stiction.locomotion.rewards import RewardCfg, best_reward
+from stiction.locomotion.rewards import RewardCfg, best_task_reward
 from stiction.rma.disturber import Disturber, LearningDisturber, make_disturber
 from stiction.rma.hinf import cost
 from stiction.rma.hinf_config import DisturberName, HinfCfg
@@ -112,7 +112,7 @@ class DuelRow:
     tracking_error: float = field(metadata=column("tracking error", "m/s", ".3f"))
     """Mean length of the horizontal velocity's error [m/s]."""
     cost: float = field(metadata=column("cost", form=".3f"))
-    """Mean share of the best reward that is lost [-]."""
+    """Mean share of the task's reward that is lost [-]."""
 
 
 def task_for(contract: Contract, cfg: DuelCfg, robot: str | None = None) -> TaskCfg:
@@ -201,7 +201,7 @@ class Duel:
             self.env.episode_length_buf = torch.randint(*ages, generator=self.env.generator)
         self.network = Network(bundle.policy, contract.observation.size, len(contract.joint_names))
         self.disturbance = Disturbance(self.env.fleet, self.adversary.by_torque, self.adversary.share)
-        self.best = best_reward(self.env.terms) * self.env.cfg.control_period
+        self.best = best_task_reward(self.env.terms) * self.env.cfg.control_period
 
     def disturber(self, kind: HinfCfg, seed: int) -> Disturber:
         """Return a new disturber of a kind."""
@@ -215,16 +215,16 @@ class Duel:
         if values is not None:
             self.disturbance.apply(values)
         history = self.env.get_observations()["history"].numpy()
-        _, reward, dones, extras = self.env.step(torch.from_numpy(self.network(history)))
-        return cost(reward, self.best), dones, extras["time_outs"]
+        _, _, dones, extras = self.env.step(torch.from_numpy(self.network(history)))
+        return cost(extras["task"], self.best), dones, extras["time_outs"]
 
     def learn(self, learner: LearningDisturber, progress: Progress) -> None:
         """Let the disturber learn."""
         for iteration in range(self.cfg.iterations):
             for _ in range(self.cfg.steps):
                 found, dones, time_outs = self.step(learner.act(self.env.get_observations()))
-                learner.record(found, 0.0, dones, time_outs)
-            learner.finish(self.env.get_observations(), GAMMA, LAMBDA)
+                learner.record(found, dones, time_outs)
+            learner.finish(self.env.get_observations(), 0.0, GAMMA, LAMBDA)
             learner.update(EPOCHS, BATCHES)
             progress((iteration + 1) / self.cfg.iterations)
 

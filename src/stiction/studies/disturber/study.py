@@ -18,10 +18,10 @@ DESCRIPTION = """Train a new disturber against each policy, which does not learn
 
 How well a policy withstands the disturber that it was trained beside says little: a new one finds other weaknesses. It
 pushes the base, or puts a torque on each joint that the joint's own friction bounds, in the simulator of the training,
-and maximises the share of the best reward that is lost. Then the same robots walk with nobody, with random disturbances
-within the same limit, and with the disturber, without its exploration. Joints have inertia and viscous friction of the
-bundle, as they were in training, drawn about them; no episode times out while robots are judged, and one that falls
-stands up anew. Policy by seed is cached: a rerun goes on.
+and maximises the share of the task's reward that is lost. Then the same robots walk with nobody, with random
+disturbances within the same limit, and with the disturber, without its exploration. Joints have inertia and viscous
+friction of the bundle, as they were in training, drawn about them; no episode times out while robots are judged, and
+one that falls stands up anew. Policy by seed is cached: a rerun goes on.
 
 Examples:
   stiction study disturber saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out disturber
@@ -77,7 +77,7 @@ class Gain:
     tracking_error: float = field(metadata={"label": "tracking error [m/s]", "form": "+.3f"})
     """Change of the tracking error [m/s]."""
     cost: float = field(metadata={"label": "cost", "form": "+.3f"})
-    """Change of the share of the best reward that is lost, mean over seeds; what the disturber was trained for."""
+    """Change of the share of the task's reward that is lost, mean over seeds; what the disturber was trained for."""
     least: float = field(metadata={"label": "least", "form": "+.3f"})
     """The same, in the seed with the least."""
     most: float = field(metadata={"label": "most", "form": "+.3f"})
@@ -146,7 +146,7 @@ def report(rows: Sequence[DuelRow], summary: Mapping[str, Any]) -> Report:
     ]
     return Report(
         title="A fresh disturber against each policy",
-        lead=f"Share of the best reward that the disturber takes beside what is lost without: {'; '.join(words)}.",
+        lead=f"Share of the task's reward that the disturber takes beside what is lost without: {'; '.join(words)}.",
         tables={"duels": rows, "gains": found},
         sections=[
             Section("What is lost beside what is lost with nobody", (row_table(found),)),

@@ -27,15 +27,16 @@ EVALUATED: tuple[State, ...] = ("exported", "finished")
 """States of runs that have rows."""
 
 
-STEP_SECONDS = {"rows": 2.34e-4, "sliders": 1.21e-4, "physx": 1.2e-3}
-"""Processor time of a training for each control step of each robot [s], with friction as rows and as sliders: 2.88 and
-1.49 s an iteration of 512 robots and 24 steps (results/speed, two busy AMD cores; machines differ by two). In PhysX, a
-robot at a time, 15 s."""
+STEP_SECONDS = {"rows": 2.42e-4, "sliders": 1.79e-4, "physx": 1.2e-3}
+"""Processor time of a training in one phase for each control step of each robot [s], with friction as rows and as
+sliders: 2.97 and 2.20 s an iteration of 512 robots and 24 steps (results/speed, an AMD core; machines differ by two).
+In PhysX, a robot at a time, 15 s."""
 
-DEARER_BY = {"mirrored": 1.5, "recurrent": 1.45, "dreamwaq": 1.03, "hinf": 1.27}
-"""What an iteration takes over one of the presets of one phase [1]: mirrored samples, 1,089 to 1,118 s for 333 where
-440 take 940 to 1,000, and a recurrent encoder, 3.2 s where others take 2.2 (results/student); DreamWaQ, 1,074 and 1,082
-s, and H∞ beside a disturber that learns, 1,307 to 1,369 s, where one phase takes 1,050 (results/methods)."""
+DEARER_BY = {"teacher": 0.88, "mirrored": 1.5, "recurrent": 1.45, "dreamwaq": 1.03, "hinf": 1.27}
+"""What an iteration takes over one of the presets of one phase [1]: one of a teacher, whose encoder PPO's gradient does
+not reach, or its student, 2.63 s on rows and 1.90 on sliders (results/speed); mirrored samples, 1,089 to 1,118 s for
+333 where 440 take 940 to 1,000, and a recurrent encoder, 3.2 s where others take 2.2 (results/student); DreamWaQ, 1,074
+and 1,082 s, and H∞ beside a disturber that learns, 1,307 to 1,369 s, where one phase takes 1,050 (results/methods)."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,7 @@ class PlannedRun:
             and not (disturbed and not cfg.hinf.learns)
         )
         has = {
+            "teacher": cfg.teacher.latent == "alternate" and cfg.engine == "mujoco",
             "mirrored": cfg.symmetry == "batches",
             "recurrent": cfg.network.recurrent,
             "dreamwaq": cfg.has_context,
