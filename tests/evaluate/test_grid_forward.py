@@ -85,29 +85,65 @@ def test_a_virtual_robot_gets_what_its_own_bench_found_and_is_put_there_once(
     assert forward_walks([still], cfg, tmp_path) == walks and len(benches) == 2
 
 
-@pytest.fixture
-def hidden(monkeypatch: pytest.MonkeyPatch, benches: list[str]) -> None:
-    """Let the bench of robot 4 tell nothing of one joint."""
+def hide(monkeypatch: pytest.MonkeyPatch, *ends: str) -> None:
+    """Let the bench of robot 4 tell nothing of the joints whose names end so."""
     make = bench_module.identify_on_bench
 
     def make_some(bench: Bench, folder: Path, workers: int) -> None:
         make(bench, folder, workers)
         if bench.case.seed == 4:
             joints = dict(load_joints(folder / "joints.json").joints)
-            joints["ML_hip"] = JointRecord(warnings=("not identified: it hardly moves",))
-            JointsFile(joints).write(folder / "joints.json")
+            nothing = JointRecord(warnings=("not identified: it hardly moves",))
+            JointsFile({n: nothing if n.endswith(ends) else old for n, old in joints.items()}).write(
+                folder / "joints.json"
+            )
 
     monkeypatch.setattr(bench_module, "identify_on_bench", make_some)
 
 
+@pytest.fixture
+def hidden(monkeypatch: pytest.MonkeyPatch, benches: list[str]) -> None:
+    """Let the bench of robot 4 tell nothing at all."""
+    hide(monkeypatch, "")
+
+
+@pytest.mark.parametrize(
+    ("ends", "others", "said"),
+    [
+        (("ML_hip",), 0.0, "but for the mean of its kind to ML_hip: coulomb_friction of joint 'ML_hip' is null"),
+        (("_hip",), None, "but for nothing to FL_hip, FR_hip, ML_hip, MR_hip, RL_hip, RR_hip: "),
+    ],
+)
+def test_a_joint_that_was_not_identified_is_fed_what_its_kind_has(
+    ends: tuple[str, ...],
+    others: float | None,
+    said: str,
+    still: Bundle,
+    tmp_path: Path,
+    benches: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Hips are joints 1, 4, 7, 10, 13 and 16 of the bench's 1 to 18 N m: (1 + 4 + 10 + 13 + 16)/5, and 0 of none."""
+    hide(monkeypatch, *ends)
+    cfg = GridCfg(BASE, ("mujoco-alone+all",), robots=(4,), robot_levels=("0.1",), forward=("still",))
+    (walk,) = forward_walks([still], cfg, tmp_path)
+    expected = np.arange(1.0, 19.0)
+    expected[6] = (1 + 4 + 10 + 13 + 16) / 5
+    if others is None:
+        expected[::3] = 0.0
+    np.testing.assert_allclose(walk.forward, expected)
+    (note,) = forward_notes([still], cfg, tmp_path)
+    assert note.startswith("On saturn_lite--mujoco--all--0.1--4 friction is fed forward as identified") and said in note
+
+
 def test_a_robot_that_cannot_be_identified_is_left_out_and_named(still: Bundle, tmp_path: Path, hidden: None) -> None:
-    """One joint of one robot would end hours of walks on all others; without a word the mean would be of fewer."""
+    """One robot would end hours of walks on all others; without a word the mean would be of fewer."""
     cfg = GridCfg(BASE, ("mujoco-alone+all",), robots=(3, 4), robot_levels=("0.1",), forward=("still",))
     assert forward_notes([still], cfg, tmp_path) == []
     assert {walk.robot for walk in forward_walks([still], cfg, tmp_path)} == {3}
     (warning,) = forward_notes([still], cfg, tmp_path)
     assert warning.startswith("Friction is not fed forward on saturn_lite--mujoco--all--0.1--4, its walks are left out")
-    assert "'ML_hip' is null" in warning and warning.endswith("it hardly moves")
+    assert "'FL_hip' is null" in warning and warning.endswith("it hardly moves")
     (tmp_path / "saturn_lite--mujoco--all--0.1--4" / "joints.json").write_text("half")
     with pytest.raises(StictionError, match=r"joints\.json"):
         forward_walks([still], cfg, tmp_path)

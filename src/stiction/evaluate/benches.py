@@ -2,14 +2,15 @@
 
 On the robot of the data sheet both are the level of the walk itself. On a virtual robot they are what identification
 found in the log of that robot's own bench, in the same engine and at the same level: what its user could know. Its
-hidden truth is never read, unless `true` is asked for. Where a bench does not identify a friction, a summary says so:
-nothing is fed forward then, and a policy is given the nominal friction of its training.
+hidden truth is never read, unless `true` is asked for. Where a bench does not identify the friction of a joint, a
+summary says so: the mean of the joints of its kind is fed forward there, or nothing, and a policy is given the nominal
+friction of its training.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -212,17 +213,14 @@ def forward_walks(
             raise PolicyError(f"{name} compensates friction in its targets; it cannot be fed forward once more")
     benches = _forward_benches(bundles, cfg, robot)
     identify_on_benches([bench for bench in benches.values() if bench is not None], out, jobs, progress)
-    identified = {bench.label: joint_friction(bench, out) for bench in benches.values() if bench is not None}
+    identified = {bench.label: fed_friction(bench, out) for bench in benches.values() if bench is not None}
     walks = []
     for walk, bench in benches.items():
-        friction: tuple[float, ...] | str
         if bench is None:
             limits = robot_of(by_name[walk.policy].contract, robot).joint_values("torque_limit")
-            friction = tuple((float(walk.level) * limits).tolist())
-        else:
-            friction = identified[bench.label]
-        if not isinstance(friction, str):
-            walks.append(replace(walk, forward=friction))
+            walks.append(replace(walk, forward=tuple((float(walk.level) * limits).tolist())))
+        elif not (fed := identified[bench.label]).nothing:
+            walks.append(replace(walk, forward=fed.friction))
     return walks
 
 
@@ -232,26 +230,63 @@ def _forward_benches(bundles: Sequence[Bundle], cfg: GridCfg, robot: str | None)
     return {walk: bench_of(walk, specs[walk.policy]) for walk in plan_forward(cfg)}
 
 
-def joint_friction(bench: Bench, out: Path) -> tuple[float, ...] | str:
-    """Return the friction of every joint as a bench identified it [N m], or why one was not.
+@dataclass(frozen=True)
+class Fed:
+    """What is fed forward on one robot, and where its bench left something open."""
+
+    friction: tuple[float, ...]
+    """Of every joint [N m]."""
+    borrowed: tuple[str, ...]
+    """Joints that have the mean of those of their kind."""
+    without: tuple[str, ...]
+    """Joints of kinds of which the bench identified none; nothing is fed there."""
+    why: str
+    """Why the first of both was not identified."""
+
+    @property
+    def nothing(self) -> bool:
+        """Whether the bench identified no joint at all."""
+        return len(self.without) == len(self.friction)
+
+
+def fed_friction(bench: Bench, out: Path) -> Fed:
+    """Return the friction of every joint as a bench identified it.
 
     out: as of `identify_on_benches`. Raises `StictionError` where the file cannot be read.
     """
-    joints = _found(bench, out)
-    try:
-        return joints.nominal(bench.spec.joint_names, "coulomb_friction")
-    except FileError as error:
-        return str(error)
+    file, found, why = _found(bench, out), {}, {}
+    for joint in bench.spec.joints:
+        try:
+            (found[joint.name],) = file.nominal([joint.name], "coulomb_friction")
+        except FileError as error:
+            why[joint.name] = str(error)
+    kinds = {joint.name: joint.kind for joint in bench.spec.joints}
+    of_kind = {kind: [value for name, value in found.items() if kinds[name] == kind] for kind in kinds.values()}
+    borrowed = tuple(name for name in why if of_kind[kinds[name]])
+    values = found | {name: float(np.mean(of_kind[kinds[name]] or [0.0])) for name in why}
+    return Fed(
+        tuple(values[name] for name in kinds),
+        borrowed,
+        tuple(name for name in why if name not in borrowed),
+        next(iter(why.values()), ""),
+    )
 
 
 def forward_notes(bundles: Sequence[Bundle], cfg: GridCfg, out: Path, robot: str | None = None) -> list[str]:
-    """Return a sentence for every robot on which no friction is fed forward, because its bench did not identify it.
+    """Return a sentence for every robot whose bench did not identify the friction of every joint.
 
     Robots that were not on their bench yet are left out. Arguments and errors as of `forward_walks`.
     """
     benches = {bench.label: bench for bench in _forward_benches(bundles, cfg, robot).values() if bench is not None}
-    return [
-        f"Friction is not fed forward on {label}, its walks are left out: {why}"
-        for label, bench in benches.items()
-        if all_identified([bench], out) and isinstance(why := joint_friction(bench, out), str)
-    ]
+    notes = []
+    for label, bench in benches.items():
+        if not all_identified([bench], out):
+            continue
+        fed = fed_friction(bench, out)
+        if fed.nothing:
+            notes.append(f"Friction is not fed forward on {label}, its walks are left out: {fed.why}")
+        elif fed.why:
+            parts = {"the mean of its kind": fed.borrowed, "nothing": fed.without}
+            said = "; ".join(f"{what} to {', '.join(names)}" for what, names in parts.items() if names)
+            notes.append(f"On {label} friction is fed forward as identified, but for {said}: {fed.why}")
+    return notes
