@@ -1,5 +1,6 @@
 """Teacher and student on terrain: who sees the ground, who trains which encoder, and a resume on a course."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import torch
 from actuators import pd_net
 from rollouts import check_ratio, phase_runner, rollout
 from stiction.core.errors import StictionError
+from stiction.formats.actuator import FILE, write_actuator
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
@@ -133,13 +135,18 @@ def test_a_run_from_before_terrain_goes_on_and_another_state_is_one_line(tmp_pat
         train(cfg, run)
 
 
-def test_an_actuator_net_walks_on_stairs() -> None:
-    """Its torques drive the robots on their courses, and it forgets those that begin anew."""
-    task = TaskCfg(terrain=TerrainCfg(kind="stairs"), friction=FrictionCfg("none"), episode=0.2)
-    env = LocomotionEnv(task, 4, seed=0, actuator=pd_net())
-    rest = torch.zeros(4, env.num_actions)
-    observation = env.get_observations()
-    for _ in range(12):
-        observation, *_ = env.step(rest)
-    assert "elevation" in observation and all(torch.isfinite(group).all() for group in observation.values())
-    assert env.motors is not None and env.fleet.torque.any() and not env.fleet.friction.any()
+def test_a_policy_is_trained_on_an_actuator_net_on_stairs(tmp_path: Path) -> None:
+    """Teacher and student, to the end: a net of torque behind the gear moves the robots, and no friction beside it."""
+    write_actuator(tmp_path / "net" / FILE, pd_net("go1", torque_source="output_side"))
+    task = replace(CFG.task, terrain=TerrainCfg(kind="stairs"), friction=FrictionCfg("none"))
+    cfg = replace(CFG, task=task, actuator=str(tmp_path / "net"))
+    run = RunDirectory.create(tmp_path / "run", cfg, "c", None)
+    train(cfg, run)
+    rows = run.rows()
+    assert [row["phase"] for row in rows] == ["teacher"] * 4 + ["student"] * 2
+    assert all(math.isfinite(value) for row in rows for value in row.values() if isinstance(value, float))
+    env = LocomotionEnv(cfg.task, 4, seed=0, actuator=run.actuator())
+    for _ in range(3):
+        env.step(torch.zeros(4, env.num_actions))
+    assert env.motors is not None and env.motors.holds_friction
+    assert env.fleet.torque.any() and not env.fleet.friction.any() and not env.fleet.damping.any()
