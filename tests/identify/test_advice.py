@@ -54,6 +54,8 @@ def test_the_training_with_more_seeds_is_advised() -> None:
     assert "none 4 of 5 (1 too fast); deception 0 of 5 (5 too fast)." in told.text
     told = advise(0.2, 0.2, sources(*ROWS))
     assert told.settings["method"] == "deception" and told.range == [0.0, pytest.approx(0.24)]
+    named = replace(told, source=replace(told.source, command="stiction study friction --preset quick --parts 1"))
+    assert "train with --preset quick --method deception --friction-level 0.2." in named.text
     assert "none 0 of 5 (5 too slow); deception 4 of 5 (1 too fast)." in told.text
     assert "has not been tried" not in told.text
 

@@ -143,7 +143,10 @@ def test_the_range_and_the_settings_say_the_same_as_the_words() -> None:
     told = verdict(FRICTION, ratio(0.25), None, "loaded")
     assert told.level == 0.25 and told.range == pytest.approx([0.0, 0.24])
     assert told.training == {"method": "deception", "level": 0.2, "law": "coulomb", "per": "robot"}
-    assert "--method deception --friction-level 0.2." in told.text and "has to cover 25 %" in told.text
+    run = (
+        "Run: stiction train --friction-from training.json --preset quick, which is --method deception --friction-level"
+    )
+    assert f"{run} 0.2." in told.text and "has to cover 25 %" in told.text
     little = verdict(FRICTION, ratio(0.0098), None, "loaded")
     assert (little.level, little.training["method"], little.range) == (0.01, "none", [0.0, 0.0])
 

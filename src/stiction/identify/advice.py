@@ -7,6 +7,7 @@ between two such levels, nor what is beyond the last that anybody walked with, n
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -82,8 +83,14 @@ class Advice:
         return self.source.methods[self.method]
 
     @property
+    def budget(self) -> str:
+        """The preset with which those were trained that it rests on, as words of `stiction train`; empty without."""
+        named = re.search(r"--preset[ =]\S+", self.source.command)
+        return named.group() if named else ""
+
+    @property
     def flags(self) -> str:
-        """The same as words of `stiction train`."""
+        """Method and level as words of `stiction train`."""
         level = f" --friction-level {self.training.level:g}" if self.training.level > 0 else ""
         return f"--method {self.training.method}{level}"
 
@@ -151,8 +158,9 @@ class Advice:
                 f"no training method follows with any seed there, and {self.method} deviates least from the command"
             )
         compared = "; ".join(f"{name} {_by_level(cells)}" for name, cells in self.cells.items())
+        words = " ".join(filter(None, (self.budget, self.flags)))
         parts = [
-            f"For up to {_percent(self.asked)}, {reason}: train with {self.flags}. {self.coverage}",
+            f"For up to {_percent(self.asked)}, {reason}: train with {words}. {self.coverage}",
             f"Seeds that follow, {BAND} of the command both ways, {_levels_text(self.levels)}, {PLACES[TRAINED_IN]}: "
             f"{compared}.",
         ]

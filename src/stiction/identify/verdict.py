@@ -375,7 +375,8 @@ def _to_run(record: JointRecord, level: float | None, advice: Advice | None, leg
         return "Run: stiction train --friction-from training.json; there is no friction to train for: --method none."
     law = _other_law(record)
     more = f" {law[0].upper()}{law[1:]} is not covered." if law else ""
-    return f"Run: stiction train --friction-from training.json, which is {advice.flags}. {advice.coverage}{more}"
+    words = " ".join(filter(None, ["stiction train --friction-from training.json", advice.budget]))
+    return f"Run: {words}, which is {advice.flags}. {advice.coverage}{more}"
 
 
 def _other_law(record: JointRecord) -> str:

@@ -113,7 +113,7 @@ NO_POLICY = "A joint was identified. No policy was evaluated."
 
 NEXT_STEPS = (
     ("identify a joint of your own", "stiction identify LOG.csv --kp 20 --kd 0.5 --torque-limit 25"),
-    ("train a policy that copes with 20 %", "stiction train --method deception --friction-level 0.2"),
+    ("train a policy that copes with 20 %", "stiction train --preset quick --method deception --friction-level 0.2"),
     ("make a bundle of it", "stiction export runs/train"),
     ("check a bundle", "stiction verify BUNDLE"),
     ("see what it bears", "stiction evaluate BUNDLE --friction-levels 0 0.1 0.2 0.3"),
