@@ -188,7 +188,7 @@ def test_a_dear_design_costs_more_and_what_was_not_measured_has_no_number() -> N
     )
     assert cost["hinf-nobody"] == usual
     unknown = {name for name, minutes in cost.items() if minutes is None}
-    assert unknown == {"fine-contact", "hinf-random", "hinf-random-joints", "with-load"}
+    assert unknown == {"fine-contact", "hinf-random", "hinf-random-curriculum", "hinf-random-joints", "with-load"}
     literal = {run.condition.name: PlannedRun.of(run, Path("runs")) for run in runs_of(("literal",))}
     here, physx = literal["literal01-mujoco"], literal["literal01-physx"]
     assert physx.minutes() / here.minutes() == pytest.approx(1.2e-3 / (0.88 * 2.42e-4))

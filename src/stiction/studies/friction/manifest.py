@@ -301,6 +301,10 @@ MANIFEST: tuple[Condition, ...] = (
             ("joints", "H∞ beside a disturber that adds to friction", "--hinf.disturber", "friction"),
             ("random", "PPO under random pushes", "--hinf.disturber", "random"),
             ("random-joints", "PPO under random torques of friction's size", "--hinf.disturber", "random-friction"),
+            (
+                *("random-curriculum", "PPO under random pushes that grow over half of the training"),
+                *("--hinf.disturber", "random", "--hinf.curriculum", "0.5"),
+            ),
             ("curriculum", "H∞, the push grows over half of the training", "--hinf.curriculum", "0.5"),
             ("eta0", "H∞, every cost counts", "--hinf.eta", "0"),
             ("nobody", "PPO as H∞ has it, and nobody disturbs", "--hinf.disturber", "none"),
