@@ -101,6 +101,19 @@ def test_a_stuck_joint_is_pushed_with_a_share_and_the_less_the_nearer_it_is() ->
         np.testing.assert_allclose(command.forward, share * FRICTION, atol=1e-12)
 
 
+def test_friction_that_grows_with_the_torque_is_fed_from_that_of_the_gains() -> None:
+    """At 0.04 rad before the target 0.6 (f + 0.1 kp 0.04), at 0.03 rad 0.45 (f + 0.1 kp 0.03); by the error only f."""
+    kp = CONTRACT.array("kp")
+    for way, load in ((Compensation("reference", 0.75), 0.1), (Compensation("error", 0.75), 0.0)):
+        port = Approaching()
+        Pilot(port, policy(kd=(0.0,) * JOINTS), FRICTION, way, np.full(JOINTS, 0.1)).step(np.zeros(3))
+        for command, share, error in zip(port.sent, (0.6, 0.45, 0.3), (0.04, 0.03, 0.02), strict=False):
+            np.testing.assert_allclose(command.forward, share * (FRICTION + load * kp * error), atol=1e-12)
+    port = Approaching()
+    Pilot(port, policy(), None, Compensation("reference", 0.75), 0.1).step(np.zeros(3))
+    assert not any(command.forward.any() for command in port.sent)
+
+
 def test_what_runs_in_the_motors_is_not_done_by_the_computer() -> None:
     """It would be fed forward twice, or not at all."""
     with pytest.raises(StictionError, match="expected 'measured' here"):

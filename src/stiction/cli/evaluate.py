@@ -55,7 +55,8 @@ class EvaluateCfg:
     forward: tuple[str, ...] = ()
     """Names of bundles that also walk with friction fed forward in the joint controllers, as policies of their own,
     NAME+forward. Of the data sheet's robot that is the friction of the level, of a virtual robot what identify finds
-    on that robot's bench, which takes minutes a robot and level."""
+    on that robot's bench, which takes minutes a robot and level, and what it finds to grow with load too, save by
+    error. Under the law effort the level grows with the motor's torque, and error cannot feed it."""
     forward_by: tuple[str, ...] = ("error",)
     """How: error, all of it in the direction of the position error; reference and measured, 75 % of it by the speed of
     the target or of the joint, and by the error while a joint is stuck, at every reading; reference-motor and

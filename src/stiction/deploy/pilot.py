@@ -103,12 +103,14 @@ class Pilot:
         policy: DrivingPolicy,
         friction: np.ndarray | None = None,
         compensation: Compensation = BY_ERROR,
+        load: np.ndarray | float = 0.0,
     ) -> None:
         """Connect a policy, as from `deploy.policy.load_policy`, to a robot.
 
         friction: f that is fed forward [N m], shape (J,): at every reading the joint controllers get a torque beside
         target and gains. None: they get none. compensation: how; by default by the error, with the contract's
-        `compensation_width`.
+        `compensation_width`. load: c that is fed beside f, friction per torque that the gains ask for [1], shape (J,);
+        not read without friction, nor by the error.
 
         Raises:
             StictionError: the robot's joints are not the policy's, its readings do not fit the control period, the
@@ -133,8 +135,8 @@ class Pilot:
                 f"the compensation {compensation.by!r} runs in the motors' controllers, not in the computer; expected "
                 f"{compensation.by.removesuffix('-motor')!r} here"
             )
-        fed = np.zeros(contract.num_joints) if friction is None else friction
-        self._against = compensation.controller(fed, port.period, contract.compensation_width)
+        fed, grows = (np.zeros(contract.num_joints), 0.0) if friction is None else (friction, load)
+        self._against = compensation.controller(fed, port.period, contract.compensation_width, grows)
         self._seen: Reading | None = None
 
     def reset(self) -> None:

@@ -4,7 +4,7 @@ On the robot of the data sheet both are the level of the walk itself. On a virtu
 found in the log of that robot's own bench, in the same engine and at the same level: what its user could know. Its
 hidden truth is never read, unless `true` is asked for. Where a bench does not identify the friction of a joint, a
 summary says so: the mean of the joints of its kind is fed forward there, or nothing, and a policy is given the nominal
-friction of its training.
+friction of its training. A load coefficient that a bench identified is fed too, by every way but `error`.
 """
 
 from __future__ import annotations
@@ -26,8 +26,9 @@ from stiction.evaluate.known_friction import known_to, nominal_known, parse_sour
 from stiction.evaluate.rollout import friction_at
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
-from stiction.formats.joints import JointsFile, load_joints
+from stiction.formats.joints import JointRecord, JointsFile, load_joints
 from stiction.formats.known_friction import BenchFriction, bench_friction, kind_average
+from stiction.joints.compensation import LOAD_LAW, parse_compensation
 from stiction.robots.model import Robot
 from stiction.virtual.cases import Case, parse_level
 from stiction.virtual.hidden import draw
@@ -217,11 +218,25 @@ def forward_walks(
     walks = []
     for walk, bench in benches.items():
         if bench is None:
-            limits = robot_of(by_name[walk.policy].contract, robot).joint_values("torque_limit")
-            walks.append(replace(walk, forward=tuple((float(walk.level) * limits).tolist())))
+            walks.append(_fed_its_level(walk, cfg.base.law.name, robot_of(by_name[walk.policy].contract, robot)))
         elif not (fed := identified[bench.label]).nothing:
-            walks.append(replace(walk, forward=fed.friction))
+            walks.append(_fed_from_bench(walk, fed))
     return walks
+
+
+def _fed_its_level(walk: Walk, law: str, spec: Robot) -> Walk:
+    """Return a walk of the data sheet's robot with the friction of its level fed forward."""
+    level = float(walk.level)
+    if law == LOAD_LAW:
+        return replace(walk, forward=(0.0,) * spec.num_joints, forward_load=(level,) * spec.num_joints)
+    return replace(walk, forward=tuple((level * spec.joint_values("torque_limit")).tolist()))
+
+
+def _fed_from_bench(walk: Walk, fed: Fed) -> Walk:
+    """Return a walk of a virtual robot with what its bench found fed forward."""
+    if fed.load is None or not parse_compensation(walk.forward_by).feeds_load:
+        return replace(walk, forward=fed.friction)
+    return replace(walk, forward=fed.unloaded, forward_load=fed.load)
 
 
 def _forward_benches(bundles: Sequence[Bundle], cfg: GridCfg, robot: str | None) -> dict[Walk, Bench | None]:
@@ -235,7 +250,11 @@ class Fed:
     """What is fed forward on one robot, and where its bench left something open."""
 
     friction: tuple[float, ...]
-    """Of every joint [N m]."""
+    """Of every joint, by a way that knows no load [N m]: it has in it what the load on the bench made."""
+    unloaded: tuple[float, ...]
+    """Of every joint, by a way that feeds `load` beside it [N m]."""
+    load: tuple[float, ...] | None
+    """Friction per torque of the motor of every joint [1], 0 where none was found; None: nowhere."""
     borrowed: tuple[str, ...]
     """Joints that have the mean of those of their kind."""
     without: tuple[str, ...]
@@ -252,24 +271,39 @@ class Fed:
 def fed_friction(bench: Bench, out: Path) -> Fed:
     """Return the friction of every joint as a bench identified it.
 
-    out: as of `identify_on_benches`. Raises `StictionError` where the file cannot be read.
+    A load coefficient is that of the torque of gravity, which at rest is the motor's; where a joint has none, its
+    friction is the same for all ways. out: as of `identify_on_benches`. Raises `StictionError` where the file cannot be
+    read.
     """
-    file, found, why = _found(bench, out), {}, {}
+    file, why = _found(bench, out), {}
+    found: dict[str, tuple[float, float, float]] = {}
     for joint in bench.spec.joints:
         try:
-            (found[joint.name],) = file.nominal([joint.name], "coulomb_friction")
+            (whole,) = file.nominal([joint.name], "coulomb_friction")
+            found[joint.name] = (whole, *_beside_load(file.record(joint.name), whole))
         except FileError as error:
             why[joint.name] = str(error)
     kinds = {joint.name: joint.kind for joint in bench.spec.joints}
     of_kind = {kind: [value for name, value in found.items() if kinds[name] == kind] for kind in kinds.values()}
     borrowed = tuple(name for name in why if of_kind[kinds[name]])
-    values = found | {name: float(np.mean(of_kind[kinds[name]] or [0.0])) for name in why}
+    means = {kind: np.mean(values or [(0.0, 0.0, 0.0)], axis=0) for kind, values in of_kind.items()}
+    fed = np.array([found.get(name, means[kind]) for name, kind in kinds.items()])
+    friction, unloaded, load = (tuple(column.tolist()) for column in fed.T)
     return Fed(
-        tuple(values[name] for name in kinds),
+        friction,
+        unloaded,
+        load if any(load) else None,
         borrowed,
         tuple(name for name in why if name not in borrowed),
         next(iter(why.values()), ""),
     )
+
+
+def _beside_load(record: JointRecord, whole: float) -> tuple[float, float]:
+    """Return f without load [N m] and c [1] of a joint that may be used; `whole` [N m] and 0 where it has no c."""
+    if record.unloaded_friction is None or record.load_coefficient is None or record.load_coefficient.value <= 0:
+        return whole, 0.0
+    return max(0.0, record.unloaded_friction.value), record.load_coefficient.value
 
 
 def forward_notes(bundles: Sequence[Bundle], cfg: GridCfg, out: Path, robot: str | None = None) -> list[str]:

@@ -12,7 +12,7 @@ from stiction.engines.catalog import ENGINES, EngineSpec, find_engine
 from stiction.evaluate.course import parse_course
 from stiction.evaluate.evaluate import EvaluationCfg
 from stiction.evaluate.methods import fed_suffix
-from stiction.joints.compensation import parse_compensation
+from stiction.joints.compensation import LOAD_LAW, parse_compensation
 from stiction.joints.friction import Law, has_coefficient
 from stiction.virtual.cases import CELLS, FIRST_REPORTED, Case, Level, factorial, parse_levels, reported
 
@@ -126,18 +126,19 @@ class GridCfg:
 
     def _check_forward(self) -> None:
         """Refuse friction fed forward in ways that there are not, where there is no one torque to feed, or late."""
-        labels = [parse_compensation(text).label for text in self.forward_by]
-        if len(set(labels)) < len(labels):
+        ways = [parse_compensation(text) for text in self.forward_by]
+        if len({way.label for way in ways}) < len(ways):
             raise ConfigurationError(f"friction fed forward by {' '.join(self.forward_by)}: expected each once")
         if not self.forward:
             return
         if self.base.action_delay:
             raise ConfigurationError("friction fed forward with an action delay: give one of the two")
         law = self.base.law.name
-        if has_coefficient(law) and any(each.cell is None for each in self.simulators):
+        fed = law == LOAD_LAW and all(way.feeds_load for way in ways)
+        if has_coefficient(law) and not fed and any(each.cell is None for each in self.simulators):
             raise ConfigurationError(
-                f"friction fed forward under the law {law}: it has a coefficient and no torque that could be fed; "
-                "expected coulomb or stribeck"
+                f"friction fed forward by {' '.join(self.forward_by)} under the law {law}: it has a coefficient and no "
+                f"torque that could be fed; expected coulomb or stribeck, or {LOAD_LAW} by reference or measured alone"
             )
 
     @property
@@ -210,6 +211,9 @@ class Walk:
     """Friction that the joint controllers feed forward [N m], of each joint; None: they do not."""
     forward_by: str = "error"
     """How, as `parse_compensation` reads it."""
+    forward_load: tuple[float, ...] | None = None
+    """Friction per torque of the motor that is fed beside it [1], of each joint; None: no coefficient is known, or the
+    way has none."""
     known: tuple[float, ...] | None = None
     """Friction given to a policy that observes it, f/τ_max of each kind of joint [-]; None: what its contract says, or
     none."""

@@ -80,9 +80,14 @@ def walk_unit(bundle: Bundle, unit: Unit, cfg: GridCfg, robot: str | None = None
     controller = None
     if first.forward is not None:
         contract, compensation = bundle.contract, parse_compensation(first.forward_by)
-        width = contract.compensation_width
-        controller = compensation.controller(np.array(first.forward), contract.physics_timestep, width)
+        friction, width = np.array(first.forward), contract.compensation_width
+        controller = compensation.controller(friction, contract.physics_timestep, width, _load(first))
     return list(evaluate_bundle(bundle, cell, robot, compensation=controller).episodes[0])
+
+
+def _load(walk: Walk) -> np.ndarray | float:
+    """Return the friction per torque of the motor that is fed forward [1], shape (J,) or a single zero."""
+    return 0.0 if walk.forward_load is None else np.array(walk.forward_load)
 
 
 def _walk_alone(bundle: Bundle, one: Walk, cfg: EvaluationCfg, spec: Robot) -> Metrics:
@@ -106,7 +111,7 @@ def _walk_alone(bundle: Bundle, one: Walk, cfg: EvaluationCfg, spec: Robot) -> M
     # The robot of the data sheet has the evaluation's seed for its own, and so the noise that `Rollout` draws.
     seed = 0 if one.robot is None else cfg.seed
     compensation = parse_compensation(one.forward_by)
-    return walk_once(bundle, case, world, cfg, one.episode, spec, friction, seed, known, compensation)
+    return walk_once(bundle, case, world, cfg, one.episode, spec, friction, seed, known, compensation, _load(one))
 
 
 def walk_once(
@@ -120,6 +125,7 @@ def walk_once(
     seed: int = 0,
     known: np.ndarray | None = None,
     compensation: Compensation = BY_ERROR,
+    load: np.ndarray | float = 0.0,
 ) -> Metrics:
     """Walk one episode with one robot, and return its metrics.
 
@@ -128,7 +134,9 @@ def walk_once(
     (command,), period = cfg.parsed_commands, bundle.contract.control_period
     steps = round(cfg.duration / period)
     commands = command_source(command, cfg.course)
-    trial = trials.walk(bundle, case, world, commands, steps, episode, None, spec, friction, seed, known, compensation)
+    trial = trials.walk(
+        bundle, case, world, commands, steps, episode, None, spec, friction, seed, known, compensation, load
+    )
     part = trial.recording.extended(steps).of(slice(0, 1), round(cfg.settle / period))
     return measure(part, command, spec.groups(), spec.mass * GRAVITY, cfg.course)
 

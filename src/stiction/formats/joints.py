@@ -216,6 +216,18 @@ class JointRecord:
         # Files of before named it in words alone, and those of walks alone.
         return "motor_torque" if str(law.get("load", "")).startswith("|motor") else "gravity"
 
+    @property
+    def unloaded_friction(self) -> Estimate | None:
+        """Friction without load, beside `load_coefficient` [N m]; `coulomb_friction` has the load of the test in it.
+
+        None where there is no coefficient, or that friction is not known in N m.
+        """
+        law = self.friction_law or {}
+        constant = law.get("parameters", law).get("coulomb_friction")
+        if self.load_coefficient is None or constant is None or law.get("over_strength"):
+            return None
+        return Estimate.from_dict(constant, "friction_law.coulomb_friction")
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
         data = vars(self) | {name: value.to_dict() for name, value in vars(self).items() if isinstance(value, Estimate)}

@@ -28,6 +28,9 @@ from stiction.joints.pd import COMPENSATION_WIDTH, fed_forward
 By = Literal["error", "reference", "measured", "reference-motor", "measured-motor"]
 """Ways to feed friction forward, see the module."""
 
+LOAD_LAW = "effort"
+"""The law of simulated friction whose level is c: all of its friction grows with the motor's torque."""
+
 LARGEST_SHARE = 2.0
 """Largest share of the friction that may be fed forward [1]: over 1 it is overcompensated, to be measured, not used."""
 
@@ -79,6 +82,11 @@ class Compensation:
     def in_motor(self) -> bool:
         """Whether it runs in the motor's controller."""
         return self.by.endswith("-motor")
+
+    @property
+    def feeds_load(self) -> bool:
+        """Whether it feeds friction that grows with the motor's torque: all ways but `error`."""
+        return self.by != "error"
 
     @property
     def label(self) -> str:

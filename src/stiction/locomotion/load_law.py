@@ -188,14 +188,13 @@ def _left_over(record: JointRecord, number: int, robot: Robot) -> str:
     load = _stance_loads(robot).get(number)
     if load is None:
         return ""
-    carried, law, said = float(load.axis_torque.mean()), record.friction_law or {}, ""
+    carried, said = float(load.axis_torque.mean()), ""
     measured = [one.value for one in (record.gravity_sin, record.gravity_cos) if one is not None]
     if measured and (most := float(np.linalg.norm(measured))) < carried:
         said += f"; measured up to {most:.3g} N m of load, and the robot's stance has {carried:.3g} in the mean"
-    constant = law.get("parameters", law).get("coulomb_friction")
-    if constant is None or law.get("over_strength"):
+    if record.unloaded_friction is None:
         return said
-    coulomb = max(0.0, Estimate.from_dict(constant, "friction_law.coulomb_friction").value)
+    coulomb = max(0.0, record.unloaded_friction.value)
     whole = coulomb + record.load_coefficient.value * carried
     if not whole > 0:
         return said

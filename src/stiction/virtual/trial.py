@@ -175,6 +175,7 @@ def walk(
     seed: int = 0,
     known: np.ndarray | None = None,
     compensation: Compensation = BY_ERROR,
+    load: np.ndarray | float = 0.0,
 ) -> Trial:
     """Let a bundle walk on a virtual robot for `steps` control periods, or until it falls or blows up, which is a fall.
 
@@ -192,6 +193,7 @@ def walk(
         seed: 0, or of other episodes of the same robot.
         known: friction given to a policy that observes it, see `ObservationBuilder`; by default the contract's.
         compensation: how friction is fed forward, by the computer or by the motors; see `Pilot`.
+        load: what is fed forward beside `friction` per torque of the motor [1], (J,); see `Pilot`.
 
     Raises:
         StictionError: the bundle does not fit the robot, or friction is to be fed forward to one that compensates it.
@@ -212,9 +214,9 @@ def walk(
     port = robot.handle if world.noise is None else Noisy(robot.handle, world.noise, walking)
     policy = load_policy(contract, bundle.policy, known_friction=known)
     if compensation.in_motor and friction is not None:
-        robot.program(compensation.controller(friction, world.timestep))
+        robot.program(compensation.controller(friction, world.timestep, load=load))
         friction, compensation = None, BY_ERROR
-    pilot = Pilot(port, policy, friction, compensation)
+    pilot = Pilot(port, policy, friction, compensation, load)
     recorder = TruthRecorder(robot.ground_truth, spec, contract.control_period)
     done: list[ControlStep] = []
     while len(done) < steps and recorder.upright:
