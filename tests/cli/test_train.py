@@ -213,17 +213,24 @@ def test_without_a_makers_order_no_half_of_an_export_is_written(tmp_path: Path, 
     assert not bundle.exists() and not targets.exists()
 
 
-def test_presets_train_on_sliders_where_there_are_some() -> None:
-    """On a GPU they would be refused; the paper's preset, and a word of one's own, have rows."""
+def test_presets_simulate_friction_as_it_is_judged_but_for_two_phases() -> None:
+    """On a GPU sliders would be refused."""
     for words, friction in (
-        (["--preset", "quick"], "plastic"),
-        ([], "plastic"),
+        ([], "rows"),
+        (["--preset", "quick"], "rows"),
         (["--preset=paper"], "rows"),
-        (["--physics", "rows"], "rows"),
-        (["--device", "warp-cpu"], "rows"),
-        (["--preset", "quick", "--device=cuda"], "rows"),
+        (["--preset", "two-phase"], "plastic"),
+        (["--preset", "quick", "--physics", "plastic"], "plastic"),
+        (["--preset", "two-phase", "--device", "warp-cpu"], "rows"),
+        (["--preset", "two-phase", "--device=cuda"], "rows"),
     ):
         assert parse(words).config.task.physics.friction == friction, words
+
+
+@pytest.mark.parametrize(("method", "quiet"), [("none", 30), ("deception", 30), ("dreamwaq", 0), ("hinf", 0)])
+def test_one_phase_ends_with_quiet_iterations_where_the_estimator_alone_would_learn(method: str, quiet: int) -> None:
+    """If this failed, the code of a context, or a disturber, would drift under a policy that stands still."""
+    assert parse(["--preset", "quick", "--method", method, "--friction-level", "0.2"]).config.teacher.quiet == quiet
 
 
 def test_resume_with_other_options_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

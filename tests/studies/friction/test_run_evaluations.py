@@ -172,7 +172,7 @@ def recorded(tmp_path: Path, *words: str, **changes: object) -> PlannedRun:
 def test_a_policy_of_other_settings_is_not_the_manifests(tmp_path: Path) -> None:
     """Renamed, a policy of another training would be a seed of this one; `--seed` is none of the settings."""
     assert recorded(tmp_path, "--seed", "3").bundle()
-    other = recorded(tmp_path, "--teacher.quiet", "30", "--symmetry", "half")
+    other = recorded(tmp_path, "--teacher.quiet", "20", "--symmetry", "half")
     words = (
         r"s4 is another policy than the manifest's: it was trained with symmetry half, expected network \(1 more diff"
     )
