@@ -39,13 +39,13 @@ PRESETS = {
     ),
 }
 """`full` and `quick` are one phase: what walks is what will be deployed, on its own z* and its own estimate of velocity
-and friction, with little noise in the end and at last with none, and on ground that is another for each robot. `two-phase` is the paper's
-teacher and student at the budget with which its claims were judged; `paper` has more of it, and randomises the paper's
-table and no more. `literal` takes the paper at its word where `paper` does what works better: L_ada trains both
-encoders, every joint has friction of its own, and there is as much of it as was measured, 1 % of the torque limit. All
-make clips. `two-phase` simulates joint friction by yielding springs, which is faster; the others by the solver's rows, as
-everything is judged: a student that has walked on springs alone is slower than it is told where friction is high, see
-results/student."""
+and friction, with little noise in the end and at last with none, and on ground that is another for each robot.
+`two-phase` is the paper's teacher and student at the budget with which its claims were judged; `paper` has more of it,
+and randomises the paper's table and no more. `literal` takes the paper at its word where `paper` does what works
+better: L_ada trains both encoders, every joint has friction of its own, and there is as much of it as was measured, 1 %
+of the torque limit. All make clips. `two-phase` simulates joint friction by yielding springs, which is faster; the
+others by the solver's rows, by which everything is judged: a student that walked on springs alone is slower than it is
+told where friction is high, see results/student."""
 
 
 def preset(name: str, device: str = "cpu", method: str | None = None, engine: str = "mujoco") -> TrainCfg:
