@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -151,6 +152,18 @@ def test_a_long_name_stays_on_one_line_of_a_narrow_terminal(
     lines = capsys.readouterr().out.splitlines()
     assert [line for line in lines if "saturn" in line] == names
     assert sum("vx=0.5" in line and "0.90" in line for line in lines) == 2
+
+
+def test_the_slowest_walk_is_a_column_where_it_is_known(capsys: pytest.CaptureFixture) -> None:
+    """An empty column would read as walks that were looked at; a row that stands has a dash."""
+    identity, numbers = ("none", 0, "mujoco", "coulomb", 0.2, "flat"), (0.1, 0.0, 4.0, None, None, 20.0, None, None, 8)
+    before = [ResultRow("p", *identity, "vx=0.5", 0.85, *numbers), ResultRow("p", *identity, "stand", None, *numbers)]
+    print_rows(before)
+    assert "slowest" not in capsys.readouterr().out
+    print_rows([replace(before[0], slowest_walk=0.28), before[1]])
+    head, _, moving, standing, _ = capsys.readouterr().out.splitlines()[-5:]
+    at = [cell.split()[:1] for cell in head.replace("┃", "│").split("│")].index(["walk"])
+    assert [line.split("│")[at].strip() for line in (moving, standing)] == ["0.28", "–"]
 
 
 def test_demo_runs_without_torch_and_without_opengl(

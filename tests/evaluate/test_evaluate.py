@@ -36,6 +36,17 @@ def test_a_row_for_every_level_and_command_in_order(checked: Bundle) -> None:
     ] * 4
 
 
+def test_the_slowest_walk_of_a_row_is_that_of_its_episodes(checked: Bundle) -> None:
+    """A mean hides a walk that stalls; without a command there is none."""
+    found = evaluate_bundle(checked, replace(SHORT, commands=("vx=0.5", "stand"), friction_levels=(0.0,), episodes=3))
+    moving, standing = found.rows
+    each = [one.speed_ratio for one in found.episodes[0]]
+    assert (
+        moving.speed_ratio == pytest.approx(sum(each) / 3) and moving.slowest_walk == sorted(each)[0] < sorted(each)[1]
+    )
+    assert standing.slowest_walk is None
+
+
 def test_a_row_names_the_way_and_not_only_the_method(checked: Bundle) -> None:
     """Without any range, `direct` is another training method; tables would compare it with itself."""
     contract = replace(checked.contract, method="direct", friction_range=(0.2, 0.2))

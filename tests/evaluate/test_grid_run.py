@@ -318,5 +318,7 @@ def test_a_virtual_robot_is_one_sample_of_a_rate(still: Bundle) -> None:
     assert list(detail["robots"]) == ["3", "4", "5"]
     # Means over two episodes of 0.6 and 0.7, and of 1.0 and 1.1: the mean of all would follow.
     assert (row.slowest, row.speed_ratio, row.fastest) == pytest.approx((0.65, 0.85, 1.05))
+    # Of the six walks, the first of robot 3.
+    assert row.slowest_walk == detail["slowest_walk"] == pytest.approx(0.6)
     assert (detail["robot_fall_rates"], detail["robot_crossed"]) == ([1.0, 0.5, 0.0], [0.0, 0.5, 1.0])
     assert detail["robot_tracking_errors"] == [2.0, 2.5, 3.0]

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from stiction.formats.following import BAND, DEFINITION, NOT_KNOWN, following, pace, paces, row_pace
+from stiction.formats.following import BAND, DEFINITION, NOT_KNOWN, following, pace, paces, row_pace, stalled
 from stiction.formats.results import ResultRow, ends_of, row_of
 
 ROW = ResultRow(
@@ -86,12 +86,28 @@ def test_each_virtual_robot_is_judged() -> None:
 
 def test_a_row_of_before_tells_its_robots_where_it_has_them() -> None:
     """summary.json has had the ratio of each robot; results.csv of before has the mean alone, which then counts."""
-    plain = {name: value for name, value in vars(ROW).items() if name not in ("slowest", "fastest")}
+    plain = {name: value for name, value in vars(ROW).items() if name not in ("slowest", "fastest", "slowest_walk")}
     assert row_of(plain) == ROW and row_of(plain).ends == (1.0, 1.0)
     assert row_of(plain | {"robots": {"1000": 0.6, "1001": 1.4, "1002": None}}).ends == (0.6, 1.4)
     assert row_of(vars(replace(ROW, slowest=0.7, fastest=1.1))).ends == (0.7, 1.1)
+    assert row_of(plain | {"robots": {"1000": 0.6, "1001": 1.4}, "slowest_walk": 0.2}).slowest_walk == 0.2
     with pytest.raises(KeyError, match="episodes"):
         row_of({name: value for name, value in plain.items() if name != "episodes"})
+
+
+def test_a_walk_that_stalls_is_told_only_of_who_follows_in_the_mean() -> None:
+    """Named are a seed's slower direction, the slowest seed first; half of the command is no stall.
+
+    Not named: who is too slow anyway, who fell, who walked one way, and rows that know no walk.
+    """
+    first = [replace(row, slowest_walk=walk) for row, walk in zip(seed(0, 0.9, 0.9), (0.45, 0.4), strict=True)]
+    second = [replace(seed(1, 0.85, 1.0)[0], slowest_walk=0.28), seed(1, 0.85, 1.0)[1]]
+    half = [replace(row, slowest_walk=0.5) for row in seed(2, 0.9, 0.9)]
+    others = [*seed(3, 0.9, 0.7), *seed(4, 0.9, 0.9, fall_rate=0.1), seed(5, 0.9, 0.9)[0]]
+    others = [replace(row, slowest_walk=0.1) for row in others]
+    assert stalled([*first, *second, *half, *others, *seed(6, 0.9, 0.9)]) == [second[0], first[1]]
+    on_stairs = [replace(row, terrain="stairs=0.1") for row in first]
+    assert stalled(on_stairs) == []
 
 
 def test_who_walked_one_way_is_not_known_to_follow() -> None:

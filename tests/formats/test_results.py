@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.formats.results import COLUMNS, ResultRow, read_results, write_results, write_summary
+from stiction.formats.results import COLUMNS, ResultRow, read_results, slowest_of, write_results, write_summary
 
 
 def row(**changes) -> ResultRow:
@@ -27,7 +27,7 @@ def test_the_columns_are_those_of_the_contract() -> None:
     """Later stages and other people's scripts read them by name."""
     expected = (
         "policy,method,seed,engine,friction_law,friction_level,terrain,command,speed_ratio,tracking_error,fall_rate,"
-        "distance,steps_climbed,cost_of_transport,joint_jitter,tripod_share,flight_share,episodes,slowest,fastest"
+        "distance,steps_climbed,cost_of_transport,joint_jitter,tripod_share,flight_share,episodes,slowest,fastest,slowest_walk"
     )
     assert ",".join(COLUMNS) == expected
 
@@ -36,13 +36,30 @@ def test_what_each_robot_reached_is_written_where_robots_were_virtual(tmp_path: 
     """Files of before, and of the robot of the data sheet alone, have no such columns, and are read all the same."""
     path = tmp_path / "results.csv"
     write_results(path, [row()])
-    assert path.read_text().splitlines()[0] == ",".join(COLUMNS[:-2]) and read_results(path) == [row()]
+    assert path.read_text().splitlines()[0] == ",".join(COLUMNS[:-3]) and read_results(path) == [row()]
     rows = [row(), row(slowest=0.6, fastest=1.4)]
     write_results(path, rows)
-    assert path.read_text().splitlines()[0] == ",".join(COLUMNS) and read_results(path) == rows
+    assert path.read_text().splitlines()[0] == ",".join(COLUMNS[:-1]) and read_results(path) == rows
     path.write_text(path.read_text().replace("slowest,fastest", "fastest,slowest"))
     with pytest.raises(StictionError, match="first line"):
         read_results(path)
+
+
+def test_the_slowest_walk_is_written_where_it_is_known(tmp_path: Path) -> None:
+    """Beside robots or without them; a cell without one, and a file of before, is None and no number."""
+    path = tmp_path / "results.csv"
+    for ends in ({}, {"slowest": 0.6, "fastest": 1.4}):
+        rows = [row(slowest_walk=0.28, **ends), row(speed_ratio=None, command="stand")]
+        write_results(path, rows)
+        header, first, second = path.read_text().splitlines()
+        assert header.endswith(f"episodes,{'slowest,fastest,' * bool(ends)}slowest_walk")
+        assert first.endswith(",0.28") and second.endswith(",") and read_results(path) == rows
+
+
+def test_the_slowest_of_walks_without_a_command_is_none() -> None:
+    """A zero would read as a robot that stalls."""
+    assert slowest_of([0.9, None, -0.1, 0.28]) == -0.1
+    assert slowest_of([None, None]) is None and slowest_of([]) is None
 
 
 def test_rows_read_back_exactly(tmp_path: Path) -> None:

@@ -180,6 +180,15 @@ def test_without_the_details_there_is_no_moving_column() -> None:
     assert ">moving [% of steps]</th>" in results_table(ROWS, SUMMARY["rows"])
 
 
+def test_the_slowest_walk_is_on_the_page_where_a_row_knows_it(tmp_path: Path) -> None:
+    """Tables of before have neither the column nor its meaning."""
+    known = [replace(ROWS[0], slowest_walk=0.284), *ROWS[1:]]
+    assert "slowest walk" not in write_evaluation(tmp_path, ROWS, SUMMARY).read_text()
+    page = write_evaluation(tmp_path, known, SUMMARY).read_text()
+    assert page.count("slowest walk [1]</th>") == 1 and page.count("hide a walk that stalls") == 1
+    assert page.count(">0.28<") == 1
+
+
 def test_one_way_alone_is_not_known_to_be_following() -> None:
     """Forward within the band, backward never walked; too slow one way is known to be too slow."""
     said = lead([make_row("plain", 0.0, "vx=0.5", 0.95), make_row("plain", 0.2, "vx=0.5", 0.3)])

@@ -17,7 +17,7 @@ from stiction.core.errors import ConfigurationError
 from stiction.core.lock import output_folder
 from stiction.core.records import header, texts
 from stiction.core.scratch import scratch
-from stiction.formats.results import DIRECTIONS, SCHEMA_VERSION, ResultRow
+from stiction.formats.results import DIRECTIONS, SCHEMA_VERSION, ResultRow, tell_slowest_walk
 
 if TYPE_CHECKING:
     from stiction.evaluate.grid import GridCfg
@@ -69,13 +69,15 @@ class Evaluated(Result):
         return {"schema_version": SCHEMA_VERSION} | self.summary
 
     def table(self) -> Markup:
-        """Return a row a condition."""
+        """Return a row a condition; the last column is the slowest walk, where that is known."""
         first = ("policy", "engine", "friction", "terrain", "command")
+        told = tell_slowest_walk(self.rows)
+        last = [("–" if row.slowest_walk is None else f"{row.slowest_walk:.2f}",) if told else () for row in self.rows]
         rows = [
-            (row.policy, row.engine, f"{row.friction_level:g}", row.terrain, row.command, *texts(row))
-            for row in self.rows
+            (row.policy, row.engine, f"{row.friction_level:g}", row.terrain, row.command, *texts(row), *walk)
+            for row, walk in zip(self.rows, last, strict=True)
         ]
-        return html_table((*first, *header(ResultRow)), rows)
+        return html_table((*first, *header(ResultRow), *(("slowest walk",) if told else ())), rows)
 
     def write(self, folder: Path) -> None:
         """Write results.csv, methods.csv, following.csv, summary.json, the figures and report.html."""

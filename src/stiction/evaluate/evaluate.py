@@ -27,7 +27,7 @@ from stiction.evaluate.own_policy import FunctionDriver, OwnPolicy
 from stiction.evaluate.rollout import Driver, Rollout, friction_at, record
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
-from stiction.formats.results import DIRECTIONS, ResultRow
+from stiction.formats.results import DIRECTIONS, ResultRow, slowest_of
 from stiction.formats.walk import Recording
 from stiction.joints.compensation import FrictionController
 from stiction.joints.friction import MAX_LEVEL, Law, has_coefficient
@@ -207,6 +207,7 @@ def judge(driven: Driven, contract: Contract, name: str, cfg: EvaluationCfg) -> 
             terrain=cfg.course.label,
             command=command.label,
             episodes=cfg.episodes,
+            slowest_walk=slowest_of(one.speed_ratio for one in episodes),
             **metrics.columns,
         )
         rows.append(row)

@@ -15,7 +15,7 @@ from stiction.evaluate.methods import MethodCell, method_of
 from stiction.evaluate.metrics import Metrics, combine
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract import PHASES, Contract
-from stiction.formats.results import ResultRow, ends_of
+from stiction.formats.results import ResultRow, ends_of, slowest_of
 from stiction.joints.friction import Law
 from stiction.rma.identity import MISSING, SHOWN, differing, key_of_settings, setting_text, settings_in
 from stiction.robots.model import Robot
@@ -91,6 +91,7 @@ def rows_of(
             terrain=first.terrain,
             command=first.command,
             episodes=len(walks),
+            slowest_walk=slowest_of(done[walk].speed_ratio for walk in walks),
             **metrics.columns,
             **ends_of((beside := _beside(walks, done)).get("robots", {}).values()),
         )

@@ -68,6 +68,33 @@ def paces(rows: Iterable[ResultRow]) -> set[str]:
     return {NOT_KNOWN} if seen == {"follows"} and len(ways) < 2 else seen
 
 
+STALLS = 0.5
+"""A walk slower than this is named where its policy follows in the mean over walks, which it does not change [-]."""
+
+
+def stalled(rows: Iterable[ResultRow]) -> list[ResultRow]:
+    """Return where a policy follows on flat ground while one of its walks is slower than `STALLS`, the slowest first.
+
+    Of each policy, engine and friction the row of the slower direction; rows of before tell of no walk.
+    """
+    cells: dict[tuple[str, str, str, float], list[ResultRow]] = {}
+    for row in rows:
+        if row.terrain == "flat" and row.command in DIRECTIONS:
+            cells.setdefault((row.policy, row.engine, row.friction_law, row.friction_level), []).append(row)
+    slow = [
+        min(known, key=_slowest_walk)
+        for own in cells.values()
+        if paces(own) == {"follows"} and (known := [row for row in own if row.slowest_walk is not None])
+    ]
+    return sorted((row for row in slow if _slowest_walk(row) < STALLS), key=_slowest_walk)
+
+
+def _slowest_walk(row: ResultRow) -> float:
+    """Return the speed ratio of the slowest walk of a row that knows it."""
+    assert row.slowest_walk is not None
+    return row.slowest_walk
+
+
 FEWEST_SEEDS = 3
 """Training seeds from which on it is said of a training, and not of its seeds alone, that it follows: a choice."""
 

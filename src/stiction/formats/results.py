@@ -68,14 +68,18 @@ class ResultRow:
     episodes: int = field(metadata=column("episodes"))
     """Number of episodes behind the row."""
     slowest: float | None = field(default=None, metadata=LATER)
-    """Of virtual robots the speed ratio of the slowest [-]; None on the robot of the data sheet, and in older files."""
+    """Of virtual robots the speed ratio of the slowest robot, the mean over its walks [-]; None on the robot of the
+    data sheet, and in older files. Of a single walk: `slowest_walk`."""
     fastest: float | None = field(default=None, metadata=LATER)
-    """The same of the fastest [-]."""
+    """The same of the fastest robot [-]."""
+    slowest_walk: float | None = field(default=None, metadata=LATER)
+    """Speed ratio of the slowest single walk of the row, on whatever robot [-]; None where no speed is commanded, and
+    in older files. Following is judged by means over walks, which hide one that stalls: shown, it decides nothing."""
 
     @property
     def ends(self) -> tuple[float, float] | None:
-        """Speed ratio of the slowest and of the fastest robot [-], both of which is the row's own where they are not
-        known, or it is one robot; None where no speed is commanded.
+        """Speed ratio of the slowest and of the fastest robot, each the mean over its walks [-]: both are the row's own
+        where they are not known, or it is one robot; None where no speed is commanded.
         """
         if self.slowest is None or self.fastest is None:
             return None if self.speed_ratio is None else (self.speed_ratio, self.speed_ratio)
@@ -87,20 +91,31 @@ COLUMNS = tuple(item.name for item in fields(ResultRow))
 
 
 def row_of(plain: Mapping[str, Any]) -> ResultRow:
-    """Return the row of plain data as in summary.json; what came later is taken from its `robots`, if it has them.
+    """Return the row of plain data as in summary.json; the slowest and the fastest robot are taken from its `robots`,
+    if it has these and not those.
 
-    Raises `KeyError` where a column is missing.
+    Raises `KeyError` where a column is missing that has always been there.
     """
-    ends: dict[str, Any] = {name: plain.get(name) for name in ("slowest", "fastest")}
-    if ends["slowest"] is None:
-        ends = ends_of(plain.get("robots", {}).values())
-    return ResultRow(**{name: plain[name] for name in COLUMNS if name not in ends} | ends)
+    later: dict[str, Any] = {name: plain.get(name) for name in ("slowest", "fastest", "slowest_walk")}
+    if later["slowest"] is None:
+        later |= ends_of(plain.get("robots", {}).values())
+    return ResultRow(**{name: plain[name] for name in COLUMNS if name not in later} | later)
 
 
 def ends_of(ratios: Iterable[float | None]) -> dict[str, Any]:
     """Return the columns `slowest` and `fastest` from the speed ratios of virtual robots, None of those without."""
     known = [ratio for ratio in ratios if ratio is not None]
     return {"slowest": min(known, default=None), "fastest": max(known, default=None)}
+
+
+def slowest_of(ratios: Iterable[float | None]) -> float | None:
+    """Return the column `slowest_walk` from the speed ratios of a row's walks, None of those without a command."""
+    return min((ratio for ratio in ratios if ratio is not None), default=None)
+
+
+def tell_slowest_walk(rows: Iterable[ResultRow]) -> bool:
+    """Say whether any row knows its slowest walk: of others tables have no column for it."""
+    return any(row.slowest_walk is not None for row in rows)
 
 
 def write_results(path: Path, rows: Sequence[ResultRow]) -> None:

@@ -100,7 +100,7 @@ def render_demo(
             ),
             Section("How much friction each of them bears", budget),
             Section("Are these files what they claim to be?", _check_blocks(policies)),
-            Section("Every number", (results_table(rows), definitions_table())),
+            Section("Every number", (results_table(rows), definitions_table(rows))),
             Section("What was run", run_blocks(summary)),
         ]
     sections.append(Section("Go on from here", (table(["you want to", "command"], NEXT_STEPS),)))

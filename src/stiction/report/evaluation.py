@@ -15,7 +15,7 @@ from stiction.engines.catalog import TIMESTEP
 from stiction.evaluate.metrics import WINDOW
 from stiction.evaluate.table import BOTH, Sample
 from stiction.formats.following import BAND, DEFINITION, FAST, NOT_KNOWN, SLOW, following, paces, row_pace
-from stiction.formats.results import ResultRow, write_results, write_summary
+from stiction.formats.results import ResultRow, tell_slowest_walk, write_results, write_summary
 from stiction.joints.friction import LAWS, has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
 from stiction.report.following import counts_sheet, judged_text, paces_text, shade_following
@@ -39,7 +39,7 @@ from stiction.report.page import (
     settings_table,
     table,
 )
-from stiction.report.terminal import result_cells
+from stiction.report.terminal import SLOWEST_WALK, result_cells
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -142,6 +142,7 @@ UNITS = {
     "friction": "of τ_max",
     "command": "m/s, wz rad/s",
     "speed ratio": "1",
+    SLOWEST_WALK: "1",
     "error": "m/s, of wz rad/s",
     "falls": "% of episodes",
     "jitter": "rad/s²",
@@ -159,6 +160,11 @@ DEFINITIONS = (
         "speed ratio",
         "mean speed along the command over the commanded speed; after a fall the speed counts as zero; in brackets the "
         "slowest and the fastest virtual robot",
+    ),
+    (
+        SLOWEST_WALK,
+        "the same of the slowest single walk, on whatever robot: the pace is that of means over walks, which hide a "
+        "walk that stalls",
     ),
     (
         "pace",
@@ -326,7 +332,7 @@ def sections(
         found.append(Section("Training methods, over their seeds", (methods_table(samples, rows, summary["ways"]),)))
     return [
         *found,
-        Section("Every row", (results_table(rows, summary["rows"]), definitions_table())),
+        Section("Every row", (results_table(rows, summary["rows"]), definitions_table(rows))),
         Section("What was run", run_blocks(summary)),
     ]
 
@@ -390,15 +396,21 @@ def results_table(rows: Sequence[ResultRow], details: Sequence[dict[str, Any]] =
         lines.append(line)
     where = ["engine", "ground"] if _scenes(rows) != [DEFAULT] else []
     course = ["steps passed", "crossed"] if any(row.terrain != "flat" for row in rows) else []
-    measured = [name for name, _ in DEFINITIONS if details or name != MOVING]
+    measured = [name for name, _ in _defined(rows) if details or name != MOVING]
     header = ["policy", *where, "friction", "command", *measured, *course, "episodes"]
     shown = [f"{name} [{UNITS[name]}]" if name in UNITS else name for name in header]
     return table(shown, [[line[name] for name in header] for line in lines], INTERVALS if details else "", grouped=True)
 
 
-def definitions_table() -> Markup:
-    """Return the meaning of every column that every evaluation has."""
-    return table(["column", "meaning"], DEFINITIONS)
+def definitions_table(rows: Sequence[ResultRow]) -> Markup:
+    """Return the meaning of the columns of every evaluation; rows: those of the table."""
+    return table(["column", "meaning"], _defined(rows))
+
+
+def _defined(rows: Sequence[ResultRow]) -> list[tuple[str, str]]:
+    """Return `DEFINITIONS`, without the slowest walk where no row knows it."""
+    told = tell_slowest_walk(rows)
+    return [(name, meaning) for name, meaning in DEFINITIONS if told or name != SLOWEST_WALK]
 
 
 def run_blocks(summary: dict[str, Any]) -> tuple[Markup, ...]:

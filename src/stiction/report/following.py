@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import groupby
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Literal
 
-from stiction.formats.following import DEFINITION, NOT_KNOWN, SLOW, Following, counts_text
-from stiction.formats.results import FOLLOWS
+from stiction.formats.following import DEFINITION, NOT_KNOWN, SLOW, STALLS, Following, counts_text, stalled
+from stiction.formats.results import FOLLOWS, ResultRow
 from stiction.joints.friction import level_text
 from stiction.report.page import COLORS, Sheet
 
@@ -123,6 +123,25 @@ def counts_sheet(cells: Sequence[Following]) -> Sheet:
     )
     note = f"{DEFINITION} Of virtual robots: the slowest..the fastest."
     return Sheet("Seeds that follow", header, tuple(rows), note)
+
+
+MOST_STALLED = 12
+"""Walks that one line names."""
+
+
+def stalled_text(rows: Iterable[ResultRow], name_of: Callable[[ResultRow], str]) -> str:
+    """Say in one line where a seed follows while one of its walks stalls, see `stalled`; empty where none is known.
+
+    name_of: row -> its training method.
+    """
+    found = stalled(rows)
+    said = [
+        f"{name_of(row)}, slowest walk of seed {row.seed} at {level_text(row.friction_law, row.friction_level)}: "
+        f"{row.slowest_walk:.2f}"
+        for row in found[:MOST_STALLED]
+    ]
+    more = [f"{len(found) - MOST_STALLED} more in results.csv"] if len(found) > MOST_STALLED else []
+    return f"Seeds that follow in the mean, a walk of theirs under {STALLS}: {'; '.join(said + more)}." if said else ""
 
 
 def paces_text(found: Sequence[tuple[str, set[str]]]) -> str:

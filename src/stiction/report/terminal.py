@@ -19,7 +19,7 @@ from stiction.core.errors import ConfigurationError, escaped
 from stiction.core.provenance import MOST_THREADS, num_threads
 from stiction.core.records import header, texts
 from stiction.formats.following import row_pace
-from stiction.formats.results import ResultRow
+from stiction.formats.results import ResultRow, tell_slowest_walk
 from stiction.joints.friction import level_text
 
 
@@ -65,10 +65,16 @@ def print_warnings(verb: str, warnings: Sequence[str]) -> None:
 COLUMNS = ("friction", "command", "speed ratio", "pace", "error", "falls", "jitter", "tripod")
 """Main columns of results."""
 
+SLOWEST_WALK = "slowest walk"
+"""One more, where a row has it."""
+
 
 def print_rows(rows: Sequence[ResultRow]) -> None:
     """Print the main columns of results on standard output, a heading and a table for each policy."""
     console, lines = Terminal(), [result_cells(row) for row in rows]
+    columns = list(COLUMNS)
+    if tell_slowest_walk(rows):
+        columns.insert(columns.index("speed ratio") + 1, SLOWEST_WALK)
     for policy in dict.fromkeys(row.policy for row in rows):
         console.print(policy, style="bold", soft_wrap=True, highlight=False)
         table = Table(collapse_padding=True)
@@ -76,14 +82,14 @@ def print_rows(rows: Sequence[ResultRow]) -> None:
         where = [name for name, values in named.items() if len(set(values)) > 1]
         for name in where:
             table.add_column(name, overflow="fold")
-        for name in COLUMNS:
+        for name in columns:
             # On a narrow terminal headings and words fold before commands and numbers do.
             least = 1 if name == "pace" else max(len(line[name]) for line in lines)
             left = name in ("command", "pace")
             table.add_column(name, justify="left" if left else "right", overflow="fold", min_width=least)
         for index, row in enumerate(rows):
             if row.policy == policy:
-                table.add_row(*(named[name][index] for name in where), *(lines[index][name] for name in COLUMNS))
+                table.add_row(*(named[name][index] for name in where), *(lines[index][name] for name in columns))
         console.print(table)
 
 
@@ -93,7 +99,13 @@ def result_cells(row: ResultRow) -> dict[str, str]:
     friction = level_text(row.friction_law, row.friction_level)
     if row.slowest is not None:
         measured["speed ratio"] += f" ({row.slowest:.2f} to {row.fastest:.2f})"
-    return measured | {"friction": friction, "command": row.command, "pace": row_pace(row) or "–"}
+    walk = "–" if row.slowest_walk is None else f"{row.slowest_walk:.2f}"
+    return measured | {
+        "friction": friction,
+        "command": row.command,
+        "pace": row_pace(row) or "–",
+        SLOWEST_WALK: walk,
+    }
 
 
 class StopRequest:

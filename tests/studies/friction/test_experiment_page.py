@@ -116,6 +116,27 @@ def test_every_file_is_written_and_reads_back(tmp_path: Path) -> None:
     assert (out / "tables.md").read_text().startswith("**The paper's sentences**")
 
 
+def test_seeds_that_follow_with_a_walk_that_stalls_are_named(tmp_path: Path) -> None:
+    """The table counts means; under it stands which of the counted seeds had a walk under half of the command."""
+    found = experiment(tmp_path)
+    assert "slowest walk" not in sheets_of(found)["following"].note
+    rows = [replace(row, speed_ratio=abs(row.speed_ratio or 0.0)) for row in found.rows]
+    walks = {"coulomb20-direct-s1/student": 0.284, "coulomb20-none-s2/teacher": 0.45, "coulomb20-none-s0/student": 0.5}
+    rows = [
+        replace(row, speed_ratio=1.0, slowest_walk=walks[row.policy]) if row.policy in walks else row for row in rows
+    ]
+    note = sheets_of(replace(found, rows=rows))["following"].note
+    assert note.endswith(
+        "Seeds that follow in the mean, a walk of theirs under 0.5: trained with 16 to 24 % (direct), student, slowest "
+        "walk of seed 1 at 0 %: 0.28; trained with 16 to 24 % (direct), student, slowest walk of seed 1 at 20 %: 0.28; "
+        "trained without friction (none), teacher, slowest walk of seed 2 at 0 %: 0.45; trained without friction "
+        "(none), teacher, slowest walk of seed 2 at 20 %: 0.45."
+    )
+    assert "\n" not in note
+    everywhere = [replace(row, speed_ratio=1.0, slowest_walk=0.1) for row in rows]
+    assert sheets_of(replace(found, rows=everywhere))["following"].note.endswith("; 24 more in results.csv.")
+
+
 def test_many_ways_to_train_have_a_panel_each(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Eleven designs in one pair of axes, with a legend over them, could not be told apart."""
     found = experiment(tmp_path, seeds=2)

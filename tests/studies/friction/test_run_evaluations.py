@@ -1,7 +1,7 @@
 """Evaluation of runs: what is asked of each, what is kept, and what is read again."""
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from importlib.resources import files
 from pathlib import Path
 from types import SimpleNamespace
@@ -77,6 +77,21 @@ def edited(task: Task, **changes: object) -> str:
     key = task.key
     file.write_text(text)
     return key
+
+
+def test_an_evaluation_of_before_the_slowest_walk_is_read(tmp_path: Path, walked: list) -> None:
+    """What took hours is not walked again for a column, nor refused for the lack of one."""
+    task = tasks(tmp_path)[0]
+    old = [
+        {
+            name: value
+            for name, value in asdict(row("toy-s0/student", 0.2, "vx=0.5", 0.9)).items()
+            if "slowest" not in name
+        }
+    ]
+    cache.cached(task.cache, task.who, task.key, lambda: {"rows": old})
+    (found,), failed = evaluate_tasks([task], 1)
+    assert (found.speed_ratio, found.slowest_walk, failed, walked) == (0.9, None, {}, [])
 
 
 def test_runs_with_the_same_weights_that_walk_differently_have_different_keys(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from stiction.evaluate.command import parse_command
 from stiction.formats.following import BAND, DEFINITION, SLOW
 from stiction.formats.results import DIRECTIONS, ResultRow
 from stiction.joints.friction import level_axis, level_number
-from stiction.report.following import changes_sheet, shade_following
+from stiction.report.following import changes_sheet, shade_following, stalled_text
 from stiction.report.page import (
     COLORS,
     INK,
@@ -280,7 +280,11 @@ def following_sheet(experiment: Experiment, conditions: Sequence[str]) -> Sheet:
     tried = {cell.method for cell in own}
     rows = [(text, *(at.get((name, level), "–") for level in levels)) for name, text in names.items() if name in tried]
     header = ("seeds that follow at friction [of τ_max]", *(f"{100 * level:g} %" for level in levels))
-    return Sheet("How many training seeds follow", header, tuple(rows), DEFINITION)
+    walked = {
+        row: name for name in names for row in rows_of(experiment, *name.split("/")) if row.friction_level in levels
+    }
+    note = f"{DEFINITION} {stalled_text(walked, lambda row: names[walked[row]])}".rstrip()
+    return Sheet("How many training seeds follow", header, tuple(rows), note)
 
 
 def part_sheet(experiment: Experiment, part: str) -> Sheet:
