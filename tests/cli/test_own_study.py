@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from stiction.cli.main import main
-from stiction.cli.study import find_study, study_names
+from stiction.cli.study import ALSO, find_study, study_names
 from stiction.core.records import column
 from stiction.formats.bundle import read_bundle, shipped_bundles
 from stiction.studies.claims import Verdict
@@ -135,6 +135,20 @@ def test_every_folder_of_studies_is_a_study(capsys: pytest.CaptureFixture) -> No
     with pytest.raises(SystemExit, match="2"):
         main(["study", "gayt"])
     assert "unknown study 'gayt'; did you mean 'gait'?" in capsys.readouterr().err
+
+
+def test_a_study_has_another_name_that_its_one_line_of_the_help_says(capsys: pytest.CaptureFixture) -> None:
+    """Two lines would read as two experiments; a name that no line says would never be typed."""
+    assert main(["study", "--help"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert not set(ALSO) & set(study_names()) and set(ALSO.values()) <= set(study_names())
+    for other, name in ALSO.items():
+        (line,) = [line for line in lines if f"`stiction study {other}`" in line]
+        assert line.split()[0] == name and find_study(other) is find_study(name)
+        assert not any(line.split()[:1] == [other] for line in lines)
+    with pytest.raises(SystemExit, match="2"):
+        main(["study", "trainning"])
+    assert "unknown study 'trainning'; did you mean 'training'?" in capsys.readouterr().err
 
 
 def test_a_study_connects_to_its_cluster_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -113,11 +113,15 @@ def test_listing_begins_nothing(small: None, tmp_path: Path, capsys: pytest.Capt
     listed = capsys.readouterr().out
     assert listed.startswith("missing        0%  not measured  stiction train --preset two-phase --robot go1")
     assert re.search(r"(\d+) runs, of up to \d+ seeds; \1 are missing, some 0.0 hours of one core", listed)
-    assert main(["study", "friction", "--plan", "--runs", str(tmp_path)]) == 0
-    assert capsys.readouterr().out == listed
+    for name in ("friction", "training"):
+        assert main(["study", name, "--plan", "--runs", str(tmp_path)]) == 0
+        assert capsys.readouterr().out == listed
     assert main(["study", "friction", "--runs", str(tmp_path / "nosuch"), "--out", str(tmp_path / "out")]) == 1
     assert "is finished; train them with --train" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
     assert main(["study", "friction", "--parts", "7"]) == 1
     assert "unknown part '7'" in capsys.readouterr().err
+    # By either name it is one study, which reads the folders of the other.
+    assert main(["study", "training", "--parts", "7"]) == 1
+    assert capsys.readouterr().err.startswith("stiction study: unknown part '7'")
     assert main(["study", "friction", "--jobs", "0"]) == 1

@@ -20,19 +20,23 @@ One of your own is `package.module:STUDY`, anywhere on the Python path.
 """
 
 
+ALSO = {"training": "friction"}
+"""Another name that people look for -> the study, whose question says so too."""
+
+
 def study_names() -> list[str]:
     """Return the names of the studies: the folders of `stiction.studies`, each with a `study.py` that has a `STUDY`."""
     return [module.name for module in pkgutil.iter_modules(stiction.studies.__path__) if module.ispkg]
 
 
 def find_study(name: str) -> Study:
-    """Return the study called `name`, or the one at `package.module:VARIABLE`.
+    """Return the study called `name`, or also so, or the one at `package.module:VARIABLE`.
 
     Raises:
         ConfigurationError: there is no such module, or it holds no study.
 
     """
-    found = find_named("study", name if ":" in name else f"stiction.studies.{name}.study:STUDY")
+    found = find_named("study", name if ":" in name else f"stiction.studies.{ALSO.get(name, name)}.study:STUDY")
     if not isinstance(found, Study):
         raise ConfigurationError(f"study {name!r} is a {type(found).__name__}; expected a Study")
     return found
@@ -50,10 +54,11 @@ def main(arguments: list[str]) -> int:
     if name in ("-h", "--help"):
         print(overview(), end="")
         return 0
-    names = study_names()
+    names = sorted([*study_names(), *ALSO])
     if name not in names and ":" not in name:
         if name:
             refuse("stiction study", unknown_name("study", name, names))
         print(overview().rstrip(), file=sys.stderr)
         return 2
-    return find_study(name).main(arguments[1:], f"study {name}")
+    # Its results are those of the one name: a folder that was written under the other goes on.
+    return find_study(name).main(arguments[1:], f"study {ALSO.get(name, name)}")

@@ -1,4 +1,4 @@
-"""`stiction study friction`: trains, evaluates and judges the training methods under dry friction."""
+"""`stiction study friction`, and `study training`: trains, evaluates and judges training methods under dry friction."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 DESCRIPTION = """The experiment on training with dry friction: every run of its manifest, and what follows from them.
 
 `stiction study friction --train` trains what is missing, goes on with what was interrupted, and then evaluates;
-without --train it evaluates what is finished. Stop it at any time: nothing is done twice.
+without --train it evaluates what is finished. Stop it at any time: nothing is done twice. `stiction study training` is
+the same.
 
 Examples:
   stiction study friction --preset quick --parts 1 --train --runs runs --out friction
@@ -168,7 +169,8 @@ def print_runs(planned: Sequence[PlannedRun], states: Mapping[str, str]) -> None
 
 
 STUDY = Study(
-    "which training method works under joint friction, and at how much of it; a verdict a claim",
+    "which training method works under joint friction, and at how much of it; a verdict a claim; the same as "
+    "`stiction study training`",
     DESCRIPTION,
     FrictionOptions,
     run,
