@@ -226,10 +226,21 @@ def forward_walks(
 
 def _fed_its_level(walk: Walk, law: str, spec: Robot) -> Walk:
     """Return a walk of the data sheet's robot with the friction of its level fed forward."""
-    level = float(walk.level)
+    friction, load = fed_at_level(law, float(walk.level), spec.joint_values("torque_limit"))
+    forward_load = None if load is None else tuple(load.tolist())
+    return replace(walk, forward=tuple(friction.tolist()), forward_load=forward_load)
+
+
+def fed_at_level(law: str, level: Any, torque_limit: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return f [N m] and c [1] of every joint that are fed forward where its friction is a level of a law.
+
+    Of `LOAD_LAW` the level is c, and there is no friction without the motor's torque; else it is a fraction of the
+    torque limit, and there is no c. level: a number, or of shape (..., 1); torque_limit: [N m], shape (J,).
+    """
     if law == LOAD_LAW:
-        return replace(walk, forward=(0.0,) * spec.num_joints, forward_load=(level,) * spec.num_joints)
-    return replace(walk, forward=tuple((level * spec.joint_values("torque_limit")).tolist()))
+        load = level * np.ones_like(torque_limit)
+        return np.zeros_like(load), load
+    return level * torque_limit, None
 
 
 def _fed_from_bench(walk: Walk, fed: Fed) -> Walk:

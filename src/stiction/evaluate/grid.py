@@ -12,7 +12,7 @@ from stiction.engines.catalog import ENGINES, EngineSpec, find_engine
 from stiction.evaluate.course import parse_course
 from stiction.evaluate.evaluate import EvaluationCfg
 from stiction.evaluate.methods import fed_suffix
-from stiction.joints.compensation import LOAD_LAW, parse_compensation
+from stiction.joints.compensation import LOAD_LAW, Compensation, parse_compensation
 from stiction.joints.friction import Law, has_coefficient
 from stiction.virtual.cases import CELLS, FIRST_REPORTED, Case, Level, factorial, parse_levels, reported
 
@@ -75,6 +75,16 @@ def parse_simulator(text: str) -> Simulator:
     return Simulator(engine, cell if plus else None)
 
 
+def check_fed_law(law: str, ways: Sequence[Compensation]) -> None:
+    """Raise `ConfigurationError` where one of the ways cannot feed the friction of a law at its level."""
+    unfed = [way.label for way in ways if law != LOAD_LAW or not way.feeds_load]
+    if has_coefficient(law) and unfed:
+        raise ConfigurationError(
+            f"friction fed forward by {' '.join(unfed)} under the law {law}: it has a coefficient and no torque that "
+            f"could be fed; expected coulomb or stribeck, or {LOAD_LAW} by reference or measured alone"
+        )
+
+
 @dataclass(frozen=True)
 class GridCfg:
     """The conditions under which every policy is evaluated."""
@@ -133,13 +143,8 @@ class GridCfg:
             return
         if self.base.action_delay:
             raise ConfigurationError("friction fed forward with an action delay: give one of the two")
-        law = self.base.law.name
-        fed = law == LOAD_LAW and all(way.feeds_load for way in ways)
-        if has_coefficient(law) and not fed and any(each.cell is None for each in self.simulators):
-            raise ConfigurationError(
-                f"friction fed forward by {' '.join(self.forward_by)} under the law {law}: it has a coefficient and no "
-                f"torque that could be fed; expected coulomb or stribeck, or {LOAD_LAW} by reference or measured alone"
-            )
+        if any(each.cell is None for each in self.simulators):
+            check_fed_law(self.base.law.name, ways)
 
     @property
     def simulators(self) -> tuple[Simulator, ...]:

@@ -33,7 +33,8 @@ def report(
     """Return the tables and the page. walks: rows of results.csv; summary: what summary.json has beside the rows."""
     rows = [from_plain(ResultRow, dict(row), "a walk of before") for row in walks]
     who = followed(rows)
-    note = f"Speed reached over commanded, forward / backward; * it follows. {DEFINITION}"
+    law = ", ".join(dict.fromkeys(row.friction_law for row in rows))
+    note = f"Speed reached over commanded, forward / backward; * it follows. Law of the friction: {law}. {DEFINITION}"
     sections = [
         Section("Who follows", (level_table(who), paragraph(note))),
         Section("Every pair of a policy and a friction", (fold("Every row", [row_table(who, grouped=True)]),)),
@@ -70,13 +71,13 @@ def follows(row: Followed) -> bool:
 
 def level_table(rows: Sequence[Followed]) -> Any:
     """Return the speeds of each policy and way, a column for each friction."""
-    levels = sorted({row.friction_level for row in rows})
+    levels = {row.friction_level: _level(row) for row in sorted(rows, key=lambda row: row.friction_level)}
     cells: dict[tuple[str, str], dict[float, str]] = {}
     for row in rows:
         text = f"{row.forward:.2f} / {row.backward:.2f}{' *' if follows(row) else ''}"
         cells.setdefault(way_of(row.policy), {})[row.friction_level] = text
     lines = [[*way, *(found.get(level, "–") for level in levels)] for way, found in cells.items()]
-    header = ["policy", "friction fed forward", *(f"{level_text('coulomb', level)} friction [1]" for level in levels)]
+    header = ["policy", "friction fed forward", *(f"{level} friction [1]" for level in levels.values())]
     return table(header, lines, grouped=True)
 
 
@@ -121,4 +122,9 @@ def standing_table(rows: Sequence[Standing]) -> Any:
 
 def _where(rows: Sequence[Followed]) -> str:
     """Return at which of the frictions that were tried something follows, in words."""
-    return places_text({level_text("coulomb", row.friction_level): follows(row) for row in rows})
+    return places_text({_level(row): follows(row) for row in rows})
+
+
+def _level(row: Followed) -> str:
+    """Return the friction of a row in words."""
+    return level_text(row.friction_law, row.friction_level)

@@ -101,7 +101,10 @@ def stand(
 
 
 def stand_by(engine: str, seed: int, level: str, spec: Robot, compensation: Compensation | None) -> Standing:
-    """Return how a virtual robot stands whose friction in motion is known. Arguments as of `stand` and `Standing`."""
+    """Return how a virtual robot stands whose friction in motion is known. Arguments as of `stand` and `Standing`.
+
+    Of a level such as `0.2+0.02` the load's part is not fed: its coefficient is of forces that no motor knows.
+    """
     case = Case(seed, "all", parse_level(level))
     friction = case.level.coulomb(spec) * case.robot(draw(spec, seed)).friction.share
     found = stand(case, World(partial(make_engine, engine)), spec, friction, compensation)

@@ -53,7 +53,11 @@ class CompensationOptions(ParallelOptions, RedrawnOptions):
     ways: tuple[str, ...] = WAYS
     """How friction is fed forward while robots walk, and which share of it."""
     friction_levels: tuple[float, ...] = (0.0, 0.1, 0.2, 0.3)
-    """Dry friction as fractions of each joint's torque limit [-]; at 0 there is nothing to feed forward."""
+    """Dry friction as fractions of each joint's torque limit [-], of `effort` its coefficient; at 0 there is nothing to
+    feed forward."""
+    friction_law: str = "coulomb"
+    """Law of the dry friction while robots walk. That of `effort` grows with the motor's torque: give `--ways` without
+    `error`, which feeds none of it. Virtual robots that stand still have a law of their own."""
     commands: tuple[str, ...] = DIRECTIONS
     """Commanded velocities; with stand the page shows how much joints shake then."""
     episodes: int = 16
@@ -86,6 +90,7 @@ def run(options: CompensationOptions, work: Work) -> Report:
     from stiction.core.records import part_of
     from stiction.deploy.check import robot_of
     from stiction.evaluate.evaluate import EvaluationCfg
+    from stiction.evaluate.grid import check_fed_law
     from stiction.evaluate.methods import method_of
     from stiction.evaluate.summary import describe
     from stiction.studies.compensation.page import report
@@ -94,7 +99,9 @@ def run(options: CompensationOptions, work: Work) -> Report:
     from stiction.virtual.cases import parse_levels, warnings_on
 
     cfg = part_of(EvaluationCfg, options)
-    ways = [None, *map(parse_compensation, options.ways)]
+    fed_ways = [*map(parse_compensation, options.ways)]
+    check_fed_law(cfg.friction_law, fed_ways)
+    ways = [None, *fed_ways]
     stand_ways = [None, *map(parse_compensation, options.standing)] if options.standing else []
     parse_levels(options.robot_levels)
     bundles = work.bundles(options.policies)

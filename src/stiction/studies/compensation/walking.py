@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-from stiction.core.records import column
+from stiction.core.records import LATER, column
+from stiction.evaluate.benches import fed_at_level
 from stiction.evaluate.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.evaluate.methods import fed_suffix
-from stiction.evaluate.rollout import friction_at
 from stiction.formats.bundle import Bundle
 from stiction.formats.following import pace, worst
 from stiction.formats.results import ResultRow
@@ -17,11 +17,16 @@ from stiction.joints.compensation import Compensation
 
 
 def walk_by(bundle: Bundle, cfg: EvaluationCfg, compensation: Compensation | None, threads: int) -> dict[str, Any]:
-    """Return `rows`, of results.csv, of a policy at every level and command, with friction fed forward or without."""
+    """Return `rows`, of results.csv, of a policy at every level and command, with friction fed forward or without.
+
+    What is fed is the level's own, as `stiction evaluate --forward` feeds it: see `fed_at_level`.
+    """
     contract, controller, suffix = bundle.contract, None, ""
     if compensation is not None:
-        friction = friction_at(contract, cfg.robot_levels, cfg.law)
-        controller = compensation.controller(friction, contract.physics_timestep, contract.compensation_width)
+        limit = contract.array("torque_limit")
+        friction, load = fed_at_level(cfg.friction_law, cfg.robot_levels[:, None], limit)
+        period, width = contract.physics_timestep, contract.compensation_width
+        controller = compensation.controller(friction, period, width, 0.0 if load is None else load)
         suffix = fed_suffix(compensation)
     rows = evaluate_bundle(bundle, cfg, threads=threads, compensation=controller).rows
     return {"rows": [asdict(replace(r, policy=r.policy + suffix, method=r.method + suffix)) for r in rows]}
@@ -33,8 +38,8 @@ class Followed:
 
     policy: str = field(metadata=column("policy"))
     """Name of the bundle, and how friction was fed forward."""
-    friction_level: float = field(metadata=column("friction", "of τ_max"))
-    """Of every joint, over its torque limit [-]."""
+    friction_level: float = field(metadata=column("friction", "of τ_max, or c"))
+    """Of every joint, over its torque limit, or the coefficient of the law [-]."""
     forward: float = field(metadata=column("forward", "1", form=".2f"))
     """Speed reached over commanded [-]."""
     backward: float = field(metadata=column("backward", "1", form=".2f"))
@@ -45,6 +50,8 @@ class Followed:
     """Share of episodes of both that end in a fall [-]."""
     jitter: float | None = field(metadata=column("joint jitter told to stand [rad/s²]", form=".0f"))
     """Root mean square joint acceleration under the command to stand; None where that was not given."""
+    friction_law: str = field(default="coulomb", metadata=LATER)
+    """Law of the friction."""
 
 
 def followed(rows: Sequence[ResultRow]) -> list[Followed]:
@@ -61,5 +68,6 @@ def followed(rows: Sequence[ResultRow]) -> list[Followed]:
         paces = dict.fromkeys(pace(worst(row.ends or (0.0,))) for row in (ahead, back))
         falls = (ahead.fall_rate + back.fall_rate) / 2.0
         still = by["stand"].joint_jitter if "stand" in by else None
-        found.append(Followed(policy, level, ahead.speed_ratio, back.speed_ratio, ", ".join(paces), falls, still))
+        speeds, law = (ahead.speed_ratio, back.speed_ratio), ahead.friction_law
+        found.append(Followed(policy, level, *speeds, ", ".join(paces), falls, still, law))
     return found
