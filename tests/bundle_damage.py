@@ -186,6 +186,7 @@ def contract_cases() -> Iterator[tuple[str, Change]]:
         "quaternion_order": ["xyzw", ""],
         "compensation": [[0.05] * 11, all_joints(-0.1), all_joints(10.0), all_joints(0.05), 0.05],
         "compensation_width": [0, 100.0, None],
+        "compensation_speeds": [[0.2], [0.2, 0.0], [0.2, 1e9], 0.2, [0.2, "0.3"], [0.2, 0.3, 0.4]],
         "friction_level": [0.3, -1, 1e9, "0.2"],
         "friction_range": [[0.2, 0.1], [-0.1, 0.1], [0, 0.1, 0.2], ["a", "b"], 0.2, [0, 1e9]],
         "friction_law": ["rust", "stribeck", None, 5],

@@ -40,7 +40,7 @@ def mirrored_state(env: LocomotionEnv, mirror: RobotMirror) -> dict[str, Any]:
     draws["center_of_mass"] = draws["center_of_mass"] * torch.tensor([1.0, -1.0, 1.0])
 
     buffers = state["buffers"]
-    for name in ("last_action", "last_velocity", "measured_position"):
+    for name in ("last_action", "last_velocity", "measured_position", "measured_velocity"):
         buffers[name] = signed(buffers[name])
     buffers["air_time"] = buffers["air_time"][:, feet]
 

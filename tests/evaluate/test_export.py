@@ -1,5 +1,6 @@
 """Export: the network survives the way through ONNX, the contract says what was trained, and nothing leaks."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -100,6 +101,25 @@ def test_the_contract_of_a_run_says_what_was_trained() -> None:
         command_range={"forward": (-0.8, 0.8), "sideways": (-0.3, 0.3), "turn": (-0.6, 0.6)},
         settings={"task.friction.level": 0.2},
     )
+
+
+def test_a_run_of_compensation_by_the_error_is_refused(tmp_path: Path) -> None:
+    """Its policy would be exported, or trained on, as one that goes by the speed of the joints."""
+    cfg = TrainCfg(task=TaskCfg(friction=FrictionCfg("compensation", level=0.2)))
+    run = RunDirectory.create(tmp_path / "run", cfg, "stiction train", None)
+    assert run.config() == run.config_to_train() == cfg
+    file = run.path / "config.json"
+    header = json.loads(file.read_text())
+    assert header.pop("compensation") == "measured"
+    file.write_text(json.dumps(header))
+    for read in (run.config, run.config_to_train, lambda: export_run(run.path, tmp_path / "bundle")):
+        with pytest.raises(
+            StictionError, match="run: friction was added by the error, expected by the speed; train it"
+        ):
+            read()
+    header["config"]["task"]["friction"]["method"] = "direct"
+    file.write_text(json.dumps(header))
+    assert run.config().task.friction.method == "direct"
 
 
 def test_contract_and_card_have_the_settings_of_the_training(tmp_path: Path) -> None:

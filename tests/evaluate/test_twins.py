@@ -1,5 +1,6 @@
 """What training computes in torch and what the runtime computes in NumPy are the same numbers."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,9 +8,11 @@ import pytest
 
 from bundles import make_contract
 from stiction.deploy.observation import ObservationBuilder, Sensors
+from stiction.deploy.plausibility import RULES
 from stiction.deploy.policy import Network, load_policy
+from stiction.formats.contract import read_contract
 from stiction.formats.observation import proprioception
-from stiction.locomotion.config import NoiseCfg, TaskCfg
+from stiction.locomotion.config import CommandCfg, NoiseCfg, TaskCfg
 from stiction.rma.config import StudentCfg, TeacherCfg, TrainCfg
 
 torch = pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to train")
@@ -93,13 +96,55 @@ def test_both_twins_are_told_the_same_friction(known: np.ndarray | None) -> None
     np.testing.assert_allclose(frames, np.broadcast_to(5 * np.atleast_2d(expected)[:, None], (2, 11, 3)).clip(0, 5))
 
 
+def test_friction_is_compensated_alike_in_training_and_on_the_robot(tmp_path: Path) -> None:
+    """The task's step, the modules of training, the deployed network and the policy on a machine send one target."""
+    from stiction.deploy.robot_policy import RobotPolicy
+    from stiction.evaluate.export import TrainedPolicy, contract_of, export_policy
+    from stiction.locomotion.env import LocomotionEnv
+    from stiction.locomotion.friction import FrictionCfg
+
+    still = replace(CommandCfg(), standing_share=1.0)
+    task = TaskCfg(robot="go1", noise=SILENT, commands=still, friction=FrictionCfg("compensation", level=0.2))
+    contract = contract_of(TrainCfg(task=task), {"identified": None, "revision": "r", "command": "c"})
+    torch.manual_seed(0)
+    module = torch.nn.Linear(contract.observation.size, contract.num_joints)
+    bundle = export_policy(module, contract, tmp_path / "bundle").bundle
+    own = read_contract(bundle.contract.to_json().encode())
+    deployed = load_policy(own, bundle.policy)
+    on_robot = RobotPolicy(own, load_policy(own, bundle.policy), own.joint_names, dict.fromkeys(RULES, np.inf))
+    trained, env, moved = TrainedPolicy(module, contract), LocomotionEnv(task, 1, 3), []
+    for step in range(20):
+        fleet, command = env.fleet, env.commands.value.double().numpy()
+        offset = env.randomizer.draws.encoder_offset.double().numpy()
+        measured = fleet.joint_position + offset, fleet.joint_velocity.copy()
+        sensors = Sensors(fleet.base_quaternion.copy(), fleet.base_angular_velocity.copy(), *measured)
+        with torch.no_grad():
+            action = module(env.get_observations()["history"])
+        said = trained.step(sensors, command).target
+        alone = Sensors(*(value[0] for value in sensors.arrays().values()))
+        ran = deployed.step(alone, command[0]).target
+        sent = on_robot.step(own.control_period * step, **alone.arrays(), command=command[0]).target
+        _, _, dones, _ = env.step(action)
+        assert not dones.any()
+        for target in (said[0], ran, sent):
+            np.testing.assert_allclose(target, (env.fleet.targets + offset)[0], atol=1e-6)
+        plain = own.array("standing") + own.scale * action.clamp(-5.0, 5.0).double().numpy()[0]
+        moved.append((sent - plain) / own.array("compensation"))
+    # Some joints are stuck, some move, and not all towards their targets.
+    assert np.abs(moved).max() == pytest.approx(1.0, abs=1e-4) and np.abs(moved).min() < 0.5
+
+
 @pytest.mark.parametrize("slow", [None, 0.98])
+@pytest.mark.parametrize("speeds", [None, (0.2, 0.3)])
 @pytest.mark.parametrize("compensation", [None, tuple(np.linspace(0.0, 0.3, 18).tolist())])
-def test_the_twin_forgets_a_robot_that_is_reset(compensation: tuple[float, ...] | None, slow: float | None) -> None:
+def test_the_twin_forgets_a_robot_that_is_reset(
+    compensation: tuple[float, ...] | None, speeds: tuple[float, float] | None, slow: float | None
+) -> None:
     """Over resets of one robot of two, history, last action, slow means and targets agree with the runtime's."""
     from stiction.evaluate.export import TrainedPolicy, export_network
 
-    contract = make_contract(compensation=compensation, observation=proprioception(18, slow_kept=slow))
+    changes = {"compensation": compensation, "compensation_speeds": speeds}
+    contract = make_contract(observation=proprioception(18, slow_kept=slow), **changes)
     module = torch.nn.Linear(contract.observation.size, contract.num_joints)
     model = export_network(module, contract.observation.size)
     twins = TrainedPolicy(module, contract, 2), load_policy(contract, model, (2,))

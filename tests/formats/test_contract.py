@@ -2,12 +2,14 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from bundles import make_contract
 from stiction.core.errors import BundleError, StictionError
 from stiction.formats.contract import Contract, read_contract
 from stiction.formats.observation import proprioception
+from stiction.joints.compensation import compensated
 from stiction.joints.friction import Law
 
 
@@ -36,6 +38,25 @@ def test_a_contract_from_before_actuator_nets_has_none(contract: Contract) -> No
     assert read_contract(json.dumps(data).encode()) == contract
     net = {"name": "net", "sha256": "0" * 64}
     assert read_contract(edited(contract, "actuator", net)).actuator == net
+
+
+def test_a_contract_from_before_speeds_compensates_by_the_error_alone() -> None:
+    """Its policy would walk otherwise than it was trained: at any speed, 0.1 rad from 0.02 rad before the target on."""
+    data = json.loads(make_contract(compensation=(0.1,) * 18, compensation_width=0.02).to_json())
+    del data["compensation_speeds"]
+    push = read_contract(json.dumps(data).encode()).push
+    position, velocity = np.zeros(3), np.array([0.0, 5.0, -5.0])
+    np.testing.assert_allclose(compensated(np.full(3, 0.5), position, velocity, 0.1, push), 0.6, atol=1e-12)
+    np.testing.assert_allclose(compensated(np.full(3, 0.01), position, velocity, 0.1, push), 0.06, atol=1e-12)
+
+
+def test_a_contract_with_speeds_compensates_by_them(contract: Contract) -> None:
+    """Half of v_s alone, far from v_f, is half of 0.1 rad; a joint at rest goes by the width of the contract."""
+    made = make_contract(compensation=(0.1,) * 18, compensation_width=0.02, compensation_speeds=(4.0, 0.1))
+    push = read_contract(made.to_json().encode()).push
+    moved = compensated(np.array([0.5, 0.01]), np.zeros(2), np.array([2.0, 0.0]), 0.1, push)
+    np.testing.assert_allclose(moved, [0.55, 0.06], atol=1e-12)
+    assert contract.compensation_speeds is None
 
 
 @pytest.mark.parametrize(
@@ -75,6 +96,9 @@ def test_a_contract_from_before_actuator_nets_has_none(contract: Contract) -> No
         ("compensation", [0.1] * 17),
         ("compensation", [-0.1] * 18),
         ("compensation_width", 0),
+        ("compensation_speeds", [0.2]),
+        ("compensation_speeds", [0.2, 0.0]),
+        ("compensation_speeds", 0.2),
         ("observation", []),
     ],
 )

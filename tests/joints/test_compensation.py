@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import exp
+from math import exp, inf
 
 import numpy as np
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.joints.compensation import Compensation, PushCfg, parse_compensation, push_direction
+from stiction.joints.compensation import Compensation, PushCfg, compensated, parse_compensation, push_direction
 
 CFG = PushCfg(slow=0.2, smoothing=0.04, width=0.05, fade=0.3)
 
@@ -22,8 +22,29 @@ def test_the_direction_by_hand() -> None:
 
 def test_the_push_of_a_stuck_joint_fades_when_it_moves() -> None:
     """At v_f to 37 %, at three times that to 0.01 %: a moving joint has no sign of the error pressed upon it."""
-    found = push_direction(0.0, 1.0, np.array([0.0, 0.3, -0.3, 0.9]), CFG)
+    found = push_direction(np.zeros(4), np.ones(4), np.array([0.0, 0.3, -0.3, 0.9]), CFG)
     np.testing.assert_allclose(found, [1.0, exp(-1), exp(-1), exp(-9)])
+
+
+def test_a_target_is_moved_on_by_hand() -> None:
+    """0.1 rad at most: stuck 0.02 rad beside its target 40 % of it; at 0.1 rad/s half, and e^-1/9 of 40 % against it;
+    at 3 rad/s all of it in the direction of motion, wherever the target is. In NumPy and in torch.
+    """
+    torch = pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed")
+    target, position = np.array([0.52, 0.48, 0.7, 0.3]), np.full(4, 0.5)
+    velocity = np.array([0.0, 0.1, 3.0, 3.0])
+    moved = 0.1 * np.array([0.4, 0.5 - 0.4 * exp(-1 / 9), 1.0, 1.0])
+    np.testing.assert_allclose(compensated(target, position, velocity, 0.1, CFG), target + moved, atol=1e-15)
+    tensors = map(torch.from_numpy, (target, position, velocity))
+    np.testing.assert_allclose(compensated(*tensors, 0.1, CFG), target + moved, atol=1e-15)
+
+
+def test_without_speeds_a_target_is_moved_on_by_the_error_alone() -> None:
+    """Policies from before the speed was asked would walk otherwise: a + f/kp sat((a - θ)/width), to the last bit."""
+    target, position, velocity = np.random.default_rng(0).normal(0.0, 0.1, (3, 500))
+    old = target + 0.1 * np.clip((target - position) / 0.03, -1.0, 1.0)
+    alone = PushCfg(slow=inf, width=0.03, fade=inf)
+    np.testing.assert_array_equal(compensated(target, position, 100.0 * velocity, 0.1, alone), old)
 
 
 def test_the_speed_of_a_target_that_jumps_is_its_low_pass() -> None:
@@ -98,7 +119,8 @@ def test_a_way_that_is_none_is_refused(text: str, message: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["slow", "smoothing", "width", "fade"])
-def test_settings_that_are_none_are_refused(name: str) -> None:
+@pytest.mark.parametrize("value", [0.0, -1.0, float("nan")])
+def test_settings_that_are_none_are_refused(name: str, value: float) -> None:
     """A width of zero would divide by it far from its cause."""
     with pytest.raises(StictionError, match="four positive numbers"):
-        PushCfg(**{name: 0.0})
+        PushCfg(**{name: value})

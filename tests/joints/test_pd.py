@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.joints.pd import PDGains, compensated, fed_forward, pd_torque
+from stiction.joints.pd import PDGains, fed_forward, pd_torque
 
 
 def test_torque_by_hand() -> None:
@@ -33,4 +33,3 @@ def test_friction_is_fed_forward_in_the_direction_of_the_target() -> None:
     ahead = np.array([0.02, 0.0, 0.3, -0.3, -0.01])
     np.testing.assert_allclose(fed_forward(0.1 + ahead, 0.1, 2.0), [0.8, 0.0, 2.0, -2.0, -0.4], atol=1e-12)
     np.testing.assert_allclose(fed_forward(0.1 + ahead, 0.1, 2.0, width=0.02), [2.0, 0.0, 2.0, -2.0, -1.0], atol=1e-12)
-    np.testing.assert_allclose(compensated(np.array(0.02), 0.0, 0.1), 0.02 + 0.1 * 0.4)

@@ -8,7 +8,7 @@ from stiction.core.errors import StictionError
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import Policy
 from stiction.evaluate.export import contract_of
-from stiction.joints.pd import compensated
+from stiction.joints.compensation import BY_SPEED
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
@@ -69,30 +69,26 @@ def test_a_new_stage_draws_friction_and_nothing_else() -> None:
     assert share.min() >= 0.4 and share.max() <= 0.6
 
 
-def test_compensation_by_hand() -> None:
-    """f/kp = 0.1 rad: all of it from 0.05 rad on, 40 % at 0.02 rad, towards the target; nothing at the target."""
-    target = np.array([0.3, -0.3, 0.02, 0.0])
-    moved = compensated(target, np.zeros(4), 0.1)
-    np.testing.assert_allclose(moved, [0.4, -0.4, 0.06, 0.0])
-    np.testing.assert_allclose(compensated(torch.tensor(target), torch.zeros(4), 0.1), moved)
-
-
 def test_the_task_compensates_as_the_robot_does() -> None:
-    """From the same measured angle, noise and offset of the encoder in it, and by the same f/kp: 0.2 τ_max / kp."""
+    """From the angle and speed that both measure, noise and offset of the encoder in them, by 0.75 · 0.2 τ_max / kp."""
     cfg = TaskCfg(robot="go1", friction=FrictionCfg("compensation", level=0.2))
     env = LocomotionEnv(cfg, 4, 0)
     contract = contract_of(TrainCfg(task=cfg), {"identified": None, "revision": "r", "command": "c"})
-    np.testing.assert_allclose(contract.array("compensation"), 0.2 * env.fleet.torque_limit / contract.array("kp"))
+    np.testing.assert_allclose(contract.array("compensation"), 0.15 * env.fleet.torque_limit / contract.array("kp"))
+    assert contract.push == BY_SPEED.push and contract.compensation_speeds == (0.2, 0.3)
     generator = np.random.default_rng(0)
     action = generator.uniform(-1.0, 1.0, (4, 12)).astype(np.float32)
     policy, rates = Policy(contract, lambda observation: action, (4,)), np.zeros((4, 3))
     for _ in range(5):
         upright = np.tile([1.0, 0.0, 0.0, 0.0], (4, 1))
-        sensors = Sensors(upright, rates, env.measured_position.double().numpy(), np.zeros((4, 12)))
-        target = policy.step(sensors, rates).target
+        measured = env.measured_position.double().numpy(), env.measured_velocity.double().numpy()
+        # The newest frame ends with angles, speeds, last action, and 1 for padding; 0.05 is the scale of speeds.
+        seen = env.get_observations()["proprioception"].double().numpy()[:, 22:34]
+        np.testing.assert_allclose(seen, 0.05 * measured[1], atol=1e-6)
+        target = policy.step(Sensors(upright, rates, *measured), rates).target
         env.step(torch.from_numpy(action))
         sent = env.fleet.targets + env.randomizer.draws.encoder_offset.numpy()
-        np.testing.assert_allclose(sent, target, atol=1e-5)
+        np.testing.assert_allclose(sent, target, atol=1e-6)
         assert np.abs(target - contract.array("standing") - contract.action_scale * action).max() > 0.05
 
 

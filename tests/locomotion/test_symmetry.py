@@ -290,6 +290,23 @@ def test_sliders_of_training_commute_as_far_as_their_solver_comes(robot: str) ->
     assert wrong > 10 * few
 
 
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_compensation_commutes(robot: str) -> None:
+    """The mirrored robot's targets are the mirror's, with friction in them by the angles and speeds it has measured."""
+    env = make(robot, friction=FrictionCfg("compensation", level=0.1, per="joint"))
+    mirror = robot_mirror(env.spec)
+    actions = walked(env)
+    other = LocomotionEnv(env.cfg, NUM, seed=1)
+    other.load_state(mirrored_state(env, mirror))
+    env.step(actions)
+    other.step(task_mirror(env).action(actions))
+    moved = env.fleet.targets - (env.standing + env.action_scale * actions).numpy()
+    assert (np.abs(moved).max(0) > 0.5 * env.compensation.numpy()).all()
+    images = env.fleet.targets[:, mirror.joints] * mirror.sign
+    np.testing.assert_allclose(other.fleet.targets, images, atol=1e-6)
+    check_commuting(env, mirror)
+
+
 def test_an_actuator_net_commutes() -> None:
     """One for each kind of joint knows no left and right; its past and its targets are mirrored with the robot."""
     env = LocomotionEnv(make("saturn_lite").cfg, NUM, seed=1, actuator=pd_net())
@@ -364,7 +381,7 @@ def test_compensation_that_differs_from_left_to_right_is_refused() -> None:
     task_mirror(LocomotionEnv(cfg, NUM, seed=1, identified={"frictionloss": friction}))
     friction[4] = 0.5
     env = LocomotionEnv(cfg, NUM, seed=1, identified={"frictionloss": friction})
-    with pytest.raises(StictionError, match=r"compensation adds 0.0025 rad to joint 'FR_thigh_joint' and 0.0125"):
+    with pytest.raises(StictionError, match=r"compensation adds 0.001875 rad to joint 'FR_thigh_joint' and 0.009375"):
         task_mirror(env)
 
 

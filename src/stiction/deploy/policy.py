@@ -13,7 +13,7 @@ from stiction.deploy.observation import ObservationBuilder, Sensors
 from stiction.deploy.operators import check_network
 from stiction.deploy.silent import onnxruntime
 from stiction.formats.contract import Contract
-from stiction.joints.pd import compensated
+from stiction.joints.compensation import compensated
 
 INPUT, OUTPUT = "observation", "action"
 """Names of the network's one input and one output."""
@@ -171,8 +171,8 @@ class Policy:
         self._last_action = action.copy()
         target = self._standing + self._scale * action.astype(np.float64)
         if self.contract.compensation is not None:
-            angle = self.contract.array("compensation")
-            target = compensated(target, sensors.joint_position, angle, self.contract.compensation_width)
+            angle, push = self.contract.array("compensation"), self.contract.push
+            target = compensated(target, sensors.joint_position, sensors.joint_velocity, angle, push)
         return PolicyStep(observation, action, target)
 
 

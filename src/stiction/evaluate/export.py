@@ -36,8 +36,8 @@ from stiction.formats.joints import load_joints
 from stiction.formats.known_friction import TERM, bench_friction, known_friction_text
 from stiction.formats.velocity import COMMANDS
 from stiction.formats.wear import WearModel, read_wear
+from stiction.joints.compensation import BY_SPEED, compensated
 from stiction.joints.friction import LAWS, has_coefficient, level_text
-from stiction.joints.pd import COMPENSATION_WIDTH, compensated
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import to_tensor
 from stiction.locomotion.observations import FrameBuilder, History, SlowMeans, roll_pitch
@@ -250,6 +250,7 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         units = 1.0 if has_coefficient(law.name) else spec.joint_values("torque_limit")
         level = float((joints.frictionloss / units).mean())
     low, high = task.friction.last.range
+    angle, push = friction_angle(task.friction, joints, spec), BY_SPEED.push
 
     def of_joints(name: str) -> tuple[float, ...]:
         return tuple(spec.joint_values(name).tolist())
@@ -284,8 +285,9 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         action_scale=spec.action_scale if isinstance(spec.action_scale, float) else tuple(spec.action_scale.tolist()),
         anatomy=spec,
         action_clip=task.action_clip,
-        compensation=friction_angle(task.friction, joints, spec),
-        compensation_width=COMPENSATION_WIDTH,
+        compensation=angle,
+        compensation_width=push.width,
+        compensation_speeds=None if angle is None else (push.slow, push.fade),
         command_range=_command_range(task),
         revision=str(header["revision"]),
         command=_without_folders(str(header["command"])),
@@ -458,7 +460,7 @@ class TrainedPolicy:
         target = self._standing + self._scale * action
         if contract.compensation is not None:
             angle = to_tensor(contract.array("compensation"))
-            target = compensated(target, raw["joint_position"], angle, contract.compensation_width)
+            target = compensated(target, raw["joint_position"], raw["joint_velocity"], angle, contract.push)
         # A copy: `reset` writes zeros into it, and the step that is handed out shares the other's memory.
         self._last_action = action.clone()
         return PolicyStep(observation.numpy(), action.numpy(), target.double().numpy())

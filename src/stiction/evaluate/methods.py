@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from stiction.formats.contract import Contract
 from stiction.formats.contract_rules import IMPORTED, JOINT_DISTURBERS
-from stiction.joints.compensation import SHARES, By, Compensation
+from stiction.joints.compensation import BY_SPEED, SHARES, By, Compensation
 
 FORWARD = "+forward"
 """Behind the names of policy and method: with friction fed forward by the position error."""
@@ -64,6 +64,9 @@ WITH_FRICTION = "-friction"
 
 _PUSHED = [names for kind, names in HINF.items() if kind not in JOINT_DISTURBERS]
 
+COMPENSATION_BY_ERROR = "compensation-error"
+"""Method of policies of `compensation` from before it went by the speed of the joints; none is trained any more."""
+
 BEHIND_GEAR = "actuator-output"
 """Method of policies trained through an Actuator Net of torque behind the gear, as in the paper."""
 
@@ -80,7 +83,9 @@ METHODS = {
     KNOWN_FRICTION: "friction-aware, and told the friction of each kind of joint, as a bench identifies it",
     "direct": "friction within 0.8 to 1.2 of the nominal one",
     "point": "one value of friction and no range: each joint's as identified on the bench of a robot of the same kind",
-    "compensation": "nominal friction added to the command, in training and after",
+    "compensation": f"{BY_SPEED.share:g} of the nominal friction added to the command, in training and after, by the "
+    "measured speed, and by the error while stuck",
+    COMPENSATION_BY_ERROR: "all of the nominal friction added to the command, in training and after, by the error",
     "finetune": "trained without friction, then with all of it at once",
     "iterative": "trained without friction, then with more in steps",
     DREAMWAQ: "DreamWaQ: a code of the history in place of teacher and student; conventional randomisation, without "
@@ -108,4 +113,6 @@ def method_of(contract: Contract) -> str:
         return f"{name}{WITH_FRICTION}" if high > 0.0 and contract.disturber not in JOINT_DISTURBERS else name
     if contract.method == DREAMWAQ and high > 0.0:
         return DREAMWAQ_FRICTION
+    if contract.compensation is not None and contract.compensation_speeds is None:
+        return COMPENSATION_BY_ERROR
     return "point" if contract.method == "direct" and low == high else contract.method

@@ -34,6 +34,7 @@ from stiction.formats.contract_rules import (
 from stiction.formats.known_friction import TERM
 from stiction.formats.observation import ObservationLayout
 from stiction.formats.plain import build, is_integer, parse_object
+from stiction.joints.compensation import PushCfg
 from stiction.joints.friction import LAWS, Law, has_coefficient, simulated_laws
 from stiction.robots.model import Robot
 from stiction.robots.record import robot_from
@@ -46,7 +47,7 @@ MOST_JOINTS = 256
 
 _SINCE_2 = (
     *("stribeck", "actuator", "known_friction", "known_friction_file", "phases", "anatomy", "command_range"),
-    *("imported", "friction_load", "friction_spread", "disturber", "torque_source", "settings"),
+    *("imported", "friction_load", "friction_spread", "disturber", "torque_source", "settings", "compensation_speeds"),
 )
 
 LATER = {"compensation": 1, "compensation_width": 1} | dict.fromkeys(_SINCE_2, 2)
@@ -121,8 +122,10 @@ class Contract:
     quaternion_order: str = "wxyz"
     """Order of the entries of the orientation; only `wxyz` is known."""
     compensation: tuple[float, ...] | None = None
-    """How far the runtime moves each target on in the direction of motion, f/kp [rad], or None. The target is then
-    a + compensation * clip((a - position) / compensation_width, -1, 1), from the measured position."""
+    """How far the runtime moves each target on at most, the compensated share of f over kp [rad], or None. The target
+    is then a + compensation * clip(clip(v / v_s, -1, 1) + exp(-(v / v_f)^2) * e, -1, 1) with v_s and v_f of
+    `compensation_speeds` and e = clip((a - position) / compensation_width, -1, 1), position and speed v as measured.
+    Without those speeds it is a + compensation * e."""
     stribeck: tuple[float, float] | None = None
     """Of a law with these numbers, `stribeck`: friction at rest over friction in motion [1], and the speed v_s [rad/s];
     else None."""
@@ -161,7 +164,10 @@ class Contract:
     `teacher.quiet`: 30; numbers, texts, or lists of them. With the seed they tell one training from another, beside
     `robot`, `joints_file` and `actuator`. None: the bundle is older than this field, or was trained elsewhere."""
     compensation_width: float = 0.05
-    """Distance of the target at which all of it is added [rad]."""
+    """Distance of the target at which all of it is added [rad]; with speeds, to a joint at rest."""
+    compensation_speeds: tuple[float, float] | None = None
+    """v_s, from which measured speed on all of it is added, and v_f, at which what a joint at rest gets by the error is
+    down to 37 % [rad/s]. None: the speed plays no part; so it is in bundles that are older than this field."""
     schema_version: int = SCHEMA_VERSION
     """Version of this record."""
 
@@ -196,6 +202,12 @@ class Contract:
     def law(self) -> Law:
         """Law of the joint friction in training."""
         return Law(self.friction_law) if self.stribeck is None else Law(self.friction_law, *self.stribeck)
+
+    @property
+    def push(self) -> PushCfg:
+        """How the direction of `compensation` is found."""
+        slow, fade = self.compensation_speeds or (math.inf, math.inf)
+        return PushCfg(slow=slow, width=self.compensation_width, fade=fade)
 
     @property
     def observes_friction(self) -> bool:

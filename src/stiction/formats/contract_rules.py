@@ -71,6 +71,11 @@ def _is_range(value: Any) -> bool:
     return isinstance(value, tuple) and len(value) == 2 and all(map(SHARE.allowed, value)) and value[0] <= value[1]
 
 
+def _are_speeds(value: Any) -> bool:
+    """Return whether a value is two speeds of joints, or None."""
+    return value is None or (isinstance(value, tuple) and len(value) == 2 and all(map(JOINT_SPEED.allowed, value)))
+
+
 def _are_commands(value: Any) -> bool:
     """Return whether a value is a range of each entry of a velocity command, or None."""
     named = isinstance(value, Mapping) and set(value) == set(COMMANDS)
@@ -96,7 +101,9 @@ ANGLE = _between(-1000.0, 1000.0, " rad")
 SHARE = _between(0.0, 10.0)
 """Friction over a torque limit, or a coefficient: a joint that has as much as its motor is stuck."""
 
-SPEED_RATIO = (_between(1.0, 10.0), _between(1e-4, 100.0, " rad/s"))
+JOINT_SPEED = _between(1e-4, 100.0, " rad/s")
+
+SPEED_RATIO = (_between(1.0, 10.0), JOINT_SPEED)
 """Friction at rest over friction in motion, and the speed of Stribeck's law."""
 
 VELOCITY = _between(-100.0, 100.0)
@@ -170,7 +177,8 @@ TERRAINS = ("flat", "slopes", "rough", "stairs", "mixed", UNKNOWN)
 METHODS = {
     "none": "conventional domain randomisation, without dry friction in the joints",
     "direct": "dry friction in the joints, drawn closely around its nominal value",
-    "compensation": "dry friction in the joints, drawn closely around its nominal value, which is added to the command",
+    "compensation": "dry friction in the joints, drawn closely around its nominal value, part of which is added to the "
+    "command, by the joint's speed",
     "finetune": "without dry friction at first, then all of it at once, drawn closely around its nominal value",
     "iterative": "without dry friction at first, then more of it in equal steps, drawn closely around each",
     "deception": "dry friction in the joints, drawn from zero up to above its nominal value",
@@ -207,6 +215,11 @@ RULES: dict[str, Rule] = {
     "physics_timestep": _between(1e-5, 0.05, " s"),
     "action_clip": _between(1e-3, 1000.0),
     "compensation_width": _between(1e-4, 3.2, " rad"),
+    "compensation_speeds": Rule(
+        _are_speeds,
+        "null, or two numbers from 0.0001 to 100 rad/s",
+        {"anyOf": [pair(JOINT_SPEED), {"type": "null"}]},
+    ),
     "friction_level": SHARE,
     "friction_range": Rule(_is_range, "two numbers, 0 <= low <= high <= 10", pair(SHARE)),
     **dict.fromkeys(

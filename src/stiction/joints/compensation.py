@@ -13,6 +13,8 @@ Friction opposes motion, so what a controller adds must point where the joint is
   left of the friction keeps the joint from hunting about its target, and covers an error of the identification. They
   run in the computer, at every reading; `reference-motor` and `measured-motor` do so in the motor's controller, from
   its own encoder.
+
+Training with `compensation` goes by `measured`, once in a control step, and moves the target on: see `compensated`.
 """
 
 from __future__ import annotations
@@ -40,18 +42,19 @@ class PushCfg:
     """How the direction of the push is found, of all ways but `error`."""
 
     slow: float = 0.2
-    """v_s: speed, of the target or measured, from which all is fed forward [rad/s]; in proportion below."""
+    """v_s: speed, of the target or measured, from which all is fed forward [rad/s]; in proportion below. Infinite:
+    the speed plays no part."""
     smoothing: float = 0.04
     """Time constant of the low-pass on the target [s]: two control periods at 50 Hz, over which targets jump."""
     width: float = COMPENSATION_WIDTH
     """Distance of the target from which a joint at rest is pushed with all [rad]; in proportion below."""
     fade: float = 0.3
-    """v_f: measured speed at which that push is down to 37 % [rad/s]."""
+    """v_f: measured speed at which that push is down to 37 % [rad/s]. Infinite: it does not fade."""
 
     def __post_init__(self) -> None:
         """Refuse what is no speed, time or angle."""
         numbers = (self.slow, self.smoothing, self.width, self.fade)
-        if not all(0 < number < np.inf for number in numbers):
+        if not all(number > 0 for number in numbers):
             raise ConfigurationError(
                 f"compensation with speeds {self.slow} and {self.fade} rad/s, smoothing {self.smoothing} s, width "
                 f"{self.width} rad: expected four positive numbers"
@@ -113,6 +116,9 @@ SHARES: dict[By, float] = {by: 1.0 if by == "error" else 0.75 for by in get_args
 
 BY_ERROR = Compensation("error", SHARES["error"])
 """What is done where nothing else is said."""
+
+BY_SPEED = Compensation("measured", SHARES["measured"])
+"""What training with `compensation` does, and its policies on the robot."""
 
 
 def parse_compensation(text: str) -> Compensation:
@@ -195,16 +201,28 @@ class DirectedController:
         before = np.where(np.isnan(self._smooth), target, self._smooth)
         self._smooth = before + self._step * (target - before)
         speed = velocity if self._measured else (self._smooth - before) / self._period
-        direction = push_direction(speed, target - position, velocity, self._cfg)
+        direction: np.ndarray = push_direction(speed, target - position, velocity, self._cfg)
         return self._share * (self._friction + self._load * np.abs(given)) * direction
 
 
-def push_direction(speed: Any, error: Any, velocity: Any, cfg: PushCfg) -> np.ndarray:
+def compensated(target: Any, position: Any, velocity: Any, angle: Any, cfg: PushCfg) -> Any:
+    """Return the target with friction compensated, a + angle · direction, see `push_direction`; shapes broadcast.
+
+    Section V of the paper does not say how the direction is chosen: here it is that of the measured motion. target: a
+    [rad]; position, velocity: θ, θ' as measured [rad, rad/s]; angle: the share of f that is compensated, over kp [rad].
+    NumPy arrays and torch tensors alike.
+    """
+    return target + angle * push_direction(velocity, target - position, velocity, cfg)
+
+
+def push_direction(speed: Any, error: Any, velocity: Any, cfg: PushCfg) -> Any:
     """Return where, and how much of, a joint is pushed, in [−1, 1]: sat( sat(v/v_s) + exp(−(θ'/v_f)²) sat(e/w) ).
 
     speed: v, of the low-passed target, or θ' itself [rad/s]; error: e = a − θ [rad]; velocity: θ', as measured
-    [rad/s]; any shape.
+    [rad/s]; NumPy arrays or torch tensors of any shape.
     """
-    moving = np.clip(speed / cfg.slow, -1.0, 1.0)
-    stuck = np.exp(-np.square(velocity / cfg.fade)) * np.clip(error / cfg.width, -1.0, 1.0)
-    return np.asarray(np.clip(moving + stuck, -1.0, 1.0))
+    # Methods and not NumPy's functions, for torch's tensors come here too; only of `exp` arrays have none.
+    fading = -((velocity / cfg.fade) ** 2)
+    share = fading.exp() if hasattr(fading, "exp") else np.exp(fading)
+    stuck = share * (error / cfg.width).clip(-1.0, 1.0)
+    return ((speed / cfg.slow).clip(-1.0, 1.0) + stuck).clip(-1.0, 1.0)

@@ -41,22 +41,12 @@ COMPENSATION_WIDTH = 0.05
 """Distance of the target at which the whole friction is compensated [rad]; in proportion below, or it would chatter."""
 
 
-def compensated(target: Any, position: Any, friction_angle: Any, width: float = COMPENSATION_WIDTH) -> Any:
-    """Return the target with friction compensated, a + (f/kp) sat((a − θ)/width), shapes broadcast.
-
-    Section V of the paper does not say how the direction is chosen: here it is that towards the target. target: a
-    [rad]; position: θ as measured [rad]; friction_angle: f/kp [rad]. NumPy arrays and torch tensors alike.
-    """
-    return target + fed_forward(target, position, friction_angle, width)
-
-
 def fed_forward(target: Any, position: Any, friction: Any, width: float = COMPENSATION_WIDTH) -> Any:
-    """Return what to add against friction, f sat((a − θ)/width), in the unit of `friction`; shapes broadcast.
+    """Return what to add against friction, f sat((a − θ)/width) [N m]; shapes broadcast.
 
-    target: a [rad]; position: θ as measured [rad]; friction: f [N m] for a torque, f/kp [rad] for an angle.
+    target: a [rad]; position: θ as measured [rad]; friction: f [N m].
     """
-    # The method and not `np.clip`, for torch's tensors come here too.
-    return friction * ((target - position) / width).clip(-1.0, 1.0)
+    return friction * np.clip((target - position) / width, -1.0, 1.0)
 
 
 def pd_torque(gains: PDGains, target: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:

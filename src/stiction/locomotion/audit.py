@@ -200,7 +200,7 @@ def _encoder_rows(env: LocomotionEnv) -> list[AuditRow]:
     frame = env.get_observations()["proprioception"].double().numpy()
     start = sum(term.size for term in env.layout.terms[: [t.name for t in env.layout.terms].index("joint_position")])
     seen = frame[:, start : start + env.num_actions] - (env.fleet.joint_position - env.fleet.standing)
-    env.compensation = None  # it would move the angle that is held towards the target, by design
+    env.compensation = None  # it would move the angle that is held, by design
     env.step(torch.zeros(env.num_envs, env.num_actions))
     held = env.fleet.targets - env.fleet.standing
     return [

@@ -10,8 +10,8 @@ from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
 from stiction.formats.known_friction import kind_average
+from stiction.joints.compensation import BY_SPEED, compensated
 from stiction.joints.net import ActuatorNet
-from stiction.joints.pd import compensated
 from stiction.locomotion.config import CommandCfg, TaskCfg
 from stiction.locomotion.device import CPU, Device
 from stiction.locomotion.gait import UnsyncWindow, exactly_one_group, group_imbalance
@@ -32,7 +32,10 @@ RESET_NOISE = (0.1, 0.3)
 ELEVATION_SCALE = 0.2
 """Unit of the elevation map [m]."""
 
-_BUFFERS = ("episode_length_buf", "last_action", "last_velocity", "air_time", "measured_position", "bench_error")
+_BUFFERS = (
+    *("episode_length_buf", "last_action", "last_velocity", "air_time", "measured_position", "measured_velocity"),
+    "bench_error",
+)
 """The per-robot buffers that a checkpoint holds beside the simulation."""
 
 
@@ -189,7 +192,8 @@ class LocomotionEnv(VecEnv):
         actions = actions.to(self.home).clamp(-self.cfg.action_clip, self.cfg.action_clip)
         targets = self.standing + self.action_scale * actions
         if self.compensation is not None:
-            targets = compensated(targets, self.measured_position, self.compensation)
+            measured = self.measured_position, self.measured_velocity
+            targets = compensated(targets, *measured, self.compensation, BY_SPEED.push)
         # The controller holds the angle that it measures, which is the true one and the encoder's error.
         self.robots.set_targets(targets - self.randomizer.draws.encoder_offset)
         blown_up = self.robots.step()
@@ -354,7 +358,7 @@ class LocomotionEnv(VecEnv):
         }
         for name, value in raw.items():
             raw[name] = value + getattr(noise, name) * self._uniform(*value.shape)
-        self.measured_position = raw["joint_position"]
+        self.measured_position, self.measured_velocity = raw["joint_position"], raw["joint_velocity"]
         raw |= {"command": self.commands.value, "last_action": self.last_action}
         if self.cfg.known_friction:
             raw["known_friction"] = self.randomizer.unloaded_share() @ self.kind_average * self.bench_error

@@ -14,6 +14,7 @@ from tyro.conf import arg
 from tyro.constructors import PrimitiveConstructorSpec
 
 from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.joints.compensation import BY_SPEED
 from stiction.joints.friction import LAWS, Law, has_coefficient, simulated_laws
 from stiction.robots.model import Robot
 
@@ -36,8 +37,8 @@ FRICTION_RANGES: dict[str, tuple[float, float]] = {
 """Multiplier of the nominal dry friction in the last stage, by training method.
 
 `none` is conventional randomisation, the paper's Table II without its friction row; `deception` has that row. The
-others have the range that the table gives every other joint parameter: `compensation` adds the nominal friction to the
-command, `finetune` begins without friction and has all of it at once, `iterative` in equal steps.
+others have the range that the table gives every other joint parameter: `compensation` adds part of the nominal friction
+to the command, `finetune` begins without friction and has all of it at once, `iterative` in equal steps.
 
 `dreamwaq` is another way to learn, not another friction: DreamWaQ's context in place of z* (`stiction.rma.context`).
 Its paper randomises no dry friction, and neither does this one unless a `range` or a `mixture` asks for it: `--method
@@ -86,9 +87,9 @@ class FrictionCfg:
 
     method: Annotated[FrictionMethod, arg(aliases=("--method",))] = "deception"
     """How friction is trained with. deception: drawn from zero to 1.2 times the level; direct: 0.8 to 1.2 times it. So
-    have compensation, whose commands get the level added, finetune, which begins without, and iterative, which brings
-    it in by steps. none: without friction. dreamwaq, hinf: other ways to learn, without friction unless
-    --task.friction.range or --task.friction.mixture asks for it."""
+    have compensation, whose commands get part of the level added, by the joint's speed, finetune, which begins without,
+    and iterative, which brings it in by steps. none: without friction. dreamwaq, hinf: other ways to learn, without
+    friction unless --task.friction.range or --task.friction.mixture asks for it."""
     level: Annotated[float | None, arg(aliases=("--friction-level",))] = None
     """Nominal friction, as a share of each joint's torque limit [1], by default the robot's own; of the laws load and
     effort, their coefficient. The robot's own is in N m, as measured; of load and effort it is from the
@@ -197,6 +198,11 @@ class FrictionCfg:
     def draws_load(self) -> bool:
         """Whether training draws a coefficient of load beside the law, above 0."""
         return self.load is not None and self.load[1] > 0.0
+
+    @property
+    def compensation(self) -> str | None:
+        """How friction is added to the command, as `parse_compensation` reads it; None: it is not."""
+        return BY_SPEED.label if self.method == "compensation" else None
 
     @property
     def has_friction(self) -> bool:

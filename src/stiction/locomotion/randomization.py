@@ -12,6 +12,7 @@ import torch
 
 from stiction.core.errors import ConfigurationError, FileError
 from stiction.formats.joints import ARMATURE, Estimate, JointRecord, JointsFile
+from stiction.joints.compensation import BY_SPEED
 from stiction.joints.friction import has_coefficient
 from stiction.locomotion.config import RandomizationCfg
 from stiction.locomotion.friction import FrictionCfg, Mixture, friction_share
@@ -98,10 +99,13 @@ def nominal_joints(
 
 
 def friction_angle(cfg: FrictionCfg, nominal: NominalJoints, robot: Robot) -> tuple[float, ...] | None:
-    """Return f/kp [rad] of each joint's nominal friction, which `compensation` adds to the command; None otherwise."""
-    if cfg.method != "compensation":
+    """Return how far `compensation` moves each joint's target at most, its share of the nominal f, over kp [rad].
+
+    None of any other method.
+    """
+    if cfg.compensation is None:
         return None
-    return tuple((nominal.frictionloss / robot.joint_values("kp")).tolist())
+    return tuple((BY_SPEED.share * nominal.frictionloss / robot.joint_values("kp")).tolist())
 
 
 @dataclass

@@ -145,7 +145,7 @@ def _check_fixed_parts(env: LocomotionEnv, mirror: RobotMirror) -> None:
     """Refuse a task whose unobserved parts are not their own mirror image."""
     names = env.spec.joint_names
     if env.compensation is not None:
-        angle = env.compensation.numpy()
+        angle = env.compensation.cpu().numpy()
         image = angle[mirror.joints]
         for number in np.flatnonzero(~np.isclose(angle, image))[:1]:
             raise RobotError(

@@ -193,6 +193,7 @@ class RunDirectory:
             )
         run, robot = cls(path), find_robot(cfg.task.robot)
         header = {"command": command, "revision": git_revision(), "seed": cfg.seed, "identified": identified}
+        header["compensation"] = cfg.task.friction.compensation
         if processes > 1:
             header["processes"] = processes
         if cfg.actuator is not None:
@@ -263,9 +264,12 @@ class RunDirectory:
         """Return the configuration the run was started with, without reward terms of one's own.
 
         They pay in training alone, see `config_to_train`. A robot of one's own is the run's copy of it. Raises
-        `StictionError` where there is no copy of a robot that is named as a module, see `adopt`.
+        `StictionError` where there is no copy of a robot that is named as a module, see `adopt`, or friction was added
+        to the command in another way than today.
         """
         cfg = self._written()
+        if self.header().get("compensation") != cfg.task.friction.compensation:
+            raise TrainingError(f"{self.path}: friction was added by the error, expected by the speed; train it again")
         if (copy := self.path / ROBOT).is_file():
             robot = str(copy)
         else:

@@ -12,6 +12,7 @@ from stiction.core import cache
 from stiction.core.errors import StictionError
 from stiction.evaluate import trained as run_evaluation
 from stiction.evaluate.code import RUN_WALK_CODE, WALK_CODE
+from stiction.evaluate.methods import COMPENSATION_BY_ERROR, METHODS, method_of
 from stiction.formats.bundle import read_bundle, write_bundle
 from stiction.rma.arguments import parse
 from stiction.rma.identity import settings_of
@@ -195,6 +196,22 @@ def test_a_policy_of_other_settings_is_not_the_manifests(tmp_path: Path) -> None
         other.bundle()
     with pytest.raises(StictionError, match="another policy"):
         unrecorded([exported(tmp_path, 0), other])
+
+
+def test_a_policy_of_compensation_by_the_error_is_not_the_manifests(tmp_path: Path) -> None:
+    """Those from before it went by the speed of the joints would be seeds of those from after."""
+    shipped, words = read_bundle(SHIPPED), ("--method", "compensation", "--friction-level", "0.2")
+    run = Run(Condition("coulomb20-compensation", "2", "a test", words, (0,)), 0, "quick")
+    own = {"seed": 0, "method": "compensation", "compensation": (0.05,) * 18}
+    for name, speeds in (("new", (0.2, 0.3)), ("old", None)):
+        contract = replace(shipped.contract, **own, compensation_speeds=speeds)
+        bundle = write_bundle(tmp_path / name, contract, shipped.policy, replace(shipped.golden), shipped.card)
+        planned = PlannedRun(run, parse([*run.arguments]).config, tmp_path / run.name, bundle)
+        if speeds:
+            assert planned.bundle().contract == contract and method_of(contract) == "compensation"
+    assert method_of(contract) == COMPENSATION_BY_ERROR in METHODS
+    with pytest.raises(StictionError, match="old is another policy than the manifest's: its friction was added by"):
+        planned.bundle()
 
 
 def test_policies_without_settings_are_taken_at_their_names(tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from functools import cache
 from itertools import chain
 
 from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.joints.compensation import BY_SPEED
 from stiction.rma.arguments import parse
 from stiction.rma.config import TrainCfg
 
@@ -213,7 +214,7 @@ MANIFEST: tuple[Condition, ...] = (
     _coulomb("deception", "1", "0 to 1.2 of it", "deception", seeds=5),
     _coulomb("finetune", "2", "half the budget without friction, then all of it at once", "finetune"),
     _coulomb("iterative", "2", "half the budget without friction, then four steps", "iterative"),
-    _coulomb("compensation", "2", "the nominal friction added to the command", "compensation"),
+    _coulomb("compensation", "2", f"{BY_SPEED.share:g} of the nominal friction added to the command", "compensation"),
     _coulomb("direct-long", "2", "three times the budget: slow, or stuck?", "direct", *LONG),
     _coulomb("deception-long", "2", "the same for the wide range", "deception", *LONG),
     _coulomb(

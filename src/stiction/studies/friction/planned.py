@@ -10,6 +10,7 @@ from typing import Any, Literal, Self
 
 from stiction.core.errors import ConfigurationError, FileError, TrainingError
 from stiction.core.files import digest_of
+from stiction.evaluate.methods import COMPENSATION_BY_ERROR, method_of
 from stiction.formats.actuator import read_actuator
 from stiction.formats.bundle import Bundle, read_bundle
 from stiction.formats.results import read_metrics
@@ -140,6 +141,11 @@ class PlannedRun:
         if found != expected:
             raise ConfigurationError(
                 f"{self.policy} is another policy than the manifest's: it is {found}, expected {expected}"
+            )
+        if method_of(contract) == COMPENSATION_BY_ERROR:
+            raise ConfigurationError(
+                f"{self.policy} is another policy than the manifest's: its friction was added by the position error, "
+                "expected by the joint's speed; move it away, or name another folder with --policies"
             )
         if other := difference(contract.settings, settings_of(self.cfg)):
             raise ConfigurationError(
