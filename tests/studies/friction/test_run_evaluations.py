@@ -62,6 +62,17 @@ def test_an_evaluation_is_done_once_and_again_when_what_it_depends_on_changes(
     assert len(walked) == 4
 
 
+def test_a_run_under_another_name_is_called_as_the_manifest_calls_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A link to a folder elsewhere: its rows would count for a training that the manifest does not know."""
+    task = tasks(tmp_path)[0]
+    walks = SimpleNamespace(rows=[row("elsewhere-s0/student", 0.1, "vx=0.5", 1.0)])
+    monkeypatch.setattr(run_evaluation, "walk_run", lambda *_: walks)
+    for _ in range(2):
+        assert [one.policy for one in evaluate_tasks([task], 1)[0]] == ["toy-s0/student"]
+
+
 def edited(task: Task, **changes: object) -> str:
     """The key of a task after config.json of its run was edited, which is put back."""
     file = task.run.path / "config.json"

@@ -129,8 +129,7 @@ class Task:
     def walk(self) -> list[ResultRow]:
         """Return its rows, walked on this thread, by the network of its run or by the policy that was exported."""
         if self.exported:
-            rows = evaluate_bundle(self.run.bundle(), self.settings).rows
-            return [replace(row, policy=self.name) for row in rows]
+            return list(evaluate_bundle(self.run.bundle(), self.settings).rows)
         import torch
 
         from stiction.evaluate.trained import walk_run
@@ -162,7 +161,9 @@ def evaluate_task(task: Task) -> list[ResultRow]:
     def walk() -> dict[str, Any]:
         return {"rows": [asdict(_rounded(row)) for row in task.walk()]}
 
-    return [ResultRow(**row) for row in cached(task.cache, task.who, task.key, walk)["rows"]]
+    rows = cached(task.cache, task.who, task.key, walk)["rows"]
+    # A folder may be a link to one of another name; what walked is called as the manifest calls it.
+    return [ResultRow(**row | {"policy": task.name}) for row in rows]
 
 
 def _rounded(row: ResultRow) -> ResultRow:
