@@ -63,12 +63,12 @@ def test_rows_that_change_turn_verdict_and_advice(tmp_path: Path, capsys: pytest
     assert sources[TRAINING].revision == "e0231d6ae9e5"
 
 
-DRAWN = "friction-training/drawn-ground"
+ROWS_COHORT = "friction-training/rows"
 
 
 def test_what_the_advised_policies_did_elsewhere_goes_into_the_advice(tmp_path: Path) -> None:
     """From tables beside the experiment; without them it says that these policies have not walked there."""
-    out = copy(DRAWN, "results.csv", "curves.csv", "summary.json", "physx.csv", "robots.csv", out=tmp_path / "study")
+    out = copy(ROWS_COHORT, "results.csv", "curves.csv", "summary.json", "physx.csv", "robots.csv", out=tmp_path / "study")
     words = ["study", "friction", "--preset", "quick", "--judge-again", "--out", str(out)]
     words += ["--advice", str(tmp_path / "advice.json")]
     assert main([*words, "--elsewhere", str(out / "physx.csv"), str(out / "robots.csv")]) == 0
@@ -92,7 +92,7 @@ def test_what_the_advised_policies_did_elsewhere_goes_into_the_advice(tmp_path: 
 )
 def test_tables_of_other_policies_are_refused(table: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture):
     """Two experiments have policies of the same names; what one's did elsewhere is not what the other's do."""
-    out = copy(DRAWN, "results.csv", "curves.csv", "summary.json", "physx.csv", out=tmp_path / "study")
+    out = copy(ROWS_COHORT, "results.csv", "curves.csv", "summary.json", "physx.csv", out=tmp_path / "study")
     copy("friction-training/one-phase", "physx.csv", out=tmp_path / "another")
     text = (out / "physx.csv").read_text()
     (out / "strange.csv").write_text(text.replace("coulomb20-deception-s4", "coulomb20-deception-s9"))

@@ -216,14 +216,14 @@ def committed(changes=lambda row: row) -> dict[str, Source]:
     from stiction.robots.catalog import find_robot
     from stiction.studies.replication import run
 
-    trained = friction.judge_again(RESULTS / "friction-training/drawn-ground", {"command": "", "revision": ""})
+    trained = friction.judge_again(RESULTS / "friction-training/rows", {"command": "", "revision": ""})
     summary = read_summary(RESULTS / "replication" / "summary.json")
     records = [
         run._record(name, part | {"rows": [changes(row) for row in part["rows"]]}, summary["grids"][name])
         for name, part in summary["parts"].items()
     ]
     compared = run.judged(records, find_robot("saturn_lite"), summary)
-    folder = RESULTS / "friction-training/drawn-ground"
+    folder = RESULTS / "friction-training/rows"
     there = friction.read_elsewhere([folder / name for name in TABLES], folder)
     return {TRAINING: friction.source_of(trained, there, TABLES), TRANSFER: run.source_of(compared)}
 
