@@ -265,7 +265,7 @@ def key(row: dict[str, Any]) -> tuple[Any, ...]:
 def test_the_headline() -> None:
     """By the results of five seeds: `none` up to 4 %, training with friction from 5 % on; the file is in the package.
 
-    20 % is covered, 24 % lies between a level that is and one that is not, and at 45 % nobody follows.
+    20 % is covered, 24 % lies between two levels that were walked, and 45 % is beyond what any seed follows.
     """
     assert SHIPPED.is_file()
     assert [advise(level, level).training.method for level in (0.01, 0.05)] == ["none", "deception"]
@@ -274,4 +274,5 @@ def test_the_headline() -> None:
     assert [advise(0.15, level).covered for level in (0.2, 0.24, 0.45)] == [True, False, False]
     assert "It covers 20 %: each of 5 seeds follows at 15 % and 20 %" in advise(0.15, 0.2).text
     assert "It does not cover 45 %" in advise(0.22, 0.45).text
-    assert "in PhysX 5 of 5 at 20 %; on virtual robots 4 of 5 (1 too slow) at 20 %." in advise(0.2, 0.2).text
+    elsewhere = "in PhysX 4 of 5 (1 too fast) at 20 %; on virtual robots 4 of 5 (1 too slow) at 20 %."
+    assert elsewhere in advise(0.2, 0.2).text
