@@ -68,7 +68,9 @@ ROWS_COHORT = "friction-training/rows"
 
 def test_what_the_advised_policies_did_elsewhere_goes_into_the_advice(tmp_path: Path) -> None:
     """From tables beside the experiment; without them it says that these policies have not walked there."""
-    out = copy(ROWS_COHORT, "results.csv", "curves.csv", "summary.json", "physx.csv", "robots.csv", out=tmp_path / "study")
+    out = copy(
+        ROWS_COHORT, "results.csv", "curves.csv", "summary.json", "physx.csv", "robots.csv", out=tmp_path / "study"
+    )
     words = ["study", "friction", "--preset", "quick", "--judge-again", "--out", str(out)]
     words += ["--advice", str(tmp_path / "advice.json")]
     assert main([*words, "--elsewhere", str(out / "physx.csv"), str(out / "robots.csv")]) == 0
@@ -129,13 +131,13 @@ def test_the_comparison_is_judged_from_its_summary_alone(tmp_path: Path, capsys:
 
 
 def test_worn_robots_are_judged_from_their_windows(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """A policy that is too fast until x1.02 is said to be; one that follows to the end is alive."""
+    """A policy that is too fast until x1.52 is said to be; one that follows to the end is alive."""
     names = ("summary.json", "windows.csv", "readings.csv")
     out = copy("wear", *names, out=tmp_path / "wear")
     assert main(["study", "wear", "--judge-again", "--out", str(out)]) == 0
     assert "deception-0.2 at level 0.1: " in capsys.readouterr().out
     page = (out / "report.html").read_text()
-    assert "5 too fast" in page and "x1.02" in page and "5 alive" in page
+    assert "5 too fast" in page and "x1.52" in page and "5 alive" in page
     with (out / "lives.csv").open(newline="") as file:
         ends = {(row["policy"], row["steady"], row["end"]) for row in csv.DictReader(file)}
     assert ("saturn_lite-flat-none-0.2", "", "too slow") in ends

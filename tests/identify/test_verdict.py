@@ -152,7 +152,7 @@ def test_the_range_and_the_settings_say_the_same_as_the_words() -> None:
 
 
 def test_what_to_run_is_not_said_to_cover_what_nobody_follows_with() -> None:
-    """45 % of the limit, twice what was measured in the air: at 40 % two of five follow, at 50 % none; 15 % is covered."""
+    """45 % of the limit, twice what the air measured: at 40 % two of five follow, at 50 % none; 15 % is covered."""
     told = verdict(FRICTION, ratio(0.225), None, "in_air")
     assert told.level == 0.45 and "has to cover 45 %" in told.text
     for said in (told.lines[2], told.details[-1]):
