@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 
 TRAINING = 650.0
-"""Processor time of one `quick` training, of its 440 iterations: 643 to 654 s (results/student)."""
+"""Processor time of one `quick` training as it was on soft ground and sliders, 440 iterations: 643 to 654 s
+(results/student)."""
 
 CHECKPOINT = TRAINING * 50 / 440
 """Time between two checkpoints, of 50 iterations each [s]."""

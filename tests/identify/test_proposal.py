@@ -31,8 +31,8 @@ def test_what_is_proposed_is_what_training_takes() -> None:
 def test_the_worst_joint_sets_the_level() -> None:
     """3 % under load is level 0.03; 2 % in the air, doubled, is 0.04: that one."""
     told = propose(JointsFile({"FL_thigh": record(0.03), "FL_shank": record(0.02, "in_air"), "FL_hip": JointRecord()}))
-    assert told["friction"] == {"method": "none", "level": 0.0, "law": "coulomb", "per": "robot"}
-    assert told["range"] == [0.0, 0.0] and told["advice"]["levels"] == [0.01, 0.05]
+    assert told["friction"] == {"method": "deception", "level": 0.2, "law": "coulomb", "per": "robot"}
+    assert told["range"] == [0.0, 0.24] and told["advice"]["levels"] == [0.01, 0.05]
     assert {name: joint["friction_level"] for name, joint in told["joints"].items()} == {
         "FL_thigh": 0.03,
         "FL_shank": 0.04,

@@ -213,7 +213,7 @@ def test_a_policy_of_compensation_by_the_error_is_not_the_manifests(tmp_path: Pa
     """Those from before it went by the speed of the joints would be seeds of those from after."""
     shipped, words = read_bundle(SHIPPED), ("--method", "compensation", "--friction-level", "0.2")
     run = Run(Condition("coulomb20-compensation", "2", "a test", words, (0,)), 0, "quick")
-    own = {"seed": 0, "method": "compensation", "compensation": (0.05,) * 18}
+    own = {"seed": 0, "method": "compensation", "compensation": (0.05,) * 18, "settings": None}
     for name, speeds in (("new", (0.2, 0.3)), ("old", None)):
         contract = replace(shipped.contract, **own, compensation_speeds=speeds)
         bundle = write_bundle(tmp_path / name, contract, shipped.policy, replace(shipped.golden), shipped.card)
@@ -227,7 +227,10 @@ def test_a_policy_of_compensation_by_the_error_is_not_the_manifests(tmp_path: Pa
 
 def test_policies_without_settings_are_taken_at_their_names(tmp_path: Path) -> None:
     """Those of before there were settings could no longer be evaluated; they are named, and once."""
-    older, newer = exported(tmp_path, read_bundle(SHIPPED).contract.seed), recorded(tmp_path)
+    shipped, newer = read_bundle(SHIPPED), recorded(tmp_path)
+    contract = replace(shipped.contract, settings=None)
+    bundle = write_bundle(tmp_path / "older", contract, shipped.policy, replace(shipped.golden), shipped.card)
+    older = replace(exported(tmp_path, contract.seed), policy=bundle)
     assert older.bundle().contract.settings is None
     assert unrecorded([older, newer]) == [older.run.name]
 

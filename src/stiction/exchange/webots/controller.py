@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import importlib
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -90,6 +90,15 @@ class ControllerCfg:
     """Correct the heading back to that of the start, as a pilot would: for stairs."""
     seconds: float = 20.0
     """How long [s]; the first 2 s are not measured."""
+    encoder_noise: float = 0.001
+    """Error of the measured joint angles, up to so much to either side, anew at every step [rad]. Webots' sensors are
+    exact, and a policy that treats left and right alike does not leave a pose that is its own mirror image; a robot's
+    encoders err by as much."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no error of an encoder."""
+        if not 0 <= self.encoder_noise <= 0.1:
+            raise PolicyError(f"encoder noise of {self.encoder_noise} rad; expected 0 to 0.1, 0.001 in use")
 
 
 class Devices:
@@ -219,11 +228,14 @@ def walk(robot: Any, bundle: Bundle, cfg: ControllerCfg) -> str:
     devices, loop = Devices(robot, contract), PolicyLoop(contract, load_policy(contract, bundle.policy))
     odometer, end = Odometer(contract.control_period), "stopped by Webots"
     start: tuple[float, float] | None = None
+    errors = np.random.default_rng(0)
     if robot.step(devices.milliseconds) != -1:
         devices.sense()  # Velocities are differences: they need a sample before the first.
     while robot.step(devices.milliseconds) != -1:
         devices.listen(loop.steps)
         sensors, place = devices.sense(), devices.place()
+        error = errors.uniform(-cfg.encoder_noise, cfg.encoder_noise, len(sensors.joint_position))
+        sensors = replace(sensors, joint_position=sensors.joint_position + error)
         if start is None:
             start = yaw(sensors.quaternion), place[2]
         first, stood = start
@@ -258,8 +270,8 @@ def webots_robot() -> Any:
 
 def main(arguments: list[str]) -> int:
     """Check the bundle beside this file, drive the robot, print what came of it; return the exit status."""
-    cfg = tyro.cli(ControllerCfg, args=arguments, prog=Path(__file__).name, description=ControllerCfg.__doc__)
     try:
+        cfg = tyro.cli(ControllerCfg, args=arguments, prog=Path(__file__).name, description=ControllerCfg.__doc__)
         bundle = check_bundle(Path(__file__).parent / "bundle").bundle
         print(walk(webots_robot(), bundle, cfg))
     except StictionError as error:
