@@ -124,3 +124,11 @@ def test_settings_that_are_none_are_refused(name: str, value: float) -> None:
     """A width of zero would divide by it far from its cause."""
     with pytest.raises(StictionError, match="four positive numbers"):
         PushCfg(**{name: value})
+
+
+@pytest.mark.parametrize("name", ["smoothing", "width"])
+def test_only_a_speed_may_play_no_part(name: str) -> None:
+    """A target that is never followed, or from which no joint is ever far, would feed nothing without a word."""
+    assert PushCfg(slow=inf, fade=inf).slow == inf
+    with pytest.raises(StictionError, match="four positive numbers"):
+        PushCfg(**{name: inf})

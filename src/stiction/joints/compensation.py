@@ -53,8 +53,8 @@ class PushCfg:
 
     def __post_init__(self) -> None:
         """Refuse what is no speed, time or angle."""
-        numbers = (self.slow, self.smoothing, self.width, self.fade)
-        if not all(number > 0 for number in numbers):
+        speeds, others = (self.slow, self.fade), (self.smoothing, self.width)
+        if not (all(speed > 0 for speed in speeds) and all(0 < number < np.inf for number in others)):
             raise ConfigurationError(
                 f"compensation with speeds {self.slow} and {self.fade} rad/s, smoothing {self.smoothing} s, width "
                 f"{self.width} rad: expected four positive numbers"
