@@ -70,14 +70,16 @@ class Evaluated(Result):
 
     def table(self) -> Markup:
         """Return a row a condition; the last column is the slowest walk, where that is known."""
+        from stiction.report.terminal import SLOWEST_WALK, result_cells
+
         first = ("policy", "engine", "friction", "terrain", "command")
-        told = tell_slowest_walk(self.rows)
-        last = [("–" if row.slowest_walk is None else f"{row.slowest_walk:.2f}",) if told else () for row in self.rows]
+        last = (SLOWEST_WALK,) if tell_slowest_walk(self.rows) else ()
+        named = [(row.policy, row.engine, f"{row.friction_level:g}", row.terrain, row.command) for row in self.rows]
         rows = [
-            (row.policy, row.engine, f"{row.friction_level:g}", row.terrain, row.command, *texts(row), *walk)
-            for row, walk in zip(self.rows, last, strict=True)
+            (*name, *texts(row), *(result_cells(row)[column] for column in last))
+            for name, row in zip(named, self.rows, strict=True)
         ]
-        return html_table((*first, *header(ResultRow), *(("slowest walk",) if told else ())), rows)
+        return html_table((*first, *header(ResultRow), *last), rows)
 
     def write(self, folder: Path) -> None:
         """Write results.csv, methods.csv, following.csv, summary.json, the figures and report.html."""
