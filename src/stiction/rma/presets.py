@@ -12,7 +12,7 @@ from stiction.robots.physics import EXACT, FAST
 
 PresetName = Literal["full", "quick", "two-phase", "paper", "literal"]
 
-_SHOWN = TrainCfg(task=TaskCfg(physics=FAST), video_every=100)
+_SHOWN = TrainCfg(video_every=100)
 
 _ONE_PHASE = replace(
     _SHOWN,
@@ -29,7 +29,10 @@ PRESETS = {
     "full": _ONE_PHASE,
     "quick": replace(_ONE_PHASE, teacher=replace(_ONE_PHASE.teacher, iterations=440)),
     "two-phase": replace(
-        _SHOWN, teacher=replace(TeacherCfg(), iterations=350), student=replace(StudentCfg(), iterations=80)
+        _SHOWN,
+        task=TaskCfg(physics=FAST),
+        teacher=replace(TeacherCfg(), iterations=350),
+        student=replace(StudentCfg(), iterations=80),
     ),
     "paper": _PAPER,
     "literal": replace(
