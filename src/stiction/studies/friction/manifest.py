@@ -193,6 +193,9 @@ seconds of an iteration (results/speed)."""
 RECURRENT = ("--teacher.iterations", "290")
 """Options of a recurrent encoder at that time: an iteration takes 3.2 processor seconds where one without takes 2.2."""
 
+PASSES = ("--teacher.iterations", "393")
+"""Options of four supervised passes at that time: each takes 0.087 of the 2.20 seconds of an iteration."""
+
 PHASES = ("--teacher.latent", "alternate", "--teacher.iterations", "360", "--student.iterations", "80")
 """Options of teacher and student in the budget of one phase."""
 
@@ -285,6 +288,16 @@ MANIFEST: tuple[Condition, ...] = (
     _design(
         *("ppo-student", "two phases, PPO in the second on the student's own z*", "--teacher.latent", "alternate"),
         *("--teacher.iterations", "300", "--student.algorithm", "ppo", "--student.iterations", "140"),
+    ),
+    _design(
+        "estimate-weight1", "one phase, velocity weighs as a contact does in L_est", "--teacher.velocity-weight", "1"
+    ),
+    _design(
+        *("estimate-narrow", "one phase, the estimator as wide as that of two phases"),
+        *("--network.estimator-frame", "24", "--network.estimator", "64"),
+    ),
+    _design(
+        "estimate-passes4", "one phase, four supervised passes a rollout", "--teacher.adaptation-passes", "4", *PASSES
     ),
     _design("asymmetric", "one phase, nothing says left from right", "--symmetry", "none"),
     _design("mirrored-half", "the same, half of each mini-batch mirrored, at no cost", "--symmetry", "half"),
