@@ -325,6 +325,10 @@ MANIFEST: tuple[Condition, ...] = (
         )
     ),
     _method(
+        *("compensated", f"{BY_SPEED.share:g} of the nominal friction fed forward by the measured speed"),
+        "compensation",
+    ),
+    _method(
         "spread", "joints differ by half about their robot's mean", "deception", "--task.friction.spread", "0.5", "1.5"
     ),
     _method(
