@@ -15,7 +15,7 @@ from stiction.rma.presets import PRESETS, PresetName, preset
 
 DESCRIPTION = """Train a policy that walks on what the robot measures, with or without friction in its joints.
 
-Examples; the first takes 25 to 40 minutes of one core, the second over twice that:
+Examples; the first takes 20 to 45 minutes of one core, the second over twice that:
   stiction train --preset quick --method deception --friction-level 0.2 --out runs/first
   stiction train --robot robot.yaml --friction-from identified/training.json --out runs/mine
   stiction train --resume runs/mine
@@ -56,7 +56,7 @@ class Train:
     config: Annotated[TrainCfg, tyro.conf.arg(name="")] = field(default_factory=TrainCfg)
     """The whole configuration."""
     preset: PresetName = "full"
-    """Defaults for everything else. `quick`: one phase of 440 iterations, 25 to 40 minutes of one core. `full`:
+    """Defaults for everything else. `quick`: one phase of 440 iterations, 20 to 45 minutes of one core. `full`:
     1000 of them. `two-phase`: a teacher (350 iterations), then its student (80), as the paper's claims were judged.
     `paper`: 700 and 240, and randomises the paper's table and no more. `literal`: the same to the letter: L_ada through
     both encoders, friction of 1 % drawn for each joint."""
