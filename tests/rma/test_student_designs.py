@@ -136,6 +136,26 @@ def test_the_noise_falls_on_a_straight_line(env: LocomotionEnv, tmp_path) -> Non
     assert runner.alg.actor.distribution.std_range[1] == pytest.approx(0.4)
 
 
+def test_noise_that_the_bound_has_overtaken_is_still_learned(env: LocomotionEnv, tmp_path) -> None:
+    """PPO would have no say in the noise from there on, and the entropy bonus none: the bound would be the noise."""
+    cfg = replace(ONE_PHASE, teacher=replace(ONE_PHASE.teacher, iterations=8))
+    runner = runner_of(cfg, env, tmp_path)
+    distribution = runner.alg.actor.distribution
+    for _ in range(3):
+        rollout(runner)
+        runner.alg.update()
+    bound = distribution.std_range[1]
+    assert bound < 0.8 and float(distribution.std_param.detach().max()) <= bound + 1e-6
+    # The entropy of a normal distribution grows with its standard deviation, wherever that is within the bound.
+    with torch.no_grad():
+        distribution.std_param.fill_(9.0)
+    runner.alg._bound_noise()
+    distribution.std_param.grad = None
+    distribution.update(torch.zeros(1, len(distribution.std_param)))
+    distribution.entropy.sum().backward()
+    torch.testing.assert_close(distribution.std_param.grad, torch.full_like(distribution.std_param, 1.0 / bound))
+
+
 @pytest.mark.parametrize(("noise", "loud"), [("all", 8), ("half", 4), ("none", 0)])
 def test_only_these_robots_walk_with_noise(noise: str, loud: int, env: LocomotionEnv, tmp_path) -> None:
     """In distillation; what is deployed walks without."""

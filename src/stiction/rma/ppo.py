@@ -96,6 +96,7 @@ class AdaptationPPO(PPO):
         """Begin with the networks of an earlier phase."""
         self.actor.load_state_dict(actor)
         self.critic.load_state_dict(critic)
+        self._bound_noise()
 
     def act(self, obs: TensorDict) -> torch.Tensor:
         """Sample actions; store, with the observations, what PPO holds fixed."""
@@ -148,14 +149,23 @@ class AdaptationPPO(PPO):
         if source == "alternate":
             source = "history" if every > 0 and self.iteration % every == every - 1 else "privileged"
         self.actor.latent_source = source
-        if self.noise is not None:
-            start, end, iterations = self.noise
-            done = min(1.0, self.iteration / max(1, iterations - 1))
-            self.actor.distribution.std_range = [STD_RANGE[0], start + (end - start) * done]
+        self._bound_noise()
         if self.is_quiet:
             left = 1.0 - (self.iteration - self.quiet_from) / self.quiet_for
             for group in self.adaptation_optimizer.param_groups:
                 group["lr"] = left * self.settings.adaptation_learning_rate
+
+    def _bound_noise(self) -> None:
+        """Set the bound of the actions' standard deviation, and bring within it what is outside."""
+        distribution = self.actor.distribution
+        if self.noise is not None:
+            start, end, iterations = self.noise
+            done = min(1.0, self.iteration / max(1, iterations - 1))
+            distribution.std_range = [STD_RANGE[0], start + (end - start) * done]
+        # rsl_rl clamps what it samples with and leaves the parameter outside, where no gradient reaches it: noise that
+        # the falling bound has once overtaken would be the bound's for good, and not what PPO makes of it.
+        with torch.no_grad():
+            distribution.std_param.clamp_(*distribution.std_range)
 
     def _divergence(self) -> float:
         """Return KL(policy that walked || policy after the update), mean over the robots' last step.
