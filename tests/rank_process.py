@@ -90,6 +90,9 @@ def main(folder: Path, ranks: Ranks) -> None:
     own = {"walk/blown_up": float(ranks.number), "both": 1.0 + ranks.number} | ({"one": 3.0} if ranks.number else {})
     found["figures"] = ranks.figures(own)
     found["any"] = [ranks.any(ranks.number == 1), ranks.any(False)]
+    # 0.3 of 8 robots are 4 %, which is healthy; of a process's own 4 they would be 8 %.
+    runner.health.check(1, {"walk/blown_up": 0.3})
+    found["suspicious"] = runner.health.suspicious
     found["standardized"] = ranks.standardized(torch.tensor([1.0, 2.0, 4.0]) * (1 + ranks.number))
     torch.save(found, folder / f"{ranks.number}.pt")
 

@@ -76,6 +76,19 @@ def test_an_identification_becomes_the_nominal_joint(tmp_path: Path, capsys: pyt
         assert contract["friction"][2] == pytest.approx(expected) and contract["armature"][2] == 0.02
 
 
+def test_a_policy_of_an_identified_coefficient_is_exported(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """It has no level: what reads the run for its policy must know the joints too, or the training was for nothing."""
+    found = Estimate(0.063, 0.001, (0.061, 0.065))
+    law = {"law": "load", "regressor": "gravity", "parameters": {"coulomb_friction": found.to_dict()}}
+    joint = JointRecord(coulomb_friction=found, load_coefficient=found, friction_law=law, test_condition="in_air")
+    JointsFile(dict.fromkeys(("hip", "thigh", "calf"), joint)).write(tmp_path / "joints.json")
+    options = ["--method", "direct", "--friction-law", "effort", "--joints", str(tmp_path / "joints.json")]
+    assert main(["train", *SMALL, *options, "--out", str(tmp_path / "run")]) == 0
+    assert main(["export", str(tmp_path / "run"), "--out", str(tmp_path / "bundle")]) == 0
+    contract = json.loads((tmp_path / "bundle" / "contract.json").read_text())
+    assert contract["friction_law"] == "effort" and contract["friction"] == pytest.approx([0.063] * 12)
+
+
 def test_a_law_is_trained_and_resumed(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """From the flags to the joints, with the friction that was there among the figures; a resumed run keeps the law."""
     run = tmp_path / "run"

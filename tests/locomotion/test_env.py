@@ -111,6 +111,16 @@ def test_the_figure_of_friction_is_what_the_joints_have() -> None:
     assert "friction/share" not in extras["log"]
 
 
+@pytest.mark.parametrize(
+    ("forward", "names"),
+    [((-0.8, 0.8), {"forward", "backward"}), ((0.5, 0.5), {"forward"}), ((-0.8, 0.2), {"backward"}), ((0, 0.3), set())],
+)
+def test_there_is_no_speed_ratio_where_nobody_is_asked_to_go(forward: tuple[float, float], names: set[str]) -> None:
+    """A curve at 0 would say of a training for one direction that its robots do not walk in the other."""
+    log = make(commands=CommandCfg(forward=forward)).step(torch.zeros(4, 12))[-1]["log"]
+    assert {name for name in log if name.endswith("_ratio")} == {f"walk/{name}_ratio" for name in names}
+
+
 @pytest.mark.parametrize(("method", "low", "high"), [("none", 0, 0), ("direct", 0.8, 1.2), ("deception", 0, 1.2)])
 def test_friction_in_training_has_the_range_of_its_method(method: str, low: float, high: float) -> None:
     """b_c = multiplier x level x torque limit, one multiplier a robot."""

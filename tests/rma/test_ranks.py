@@ -80,6 +80,7 @@ def test_two_processes_take_the_step_of_one(tmp_path: Path) -> None:
             torch.testing.assert_close(first["update"][name], value, atol=1e-6, rtol=0, msg=said)
             torch.testing.assert_close(second["update"][name], first["update"][name], atol=0, rtol=0, msg=said)
         assert first["figures"] == second["figures"] == {"walk/blown_up": 1.0, "both": 1.5, "one": 3.0}
+        assert not first["suspicious"] and not second["suspicious"]
         assert first["any"] == second["any"] == [True, False]
         merged = np.array([1.0, 2.0, 4.0, 2.0, 4.0, 8.0])
         whole = (merged - merged.mean()) / merged.std(ddof=1)

@@ -29,6 +29,9 @@ from stiction.sim.net_motors import NetMotors
 RESET_NOISE = (0.1, 0.3)
 """Half-width of the initial joint angles about standing [rad] and of the base's initial velocity [m/s, rad/s]."""
 
+RATIO_FROM = 0.3
+"""Commanded speed from which on robots count for the figures of speed over command [m/s]."""
+
 ELEVATION_SCALE = 0.2
 """Unit of the elevation map [m]."""
 
@@ -292,8 +295,12 @@ class LocomotionEnv(VecEnv):
         command = snapshot.command[:, 0]
         # Infinite at a command of zero, which neither of the masks lets through.
         ratio = snapshot.linear_velocity[:, 0] / command
-        for name, mask in (("forward", command > 0.3), ("backward", command < -0.3)):
-            log[f"walk/{name}_ratio"] = torch.where(mask, ratio, 0.0).sum() / mask.sum().clamp(min=1)
+        backward, forward = self.cfg.commands.forward
+        for name, sign, asked in (("forward", 1.0, forward), ("backward", -1.0, -backward)):
+            # Where nobody is asked to go there is no ratio: one of 0 would say that they do not walk.
+            if asked > RATIO_FROM:
+                mask = sign * command > RATIO_FROM
+                log[f"walk/{name}_ratio"] = torch.where(mask, ratio, 0.0).sum() / mask.sum().clamp(min=1)
         if any(law.spec.reads for law in self.cfg.friction.laws):
             log["friction/share"] = torch.as_tensor((self.fleet.friction / self.fleet.torque_limit).mean())
         return log

@@ -65,10 +65,18 @@ def advantages(
 def expected(cost: torch.Tensor, size: torch.Tensor, fell: torch.Tensor, eta: float, gamma: float) -> float:
     """Return E[h] of C, |d| and falls in a rollout, all (steps, N).
 
-    Each fall has cost γ / (1 - γ) steps more, in which C is 1 and nobody pushes.
+    Each fall has cost steps more, in which C is 1 and nobody pushes, see `with_falls`.
     """
-    lost = float(fell.sum()) * gamma / max(1.0 - gamma, LEAST_SHARE)
-    return (float((cost - eta * size).sum()) + lost) / (cost.numel() + lost)
+    return with_falls(float((cost - eta * size).sum()), cost.numel(), float(fell.sum()), gamma)
+
+
+def with_falls(total: float, samples: int, falls: float, gamma: float) -> float:
+    """Return the mean of C, or of h, over `samples` steps, whose sum is `total`, and over those that falls have cost.
+
+    Each fall has cost γ / (1 - γ) steps more, in which C is 1.
+    """
+    lost = falls * gamma / max(1.0 - gamma, LEAST_SHARE)
+    return (total + lost) / (samples + lost)
 
 
 def log_density(values: torch.Tensor, mean: torch.Tensor, std: torch.Tensor) -> torch.Tensor:

@@ -103,7 +103,8 @@ class PhaseRunner(OnPolicyRunner):
         if self.alg.symmetry is not None and isinstance(self.alg, AdaptationPPO):
             self.alg.symmetry.remembered = self.alg.actor.remembered
             self.alg.symmetry.targets = self.alg.targets
-        self.health = Health(self.env.num_envs, self.rl_cfg["algorithm"].get("desired_kl", 0.01))
+        # Counts add up over the processes.
+        self.health = Health(self.env.num_envs * self.ranks.size, self.rl_cfg["algorithm"].get("desired_kl", 0.01))
         steady = self.alg.settled_from if isinstance(self.alg, AdaptationPPO) else 0
         self.early_stop = EarlyStop(self.stop, len(self.env.cfg.friction.schedule) - 1, steady)
 

@@ -22,7 +22,7 @@ from stiction.rma.figures import Board
 from stiction.rma.models import ELEVATION, GROUPS, RMAActor, StudentPolicy
 from stiction.rma.phase import Film, PhaseRunner, Progress
 from stiction.rma.ranks import ALONE, Ranks
-from stiction.rma.run import BROKEN, RunDirectory, latest_checkpoint, load_checkpoint
+from stiction.rma.run import BROKEN, RunDirectory, identified_values, latest_checkpoint, load_checkpoint
 from stiction.rma.simulator import find_simulator
 from stiction.robots.catalog import find_robot
 
@@ -232,7 +232,7 @@ def load_actor(run: RunDirectory, phase: str, checkpoint: Path | None = None) ->
     cfg = run.config()
     state = load_checkpoint(path)["algorithm"]
     state = state["actor_state_dict" if "actor_state_dict" in state else "student_state_dict"]
-    env = LocomotionEnv(cfg.task, 1, 0)
+    env = LocomotionEnv(cfg.task, 1, 0, identified=identified_values(run.header()))
     observations, seen = env.get_observations(), {phase: groups(cfg)}
     kind, settings = resolve_class(_actor(cfg))
     actor: RMAActor = kind(observations, seen, phase, env.num_actions, **settings)

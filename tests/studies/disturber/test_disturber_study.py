@@ -14,6 +14,7 @@ from stiction.core.errors import ConfigurationError
 from stiction.deploy.check import check_bundle
 from stiction.formats.bundle import Bundle, find_bundle
 from stiction.formats.contract import Contract
+from stiction.robots.physics import EXACT
 from stiction.studies.disturber import duel
 from stiction.studies.disturber.duel import Duel, DuelCfg, DuelRow, fight, task_for
 from stiction.studies.disturber.study import gains, report
@@ -94,6 +95,24 @@ def test_a_fall_changes_nothing_for_the_others(bundle: Bundle) -> None:
         seen.append((obs["history"][1:], dones))
         assert bool(env.episode_length_buf[0] < 3) == falls
     assert torch.equal(seen[0][0], seen[1][0])
+
+
+def test_a_fall_costs_what_it_costs_the_learner(bundle: Bundle, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A robot that stands up anew would cost little, and what the disturber has learned would look like nothing.
+
+    Ten steps of four robots count, half is lost in each, and one robot falls in each: 0.5·40 + 10·99 of 40 + 10·99.
+    """
+    arena = Duel(bundle, SMALL, 0, "judging", 1, None)
+    one = torch.tensor([1, 0, 0, 1])
+    monkeypatch.setattr(arena, "step", lambda _: (torch.full((4,), 0.5), one, torch.tensor([0, 0, 0, 1])))
+    monkeypatch.setattr(arena.env, "linear_velocity", torch.zeros(4, 3), raising=False)
+    found = arena.judge(None)
+    assert found["cost"] == pytest.approx(1010 / 1030) and found["fall_rate"] == pytest.approx(0.25 / 0.02)
+
+
+def test_everyone_is_judged_on_rows(bundle: Bundle) -> None:
+    """Sliders let joints give way before they hold: where friction is much, a disturber would find other weaknesses."""
+    assert task_for(bundle.contract, replace(SMALL, friction_level=0.2)).physics == EXACT
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,8 @@
-"""A disturber against one frozen policy: it learns in the training's simulator, then robots walk, disturbed or not.
+"""A disturber against one frozen policy: it learns in the training's task, then robots walk, disturbed or not.
 
 It maximises the cost of `stiction.rma.hinf` alone (η = 0): no push has a price. All draws depend on the seed, and the
-robots that are judged are the same for everyone who disturbs them.
+robots that are judged are the same for everyone who disturbs them. Joint friction is by the solver's rows, as in every
+evaluation, whatever the policy was trained on; the ground is the simulator's own.
 """
 
 from __future__ import annotations
@@ -28,11 +29,11 @@ from stiction.locomotion.disturbance import Disturbance
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.rewards import RewardCfg, best_task_reward
-from stiction.rma.disturber import Disturber, LearningDisturber, make_disturber
+from stiction.rma.disturber import Disturber, LearningDisturber, make_disturber, with_falls
 from stiction.rma.hinf import cost
 from stiction.rma.hinf_config import DisturberName, HinfCfg
 from stiction.rma.phase import one_torch_thread
-from stiction.robots.physics import FAST
+from stiction.robots.physics import EXACT
 
 Progress = Callable[[float], None]
 Who = Literal["nobody", "random", "learned"]
@@ -112,7 +113,8 @@ class DuelRow:
     tracking_error: float = field(metadata=column("tracking error", "m/s", ".3f"))
     """Mean length of the horizontal velocity's error [m/s]."""
     cost: float = field(metadata=column("cost", form=".3f"))
-    """Mean share of the task's reward that is lost [-]."""
+    """Mean share of the task's reward that is lost [-], as the disturber maximises it: a fall costs all of it for the
+    99 control steps that would have followed, though the robot stands up anew."""
 
 
 def task_for(contract: Contract, cfg: DuelCfg, robot: str | None = None) -> TaskCfg:
@@ -133,7 +135,7 @@ def task_for(contract: Contract, cfg: DuelCfg, robot: str | None = None) -> Task
         timestep=contract.physics_timestep,
         decimation=contract.decimation,
         friction=friction,
-        physics=FAST,
+        physics=EXACT,
         randomization=RandomizationCfg(push_interval=0.0),
         commands=CommandCfg(forward, sideways, turn, standing_share=0.0),
         rewards=RewardCfg().for_robot(spec),
@@ -230,20 +232,27 @@ class Duel:
 
     def judge(self, act: Callable[[Any], torch.Tensor] | None) -> dict[str, float]:
         """Return how the robots walk while `act` disturbs them, given observations; None: nobody does."""
-        env, settle = self.env, round(SETTLE / self.env.cfg.control_period)
+        env, period = self.env, self.env.cfg.control_period
         target = torch.tensor(parse_command(self.cfg.command).velocity[:2])
+        steps, settle = round(self.cfg.seconds / period), round(SETTLE / period)
         sums = np.zeros(4)
-        steps = round(self.cfg.seconds / env.cfg.control_period)
         for step in range(steps):
             found, dones, time_outs = self.step(None if act is None else act(env.get_observations()))
             if step < settle:
                 continue
             velocity = env.linear_velocity[:, :2]
             # Episodes also end by time-outs, which are no falls.
-            fell = (dones.float() - time_outs).mean() / env.cfg.control_period
-            ratio = (velocity @ target).mean() / target.square().sum()
-            sums += [float(x) for x in (fell, ratio, (velocity - target).norm(dim=-1).mean(), found.mean())]
-        return dict(zip(("fall_rate", "speed_ratio", "tracking_error", "cost"), sums / (steps - settle), strict=True))
+            fell = (dones.float() - time_outs).sum()
+            ratio = (velocity @ target).sum() / target.square().sum()
+            sums += [float(x) for x in (fell, ratio, (velocity - target).norm(dim=-1).sum(), found.sum())]
+        samples = (steps - settle) * self.cfg.num_envs
+        falls, ratios, errors, lost = sums.tolist()
+        return {
+            "fall_rate": falls / samples / period,
+            "speed_ratio": ratios / samples,
+            "tracking_error": errors / samples,
+            "cost": with_falls(lost, samples, falls, GAMMA),
+        }
 
 
 def fight(

@@ -17,11 +17,12 @@ if TYPE_CHECKING:
 DESCRIPTION = """Train a new disturber against each policy, which does not learn any more, and see what it gains.
 
 How well a policy withstands the disturber that it was trained beside says little: a new one finds other weaknesses. It
-pushes the base, or puts a torque on each joint that the joint's own friction bounds, in the simulator of the training,
-and maximises the share of the task's reward that is lost. Then the same robots walk with nobody, with random
-disturbances within the same limit, and with the disturber, without its exploration. Joints have inertia and viscous
-friction of the bundle, as they were in training, drawn about them; no episode times out while robots are judged, and
-one that falls stands up anew. Policy by seed is cached: a rerun goes on.
+pushes the base, or puts a torque on each joint that the joint's own friction bounds, in the task of the training, and
+maximises the share of the task's reward that is lost. Then the same robots walk with nobody, with random disturbances
+within the same limit, and with the disturber, without its exploration. Joints have inertia and viscous friction of the
+bundle, as they were in training, drawn about them, and dry friction by the solver's rows. While robots are judged no
+episode times out, and one that falls stands up anew, at the cost of all that 99 control steps would have paid. Policy
+by seed is cached: a rerun goes on.
 
 Examples:
   stiction study disturber saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out disturber
