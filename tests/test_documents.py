@@ -93,3 +93,10 @@ def test_every_result_is_in_the_index_and_every_link_leads_somewhere() -> None:
     links = re.findall(r"\]\(([^)]+)\)", (folder / "README.md").read_text())
     assert not [link for link in links if not (folder / link).exists()]
     assert {link.partition("/")[0] for link in links} == {path.name for path in folder.iterdir() if path.is_dir()}
+
+
+def test_what_guards_results_is_listed() -> None:
+    """If this failed, somebody would remove or copy the file that keeps a folder's results, and not know it."""
+    from stiction.formats.settings import SETTINGS
+
+    assert f"\n| `{SETTINGS}` |" in (CHECKOUT / "docs/files.md").read_text()

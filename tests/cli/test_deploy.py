@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from processes import is_alive, stiction, wait_until
+from stiction.cli import deploy
 from stiction.cli.main import main
 from stiction.deploy.runtime.supervisor import RULES
 from stiction.formats.run_log import joint_log, read_run_log
@@ -167,3 +168,19 @@ def test_what_is_no_bundle_is_refused_before_a_folder_is_made(tmp_path: Path, ca
     (tmp_path / "other").mkdir()
     assert main(["deploy", str(tmp_path / "other"), "--out", str(tmp_path / "run")]) == 1
     assert "is no policy bundle" in capsys.readouterr().err and not (tmp_path / "run").exists()
+
+
+def test_a_report_is_not_written_over_unasked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    """The report of another run is gone, or the robot has walked before the refusal."""
+    file = tmp_path / "report.json"
+    file.write_text("mine")
+    runs = {"stop": None, "end": "done", "log": None, "log_end": None}
+    monkeypatch.setattr(deploy, "_run", lambda *_: runs)
+    words = ["deploy", POLICY, "--json", "--report", str(file), "--out", str(tmp_path / "run")]
+    assert main(words) == 1 and file.read_text() == "mine"
+    said = capsys.readouterr().err
+    assert "report.json exists already; choose another --report, or add --overwrite" in said
+    assert not (tmp_path / "run").exists()
+    assert main([*words, "--overwrite"]) == 0 and json.loads(file.read_text()) == runs

@@ -130,6 +130,23 @@ def test_what_a_user_can_mend_is_one_line_and_status_1(
     assert lines[0].startswith("stiction identify: ") and said in lines[0]
 
 
+def test_results_without_settings_are_not_overwritten_unasked(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """What another program, or `save` of the Python API, put there is gone, and it is refused before the fit."""
+    own = tmp_path / "own"
+    own.mkdir()
+    for name in ("report.html", "joints.json"):
+        (own / name).write_text("mine")
+    for words in (["identify"], ["identify", "walk"]):
+        assert main([*words, str(log), "--out", str(own)]) == 1
+        said = capsys.readouterr().err
+        assert "own has joints.json and report.html, and no settings.json" in said and said.count("\n") == 1
+    assert {path.name: path.read_text() for path in own.iterdir()} == {"report.html": "mine", "joints.json": "mine"}
+    assert main(["identify", str(log), "--out", str(own), "--overwrite"]) == 0
+    assert load_joints(own / "joints.json").joints
+
+
 def test_wrong_usage_is_status_2(log: Path) -> None:
     """No log at all, unknown options, and `walk` misspelt."""
     for arguments in ([], ["wlak", str(log)], [str(log), "--nonsense"], [str(log), "--kp", "x"]):

@@ -1,4 +1,4 @@
-"""A folder of results is not written over by a run with other settings."""
+"""A folder of results, or a file, is not written over by what has other settings or another content."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import ClassVar
 import pytest
 
 from stiction.core.errors import ConfigurationError
-from stiction.formats.settings import SETTINGS, check_settings, results_folder
+from stiction.formats.settings import SETTINGS, check_file, check_settings, results_folder
 
 
 @dataclass(frozen=True)
@@ -71,3 +71,36 @@ def test_a_folder_of_another_version_is_compared_by_what_both_have(tmp_path: Pat
     there["settings"] = {"levels": [0.0, 0.1], "gone": 3}
     (tmp_path / SETTINGS).write_text(json.dumps(there), encoding="utf-8")
     write(Run(tmp_path))
+
+
+def test_results_of_which_nobody_knows_what_they_are_stay(tmp_path: Path) -> None:
+    """If this failed, results that another program, the Python API or a colleague put there would be lost."""
+    (tmp_path / "notes.txt").write_text("mine", encoding="utf-8")
+    check_settings(tmp_path, "identify", Run(tmp_path), ("joints.json",))
+    (tmp_path / "joints.json").write_text("mine", encoding="utf-8")
+    said = r"has joints.json, and no settings.json that says what of; choose another --out, or add --overwrite"
+    with (
+        pytest.raises(ConfigurationError, match=said),
+        results_folder(tmp_path, "identify", Run(tmp_path), ("joints.json", "report.html")),
+    ):
+        pass
+    assert not (tmp_path / SETTINGS).exists()
+    with results_folder(tmp_path, "identify", Run(tmp_path, overwrite=True), ("joints.json",)):
+        pass
+    check_settings(tmp_path, "identify", Run(tmp_path), ("joints.json",))
+
+
+def test_a_file_is_written_over_where_nothing_is_lost(tmp_path: Path) -> None:
+    """If this failed, a file of one's own would be gone, or the same command could not be typed twice."""
+    file, options = tmp_path / "shank.xml", Run(tmp_path)
+    check_file(file, options, text="new")
+    file.touch()
+    check_file(file, options)  # of `mktemp`
+    file.write_text("old", encoding="utf-8")
+    check_file(file, options, text="old")
+    check_file(file, replace(options, overwrite=True), text="new")
+    check_file(Path("/dev/null"), options)
+    check_file(tmp_path, options)
+    for text in (None, "new", "longer"):
+        with pytest.raises(ConfigurationError, match=r"shank.xml exists already; choose another --static, or add"):
+            check_file(file, options, "--static", text)

@@ -102,6 +102,17 @@ def test_the_page_without_a_server_plays(browser: Browser, tmp_path: Path) -> No
     assert tab.complaints == []
 
 
+def test_a_page_is_not_written_over_unasked(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """If this failed, a page of one's own would be gone, or the robots would walk for nothing."""
+    from stiction.cli.main import main
+
+    page = tmp_path / "page.html"
+    page.write_text("mine")
+    assert main(["view", POLICY, "--static", str(page), "--seconds", "0.1"]) == 1
+    assert "page.html exists already; choose another --static, or add --overwrite" in capsys.readouterr().err
+    assert page.read_text() == "mine"
+
+
 @pytest.mark.parametrize(
     ("words", "status", "line"),
     [

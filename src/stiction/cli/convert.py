@@ -15,6 +15,7 @@ from stiction.core.files import write_text
 from stiction.core.options import read_options
 from stiction.exchange.targets import ConvertOptions, convert, convert_training
 from stiction.formats.joints import is_training, load_joints
+from stiction.formats.settings import check_file
 
 DESCRIPTION = """Write identified friction, damping and rotor inertia as a simulator reads them (joints.json), or
 the range of friction to train with as a training framework draws it (training.json).
@@ -36,6 +37,8 @@ class Convert(ConvertOptions):
     """The `joints.json` of `stiction identify`, or the `training.json` beside it."""
     out: Path | None = None
     """File to write; by default standard output."""
+    overwrite: bool = False
+    """Write over a file of other content."""
     json: bool = False
     """Print the summary (and the text, without --out) as JSON on standard output, and nothing else."""
 
@@ -46,6 +49,7 @@ def main(arguments: list[str]) -> int:
     _keep_inputs(cfg)
     done = convert_training(cfg.joints, cfg) if is_training(cfg.joints) else convert(load_joints(cfg.joints), cfg)
     if cfg.out is not None:
+        check_file(cfg.out, cfg, text=done.text)
         write_text(cfg.out, done.text)
     if cfg.json:
         summary = {"to": cfg.to, "out": cfg.out and str(cfg.out), "joints": done.joints, "notes": done.notes}

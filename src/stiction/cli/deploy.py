@@ -18,7 +18,7 @@ from stiction.core.options import read_options
 from stiction.core.records import part_of
 from stiction.deploy.runtime.config import LimitsCfg, OperatorCfg, SafetyCfg
 from stiction.deploy.transports.config import HeldCfg
-from stiction.formats.settings import results_folder
+from stiction.formats.settings import check_file, results_folder
 
 if TYPE_CHECKING:
     import numpy as np
@@ -111,7 +111,8 @@ class DeployCfg:
     fault: tuple[str, ...] = ()
     """Faults of the virtual robot's run, NAME@SECOND after the policy took over: tilt@3. A wrong name lists them."""
     overwrite: bool = False
-    """Write over what a run of other settings left in --out, but for its log: that of a run is never written over."""
+    """Write over what a run of other settings left in --out, but for its log: that of a run is never written over; and
+    over the file of --report."""
     json: bool = False
     """Print the report as JSON on standard output, and nothing else."""
 
@@ -127,6 +128,8 @@ def main(arguments: list[str]) -> int:
     if address.transport != "virtual" and (cfg.fault or cfg.stand):
         raise ConfigurationError(f"--fault and --stand are for the virtual robot alone; --robot is {cfg.robot}")
     folder = find_bundle(cfg.bundle)
+    if cfg.report is not None:
+        check_file(cfg.report, cfg, "--report")  # before the robot moves
     report: dict[str, Any] = {}
     said: list[str] = []
     try:

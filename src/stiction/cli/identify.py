@@ -120,7 +120,7 @@ class WriteOptions:
     out: Path = Path("identified")
     """Folder for joints.json, fit.npz, training.json and report.html."""
     overwrite: bool = False
-    """Write over results of other settings in --out."""
+    """Write over results in --out that are of other settings, or nobody knows of what."""
     json: bool = False
     """Print the machine-readable summary, and nothing else, on standard output."""
     memory_limit: float = DEFAULT_LIMIT / 2**30
@@ -205,7 +205,7 @@ def _identify_joints(config: IdentifyConfig, command: str) -> int:
     for log in (*config.log, *config.repeat):
         _keep_inputs(log, config.out)
     # Before anything is read: a folder of other results is refused at once, not after minutes of fitting.
-    check_settings(config.out, _verb(config), config)
+    check_settings(config.out, _verb(config), config, RESULTS)
     setup = part_of(IdentifySetup, config)
     first, *more = [_open(config, path) for path in config.log]
     if config.join:
@@ -218,7 +218,7 @@ def _identify_joints(config: IdentifyConfig, command: str) -> int:
         limb = part_of(LimbSetup, config)
         with Terminal(stderr=True).status("fitting all joints at once"):
             found = identify_limb(first, config.robot, setup, limb, config.joint, repeats, more)
-    with results_folder(config.out, _verb(config), config):
+    with results_folder(config.out, _verb(config), config, RESULTS):
         found.write(config.out, command)
     if config.robot is not None:
         _print_results(config, found.file, partial(_show_limb, model_error=config.model_error))
@@ -274,7 +274,7 @@ def _identify_walk(arguments: list[str]) -> int:
 
     _keep_inputs(options.log, options.out)
     # As above, before anything is read.
-    check_settings(options.out, _verb(options), options)
+    check_settings(options.out, _verb(options), options, RESULTS)
     setup = part_of(WalkSetup, options)
     with limit_memory(memory_of(options.memory_limit)), Terminal(stderr=True).status("reading, fitting"):
         if is_walk_log(options.log):
@@ -291,7 +291,7 @@ def _identify_walk(arguments: list[str]) -> int:
             spec = find_robot(options.robot)
             foreign = foreign_walk(log, spec, declared, part_of(RobotLogSetup, options))
             found = identify_walk(foreign.log, spec, setup, foreign.notes, True, foreign.unplaced)
-        with results_folder(options.out, _verb(options), options):
+        with results_folder(options.out, _verb(options), options, RESULTS):
             found.joints.write(options.out / "joints.json")
             write_proposal(options.out, found.joints)
             write_walk_fit(options.out / "fit.npz", found.fit)

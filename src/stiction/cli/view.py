@@ -13,6 +13,7 @@ import tyro
 
 from stiction.core.errors import ConfigurationError
 from stiction.core.options import read_options
+from stiction.formats.settings import check_file
 from stiction.locomotion.friction import law_choice, law_help
 
 if TYPE_CHECKING:
@@ -83,8 +84,10 @@ class ViewCfg:
     """Folder for recordings: canonical logs, NPZ, made when first needed."""
     static: Path | None = None
     """Write an HTML file that needs no server, of --seconds at --command and --friction-level, and end."""
+    overwrite: bool = False
+    """Write over a file that is there."""
     seconds: float = 10.0
-    """Length of that [s]."""
+    """Length of what is written [s]."""
 
 
 def main(arguments: list[str]) -> int:
@@ -92,6 +95,8 @@ def main(arguments: list[str]) -> int:
     cfg = read_options(ViewCfg, arguments, "stiction view", DESCRIPTION)
     if not 0 < cfg.seconds <= 120:
         raise ConfigurationError(f"--seconds {cfg.seconds:g}; expected more than 0 and at most 120")
+    if cfg.static is not None:
+        check_file(cfg.static, cfg, "--static")  # before the robots are made ready
     policies, robot, newest = policies_of(cfg)
     simulation = simulation_of(cfg, policies, robot)
     if cfg.static is not None:

@@ -1,9 +1,14 @@
-"""What a folder of results was made with: `settings.json`, so that a run with other settings does not write over it."""
+"""What is there is not written over unasked: a folder of other results, or a file.
+
+`settings.json` says what a folder of results was made with, so that the same command goes on in it, and a run with
+other settings is refused. A file says no such thing: it is refused unless the same would be written.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+import os
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -21,20 +26,24 @@ FREE = ("out", "json", "overwrite", "jobs", "cluster", "memory_limit", "report",
 """Options on which results do not depend; options of a kind may name more of them in a `free` of their own."""
 
 SAID = 3
-"""Settings that a refusal names."""
+"""Settings, or files, that a refusal names."""
+
+HOW = "choose another {}, or add --overwrite"
+"""What to do about a refusal."""
 
 
 @contextmanager
-def results_folder(out: Path, verb: str, options: Any) -> Iterator[None]:
+def results_folder(out: Path, verb: str, options: Any, results: Collection[str] = ()) -> Iterator[None]:
     """Be the only writer of a folder of results, which has none of other settings, and note the settings at the end.
 
     verb: what writes, `evaluate`, `study wear`; options: its dataclass. `overwrite`, where it has that, lets results of
-    other settings be written over. What fails notes nothing; what is interrupted goes on with the same settings.
+    other settings be written over. results: as in `check_settings`. What fails notes nothing; what is interrupted goes
+    on with the same settings.
 
     Raises `StictionError` where the folder has results of other settings, or as `output_folder`.
     """
     with output_folder(out):
-        check_settings(out, verb, options)
+        check_settings(out, verb, options, results)
         used = _plain(verb, options)
         try:
             yield
@@ -47,10 +56,40 @@ def results_folder(out: Path, verb: str, options: Any) -> Iterator[None]:
         _write(out, used)
 
 
-def check_settings(out: Path, verb: str, options: Any) -> None:
-    """Raise `ConfigurationError` where a folder has results of other settings, which may not be written over."""
-    if not getattr(options, "overwrite", False) and (out / SETTINGS).exists():
+def check_settings(out: Path, verb: str, options: Any, results: Collection[str] = ()) -> None:
+    """Raise `ConfigurationError` where a folder has results of other settings, which may not be written over.
+
+    results: files that will be written there; where the folder has one of them and no settings, nobody knows of what
+    it is, and it is somebody else's.
+    """
+    if getattr(options, "overwrite", False):
+        return
+    if (out / SETTINGS).exists():
         _refuse_other(out, _plain(verb, options))
+    elif there := [name for name in results if (out / name).exists()]:
+        raise ConfigurationError(
+            f"{out} has {' and '.join(there[:SAID])}, and no {SETTINGS} that says what of; {HOW.format('--out')}"
+        )
+
+
+def check_file(path: Path, options: Any, option: str = "--out", text: str | None = None) -> None:
+    """Raise `ConfigurationError` where a file is there that would be lost, and `options.overwrite` does not say so.
+
+    option: the one that names the file; text: what will be written, where that is known. An empty file, one with the
+    same text, and what is no file, such as /dev/stdout, may be written to.
+    """
+    # Not `Path.is_file`, which raises where a folder above may not be looked into: the writing then says so.
+    if not options.overwrite and os.path.isfile(path) and path.stat().st_size and not _holds(path, text):
+        raise ConfigurationError(f"{path} exists already; {HOW.format(option)}")
+
+
+def _holds(path: Path, text: str | None) -> bool:
+    """Say whether a file has a text, byte by byte; what cannot be read has not."""
+    content = None if text is None else text.encode()
+    try:
+        return content is not None and path.stat().st_size == len(content) and path.read_bytes() == content
+    except OSError:
+        return False
 
 
 def _plain(verb: str, options: Any) -> dict[str, Any]:
@@ -65,7 +104,7 @@ def _refuse_other(out: Path, used: dict[str, Any]) -> None:
     """Raise `ConfigurationError` where a folder has results of another verb, or of other settings."""
     there = read_object(out / SETTINGS, "what `stiction` writes there; remove it, or choose another --out")
     verb, before = there.get("verb"), there.get("settings")
-    how = "choose another --out, or add --overwrite"
+    how = HOW.format("--out")
     if verb != used["verb"] or not isinstance(before, dict):
         raise ConfigurationError(f"{out} has results of `stiction {verb}`; {how}")
     differing = _differing(before, used["settings"])
