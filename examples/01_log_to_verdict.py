@@ -4,10 +4,11 @@ from pathlib import Path
 
 import stiction
 from stiction.formats.log import write_log
-from stiction.identify.example import example_log
+from stiction.identify.example import LEG, example_log
 
-# A log to try this with: a geared motor on a bench, its true dry friction 0.442 N m. Yours is a file too.
-write_log(Path("swing.csv"), example_log(seed=1))
+# A log to try this with: a leg that hangs in the air, its true dry friction 0.442 N m. Yours is a file too, and stays.
+if not Path("swing.csv").exists():
+    write_log(Path("swing.csv"), example_log(LEG, seed=1))
 
 log = stiction.load_log("swing.csv")  # gains and torque limit are in swing.json beside it
 found = stiction.identify(log)

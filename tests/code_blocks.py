@@ -98,8 +98,8 @@ def files_of(page: Path) -> list[str]:
 
 
 def _swing(path: Path) -> None:
-    """Write a simulated log of a leg in the air that says nothing of its controller."""
-    write_log(path, replace(example_log(LEG), setup=LogSetup()))
+    """Write the log that the first example makes, without the sidecar that would say what the pages' flags say."""
+    write_log(path, replace(example_log(LEG, seed=1), setup=LogSetup()))
 
 
 def _robot(path: Path) -> None:

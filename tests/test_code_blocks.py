@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import runpy
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -137,3 +138,35 @@ def test_every_block_that_can_run_does(
         for words in block.commands:
             shorter = block.reduced(words)
             assert main(shorter[1:]) == 0, f"{_where(block)}: {' '.join(shorter)}\n{capsys.readouterr().err}"
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_who_has_only_this_repository_can_type_what_the_pages_identify(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The pages' log is the one that an example makes; if their flags were those of another, its fit would not be valid."""
+    example = "examples/01_log_to_verdict.py"
+    monkeypatch.chdir(tmp_path)
+    made = runpy.run_path(str(CHECKOUT / example))
+    assert made["found"]["shank"].coulomb_friction.value == pytest.approx(0.442, rel=0.05)
+    said = json.loads((tmp_path / "swing.json").read_text())
+    typed = [
+        (_where(block), words)
+        for page in PAGES
+        for block in blocks_of(page)
+        for words in (block.commands if block.language == "console" else ())
+        if words[1:3] == ["identify", "swing.csv"]
+    ]
+    assert len(typed) >= 4
+    for where, words in typed:
+        flags = dict(zip(words[3::2], words[4::2], strict=True))
+        flags.pop("--out")
+        told = {name.removeprefix("--").replace("-", "_"): value for name, value in flags.items()}
+        assert told == {name: f"{said[name]:g}" if name in NUMBERS else said[name] for name in told}, where
+        assert len(told) == 5, where
+    for page in ("README.md", "docs/tutorial.md", "docs/identification.md"):
+        assert f"python {example}" in (CHECKOUT / page).read_text(), f"{page} does not say where swing.csv is from"
+
+
+NUMBERS = ("kp", "kd", "torque_limit")
+"""What a sidecar says as a number."""
