@@ -96,3 +96,10 @@ def test_another_file_is_not_overwritten_unasked(folder: Path, capsys: pytest.Ca
     assert (folder / "knee.xml").read_text() == MODEL
     assert main([*words, "--overwrite"]) == 0 and "frictionloss" in (folder / "knee.xml").read_text()
     assert main(words) == 0
+
+
+def test_json_that_is_no_identification_is_called_so(folder: Path, capsys: pytest.CaptureFixture) -> None:
+    """Who names another file would look for another version of the program."""
+    (folder / "other.json").write_text("{}")
+    assert main(["convert", "other.json", "--to", "mujoco"]) == 1
+    assert "other.json has no schema_version, so that it is no joints.json of identify" in capsys.readouterr().err

@@ -170,6 +170,14 @@ def test_what_is_no_bundle_is_refused_before_a_folder_is_made(tmp_path: Path, ca
     assert "is no policy bundle" in capsys.readouterr().err and not (tmp_path / "run").exists()
 
 
+def test_what_is_no_bundle_is_said_before_what_the_folder_has(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """If this failed, half a bundle would be called another setting than that of the run that is there."""
+    (tmp_path / "other").mkdir()
+    (tmp_path / "settings.json").write_text('{"verb": "deploy", "settings": {"bundle": "mine"}}')
+    assert main(["deploy", str(tmp_path / "other"), "--out", str(tmp_path)]) == 1
+    assert "is no policy bundle" in capsys.readouterr().err
+
+
 def test_a_report_is_not_written_over_unasked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from stiction.cli.main import main
+from stiction.formats.settings import SETTINGS
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed")
 
@@ -33,3 +34,22 @@ def test_what_would_have_no_effect_is_refused(
     assert main(["evaluate", "saturn_lite-flat-deception-0.2", *words, "--out", str(out)]) == 1
     printed = capsys.readouterr().err
     assert said in printed and printed.count("\n") == 1 and not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["nope"], "unknown policy 'nope'"),
+        (["runs/nope"], "runs/nope does not exist"),
+        (["saturn_lite-flat-deception-0.2", "--engines", "bullet", "--seconds", "1"], "unknown engine 'bullet'"),
+        (["saturn_lite-flat-deception-0.2", "--terrains", "stairs"], "terrain 'stairs' has no size"),
+    ],
+)
+def test_a_name_that_there_is_not_is_said_before_what_else_is_wrong(
+    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """If this failed, a misspelt bundle would be called one of other settings than those of the results there."""
+    (tmp_path / SETTINGS).write_text('{"verb": "evaluate", "settings": {"bundles": ["mine"], "seconds": 9.0}}')
+    assert main(["evaluate", *words, "--out", str(tmp_path)]) == 1
+    printed = capsys.readouterr().err
+    assert said in printed and "other settings" not in printed and printed.count("\n") == 1

@@ -19,8 +19,15 @@ def test_a_course_is_called_what_it_was_typed_as(text: str) -> None:
 @pytest.mark.parametrize("text", ["stairs", "stairs=0.5", "stairs=-0.1", "stairs=high", "flat=0.1", "ice=0.1", ""])
 def test_what_nobody_built_is_refused(text: str) -> None:
     """Stairs of half a metre would be a wall."""
-    with pytest.raises(StictionError, match=r"expected flat, slope=SIZE|unknown terrain .*known: flat"):
+    with pytest.raises(StictionError, match=r"expected flat, slope=SIZE|unknown terrain .*known: flat|has no size"):
         parse_course(text)
+
+
+def test_a_course_without_a_size_is_asked_for_it() -> None:
+    """If this failed, a message would quote a size of 0, which nobody typed."""
+    said = r"^terrain 'stairs' has no size; expected stairs=SIZE, the height of a step \[m\] up to 0.2$"
+    with pytest.raises(StictionError, match=said):
+        parse_course("stairs")
 
 
 def test_a_course_is_crossed_forward_only() -> None:

@@ -97,3 +97,10 @@ def test_what_counts_as_a_number() -> None:
     """JSON allows 1e999 and integers of any length; a bool is none."""
     assert is_number(0) and is_number(-1.5) and not is_number(10**400, 1e9)
     assert not any(map(is_number, (True, "1", None, float("inf"), float("nan"))))
+
+
+def test_what_has_no_version_is_called_no_file_of_ours() -> None:
+    """If this failed, any JSON would be taken for one of an older version."""
+    said = r"^x\.json has no schema_version, so that it is no joints.json; this program reads version 2$"
+    with pytest.raises(FileError, match=said):
+        take_version({}, 2, "x.json", what="joints.json")

@@ -160,3 +160,13 @@ def test_what_is_no_such_key_is_refused(tmp_path: Path, bundle: Path, capsys: py
     assert main(["verify", str(bundle), "--key", str(tmp_path / "maker.pem")]) == 1
     assert "its owner's secret" in capsys.readouterr().err
     assert not (bundle / SUMS).with_name(SIGNATURE).exists()
+
+
+def test_the_public_key_in_the_place_of_the_private_one_is_named(keys: tuple[Path, Path]) -> None:
+    """If this failed, who mixes the two up would read half a sentence of a library's."""
+    private, public = keys
+    with pytest.raises(StictionError, match=r"maker.pub is a public key, .*; name the private one, .*maker.pem$"):
+        sign(b"", public, no_passphrase)
+    private.write_text("-----BEGIN NOTHING-----\n")
+    with pytest.raises(StictionError, match=r"^\S+maker.pem: [^.;]+; expected a private Ed25519 key"):
+        sign(b"", private, no_passphrase)

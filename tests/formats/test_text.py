@@ -10,7 +10,7 @@ import pytest
 
 from stiction.core.errors import LogError
 from stiction.formats.tables import Table
-from stiction.formats.text import BLOCK, read_csv
+from stiction.formats.text import BLOCK, LONGEST_LINE, read_csv
 
 
 def read(folder: Path, content: str | bytes, name: str = "log.csv") -> Table:
@@ -85,3 +85,11 @@ def test_a_column_of_words_in_a_later_block(tmp_path: Path) -> None:
     assert f"line {count - 3}: 'x'" in table.faults["mode"]
     with pytest.raises(LogError, match=f"line {count + 2} has 2 values, the header names 3 columns"):
         read(tmp_path, "time,q,mode\n" + "\n".join(rows) + "\n1,2\n")
+
+
+@pytest.mark.parametrize("head", ["<!doctype html>\n<html>", "\ufeff <HTML lang='en'>"])
+def test_a_page_of_html_is_called_one(tmp_path: Path, head: str) -> None:
+    """If this failed, whoever saved the page of a download would be told of a line that is too long."""
+    page = f"{head}<body>{'x' * 2 * LONGEST_LINE}</body></html>\n"
+    with pytest.raises(LogError, match=r"^log.csv: a page of HTML, no log; download the file itself"):
+        read(tmp_path, page)

@@ -259,3 +259,11 @@ def test_the_complete_yaml_of_a_robot_that_holds_joints_is_read_again(tmp_path: 
     again = load_robot(tmp_path / "complete.yaml").robot
     assert again.joint_names == robot.joint_names and again.mass == pytest.approx(robot.mass, rel=1e-5)
     assert text.startswith("# held:") and robot.held[0].name in text
+
+
+@pytest.mark.parametrize(("said", "what"), [("", "the file is empty"), ("joints:\n", "joints is empty")])
+def test_what_is_empty_is_called_so(said: str, what: str, tmp_path: Path) -> None:
+    """If this failed, a message would name a type of Python's."""
+    (tmp_path / "robot.yaml").write_text(said and f"model: robot.xml\n{said}")
+    with pytest.raises(StictionError, match=f"robot.yaml: {what}; expected names with values"):
+        load_robot(tmp_path / "robot.yaml")

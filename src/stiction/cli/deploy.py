@@ -133,8 +133,9 @@ def main(arguments: list[str]) -> int:
     report: dict[str, Any] = {}
     said: list[str] = []
     try:
+        # First: what is no bundle would else be called one of other settings than those in the folder.
+        bundle = check_bundle(folder, cfg.expect_digest).bundle
         with results_folder(cfg.out, "deploy", cfg):
-            bundle = check_bundle(folder, cfg.expect_digest).bundle
             report = _run(cfg, address, bundle, folder)
             write_text(cfg.report or cfg.out / "report.json", _text(report))
     except UnwrittenError as error:
@@ -162,19 +163,15 @@ def _run(cfg: DeployCfg, address: Address, bundle: Bundle, folder: Path) -> dict
     """Run on the robot; return the report."""
     import numpy as np
 
-    from stiction.deploy.plausibility import command_range
+    from stiction.deploy.plausibility import check_command
     from stiction.deploy.runtime.config import RunCfg, SupervisorCfg
     from stiction.deploy.runtime.motion import Motion
     from stiction.deploy.runtime.runtime import run
     from stiction.evaluate.command import parse_command
-    from stiction.formats.velocity import AXES
 
     settings = part_of(SupervisorCfg, cfg)
     velocity = np.array(parse_command(cfg.command).velocity)
-    low, high = command_range(bundle.contract)
-    if not ((low <= velocity) & (velocity <= high)).all():
-        spans = ", ".join(f"{axis} {a:g} to {b:g}" for axis, a, b in zip(AXES, low, high, strict=True))
-        raise ConfigurationError(f"command {cfg.command!r}: the policy was trained for {spans}; command less")
+    check_command(cfg.command, velocity, bundle.contract)
     motion = None if cfg.excitation is None else Motion(cfg.excitation, bundle.contract)
     # Quiet with --json, where everything that is said is in the report.
     say = (lambda text: None) if cfg.json else lambda text: print(f"stiction deploy: {text}", file=sys.stderr)

@@ -166,22 +166,25 @@ def main(arguments: list[str]) -> int:
     from stiction.core.provenance import num_threads
     from stiction.core.records import part_of
     from stiction.evaluate.evaluate import EvaluationCfg
-    from stiction.evaluate.grid import GridCfg
+    from stiction.evaluate.grid import GridCfg, parse_simulator
     from stiction.evaluate.summary import bundle_of, evaluate_all
     from stiction.evaluate.walk_logs import RecordCfg, log_all
     from stiction.report.terminal import print_warnings, work_progress
 
+    for engine in cfg.engines:
+        parse_simulator(engine)  # names before numbers
     base = part_of(EvaluationCfg, cfg)
     settings = part_of(GridCfg, cfg, base=base)
     record = None if cfg.log is None else RecordCfg(cfg.log_robots, cfg.log_seconds, torque=cfg.log_torque)
+    policies: list[Path | str] = [*cfg.bundles]
+    if cfg.policy_callable is not None:
+        policies.append(cfg.policy_callable)
+    # Before the folder: what is no bundle would be called one of other settings than those of the results there.
+    bundles = [bundle_of(policy, settings, cfg.robot, cfg.callable_period) for policy in policies]
     with (
         results_folder(cfg.out, "evaluate", cfg),
         nullcontext() if cfg.log is None else output_folder(cfg.log, "--log"),
     ):
-        policies: list[Path | str] = [*cfg.bundles]
-        if cfg.policy_callable is not None:
-            policies.append(cfg.policy_callable)
-        bundles = [bundle_of(policy, settings, cfg.robot, cfg.callable_period) for policy in policies]
         listening = any(bundle.contract.observes_friction for bundle in bundles)
         if cfg.known_friction != DEFAULTS.known_friction and not listening:
             raise ConfigurationError(

@@ -146,7 +146,7 @@ def policies_of(cfg: ViewCfg) -> tuple[list[ViewedPolicy], Robot, dict[int, Newe
 def simulation_of(cfg: ViewCfg, policies: list[ViewedPolicy], robot: Robot) -> Simulation:
     """Return the simulation as it begins."""
     from stiction.core.records import part_of
-    from stiction.deploy.plausibility import command_range
+    from stiction.deploy.plausibility import check_command
     from stiction.evaluate.command import parse_command
     from stiction.evaluate.course import parse_course
     from stiction.joints.friction import MAX_LEVEL, Law
@@ -156,11 +156,7 @@ def simulation_of(cfg: ViewCfg, policies: list[ViewedPolicy], robot: Robot) -> S
         raise ConfigurationError(f"--friction-level {cfg.friction_level:g}; expected 0 to {MAX_LEVEL:g}")
     velocity = parse_command(cfg.command).velocity
     for policy in policies:
-        low, high = command_range(policy.contract)
-        if not all(low <= velocity) or not all(velocity <= high):
-            raise ConfigurationError(
-                f"command {cfg.command!r} is beyond what {policy.name!r} was trained for; command less"
-            )
+        check_command(cfg.command, velocity, policy.contract, f"{policy.name!r}")
     law = Law(cfg.friction_law, cfg.static_ratio, cfg.stribeck_velocity)
     world = part_of(WorldCfg, cfg, course=parse_course(cfg.terrain), law=law)
     simulation = Simulation(policies, robot, world)

@@ -32,6 +32,9 @@ from stiction.robots.terrain import KINDS, REACH, SLABS, STEEPEST, STEPS, Terrai
 if TYPE_CHECKING:  # Webots runs a policy by what is here, where there may be no MuJoCo.
     from stiction.sim.fleet import Fleet
 
+UNITS = {"slope": "its angle [rad]", "rough": "its highest slab [m]", "stairs": "the height of a step [m]"}
+"""Kind of course -> what its size is."""
+
 START_HALF_WIDTH = 0.5
 """Half-width of the start, across the course [m]: the whole trunk is before the landing, whose half-width is 0.9 m."""
 
@@ -111,6 +114,9 @@ FLAT = Course()
 def parse_course(text: str) -> Course:
     """Return the course that a text names: `flat`, `stairs=0.1`; raise `StictionError` where there is none such."""
     kind, equals, number = text.strip().partition("=")
+    if kind in STEEPEST and not equals:
+        steepest = STEEPEST[kind]
+        raise ConfigurationError(f"terrain {kind!r} has no size; expected {kind}=SIZE, {UNITS[kind]} up to {steepest:g}")
     try:
         size = float(number) if equals else 0.0
     except ValueError:

@@ -339,7 +339,7 @@ def load_joints(path: Path) -> JointsFile:
     data = read_object(path, "the joints.json of identify")
     if "friction" in data:
         raise FileError(f"{path.name}: this proposes what to train; expected the joints.json that lies beside it")
-    joints = take_version(data, SCHEMA_VERSION, path.name).get("joints")
+    joints = take_version(data, SCHEMA_VERSION, path.name, what="joints.json of identify").get("joints")
     if not isinstance(joints, dict) or not joints:
         raise FileError(f"{path.name}: field 'joints' must be an object with at least one joint")
     return JointsFile({name: JointRecord.from_dict(entry, f"{path.name}: {name}") for name, entry in joints.items()})
@@ -438,7 +438,7 @@ def read_training(path: Path) -> dict[str, Any]:
     data = read_object(path, "the training.json of `stiction identify`")
     if {"joints", "warnings"} <= data.keys() and "friction" not in data:
         raise FileError(f"{path.name}: these are identified joints; expected the training.json that lies beside them")
-    take_version(data, SCHEMA_VERSION, path.name)
+    take_version(data, SCHEMA_VERSION, path.name, what="training.json of identify")
     friction = data.get("friction", {})
     if friction is None:
         reason = " ".join(str(data.get("text", "it does not say why")).split())[:400]

@@ -67,9 +67,17 @@ def _refuse_constant(name: str) -> float:
     raise ValueError(f"{name} is no number of JSON")
 
 
-def take_version(data: dict[str, Any], version: int, where: str, error: type[FileError] = FileError) -> dict[str, Any]:
-    """Return a JSON object without its `schema_version`; raise `error` where that is not `version`."""
-    if (found := data.get("schema_version")) != version:
+def take_version(
+    data: dict[str, Any],
+    version: int,
+    where: str,
+    error: type[FileError] = FileError,
+    what: str = "file that stiction wrote",
+) -> dict[str, Any]:
+    """Return a JSON object without its `schema_version`; raise `error` where that is not `version`, or not there."""
+    if "schema_version" not in data:
+        raise error(f"{where} has no schema_version, so that it is no {what}; this program reads version {version}")
+    if (found := data["schema_version"]) != version:
         raise error(f"{where}: schema version {found!r}; this program reads version {version}")
     return {name: value for name, value in data.items() if name != "schema_version"}
 

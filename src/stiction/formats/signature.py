@@ -97,6 +97,12 @@ def _private_key(path: Path, passphrase: Callable[[], str]) -> Ed25519PrivateKey
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
     content = read_bounded(path, f"a key, PEM: {NEW_KEY}", FileError, MOST_BYTES)
+    # As below: the reader of private keys would only say that it is none.
+    if b"PUBLIC KEY" in content and b"PRIVATE KEY" not in content:
+        raise FileError(
+            f"{path} is a public key, which checks signatures and makes none; name the private one, "
+            f"{path.with_suffix('.pem')}"
+        )
     try:
         secret = passphrase().encode() if b"ENCRYPTED" in content else None
         key: Any = load_pem_private_key(content, secret)
@@ -130,5 +136,5 @@ NEW_KEY = "stiction sign --new-key maker.pem makes maker.pem and maker.pub"
 
 
 def _line(error: Exception) -> str:
-    """Return the first words of a library's error about a key."""
-    return " ".join(str(error).split())[:80] or type(error).__name__
+    """Return the first sentence of a library's error about a key."""
+    return " ".join(str(error).split()).partition(". ")[0][:120] or type(error).__name__

@@ -42,6 +42,9 @@ HEAD = 40
 CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
 """What no text has."""
 
+HTML = re.compile(r"\s*<(!doctype\s+html|html)\b", re.IGNORECASE)
+"""How a page begins that came in a log's place."""
+
 MICROSECOND = timedelta(microseconds=1)
 
 
@@ -109,6 +112,8 @@ def _decoded(source: str, file: Any, packed: int) -> Iterator[tuple[list[str], s
             text = decoder.decode(pending + block)
         if fault := CONTROL.search(text):
             raise LogError(f"{source}: not a text file (it holds the character {fault[0]!r}); expected CSV")
+        if seen == len(block) and HTML.match(text):
+            raise LogError(f"{source}: a page of HTML, no log; download the file itself; expected a table of text")
         text = (rest + text).replace("\r\n", "\n")
         held = "\r" if text.endswith("\r") else ""  # half of an end of line, perhaps
         *lines, rest = text.removesuffix("\r").replace("\r", "\n").split("\n")

@@ -259,7 +259,8 @@ def _vendor(value: Any, source: str) -> dict[str, Any]:
 def _mapping(value: Any, source: str, where: str) -> Mapping[str, Any]:
     """Return a mapping with names as keys."""
     if not isinstance(value, Mapping) or not all(isinstance(name, str) for name in value):
-        raise RobotError(f"{source}: {where} is {type(value).__name__}; expected names with values")
+        what = "empty" if value is None else type(value).__name__
+        raise RobotError(f"{source}: {where} is {what}; expected names with values")
     return value
 
 

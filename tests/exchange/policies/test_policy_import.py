@@ -203,3 +203,12 @@ def test_settings_that_make_no_sense_are_refused(content: dict, message: str) ->
     """In one line that names the entry."""
     with pytest.raises(StictionError, match=message):
         contract_of(merged(full(), said_in_settings(content, "own")), find_robot(ROBOT), ("n", b""), "r", "c")
+
+
+def test_who_does_not_say_all_is_named_in_whole_sentences(tmp_path: Path) -> None:
+    """One file does not say all, two do not."""
+    model = written(tmp_path / "theirs.onnx", network(63))
+    said = written(tmp_path / "own.yaml", OWN)
+    for files, words in (((), r"^theirs.onnx does not say"), ((said,), r"^theirs.onnx and own.yaml do not say")):
+        with pytest.raises(StictionError, match=words):
+            import_policy(model, ROBOT, tmp_path / "bundle", files)

@@ -150,10 +150,10 @@ def missing(said: Said) -> list[str]:
 
 
 def require(said: Said, where: str) -> None:
-    """Raise `ConfigurationError` that asks for all that is missing; `where`: the files that were read."""
+    """Raise `ConfigurationError` that asks for all that is missing; `where`: the files that were read, and `does` or `do`."""
     if gaps := missing(said):
         asked = "; ".join(MEANINGS[name] for name in gaps)
-        raise ConfigurationError(f"{where} do not say all of the policy; say in a YAML file, with --settings: {asked}")
+        raise ConfigurationError(f"{where} not say all of the policy; say in a YAML file, with --settings: {asked}")
     raw = said.last_action == "raw" and any(term.name == "last_action" for term in said.observation or ())
     if raw and said.action_clip is not None and said.action_clip < UNBOUNDED:
         raise ConfigurationError(

@@ -88,7 +88,8 @@ def said_of(network: ForeignNetwork, name: str, settings: Sequence[Path], robot:
         said = merged(said, said_by_rl_sar(rl_sar, "config.yaml and base.yaml"))
     for content, where in own:
         said = merged(said, said_in_settings(content, where))
-    require(said, " and ".join([name, *(path.name for path in settings)]))
+    files = [name, *(path.name for path in settings)]
+    require(said, f"{' and '.join(files)} {'do' if settings else 'does'}")
     return said
 
 
