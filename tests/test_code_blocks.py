@@ -144,7 +144,7 @@ def test_every_block_that_can_run_does(
 def test_who_has_only_this_repository_can_type_what_the_pages_identify(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The pages' log is the one that an example makes; if their flags were those of another, its fit would not be valid."""
+    """The pages' log is the one that an example makes: with the flags of another its fit would not be valid."""
     example = "examples/01_log_to_verdict.py"
     monkeypatch.chdir(tmp_path)
     made = runpy.run_path(str(CHECKOUT / example))

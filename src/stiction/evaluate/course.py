@@ -115,8 +115,8 @@ def parse_course(text: str) -> Course:
     """Return the course that a text names: `flat`, `stairs=0.1`; raise `StictionError` where there is none such."""
     kind, equals, number = text.strip().partition("=")
     if kind in STEEPEST and not equals:
-        steepest = STEEPEST[kind]
-        raise ConfigurationError(f"terrain {kind!r} has no size; expected {kind}=SIZE, {UNITS[kind]} up to {steepest:g}")
+        expected = f"{kind}=SIZE, {UNITS[kind]} up to {STEEPEST[kind]:g}"
+        raise ConfigurationError(f"terrain {kind!r} has no size; expected {expected}")
     try:
         size = float(number) if equals else 0.0
     except ValueError:

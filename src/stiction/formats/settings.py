@@ -7,7 +7,6 @@ other settings is refused. A file says no such thing: it is refused unless the s
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -78,18 +77,22 @@ def check_file(path: Path, options: Any, option: str = "--out", text: str | None
     option: the one that names the file; text: what will be written, where that is known. An empty file, one with the
     same text, and what is no file, such as /dev/stdout, may be written to.
     """
-    # Not `Path.is_file`, which raises where a folder above may not be looked into: the writing then says so.
-    if not options.overwrite and os.path.isfile(path) and path.stat().st_size and not _holds(path, text):
+    if not options.overwrite and _is_other(path, text):
         raise ConfigurationError(f"{path} exists already; {HOW.format(option)}")
 
 
-def _holds(path: Path, text: str | None) -> bool:
-    """Say whether a file has a text, byte by byte; what cannot be read has not."""
+def _is_other(path: Path, text: str | None) -> bool:
+    """Say whether there is a file that is not empty and has not the text, byte by byte."""
+    try:
+        if not path.is_file() or not (size := path.stat().st_size):
+            return False
+    except OSError:
+        return False  # Where a folder above may not be looked into, the writing says so.
     content = None if text is None else text.encode()
     try:
-        return content is not None and path.stat().st_size == len(content) and path.read_bytes() == content
+        return content is None or len(content) != size or path.read_bytes() != content
     except OSError:
-        return False
+        return True
 
 
 def _plain(verb: str, options: Any) -> dict[str, Any]:

@@ -150,7 +150,7 @@ def missing(said: Said) -> list[str]:
 
 
 def require(said: Said, where: str) -> None:
-    """Raise `ConfigurationError` that asks for all that is missing; `where`: the files that were read, and `does` or `do`."""
+    """Raise `ConfigurationError` that asks for what is missing; `where`: the files that were read, with does or do."""
     if gaps := missing(said):
         asked = "; ".join(MEANINGS[name] for name in gaps)
         raise ConfigurationError(f"{where} not say all of the policy; say in a YAML file, with --settings: {asked}")
