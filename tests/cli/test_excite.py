@@ -124,6 +124,17 @@ def test_what_a_user_can_mend_is_one_line_and_status_1(
     assert captured.out == "" and len(lines) == 1 and said in lines[0] and "Traceback" not in captured.err
 
 
+def test_an_earlier_design_is_refused_before_the_search(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    """It was searched for half a minute, and then said that the folder holds another design."""
+    assert main(["excite", *SHORT.split(), "--joint", "FL_calf", "--out", str(tmp_path)]) == 0
+    capsys.readouterr()
+    monkeypatch.setattr("stiction.api.excitation.design", lambda *_: pytest.fail("searched"))
+    assert main(["excite", *SHORT.split(), "--joint", "FL_shank", "--out", str(tmp_path)]) == 1
+    assert "with other settings: joint FL_calf, now FL_shank; choose another --out" in capsys.readouterr().err
+
+
 def test_wrong_usage_is_status_2() -> None:
     """Unknown options, and half of the limits."""
     for arguments in (["--nonsense"], ["--position-limits", "0.1"], ["--kp", "x"]):

@@ -56,6 +56,23 @@ def test_the_same_settings_go_on_and_others_are_refused(tmp_path: Path) -> None:
     assert json.loads((tmp_path / SETTINGS).read_text(encoding="utf-8"))["settings"]["levels"] == [0.3]
 
 
+def test_a_persons_own_file_is_not_written_over(tmp_path: Path) -> None:
+    """A robot.yaml that nobody's `robot show` wrote was replaced without a word."""
+    (tmp_path / "robot.yaml").write_text("mine", encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"has robot.yaml, and no settings.json that says what of; choose another --out"):
+        check_settings(tmp_path, "robot show", Run(tmp_path), ("robot.xml", "robot.yaml"))
+    with results_folder(tmp_path, "robot show", Run(tmp_path, overwrite=True), ("robot.yaml",)):
+        pass
+    check_settings(tmp_path, "robot show", Run(tmp_path), ("robot.yaml",))
+
+
+def test_a_refusal_names_values_as_they_were_typed(tmp_path: Path) -> None:
+    """Of the joint FL_calf_joint it spoke as FL-calf-joint, which is another one's name."""
+    write(Run(tmp_path, log=Path("FL_calf_joint")))
+    with pytest.raises(ConfigurationError, match="log FL_calf_joint, now FR_calf_joint;"):
+        write(Run(tmp_path, log=Path("FR_calf_joint")))
+
+
 def test_what_failed_notes_nothing_and_what_was_interrupted_does(tmp_path: Path) -> None:
     """If this failed, a mistyped file would block its folder, or an interrupted run be written over."""
     for error, noted in ((ConfigurationError("no such log"), False), (KeyboardInterrupt(), True)):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from robot_files import MJCF, URDF_LEG, urdf, write
+from stiction.cli.main import main
 from stiction.core.errors import StictionError
 from stiction.core.names import kind_of
 from stiction.robots.catalog import find_robot
@@ -141,6 +142,24 @@ def test_a_complete_yaml_is_the_same_robot(tmp_path: Path) -> None:
         np.testing.assert_allclose(again.joint_values(name), robot.joint_values(name), rtol=1e-6)
     assert again.standing_height == pytest.approx(robot.standing_height, abs=1e-6)
     assert again.mass == pytest.approx(robot.mass) and again.joint_kinds == robot.joint_kinds
+
+
+@pytest.mark.parametrize("more", [[], ["--overwrite"]])
+@pytest.mark.parametrize("apart", [False, True])
+def test_a_robot_is_not_shown_into_its_own_files(
+    tmp_path: Path, capsys: pytest.CaptureFixture, apart: bool, more: list[str]
+) -> None:
+    """`robot show robot.yaml --out .` replaced the user's own robot.yaml and model by the complete ones."""
+    (tmp_path / "model").mkdir()
+    file = write(tmp_path / "model")
+    if apart:
+        file = file.replace(tmp_path / "robot.yaml")
+        file.write_text("model: model/robot.xml\n")
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*.*")}
+    assert main(["robot", "show", str(file), "--out", str(tmp_path / "model"), *more]) == 1
+    said = capsys.readouterr()
+    assert "robot.xml would be overwritten, and is read; choose another --out" in said.err and said.out == ""
+    assert said.err.count("\n") == 1 and {path: path.read_bytes() for path in tmp_path.rglob("*.*")} == before
 
 
 @pytest.mark.parametrize(

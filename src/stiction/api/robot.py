@@ -74,8 +74,12 @@ class RobotCheck(Result):
         write_model(self.robot, folder)
 
 
+MODEL_FILES = ("robot.xml", "robot.yaml", "robot.png")
+"""What `write_model` writes."""
+
+
 def write_model(robot: Robot, folder: Path) -> None:
-    """Write robot.xml, robot.yaml and robot.png into a folder that exists."""
+    """Write `MODEL_FILES` into a folder that exists."""
     from stiction.core.files import write_text
     from stiction.robots.description import complete_text
     from stiction.robots.mjcf import build

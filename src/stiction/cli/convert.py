@@ -10,8 +10,7 @@ from typing import Annotated
 
 import tyro
 
-from stiction.core.errors import ConfigurationError
-from stiction.core.files import write_text
+from stiction.core.files import keep_inputs, write_text
 from stiction.core.options import read_options
 from stiction.exchange.targets import ConvertOptions, convert, convert_training
 from stiction.formats.joints import is_training, load_joints
@@ -46,7 +45,8 @@ class Convert(ConvertOptions):
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
     cfg = read_options(Convert, arguments, "stiction convert", DESCRIPTION)
-    _keep_inputs(cfg)
+    if cfg.out is not None:
+        keep_inputs(cfg.out, *(given for given in (cfg.joints, cfg.model) if given is not None))
     done = convert_training(cfg.joints, cfg) if is_training(cfg.joints) else convert(load_joints(cfg.joints), cfg)
     if cfg.out is not None:
         check_file(cfg.out, cfg, text=done.text)
@@ -64,12 +64,3 @@ def main(arguments: list[str]) -> int:
         print("note: paths of meshes are relative to the model: keep the new file in its folder", file=sys.stderr)
     print(f"{cfg.out}: {', '.join(done.joints)}", file=sys.stderr)
     return 0
-
-
-def _keep_inputs(cfg: Convert) -> None:
-    """Refuse to write over the model or the identification, under whatever name they go."""
-    for given in (cfg.joints, cfg.model):
-        if cfg.out is None or given is None or not given.exists():
-            continue
-        if cfg.out.resolve() == given.resolve() or (cfg.out.exists() and cfg.out.samefile(given)):
-            raise ConfigurationError(f"--out {cfg.out} is {given}, which would be overwritten; choose another --out")

@@ -13,7 +13,7 @@ from stiction.core.options import read_options
 from stiction.core.records import header, part_of, texts
 from stiction.formats.design import ExcitationDesign, Predicted, percent, two_digits
 from stiction.formats.plain import object_text
-from stiction.formats.settings import results_folder
+from stiction.formats.settings import check_settings, results_folder
 from stiction.identify.excite.setup import ExciteSetup
 
 DESCRIPTION = """Design a log that shows a joint's inertia and friction well: a motion within limits of angle, speed and
@@ -50,6 +50,8 @@ def main(arguments: list[str]) -> int:
     from stiction.api.excitation import design
     from stiction.report.terminal import Terminal, work_progress
 
+    # Before the search, which takes a while: a folder of other results is refused at once.
+    check_settings(config.out, "excite", config)
     command = shlex.join(["stiction", "excite", *arguments])
     with work_progress() as progress:
         designed = design(part_of(ExciteSetup, config), config.joint, config.robot, command, progress)

@@ -10,8 +10,10 @@ from typing import Any
 from tyro.conf import Positional
 
 from stiction.core.errors import RobotError, unknown_name
+from stiction.core.files import keep_inputs
 from stiction.core.options import HELP, HELP_ALL, read_options, refuse
-from stiction.formats.settings import results_folder
+from stiction.formats.settings import check_settings, results_folder
+from stiction.robots.catalog import is_file_name
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,7 @@ class ShowCfg:
     out: Path | None = None
     """Folder for robot.png, robot.yaml and robot.xml (the model that is simulated); none: print only."""
     overwrite: bool = False
-    """Write over another robot in --out."""
+    """Write over another robot in --out; the file that is shown is never written over."""
     json: bool = False
     """Print the robot as JSON on standard output, and nothing else."""
 
@@ -100,17 +102,22 @@ def _check(cfg: CheckCfg) -> int:
 
 def _show(cfg: ShowCfg) -> None:
     """Print every value with its origin, and write picture, YAML and model."""
-    from stiction.api.robot import read, write_model
+    from stiction.api.robot import MODEL_FILES, read, write_model
+    from stiction.robots.load import files_of
 
     derived = read(cfg.robot)
     robot = derived.robot
+    if cfg.out is not None:
+        for name in MODEL_FILES if is_file_name(cfg.robot) else ():
+            keep_inputs(cfg.out / name, *files_of(Path(cfg.robot)))
+        check_settings(cfg.out, "robot show", cfg, MODEL_FILES)
     if cfg.json:
         print(json.dumps(asdict(robot), indent=1))
     else:
         _print(derived)
     if cfg.out is None:
         return
-    with results_folder(cfg.out, "robot show", cfg):
+    with results_folder(cfg.out, "robot show", cfg, MODEL_FILES):
         write_model(robot, cfg.out)
     if not cfg.json:
         print(f"written: {cfg.out}/robot.png, robot.yaml (complete), robot.xml (what is simulated)")

@@ -17,7 +17,7 @@ from itertools import islice
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
-from stiction.core.errors import StictionError, UnwrittenError, nearest
+from stiction.core.errors import ConfigurationError, StictionError, UnwrittenError, nearest
 
 MOST_BESIDE = 1000
 """Files of a folder among which the nearest name is looked for."""
@@ -104,6 +104,14 @@ def published(path: Path) -> Iterator[BinaryIO]:
     """Yield a file to write bytes to, which then replaces `path`. Raises `UnwrittenError` as `publish`."""
     with publish(path) as partial, partial.open("wb") as file:
         yield file
+
+
+def keep_inputs(out: Path, *inputs: Path) -> None:
+    """Refuse to write a file over one of those that it is made from, under whatever name it goes."""
+    for given in inputs:
+        if given.exists() and (out.resolve() == given.resolve() or (out.exists() and out.samefile(given))):
+            named = "" if out == given else f" as {out}"
+            raise ConfigurationError(f"{given} would be overwritten{named}, and is read; choose another --out")
 
 
 def open_regular(path: Path) -> BufferedReader:

@@ -126,7 +126,7 @@ def _differing(before: dict[str, Any], now: dict[str, Any], prefix: str = "") ->
         if isinstance(old, dict) and isinstance(new, dict):
             found += _differing(old, new, f"{prefix}{name}.")
         elif old != new:
-            found.append(f"{prefix}{name} {_words(old)}, now {_words(new)}".replace("_", "-"))
+            found.append(f"{prefix}{name}".replace("_", "-") + f" {_words(old)}, now {_words(new)}")
     return sorted(found)
 
 
