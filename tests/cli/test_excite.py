@@ -108,6 +108,16 @@ def test_any_robots_joint_is_found_by_name_and_by_kind(joint: str) -> None:
         ("--robot saturn_lite", "unknown joint 'joint'"),
         ("--robot go2 --joint shank", "unknown joint 'shank'; known: hip, thigh, calf, FR_hip_joint, FR_thigh_joint"),
         ("--robot spot --joint shank", "unknown robot 'spot'"),
+        (
+            "--robot go2 --joint FL_calf_joint --position-limits 1 2",
+            "--position-limits 1 2: FL_calf_joint has -2.7227 to -0.83776 rad; give limits within",
+        ),
+        ("--robot go2 --joint calf --position-limits -1 -2", "the lower one first"),
+        (
+            "--robot go2 --joint FL_calf_joint --torque-limit 400",
+            "--torque-limit 400: the motor of FL_calf_joint has 45.43 N m; give no more",
+        ),
+        ("--position-limits -60 60", "--position-limits -60 60: that is more than two turns; expected radians"),
         ("--joint a,b", "--joint 'a,b'"),
         ("--duration 6 --rate 200 --out taken/sub", "taken/sub cannot be made"),
     ],

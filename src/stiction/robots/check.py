@@ -17,7 +17,7 @@ from stiction.core.errors import StictionError
 from stiction.core.rotation import uprightness
 from stiction.robots.mirror import robot_mirror
 from stiction.robots.mjcf import build_model
-from stiction.robots.model import FALLEN_UP, Body, Robot, too_low
+from stiction.robots.model import FALLEN_UP, WIDEST, Body, Robot, too_low
 
 State = Literal["good", "note", "bad"]
 """`note`: to be known; `bad`: to be mended before the robot is used."""
@@ -27,9 +27,6 @@ GRAVITY_SHARE = 0.6
 
 STANDING_TIME = 3.0
 """How long the robot has to stand under its gains [s]."""
-
-WIDEST = 4 * np.pi
-"""A range of a joint wider than this was hardly meant in radians [rad]."""
 
 NARROWEST = 0.1
 """Where most ranges are narrower than this, they were hardly meant in degrees [rad]."""

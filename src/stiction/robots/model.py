@@ -120,6 +120,10 @@ class Joint:
     """Angle per unit of action [rad]."""
 
 
+WIDEST = 4 * np.pi
+"""A range of a joint wider than this was hardly meant in radians [rad]."""
+
+
 @dataclass(frozen=True)
 class HeldJoint:
     """A joint that no policy moves: it is rigid here, and held at this angle on the robot."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from math import hypot, isfinite
 
 from stiction.core.errors import ConfigurationError
-from stiction.robots.model import Joint
+from stiction.robots.model import WIDEST, Joint
 
 SHORTEST = 4.0
 """Shortest log that is designed [s]: under it a slow and a fast part do not fit."""
@@ -42,9 +42,9 @@ class ExciteSetup:
     kd: float | None = None
     """Derivative gain [N m s/rad]; from --robot, else 0.5."""
     torque_limit: float | None = None
-    """Largest torque of the motor, at the joint [N m]; from --robot, else 20."""
+    """Largest torque of the motor, at the joint [N m]; from --robot, whose it may not exceed, else 20."""
     position_limits: tuple[float, float] | None = None
-    """Lowest and highest angle [rad]; from --robot, else -0.6 0.6."""
+    """Lowest and highest angle [rad]; from --robot, whose they may not exceed, else -0.6 0.6."""
     start: float | None = None
     """Angle at which the motion starts and ends, and about which it swings [rad]; by default the middle."""
     speed_limit: float = 10.0
@@ -83,6 +83,13 @@ class ExciteSetup:
 
     def filled(self, joint: Joint | None = None) -> ExciteSetup:
         """Return the setup without None, from a robot's joint or else `DEFAULTS`; raise `StictionError` if absurd."""
+        if self.position_limits is not None:
+            self._check_angles(*self.position_limits, joint)
+        if joint and self.torque_limit is not None and self.torque_limit > joint.torque_limit:
+            raise ConfigurationError(
+                f"--torque-limit {self.torque_limit:g}: the motor of {joint.name} has {joint.torque_limit:g} N m; give "
+                "no more, or leave it out"
+            )
         limits = self.position_limits or ((joint.lower, joint.upper) if joint else (-0.6, 0.6))
         known = {} if joint is None else {name: getattr(joint, own) for name, own in FROM_ROBOT.items()}
         known = {name: value for name, value in known.items() if value or name not in ("viscous", "coulomb")}
@@ -94,6 +101,17 @@ class ExciteSetup:
         setup = replace(self, position_limits=limits, start=start, **values)
         setup.check()
         return setup
+
+    def _check_angles(self, low: float, high: float, joint: Joint | None) -> None:
+        """Raise `StictionError` for limits beyond a robot's joint, or that can only be degrees."""
+        given = f"--position-limits {low:g} {high:g}"
+        if joint and not joint.lower <= low < high <= joint.upper:
+            raise ConfigurationError(
+                f"{given}: {joint.name} has {joint.lower:g} to {joint.upper:g} rad; give limits within, the lower one "
+                "first, or leave them out"
+            )
+        if not joint and high - low > WIDEST:
+            raise ConfigurationError(f"{given}: that is more than two turns; expected radians, are these degrees?")
 
     def check(self) -> None:
         """Raise `StictionError` for what no joint, controller or log has; nothing may be None."""
