@@ -9,11 +9,16 @@ from pathlib import Path
 
 import pytest
 
+from code_blocks import blocks_of
 from excitations import search_little
 from stiction.api.excitation import robot_joint
 from stiction.cli.excite import run_lines
 from stiction.cli.main import main
+from stiction.core.errors import ConfigurationError
+from stiction.deploy.runtime.motion import Motion
+from stiction.formats.bundle import read_bundle, shipped_bundles
 from stiction.formats.design import load_design
+from stiction.identify.excite.setup import ExciteSetup
 from stiction.identify.logs import open_log
 
 SHORT = "--duration 6 --rate 200 --torque-limit 45 --coulomb 0.44"
@@ -143,6 +148,32 @@ def test_an_earlier_design_is_refused_before_the_search(
     monkeypatch.setattr("stiction.api.excitation.design", lambda *_: pytest.fail("searched"))
     assert main(["excite", *SHORT.split(), "--joint", "FL_shank", "--out", str(tmp_path)]) == 1
     assert "with other settings: joint FL_calf, now FL_shank; choose another --out" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("page", ["tutorial.md", "identification.md"])
+def test_what_a_page_designs_is_what_deploy_plays(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both pages designed for angles that the robot's shank does not have, and `deploy --excitation` refused them."""
+    words = next(
+        words
+        for block in blocks_of(Path(__file__).parents[2] / "docs" / page)
+        for words in (block.commands if block.language == "console" else ())
+        if words[:2] == ["stiction", "excite"]
+    )
+    setups: list[ExciteSetup] = []
+
+    def noted(setup: ExciteSetup, *_: object) -> None:
+        setups.append(setup)
+        raise ConfigurationError("noted")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("stiction.api.excitation.design_excitation", noted)
+    assert main(words[1:]) == 1
+    low, high = setups[0].position_limits or (0.0, 0.0)
+    name = words[words.index("--joint") + 1]
+    (tmp_path / "trajectory.csv").write_text(f"time,target.{name}\n0,{low}\n1,{high}\n")
+    robot = words[words.index("--robot") + 1]
+    folder = next(folder for bundle, folder in shipped_bundles().items() if bundle.startswith(robot))
+    assert Motion(tmp_path / "trajectory.csv", read_bundle(folder).contract).seconds == 1.0
 
 
 def test_wrong_usage_is_status_2() -> None:
