@@ -44,11 +44,22 @@ GO1 = find_robot("go1")
         ("inertia", replace(GO1, base=replace(GO1.base, inertia=(0.1, 0.1, 0.5, 0, 0, 0))), "base (0.1, 0.1, 0.5"),
         ("inertia", replace(GO1, base=replace(GO1.base, inertia=(0.0,) * 6)), "base (0, 0, 0"),
         ("limits", altered(GO1, lower=-90.0, upper=90.0), "is it in degrees"),
+        (
+            "motors",
+            altered(GO1, torque_limit=35500.0),
+            "3.55e+04 N m, 912 times the robot's weight at its height; is it in N m?",
+        ),
+        (
+            "motors",
+            altered(GO1, armature=10.0),
+            "of 10 kg m², 8.1 times the whole robot's inertia about its feet; is it in",
+        ),
+        ("motors", altered(GO1, kp=40000.0), "23.7 N m at an error of 0.00059 rad, kp 4e+04; is it in N m/rad?"),
         ("gravity", altered(GO1, torque_limit=4.0), "of the torque limit at"),
         ("stands", altered(GO1, kp=3.0), "it falls"),
         ("feet", replace(GO1, feet=(replace(GO1.feet[0], group=None),)), "one foot"),
     ],
-    ids=["mass", "triangle", "zero", "degrees", "weak", "soft", "foot"],
+    ids=["mass", "triangle", "zero", "degrees", "mNm", "rotor", "stiff", "weak", "soft", "foot"],
 )
 def test_what_is_broken_is_found(check: str, robot: Robot, words: str) -> None:
     """A finding says what was found and the line that mends it."""

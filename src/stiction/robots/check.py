@@ -6,7 +6,7 @@ armature nobody knows, a pose that it cannot hold.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -33,6 +33,19 @@ NARROWEST = 0.1
 
 HIGHEST = 10.0
 """Height of the base, and distance of a joint from the one before it, above which no robot is expected [m]."""
+
+SHORTEST = 0.1
+"""Height of a base under which motors are not judged by it [m]."""
+
+STRONGEST = 10.0
+"""Torque limit, over the robot's weight times its standing height, above which no motor is expected; known: 0.2 to 0.9
+[1]."""
+
+STIFFEST = 100.0
+"""kp over the torque limit above which no gain is expected; known: 0.1 to 4 [1/rad]."""
+
+UNITS = {"torque_limit": "N m", "armature": "kg m²", "kp": "N m/rad", "frictionloss": "N m"}
+"""Field of a joint -> its unit."""
 
 LIGHTEST, HEAVIEST = 0.5, 1000.0
 """Masses of robots between which nothing is suspected [kg]."""
@@ -147,42 +160,61 @@ def _limits(robot: Robot) -> Iterator[Finding]:
 
 
 def _motors(robot: Robot) -> Iterator[Finding]:
-    """Check that torque limits, armatures and gains are of the size of motors."""
+    """Check that torque limits, armatures, gains and friction are of the size of motors."""
     armature, limit = robot.joint_values("armature"), robot.joint_values("torque_limit")
     kp, kd = robot.joint_values("kp"), robot.joint_values("kd")
-    frequency = np.sqrt(kp / armature) / (2 * np.pi)
-    ratio = kd / (2 * np.sqrt(kp * armature))
-    fast = np.flatnonzero(frequency > 100.0)
-    if len(fast):
-        joint = robot.joint_names[fast[0]]
-        yield Finding(
-            "motors", "note",
-            f"{joint} alone would swing at {frequency[fast[0]]:.3g} Hz under its kp; armature "
-            f"{armature[fast[0]]:.3g} kg m² is small for it",
-            f"joints: {{{joint}: {{armature: ...}}}}, or a smaller kp",
-        )  # fmt: skip
-    limp = np.flatnonzero(kp * 1.0 < 0.1 * limit)
-    if len(limp):
-        joint = robot.joint_names[limp[0]]
-        yield Finding(
-            "motors", "note",
-            f"{joint}: an error of 1 rad asks for {kp[limp[0]]:.3g} of {limit[limp[0]]:.3g} N m; it is soft",
-            f"joints: {{{joint}: {{kp: ...}}}}",
-        )  # fmt: skip
-    stuck = np.flatnonzero(robot.joint_values("frictionloss") >= limit)
-    if len(stuck):
-        joint = robot.joint_names[stuck[0]]
-        yield Finding(
-            "motors", "bad",
-            f"{joint} has a friction of {robot.joint_values('frictionloss')[stuck[0]]:.3g} N m and a motor of "
-            f"{limit[stuck[0]]:.3g} N m: it never moves",
-            f"joints: {{{joint}: {{frictionloss: ...}}}} in N m",
-        )  # fmt: skip
+    # Where the feet are none, `_size` says so, and no height may be divided by.
+    friction, height = robot.joint_values("frictionloss"), max(robot.standing_height, SHORTEST)
+    strength, turned = limit / (robot.weight * height), armature / (robot.mass * height**2)
+    bad = [
+        *_odd(
+            robot, "bad", strength > STRONGEST, "torque_limit",
+            lambda n: f"has a torque limit of {limit[n]:.3g} N m, {strength[n]:.0f} times the robot's weight at its "
+            "height; is it in N m?",
+        ),
+        *_odd(
+            robot, "bad", turned > 1, "armature",
+            lambda n: f"has an armature of {armature[n]:.3g} kg m², {turned[n]:.3g} times the whole robot's inertia "
+            "about its feet; is it in kg m²?",
+        ),
+        *_odd(
+            robot, "bad", kp > STIFFEST * limit, "kp",
+            lambda n: f"asks for its {limit[n]:.3g} N m at an error of {limit[n] / kp[n]:.2g} rad, kp {kp[n]:.3g}; "
+            "is it in N m/rad?",
+        ),
+        *_odd(
+            robot, "bad", friction >= limit, "frictionloss",
+            lambda n: f"has a friction of {friction[n]:.3g} N m and a motor of {limit[n]:.3g} N m: it never moves",
+        ),
+    ]  # fmt: skip
+    if bad:
+        # What more is odd follows from them.
+        yield from bad
+        return
+    frequency, ratio = np.sqrt(kp / armature) / (2 * np.pi), kd / (2 * np.sqrt(kp * armature))
+    yield from _odd(
+        robot, "note", frequency > 100.0, "armature",
+        lambda n: f"alone would swing at {frequency[n]:.3g} Hz under its kp; armature {armature[n]:.3g} kg m² is small "
+        "for it",
+    )  # fmt: skip
+    yield from _odd(
+        robot, "note", kp * 1.0 < 0.1 * limit, "kp",
+        lambda n: f"asks at an error of 1 rad for {kp[n]:.3g} of {limit[n]:.3g} N m; it is soft",
+    )  # fmt: skip
     yield Finding(
         "motors", "good",
         f"torque limits {_span(limit)} N m, armature {_span(armature)} kg m², kp {_span(kp)} N m/rad, damping ratio of "
         f"the motors {_span(ratio)}",
     )  # fmt: skip
+
+
+def _odd(robot: Robot, state: State, wrong: np.ndarray, field: str, text: Callable[[int], str]) -> Iterator[Finding]:
+    """Yield a finding of the first joint that is `wrong`, shape (num_joints,); text: what is odd, by its number."""
+    for number in np.flatnonzero(wrong)[:1]:
+        joint, more = robot.joint_names[number], int(wrong.sum()) - 1
+        named = f"{joint} (and {more} more)" if more else joint
+        mend = f"joints: {{{joint}: {{{field}: ...}}}} in {UNITS[field]}"
+        yield Finding("motors", state, f"{named} {text(int(number))}", mend)
 
 
 def _span(values: np.ndarray) -> str:

@@ -34,7 +34,7 @@ def load_robot(path: Path) -> Derived:
 
 
 def files_of(path: Path) -> tuple[Path, ...]:
-    """Return a robot's file, and the model that it names where it is a `robot.yaml`. Raises `RobotError`: unreadable."""
+    """Return a robot's file, and the model that it names where it is a `robot.yaml`. Errors: `load_robot`."""
     if path.suffix.lower() in (".xml", ".urdf", ".json"):
         return (path,)
     return path, path.parent / (read_description(path).model or "")
