@@ -59,7 +59,7 @@ def test_the_same_settings_go_on_and_others_are_refused(tmp_path: Path) -> None:
 def test_a_persons_own_file_is_not_written_over(tmp_path: Path) -> None:
     """A robot.yaml that nobody's `robot show` wrote was replaced without a word."""
     (tmp_path / "robot.yaml").write_text("mine", encoding="utf-8")
-    with pytest.raises(ConfigurationError, match=r"has robot.yaml, and no settings.json that says what of; choose another --out"):
+    with pytest.raises(ConfigurationError, match=r"has robot.yaml, and no settings.json that says what of;"):
         check_settings(tmp_path, "robot show", Run(tmp_path), ("robot.xml", "robot.yaml"))
     with results_folder(tmp_path, "robot show", Run(tmp_path, overwrite=True), ("robot.yaml",)):
         pass

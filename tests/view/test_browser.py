@@ -118,7 +118,7 @@ def test_a_page_is_not_written_over_unasked(tmp_path: Path, capsys: pytest.Captu
     [
         (("nowhere",), 1, "unknown policy 'nowhere'"),
         (("--follow",), 1, "--follow is for a training run"),
-        ((POLICY, "--command", "vx=3"), 1, "'none: trained without friction' was trained for vx -0.8 to 0.8"),
+        ((POLICY, "--command", "vx=3"), 1, "friction': command vx=3: the policy was trained for vx -0.8 to 0.8"),
         ((POLICY, "--port", "99999"), 1, "port 99999; expected 1 to 65535"),
         ((POLICY, "--friction-level", "2"), 1, "--friction-level 2; expected 0 to 0.9"),
         ((POLICY, "--friction-law", "glue"), 2, "glue"),

@@ -163,15 +163,16 @@ def _run(cfg: DeployCfg, address: Address, bundle: Bundle, folder: Path) -> dict
     """Run on the robot; return the report."""
     import numpy as np
 
-    from stiction.deploy.plausibility import check_command
     from stiction.deploy.runtime.config import RunCfg, SupervisorCfg
     from stiction.deploy.runtime.motion import Motion
     from stiction.deploy.runtime.runtime import run
-    from stiction.evaluate.command import parse_command
+    from stiction.evaluate.command import parse_command, untrained
 
     settings = part_of(SupervisorCfg, cfg)
-    velocity = np.array(parse_command(cfg.command).velocity)
-    check_command(cfg.command, velocity, bundle.contract)
+    command = parse_command(cfg.command)
+    if said := untrained([command], bundle.contract):
+        raise ConfigurationError(f"{said}; command less")
+    velocity = np.array(command.velocity)
     motion = None if cfg.excitation is None else Motion(cfg.excitation, bundle.contract)
     # Quiet with --json, where everything that is said is in the report.
     say = (lambda text: None) if cfg.json else lambda text: print(f"stiction deploy: {text}", file=sys.stderr)

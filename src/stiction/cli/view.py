@@ -146,23 +146,23 @@ def policies_of(cfg: ViewCfg) -> tuple[list[ViewedPolicy], Robot, dict[int, Newe
 def simulation_of(cfg: ViewCfg, policies: list[ViewedPolicy], robot: Robot) -> Simulation:
     """Return the simulation as it begins."""
     from stiction.core.records import part_of
-    from stiction.deploy.plausibility import check_command
-    from stiction.evaluate.command import parse_command
+    from stiction.evaluate.command import parse_command, untrained
     from stiction.evaluate.course import parse_course
     from stiction.joints.friction import MAX_LEVEL, Law
     from stiction.view.simulation import Simulation, WorldCfg
 
     if not 0 <= cfg.friction_level <= MAX_LEVEL:
         raise ConfigurationError(f"--friction-level {cfg.friction_level:g}; expected 0 to {MAX_LEVEL:g}")
-    velocity = parse_command(cfg.command).velocity
+    command = parse_command(cfg.command)
     for policy in policies:
-        check_command(cfg.command, velocity, policy.contract, f"{policy.name!r}")
+        if said := untrained([command], policy.contract):
+            raise ConfigurationError(f"{policy.name!r}: {said}; command less")
     law = Law(cfg.friction_law, cfg.static_ratio, cfg.stribeck_velocity)
     world = part_of(WorldCfg, cfg, course=parse_course(cfg.terrain), law=law)
     simulation = Simulation(policies, robot, world)
     for kind in simulation.kinds:
         simulation.set_level(kind, cfg.friction_level)
-    simulation.set_velocity(velocity)
+    simulation.set_velocity(command.velocity)
     return simulation
 
 

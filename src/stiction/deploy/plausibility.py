@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from stiction.core.errors import ConfigurationError, PolicyError, unknown_name
 from stiction.core.rotation import up_axis
@@ -20,7 +19,7 @@ from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import UNIT_ERROR
 from stiction.deploy.violation import Violation
 from stiction.formats.contract import Contract
-from stiction.formats.velocity import AXES, COMMANDS, VELOCITY
+from stiction.formats.velocity import COMMANDS, VELOCITY
 
 
 @dataclass(frozen=True)
@@ -184,17 +183,6 @@ def command_range(contract: Contract) -> np.ndarray:
     """Return the commands that a policy was trained for: lower and upper ends [m/s, m/s, rad/s], shape (2, 3)."""
     spans = OLDER_RANGE if contract.command_range is None else contract.command_range
     return np.array([spans[name] for name in COMMANDS]).T
-
-
-def check_command(command: str, velocity: ArrayLike, contract: Contract, policy: str = "the policy") -> None:
-    """Raise `ConfigurationError` for a command that a policy was not trained for.
-
-    command: as it was typed; velocity: what it says [m/s, m/s, rad/s], shape (3,); policy: its name, for messages.
-    """
-    low, high = command_range(contract)
-    if not ((low <= velocity) & (np.asarray(velocity) <= high)).all():
-        spans = ", ".join(f"{axis} {a:g} to {b:g}" for axis, a, b in zip(AXES, low, high, strict=True))
-        raise ConfigurationError(f"command {command!r}: {policy} was trained for {spans}; command less")
 
 
 class ReadingGuard:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from stiction.core.errors import ConfigurationError
+from stiction.deploy.plausibility import command_range
+from stiction.formats.contract import Contract
 from stiction.formats.velocity import AXES
 
 STAND = "stand"
@@ -75,3 +78,11 @@ def parse_command(text: str) -> Command:
         return Command(STAND, (0.0, 0.0, 0.0))
     label = ",".join(f"{axis}={values[axis]:g}" for axis in AXES if values.get(axis))
     return Command(label, (values.get("vx", 0.0), values.get("vy", 0.0), values.get("wz", 0.0)))
+
+
+def untrained(commands: Iterable[Command], contract: Contract) -> str:
+    """Return which of the commands a policy was not trained for, and what it was; nothing where it was for all."""
+    low, high = command_range(contract)
+    beyond = [one.label for one in commands if not ((low <= one.velocity) & (one.velocity <= high)).all()]
+    spans = ", ".join(f"{axis} {a:g} to {b:g}" for axis, a, b in zip(AXES, low, high, strict=True))
+    return f"command {', '.join(beyond)}: the policy was trained for {spans}" if beyond else ""

@@ -13,9 +13,10 @@ from stiction.core.errors import UNSAFE, ConfigurationError
 from stiction.core.provenance import Origin
 from stiction.deploy.check import check_bundle
 from stiction.evaluate.benches import forward_notes, unidentified_notes
+from stiction.evaluate.command import untrained
 from stiction.evaluate.grid import GridCfg
 from stiction.evaluate.methods import method_of
-from stiction.evaluate.own_policy import own_policy
+from stiction.evaluate.own_policy import OwnPolicy, own_policy
 from stiction.evaluate.run import BENCHES, Progress, walk_grid
 from stiction.evaluate.table import methods_of, rows_of, sample_names
 from stiction.formats.bundle import Bundle, find_bundle
@@ -66,6 +67,7 @@ def evaluate_all(
         "robots": cfg.used_robots,
         "warnings": [
             *origin.warnings(),
+            *_untrained_notes(bundles, cfg),
             *unrecorded_note(taken_together(bundles)),
             *warnings_on(cfg.used_robots),
             *forward_notes(bundles, cfg, out / BENCHES, robot),
@@ -82,6 +84,16 @@ def evaluate_all(
         "rows": details,
     }
     return rows, summary
+
+
+def _untrained_notes(bundles: Sequence[Bundle], cfg: GridCfg) -> list[str]:
+    """Return a sentence for each policy that is given commands beyond those that it was trained for."""
+    return [
+        f"{bundle.name}: {said}; its rows beyond that judge what nobody trained"
+        for bundle in bundles
+        # A function was trained for nothing.
+        if not isinstance(bundle, OwnPolicy) and (said := untrained(cfg.base.parsed_commands, bundle.contract))
+    ]
 
 
 def taken_together(bundles: Sequence[Bundle]) -> list[str]:
