@@ -65,7 +65,12 @@ def test_an_identification_becomes_the_nominal_joint(tmp_path: Path, capsys: pyt
     values = {name: found[:3] for name, found in header["identified"]["values"].items()}
     assert values.pop("armature") == [None, None, 0.02]
     assert values == {"damping": [None, 0.02, 0.02], "frictionloss": [None, 0.02, 0.02]}
-    assert "warning: the inertia of 'thigh' was measured loaded" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "warning: the inertia of 'thigh' was measured loaded" in said
+    assert (
+        "thigh: damping, frictionloss from joints.json; calf: armature, damping, frictionloss from joints.json; hip: "
+        "nothing from joints.json; all else as in the robot go1\n"
+    ) in said
     assert main(["train", *SMALL, *options, "--friction-level", "0.1", "--out", str(tmp_path / "level")]) == 0
     for run, expected in (("own", 0.02), ("level", 0.1 * 35.55)):
         path = latest_checkpoint(tmp_path / run / "checkpoints", "student")

@@ -11,7 +11,8 @@ from deployed import CONTRACT, JOINTS, PERIOD, SHORT, STANDING, Run, state
 from stiction.core.errors import ConfigurationError
 from stiction.deploy.runtime.config import SupervisorCfg
 from stiction.deploy.runtime.limits import RANGE, SLEW, TORQUE
-from stiction.deploy.runtime.supervisor import Stage
+from stiction.deploy.runtime.report import Timing, end_line
+from stiction.deploy.runtime.supervisor import Stage, Stop
 from stiction.deploy.violation import Violation
 
 
@@ -55,6 +56,14 @@ def test_who_waits_for_a_slow_policy_and_is_told_to_walk_may_stand_still() -> No
     run.perfect = False
     with pytest.raises(AssertionError, match="frozen joint"):
         run.until(Stage.DAMP)
+
+
+@pytest.mark.parametrize(("rule", "hint"), [("stale state", True), ("policy silent", True), ("joint range", False)])
+def test_a_run_that_a_busy_machine_ends_says_what_to_do(rule: str, hint: bool) -> None:
+    """`stale state: 0.031 s, allowed 0.03 s` left who tried the virtual robot beside a training without a next step."""
+    said = end_line(Stop(Violation(rule, None, 0.031, 0.03, "s"), "", 2.0, 1.0), Timing())
+    assert said.startswith(f"stopped: {rule}: 0.031 s, allowed 0.03 s")
+    assert said.endswith("end other programs, or add --realtime 50") == hint
 
 
 def test_the_first_target_is_the_measured_pose_and_the_way_up_is_slow() -> None:

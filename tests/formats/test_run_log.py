@@ -189,7 +189,7 @@ def test_a_log_without_a_run_says_so(tmp_path: Path) -> None:
     for number in range(9):
         parts.add(float(number), ROWS.unpack(ROWS.pack(1, 0.0, logged(number, Stage.STAND))).values)  # type: ignore[union-attr]
     parts.flush()
-    with pytest.raises(LogError, match="ended before it began"):
+    with pytest.raises(LogError, match=r"ended before it began; report.json says why"):
         joint_log("run", read_run_log(tmp_path))
 
 

@@ -16,7 +16,7 @@ from typing import Any
 from stiction.core.errors import FileError, StictionError
 from stiction.core.files import write_text
 from stiction.core.records import column, header, texts
-from stiction.deploy.runtime.ticker import LATE, QUIET
+from stiction.deploy.runtime.ticker import BUSY, LATE, QUIET
 from stiction.formats.joints import load_joints
 from stiction.formats.plain import is_number, read_object
 
@@ -47,7 +47,7 @@ WAITS = ("--silence", "2", "--stale", "0.5")
 """How long the supervisor waits for policy and robot [s]: longer than on a robot of metal, since here nothing
 falls on anybody, and a demo runs on machines that do other work."""
 
-TIMING = ("stale state", "policy silent", "not ready")
+TIMING = (*BUSY, "not ready")
 """Rules that end a run on a virtual robot only where the machine is late."""
 
 

@@ -57,7 +57,7 @@ def main(arguments: list[str]) -> int:
     from stiction.formats.results import summary_text
     from stiction.formats.settings import results_folder
     from stiction.report.terminal import work_progress
-    from stiction.report.training import lead, write_actuator_page
+    from stiction.report.training import is_worse, lead, write_actuator_page
     from stiction.rma.actuator import train_actuator, write_trained
     from stiction.rma.actuator_data import read_run
 
@@ -77,5 +77,7 @@ def main(arguments: list[str]) -> int:
     if options.json:
         print(summary_text(trained.summary), end="")
     else:
-        print(f"{lead(trained.summary)}\npage: {page}\nnext: stiction train --actuator {options.out}")
+        print(f"{lead(trained.summary)}\npage: {page}")
+        more = f"more or longer logs, or --epochs above {options.config.epochs}; or stiction train without --actuator"
+        print("next:", more if is_worse(trained.summary) else f"stiction train --actuator {options.out}")
     return 0

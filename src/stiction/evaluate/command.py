@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stiction.core.errors import ConfigurationError
-from stiction.deploy.plausibility import command_range
-from stiction.formats.contract import Contract
 from stiction.formats.velocity import AXES
+
+if TYPE_CHECKING:
+    from stiction.formats.contract import Contract
 
 STAND = "stand"
 """The command to stand still."""
@@ -82,6 +84,9 @@ def parse_command(text: str) -> Command:
 
 def untrained(commands: Iterable[Command], contract: Contract) -> str:
     """Return which of the commands a policy was not trained for, and what it was; nothing where it was for all."""
+    # Not above: who only reads commands, such as a study's options, loads no runtime.
+    from stiction.deploy.plausibility import command_range
+
     low, high = command_range(contract)
     beyond = [one.label for one in commands if not ((low <= one.velocity) & (one.velocity <= high)).all()]
     spans = ", ".join(f"{axis} {a:g} to {b:g}" for axis, a, b in zip(AXES, low, high, strict=True))

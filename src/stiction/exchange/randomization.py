@@ -61,6 +61,11 @@ def recipe_of(training: Mapping[str, Any], limits: Mapping[str, float]) -> Recip
     if not (isinstance(span, list) and pair and 0 <= span[0] <= span[1] < 1):
         raise FileError(f"'range' is {span!r}; expected two shares of the torque limit, from 0 to below 1")
     low, high = span
+    if high == 0:
+        raise FileError(
+            f"method {friction['method']} proposes no friction to draw, and a range of 0 would erase what the model's "
+            "joints have; leave that as it is, or convert the values of joints.json"
+        )
     groups: dict[float, list[str]] = {}
     for name, limit in limits.items():
         groups.setdefault(limit, []).append(name)

@@ -298,7 +298,10 @@ def _of_run(log: RunLog) -> np.ndarray:
     rows = log.readings
     used = (rows["stage"] == RUN_STAGE) & np.isfinite(rows["position"]).all(1) & np.isfinite(rows["target"]).all(1)
     if used.sum() < 2:
-        raise LogError(f"the run's log has {len(used)} readings, and none of the run itself: it ended before it began")
+        raise LogError(
+            f"the run's log has {len(used)} readings, and none of the run itself: it ended before it began; "
+            "report.json says why"
+        )
     if not (np.diff(rows["robot_time"][used]) > 0).all():
         raise LogError("the run's log: the robot's own clock (robot_time) stands still, goes back, or says no number")
     return used

@@ -128,12 +128,18 @@ def write_actuator_page(folder: Path) -> Path:
     return page
 
 
+def is_worse(summary: dict[str, Any]) -> bool:
+    """Return whether the analytic law is the better model of runs that were kept out."""
+    found = summary["rmse"]["validation"]
+    return bool(found["net"] > 1.1 * found["baseline"])
+
+
 def lead(summary: dict[str, Any]) -> str:
     """Return the answer: the error on runs that were kept out, beside that of the analytic law."""
     net, law = (summary["rmse"]["validation"][name] for name in ("net", "baseline"))
     if net < 0.9 * law:
         said = f"{1 - net / law:.0%} less than the PD law with fitted friction"
-    elif net > 1.1 * law:
+    elif is_worse(summary):
         said = f"{net / law - 1:.0%} more than the PD law with fitted friction, which is then the better model"
     else:
         said = "about that of the PD law with fitted friction: the net has found nothing that the law lacks"

@@ -140,6 +140,23 @@ def nominal_of(
         said = found.warnings
     else:
         said = (*found.warnings, *load_warnings(records, spec, friction))
+    say(_sources(values, spec, path.name))
     for warning in said:
         say(f"warning: {warning}")
     return header
+
+
+def _sources(values: Mapping[str, list[Any]], robot: Robot, file: str) -> str:
+    """Return which joints took what from a file, and which nothing; values: field -> of each joint, None: not known."""
+    taken = [
+        tuple(name for name, known in values.items() if known[number] is not None) for number in range(robot.num_joints)
+    ]
+    groups: dict[tuple[str, ...], dict[str, None]] = {}
+    for joint, fields in zip(robot.joints, taken, strict=True):
+        alike = {other for one, other in zip(robot.joints, taken, strict=True) if one.kind == joint.kind}
+        groups.setdefault(fields, {})[joint.kind if len(alike) == 1 else joint.name] = None
+    parts = [
+        f"{', '.join(names)}: {', '.join(fields) if fields else 'nothing'} from {file}"
+        for fields, names in sorted(groups.items(), reverse=True)
+    ]
+    return f"{'; '.join(parts)}; all else as in the robot {robot.name}"

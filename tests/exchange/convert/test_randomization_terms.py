@@ -186,6 +186,18 @@ def test_a_proposal_without_a_range_is_refused(span: object) -> None:
         recipe_of(TRAINING | {"range": span}, LIMITS)
 
 
+@pytest.mark.parametrize("framework", FRAMEWORKS)
+def test_a_training_without_friction_erases_no_joints(
+    folder: Path, capsys: pytest.CaptureFixture, framework: str
+) -> None:
+    """Where none is proposed, the term set the friction of every joint of the model to 0."""
+    write_training(Path("training.json"), TRAINING | {"friction": {"method": "none", "level": 0.0}, "range": [0, 0]})
+    assert main(["convert", "training.json", "--to", framework, "--out", "term.py"]) == 1
+    said = capsys.readouterr().err
+    assert "method none proposes no friction to draw, and a range of 0 would erase" in said and said.count("\n") == 1
+    assert not Path("term.py").exists()
+
+
 def test_another_law_is_refused() -> None:
     """A coefficient is no torque."""
     with pytest.raises(FileError, match="law 'load'"):

@@ -10,7 +10,7 @@ import numpy as np
 from stiction.deploy.runtime.channel import TIMES
 from stiction.deploy.runtime.limits import LIMITED_BY
 from stiction.deploy.runtime.supervisor import Stop, Supervisor
-from stiction.deploy.runtime.ticker import LATE, QUIET, Histogram
+from stiction.deploy.runtime.ticker import BUSY, LATE, QUIET, Histogram
 
 
 @dataclass
@@ -84,6 +84,7 @@ def limited(supervisor: Supervisor) -> dict[str, dict[str, float]]:
 def end_line(stop: Stop | None, timing: Timing) -> str:
     """Return how a run ended, in one line."""
     if stop is not None:
-        return f"stopped: {stop.sentence()}"
+        hint = "; was this machine busy? end other programs, or add --realtime 50"
+        return f"stopped: {stop.sentence()}{hint if stop.violation.rule in BUSY else ''}"
     rate = "" if timing.rate is None else f" at {timing.rate:.3f} Hz"
     return f"done: {timing.periods} steps{rate}, {timing.skipped} skipped"
