@@ -9,7 +9,7 @@ import pytest
 
 from stiction.core.errors import LogError
 from stiction.formats.log import JointSignals, Log
-from stiction.identify.checks import check_excitation, check_log, unit_warnings
+from stiction.identify.checks import check_excitation, check_log, unit_doubts
 
 TIME = np.arange(400) * 0.002
 WAVE = np.sin(20 * TIME)
@@ -97,13 +97,15 @@ def test_what_lies_in_a_gap_is_marked() -> None:
 
 def test_degrees_and_strange_torques_are_noticed() -> None:
     """A slip of units is said, for a joint could do it; metres have no such limits."""
-    assert unit_warnings(check()) == ()
+    assert unit_doubts(check()) == ()
     degrees = check(signals=JointSignals(position=57.3 * WAVE, target=WAVE, torque=5000 * WAVE))
-    said = unit_warnings(degrees)
+    said, remedies = zip(*unit_doubts(degrees), strict=True)
     assert len(said) == 3
     assert "in degrees, or at the motor" in said[0] and "is the position in degrees" in said[1] and "N mm" in said[2]
-    assert "is the target in degrees" in unit_warnings(check(signals=replace(SIGNALS, target=57.3 * WAVE)))[0]
-    assert unit_warnings(degrees, "linear") == ()
+    assert "--position-scale 0.0174533" in remedies[0] and "--torque-scale" in remedies[2]
+    assert "convert the position to rad in the log, for --position-scale is of both" in remedies[1]
+    assert "is the target in degrees" in unit_doubts(check(signals=replace(SIGNALS, target=57.3 * WAVE)))[0][0]
+    assert unit_doubts(degrees, "linear") == ()
 
 
 def test_stamps_may_count_from_1970() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import pytest
 
 from counts import count
 from stiction.cli.main import main
-from stiction.core.errors import StictionError
+from stiction.core.errors import LogError, StictionError
 from stiction.exchange.physics import joint_physics
 from stiction.formats.joints import (
     FRICTION_REACHES_ZERO,
@@ -23,7 +24,7 @@ from stiction.formats.joints import (
     read_training,
 )
 from stiction.formats.known_friction import bench_friction
-from stiction.formats.log import write_log
+from stiction.formats.log import Log, write_log
 from stiction.identify.checks import Uniform
 from stiction.identify.closed_loop import controller_mismatch
 from stiction.identify.example import LEG, SATURN_LITE, Excitation, SensorNoise, example_log
@@ -242,3 +243,58 @@ def test_the_verdict_names_what_its_scale_rests_on(right, flag: str | None) -> N
         assert record.objections == () and abs(record.coulomb_friction.value / friction - 1) < 0.1 and low < high
         assert (flag in verdict["assumes"]) if flag else (verdict["assumes"] == [])
         assert ("all of it if" in verdict["lines"][0]) == (flag is not None)
+
+
+def altered(time: float = 1.0, **factors: float) -> Log:
+    """Return a bare motor's log with its stamps and some of its signals multiplied."""
+    log = example_log(SATURN_LITE, SHORT)
+    own = log.joints["shank"]
+    changed = replace(own, **{name: factor * getattr(own, name) for name, factor in factors.items()})
+    return replace(log, time=time * log.time, joints={"shank": changed})
+
+
+@pytest.mark.parametrize(
+    ("log", "said"),
+    [
+        (
+            altered(torque=0.4),
+            r"--torque-scale \(about 2.5 would fit\), --position-scale \(about 0.4\) and .* \(about --kp 8 --kd 0.2\)",
+        ),
+        (altered(time=10.0), r"check --kd \(about 5 would fit\) and the stamps .*: a log about 0.1 times as long"),
+        (altered(position=180 / np.pi, target=180 / np.pi), "--position-scale 0.0174533 if the angles are degrees"),
+    ],
+    ids=["amperes", "stamps", "degrees"],
+)
+def test_what_contradicts_the_gains_says_which_flag_would_fit(log: Log, said: str) -> None:
+    """The constant between them is known; without gains, which was once the advice, the wrong answer passes."""
+    remedy = identify_joint(log).record.objections[0].remedy
+    assert re.search(said, remedy) and "leave" not in remedy
+
+
+def exchanged() -> Log:
+    """Return a bare motor's log with torque and target in each other's columns."""
+    log = example_log(SATURN_LITE, SHORT)
+    own = log.joints["shank"]
+    return replace(log, joints={"shank": replace(own, torque=own.target, target=own.torque)})
+
+
+@pytest.mark.parametrize(
+    ("log", "gains", "said"),
+    [
+        (
+            altered(torque=-1.0),
+            True,
+            r"check --torque-scale \(about -1 would fit\), and that all columns are this joint's",
+        ),
+        (altered(position=-1.0), True, "turn the position's sign round in the log.* runs against its target"),
+        (altered(position=-1.0), False, "must be positive: turn the position's sign round"),
+        (exchanged(), True, "check that all columns are this joint's, and none are exchanged"),
+    ],
+    ids=["torque", "position", "no gains", "exchanged"],
+)
+def test_a_sign_or_a_column_that_the_log_contradicts_is_named(log: Log, gains: bool, said: str) -> None:
+    """Turning the torque round, or fitting gravity, would make an answer of a log whose other columns are wrong."""
+    log = log if gains else replace(log, setup=replace(log.setup, kp=None, kd=None))
+    with pytest.raises(LogError, match=said) as caught:
+        identify_joint(log)
+    assert "--gravity" not in str(caught.value)

@@ -183,7 +183,7 @@ def test_a_motor_at_its_limit_is_noticed() -> None:
     [
         (scaled(example_log(), torque=None, target=None), IdentifySetup(), "no torque"),
         (example_log(), IdentifySetup(torque_source="output_side"), "behind the gear"),
-        (example_log(), IdentifySetup(torque_scale=-1.0), "must be positive.*--torque-scale -1"),
+        (example_log(), IdentifySetup(torque_scale=-1.0), r"must be positive.*--torque-scale \(about 1 would fit\)"),
         (example_log(), IdentifySetup(torque_scale=0.0), "torque scale 0.0"),
         (example_log(), IdentifySetup(kp=-1.0), "kp -1.0: expected a positive"),
         (example_log(), IdentifySetup(velocity_delay=-1.0), "velocity delay -1.0"),

@@ -205,27 +205,39 @@ def _check_signal(where: str, name: str, values: np.ndarray, grid: Grid) -> None
         )
 
 
-def unit_warnings(signals: Uniform, axis: str = "rotary") -> tuple[str, ...]:
-    """Return sentences on signals that are probably not in SI units; on a linear axis none is known."""
+def unit_doubts(signals: Uniform, axis: str = "rotary") -> tuple[tuple[str, str], ...]:
+    """Return what is probably not in SI units: what was seen, and what to do; on a linear axis none is known."""
     if axis != "rotary":
         return ()
     found = []
     reach = float(np.ptp(signals.position))
     if reach > LARGEST_REACH:
         found.append(
-            f"the position covers {reach:.3g} rad, over {reach / (2 * np.pi):.1f} turns: is it in degrees, or at the "
-            "motor instead of the joint? The result is wrong then"
+            (
+                f"the position covers {reach:.3g} rad, over {reach / (2 * np.pi):.1f} turns: is it in degrees, or at "
+                "the motor instead of the joint? The result is wrong then",
+                "run again with --position-scale 0.0174533 if the angles are degrees, one over the gear ratio if they "
+                "are the motor's",
+            )
         )
     if signals.target is not None:
         ratio = float(np.std(signals.target)) / max(float(np.std(signals.position)), 1e-300)
         for factor, word in ((180 / np.pi, "target"), (np.pi / 180, "position")):
             if abs(np.log(max(ratio, 1e-300) / factor)) < 0.5:
-                found.append(f"the target moves {ratio:.3g} times as far as the position: is the {word} in degrees?")
+                found.append(
+                    (
+                        f"the target moves {ratio:.3g} times as far as the position: is the {word} in degrees?",
+                        f"convert the {word} to rad in the log, for --position-scale is of both, and run again",
+                    )
+                )
     if signals.torque is not None:
         peak = float(np.abs(signals.torque).max())
         if peak > LARGEST_TORQUE:
             found.append(
-                f"the torque reaches {peak:.4g} N m: is it in other units, N mm, mA or counts? Give --torque-scale"
+                (
+                    f"the torque reaches {peak:.4g} N m: is it in other units, N mm, mA or counts?",
+                    "run again with --torque-scale, N m per unit of the torque column",
+                )
             )
     return tuple(found)
 

@@ -62,7 +62,7 @@ def close_loop(run: Run, base: Fit, chosen: Fit) -> InLoop:
             return InLoop(scaled=fit_strength(run, base))
     except LoopError as error:
         return InLoop(reason=str(error))
-    difference = _mismatch(run)
+    difference = compare_controller(run)
     mismatch = None if difference is None else difference.size
     if difference is not None and difference.size > LARGEST_MISMATCH and "delay" not in run.setup.unknowns:
         return InLoop(
@@ -102,8 +102,11 @@ def controller(run: Run) -> PDGains:
     return run.gains
 
 
-def _mismatch(run: Run) -> Mismatch | None:
-    """Compare the logged torque with the declared controller's; None where no torque was logged."""
+def compare_controller(run: Run) -> Mismatch | None:
+    """Compare the logged torque with the declared controller's; None where no torque was logged.
+
+    Raises `LoopError` as `controller`.
+    """
     if not run.measured:
         return None
     lag = (run.setup.velocity_delay or 0.0) + (run.setup.delay or 0.0)

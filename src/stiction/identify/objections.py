@@ -16,12 +16,15 @@ import numpy as np
 from stiction.core.errors import LogError
 from stiction.formats.joints import FRICTION_REACHES_ZERO, Estimate, JointRecord, Objection
 from stiction.identify.back_emf import VISCOUS
-from stiction.identify.checks import coupled_text, unit_warnings
+from stiction.identify.checks import coupled_text, unit_doubts
+from stiction.identify.closed_loop import LoopError
 from stiction.identify.consistency import LARGEST_SIGMAS, beyond_chance
+from stiction.identify.in_loop import compare_controller
 from stiction.identify.prepare import make_rows, prepare
 from stiction.identify.record import JointFits
 from stiction.identify.regression import FEWEST_ROWS, INVERSE_STRENGTH, fit_rows
 from stiction.identify.runs import Run, hanging
+from stiction.identify.setup import IdentifySetup
 
 LARGEST_REST = 0.3
 """Share of the torque that may go unexplained, |residual| / |torque|: several times what the measured joints of
@@ -38,6 +41,9 @@ the two is wrong: above what delays and biases of virtual robots make of right g
 LARGEST_DAMPING_SCALE = 0.3
 """The same of kd velocity, whose noise, filter and backlash make it vaguer. A torque in another unit shows in both,
 and dry friction that was found from measured torque does not depend on kd."""
+
+AGAINST = -0.5
+"""Correlation of target and position under which a sign is wrong: at low gains a joint lags, and does not run away."""
 
 LARGEST_EXCESS = 1.05
 """Logged torque over torque limit that noise of the current sensor still explains."""
@@ -66,7 +72,7 @@ def find_objections(fits: JointFits, record: JointRecord, moving: Sequence[str] 
     found = [
         *_units(run, record),
         *_clipped(run),
-        *_controller(fits),
+        *_controller(run, fits.loop.scales, fits.loop.mismatch),
         *_hangs(run),
         *_weight(run, record),
         *_coupled([*_position(record), *_negative(fits), *_rest(record)], moving),
@@ -100,10 +106,7 @@ def no_friction_shown(friction: Estimate, unit: str) -> tuple[Objection, ...]:
 
 def _units(run: Run, record: JointRecord) -> list[Objection]:
     """Object to signals that are probably not in SI units, and to torque beyond the motor's limit."""
-    found = [
-        Objection("units", text, "convert the columns to rad and N m (--torque-scale), and run again")
-        for text in unit_warnings(run.signals, record.axis)
-    ]
+    found = [Objection("units", seen, remedy) for seen, remedy in unit_doubts(run.signals, record.axis)]
     limit, peak = record.torque_limit, float(np.abs(run.torque).max())
     if run.setup.drive.column != "torque" and not run.setup.calibrated:
         # Volts or amperes, and a limit in N m: a known weight tells the one from the other, or nothing does.
@@ -120,27 +123,80 @@ def _units(run: Run, record: JointRecord) -> list[Objection]:
     return found
 
 
-def _controller(fits: JointFits) -> list[Objection]:
-    """Object to a logged torque that is another multiple of the position's error, or speed, than the gains say."""
-    scales = fits.loop.scales
-    if scales is None or fits.loop.mismatch is None:
+def contradicted(run: Run) -> str:
+    """Say what the declared gains, or the target, have against the columns of a log; nothing where they fit it."""
+    try:
+        found = compare_controller(run)
+    except LoopError:
+        found = None
+    objections = [] if found is None else _controller(run, found.scales, found.size)
+    return "; ".join(f"{one.seen}; {one.remedy}" for one in objections) or _against(run)
+
+
+def _controller(run: Run, scales: tuple[float, float] | None, mismatch: float | None) -> list[Objection]:
+    """Object to a logged torque that is another multiple of the position's error, or speed, than the gains say.
+
+    scales, mismatch: as of `InLoop`.
+    """
+    if scales is None or mismatch is None:
         return []
     spring, damper = scales
     if _gap(spring) <= LARGEST_SCALE and _gap(damper) <= LARGEST_DAMPING_SCALE:
         return []
     seen = (
         f"the logged torque is {spring:.3g} times kp (target − position) less {damper:.3g} times kd velocity, and is "
-        f"off by {fits.loop.mismatch:.0%}: torque, angles or stamps are in another unit, belong to another joint, "
+        f"off by {mismatch:.0%}: torque, angles or stamps are in another unit, belong to another joint, "
         "or the gains are not as declared"
     )
-    degrees = abs(spring * 180 / np.pi - 1) < SERIOUS and abs(damper * 180 / np.pi - 1) < SERIOUS
-    remedy = (
-        "the angles look like degrees: convert them to rad"
-        if degrees
-        else "check --torque-scale, --kp, --kd, the rate, and that all columns are this joint's; torque that the "
-        "controller adds goes into a feedforward column; where the gains are not known leave --kp and --kd out"
+    return [Objection("controller", seen, _against(run) or _other_scale(run.setup, spring, damper))]
+
+
+def _against(run: Run) -> str:
+    """Say what to do about a position that runs against its target; nothing where it does not, or there is none."""
+    if run.logged_target is None:
+        return ""
+    alike = float(np.corrcoef(run.logged_target, run.signals.position)[0, 1])
+    return (
+        f"turn the position's sign round in the log, or take this joint's own columns: the position runs against its "
+        f"target (correlation {alike:.2f})"
+        if alike < AGAINST
+        else ""
     )
-    return [Objection("controller", seen, remedy)]
+
+
+def _other_scale(setup: IdentifySetup, spring: float, damper: float) -> str:
+    """Say what to check where the logged torque is such multiples of what kp, and kd, ask for.
+
+    One factor in both is the torque's, the angles' or the gains': the log does not tell which, and numbers that fit are
+    named for each. In kd alone it is kd's, or that of the stamps.
+    """
+    kp, kd, turned = setup.kp or 0.0, setup.kd or 0.0, setup.position_scale or 1.0
+    flag = "--kt" if setup.drive.column == "current" else "--torque-scale"
+    if _gap(spring) <= LARGEST_SCALE and damper > LARGEST_SCALE:
+        return (
+            f"check --kd (about {_rounded(kd * damper)} would fit) and the stamps (--time-scale, --rate: a log about "
+            f"{_rounded(1 / damper)} times as long would fit)"
+        )
+    if kd > 0 and not _gap(damper / spring) <= LARGEST_DAMPING_SCALE:
+        return (
+            f"check that all columns are this joint's, and none are exchanged, then {flag}, --kp, --kd and the rate; "
+            "torque that the controller adds goes into a feedforward column"
+        )
+    fits = _rounded(((setup.drive.kt if flag == "--kt" else setup.torque_scale) or 1.0) / spring)
+    if spring < 0:
+        return f"check {flag} (about {fits} would fit), and that all columns are this joint's"
+    if _gap(spring * 180 / np.pi) < SERIOUS and turned == 1:
+        return "run again with --position-scale 0.0174533, if the angles are degrees: they look like it"
+    return (
+        f"check {flag} (about {fits} would fit), --position-scale (about {_rounded(turned * spring)}) and the gains "
+        f"(about --kp {_rounded(kp * spring)} --kd {_rounded(kd * spring)}): one of the three is wrong, and the log "
+        "does not tell which"
+    )
+
+
+def _rounded(value: float) -> str:
+    """Return a number with two digits, without an exponent: more is not known of what would fit."""
+    return f"{float(f'{value:.2g}'):g}"
 
 
 def _gap(scale: float) -> float:

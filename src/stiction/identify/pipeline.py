@@ -30,7 +30,7 @@ from stiction.identify.combinations import strength_identified
 from stiction.identify.consistency import REPEAT, Comparison, compare, compare_parts, compare_timing
 from stiction.identify.in_loop import InLoop, close_loop, compare_in_loop, predict_run
 from stiction.identify.model import GRAVITY_TERMS, Model
-from stiction.identify.objections import NEGATIVE_FRICTION, find_objections
+from stiction.identify.objections import NEGATIVE_FRICTION, contradicted, find_objections
 from stiction.identify.pooling import compare_runs, pooled_rows
 from stiction.identify.prepare import Rows, make_rows
 from stiction.identify.record import JointFits, make_record, plain
@@ -263,14 +263,19 @@ def _check_values(run: Run, fit: Fit) -> None:
     found = fit.estimates()
     inertia, (low, high) = found["inertia"].value, found["inertia"].interval95
     poor = all(found[name].interval95[0] <= 0 for name in ("inertia", "viscous_friction", "coulomb_friction"))
+    heavy = (inertia <= 0 or poor) and _wants_gravity(run, fit)
+    backwards = high <= 0 and found["coulomb_friction"].interval95[0] <= 0
+    # Exchanged columns look like anything, so whatever contradicts them is said before a cause is guessed.
+    if (heavy or backwards) and (said := contradicted(run)):
+        raise LogError(f"{run.where}: the fitted inertia is {inertia:.3g}; it must be positive: {said}")
     # Gravity first: by itself it can turn the fitted inertia negative, for θ and θ'' are opposite in a sine.
-    if (inertia <= 0 or poor) and _wants_gravity(run, fit):
+    if heavy:
         raise LogError(
             f"{run.where}: the torque follows the position, as with gravity, a spring or a cable, and without it the "
             "fitted "
             f"inertia is {inertia:.3g}: --gravity True fits it; or turn the joint's axis upright, or take the load off"
         )
-    if high <= 0 and found["coulomb_friction"].interval95[0] <= 0:
+    if backwards:
         raise LogError(
             f"{run.where}: the fitted inertia is {inertia:.3g}; it must be positive: is the torque's "
             "sign that of the position (--torque-scale -1 turns it round), and its column the right one?"
