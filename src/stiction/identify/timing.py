@@ -117,10 +117,16 @@ def even_grid(source: str, time: np.ndarray) -> tuple[Grid, Timing]:
     fresh = np.concatenate(([True], np.diff(time[order]) > 0))
     order = order[fresh]
     duplicated, disordered = samples - len(order), int(np.count_nonzero(setbacks > 0))
-    _refuse_standing(source, samples, len(order))
     stamps = time[order] - time[order[0]]
+    # Before equal stamps: those of a second log, or of a clock that was set, may be the ones of the first again.
+    if disordered:
+        _refuse_backwards(source, setbacks, disordered, float(np.median(np.diff(stamps))))
+    if duplicated > LARGEST_LOSS * samples:
+        raise LogError(
+            f"{source}: time stands still: {duplicated} of {samples} samples have the stamp of another one; log stamps "
+            "with more digits, or give the rate instead (--rate)"
+        )
     step = _middle_step(source, stamps)
-    _refuse_backwards(source, setbacks, disordered, step)
     if np.diff(stamps).max() < 1.5 * step and np.diff(stamps).min() > 0.5 * step:
         # No interval is long enough for a missing sample: a clock that alternates between 10 and 12 ms has none.
         points = len(stamps) - 1
@@ -154,13 +160,10 @@ def even_grid(source: str, time: np.ndarray) -> tuple[Grid, Timing]:
     return Grid(step, times, order, stamps, _valid(times, stamps, step), even), timing
 
 
-def _refuse_standing(source: str, samples: int, fresh: int) -> None:
-    """Refuse stamps many of which are equal."""
-    if samples - fresh > LARGEST_LOSS * samples:
-        raise LogError(
-            f"{source}: time stands still: {samples - fresh} of {samples} samples have the stamp of another one; log "
-            "stamps with more digits, or give the rate instead (--rate)"
-        )
+def stands_still(time: np.ndarray) -> bool:
+    """Return whether stamps, shape (num_samples,), do not run backwards, and more than may be lost are equal."""
+    steps = np.diff(time)
+    return bool(np.all(steps >= 0) and np.count_nonzero(steps == 0) > LARGEST_LOSS * len(time))
 
 
 def _refuse_backwards(source: str, setbacks: np.ndarray, disordered: int, step: float) -> None:

@@ -50,6 +50,22 @@ def test_what_a_log_says_itself_is_not_to_be_given(tmp_path: Path) -> None:
         open_log(logfiles.wide_csv(tmp_path, time=False), rate=50, time_scale=1e-3)
 
 
+@pytest.mark.parametrize("step", [0.0, 0.1])
+def test_stamps_that_stand_still_give_way_to_a_rate(tmp_path: Path, step: float) -> None:
+    """The refusal of such stamps asks for the rate; two logs in one file, whose stamps are equal too, stay refused."""
+    path = logfiles.canonical(tmp_path, ".csv")
+    header, *rows = path.read_text().splitlines()
+    signals = [row.partition(",")[2] for row in rows]
+    coarse = [f"{step * (index // 10):.1f},{row}" for index, row in enumerate(signals)]
+    path.write_text("\n".join([header, *coarse, ""]))
+    log = open_log(path, rate=50)
+    np.testing.assert_allclose(log.time, np.arange(logfiles.SAMPLES) / 50)
+    assert any("stand still: 50 Hz was declared" in note for note in log.notes)
+    path.write_text("\n".join([header, *rows, *rows, ""]))
+    with pytest.raises(LogError, match="a rate of its own"):
+        open_log(path, rate=50)
+
+
 def test_names_are_for_numbered_joints_and_must_fit(tmp_path: Path) -> None:
     """A list one too short would shift every name."""
     path = logfiles.wide_csv(tmp_path)

@@ -34,6 +34,7 @@ from stiction.identify.logs.naming import TOPICS, find_signals
 from stiction.identify.logs.pace import read_pace
 from stiction.identify.logs.records import read_records
 from stiction.identify.logs.ros import read_ros
+from stiction.identify.timing import stands_still
 
 KINDS = ".csv (.tsv, .txt, .gz), .npz, .parquet, .json, .jsonl, .mcap, .db3, .pt or .mat"
 """What can be read."""
@@ -156,7 +157,11 @@ def _from_table(
     found = find_signals(path.name, table, {role: columns[role] for role in columns if role not in BODY}, joint)
     measured, used = find_body(path.name, table, of_body) if body else (None, ())
     notes = (*table.notes, *found.notes)
-    if found.time is None:
+    # Empty cells of columns that nobody uses cost no row.
+    blank = any(name in table.blanks for name in (*found.used, *used))
+    # Stamps of too few digits are as good as none to whoever knows the rate, if each row is a sample.
+    standing = found.time is not None and setup.rate is not None and not blank and stands_still(found.time)
+    if found.time is None or standing:
         rate = setup.rate
         if rate is None:
             raise LogError(
@@ -168,15 +173,14 @@ def _from_table(
         _refuse(path.name, {"time_scale": stamps["time_scale"]}, "has no time stamps to scale")
         time = np.arange(len(next(iter(table.columns.values())))) / rate
         start = 0.0
-        said: tuple[str, ...] = (f"the log has no time stamps: {rate:g} Hz was declared, and jitter cannot be seen",)
+        why = f"the stamps in {found.time_name} stand still" if standing else "the log has no time stamps"
+        said: tuple[str, ...] = (f"{why}: {rate:g} Hz was declared, and jitter cannot be seen",)
     else:
         _refuse(path.name, {"rate": stamps["rate"]}, f"has time stamps, {found.time_name}, and a rate of its own")
         time, start, said = seconds(path.name, found.time, found.time_name, setup.time_scale)
         start += table.starts.get(found.time_name, 0.0)
     joints = _named(path.name, found.joints, table.names)
     log = Log(path.name, time, joints, notes=(*notes, *said), start=start, body=measured)
-    # Empty cells of columns that nobody uses cost no row.
-    blank = {name: table.blanks[name] for name in (*found.used, *used) if name in table.blanks}
     return complete_rows(log) if blank else log
 
 
