@@ -79,6 +79,19 @@ def test_torque_may_jump_and_stay() -> None:
     np.testing.assert_array_equal(check(signals=replace(SIGNALS, torque=torque)).torque, torque)
 
 
+def test_a_spike_is_no_motion_and_a_short_burst_is_no_spike() -> None:
+    """Three damaged samples once cost all others, and the advice was to move further; a joint may rest and then run."""
+    time = np.arange(10000) * 0.002
+    wave, spike = np.sin(5 * time), np.zeros(10000)
+    spike[2000:2003] = 0.4
+    signals = replace(SIGNALS, position=wave + spike, torque=wave, target=wave)
+    with pytest.raises(LogError, match=r"position of joint 'knee' jumps from .* at sample 2001, over 20 times"):
+        check(time, signals)
+    # At most 60 times the usual step, and at most 6 more from step to step.
+    burst = 1e-4 * wave + np.cumsum(1e-4 * 0.6 * np.interp(time, (9.98, 10.0, 10.02), (0.0, 1.0, 0.0)))
+    assert np.ptp(check(time, replace(signals, position=burst)).position) > 1e-4
+
+
 def test_a_known_disturbance_comes_along_and_stays_stairs() -> None:
     """Force pulses are held, not rounded off by a spline."""
     pulses = np.where((TIME > 0.2) & (TIME < 0.3), 5.0, 0.0)
