@@ -298,3 +298,14 @@ def test_a_sign_or_a_column_that_the_log_contradicts_is_named(log: Log, gains: b
     with pytest.raises(LogError, match=said) as caught:
         identify_joint(log)
     assert "--gravity" not in str(caught.value)
+
+
+def test_the_first_line_says_what_was_not_declared() -> None:
+    """Without gains nothing shows the torque's unit, and not that of angles or stamps, on which the rest depends."""
+    log = altered(time=10.0)
+    log = replace(log, setup=replace(log.setup, kp=None, kd=None, torque_source=None))
+    first = identify_joint(log).record.diagnostics["verdict"]["lines"][0]
+    assert "taken to be the motor's side, as nobody said (--torque-source)" in first
+    assert "all of it if the torque is in N m, as declared, and of inertia and viscous friction if angles" in first
+    declared = identify_joint(example_log(SATURN_LITE, SHORT)).record.diagnostics["verdict"]["lines"][0]
+    assert "side" not in declared and "all of it" not in declared

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.formats.joints import Estimate, JointRecord, JointsFile
+from stiction.formats.joints import FRICTION_REACHES_ZERO, Estimate, JointRecord, JointsFile, Objection
 from stiction.formats.walk import WalkFit, read_walk_fit, write_walk_fit
+from stiction.report.identification import lead_lines
 from stiction.report.walking import grouped_warnings, span, write_walking_page
 
 REFUSED = "the interval of the hips' load coefficient is too wide <to tell>"
@@ -80,6 +81,23 @@ def test_warnings_that_joints_share_are_said_once() -> None:
     assert grouped_warnings(joints) == ["all joints: the robot was tired"]
     alone = JointsFile(joints.joints | {"FR_hip": JointRecord()})
     assert grouped_warnings(alone) == ["FL_shank, hip: the robot was tired"]
+
+
+def test_what_many_joints_have_against_them_is_one_line() -> None:
+    """Of a walk without friction eighteen joints had theirs twice: forty lines, the same but for their numbers."""
+    seen = {name: f"the interval of {name} reaches zero" for name in ("hip", "knee", "toe")}
+    objections = {name: (Objection(FRICTION_REACHES_ZERO, text, "log for longer"),) for name, text in seen.items()}
+    records = {
+        name: JointRecord(objections=objections[name], warnings=(text, "tired"), diagnostics={"verdict": {"lines": []}})
+        for name, text in seen.items()
+    }
+    joints = JointsFile(records)
+    count, first = lead_lines(joints)
+    assert count.endswith("3 of them not validly: no friction is stated for any.")
+    assert first == f"all joints: do first: log for longer. hip, and the others alike: {seen['hip']}."
+    assert grouped_warnings(joints) == ["all joints: tired"]
+    other = JointsFile(records | {"toe": JointRecord(diagnostics={"verdict": {"lines": []}})})
+    assert lead_lines(other)[1].startswith("hip, knee: do first: ")
 
 
 def test_a_span_by_hand() -> None:

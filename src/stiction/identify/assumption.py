@@ -33,7 +33,7 @@ WEIGHTS = {
 def torque_unit(run: Run) -> dict[str, Any] | None:
     """Return what the log's torque column holds and what its N m rest on, declared numbers by flag; None without one.
 
-    `calibrated`: whether it is in N m; `weight`: flags of a known weight.
+    `calibrated`: whether it is in N m; `side`: where it was said to be measured; `weight`: flags of a known weight.
     """
     if not run.measured:
         return None
@@ -45,6 +45,7 @@ def torque_unit(run: Run) -> dict[str, Any] | None:
         "column": drive.column,
         "declared": {flag: value for flag, value in known.items() if value is not None},
         "calibrated": run.setup.calibrated,
+        "side": run.setup.torque_source,
         "weight": [flag for name, flag in WEIGHTS.items() if getattr(run.setup, name) is not None],
     }
 
@@ -103,4 +104,6 @@ def _of_unit(record: JointRecord, given: dict[str, Any], links: dict[str, Any] |
     if links is not None:
         low, high = links["interval95"]
         shows = f"the links' masses say so to {low:.2g} to {high:.2g} times"
-    return flags, f"all of it if {what}, as declared: {shows}"
+    # A torque scale leaves the speed as it is, and dry friction does not ask how fast.
+    speed = "" if links else ", and of inertia and viscous friction if angles are the joint's and stamps seconds"
+    return flags, f"all of it if {what}, as declared{speed}: {shows}"

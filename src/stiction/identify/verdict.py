@@ -281,7 +281,10 @@ def _how_much(record: JointRecord) -> str:
     if not numbers:
         return f"Dry friction is not known, measured {condition}{missing}."
     _, said = assumption(record)
-    return f"Dry friction is {numbers}, measured {condition}{missing}{'; ' if said else ''}{said}."
+    # Records of older files do not say.
+    undeclared = (record.diagnostics.get("torque_unit") or {"side": ""}).get("side", "") is None
+    side = "the torque is taken to be the motor's side, as nobody said (--torque-source)" if undeclared else ""
+    return "; ".join(filter(None, [f"Dry friction is {numbers}, measured {condition}{missing}", side, said])) + "."
 
 
 def _in_which_unit(record: JointRecord) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -185,8 +185,8 @@ def write_identification_page(folder: Path, command: str = "") -> Path:
 def lead_lines(joints: JointsFile, folder: Path | None = None) -> tuple[str, ...]:
     """Return the verdict as the page and the terminal begin with it. folder: where training.json lies, to be named.
 
-    Of one joint its three lines; of several how many there are, those that are not valid with what to do first, and the
-    lines of the one with the most friction for its motor.
+    Of one joint its three lines; of several how many there are, what to do first about those that are not valid, a line
+    for all with the same reason, and the lines of the one with the most friction for its motor.
     """
     found = {name: record for name, record in joints.joints.items() if record.diagnostics}
     file = "training.json" if folder is None else shlex.quote(str(folder / "training.json"))
@@ -198,11 +198,12 @@ def lead_lines(joints: JointsFile, folder: Path | None = None) -> tuple[str, ...
     if len(joints.joints) == 1:
         return next(iter(lines.values()), ())
     bad = [name for name, record in found.items() if record.objections]
-    first = [f"{name}: do first: {one.remedy}. {one.seen}." for name in bad for one in found[name].objections[:1]]
+    first = [_do_first(found, names) for names in _alike(found, bad)]
     valid = {name: record for name, record in found.items() if name not in bad}
     ratios = {name: record.friction_ratio for name, record in valid.items() if record.friction_ratio is not None}
     count = f"{len(found)} of {len(joints.joints)} joints were identified"
-    count += f", {len(bad)} of them not validly: no friction is stated for {', '.join(bad)}." if bad else "."
+    none = "any" if len(bad) == len(found) else ", ".join(bad)
+    count += f", {len(bad)} of them not validly: no friction is stated for {none}." if bad else "."
     if not valid:
         return (count, *first)
     if not ratios:
@@ -210,6 +211,23 @@ def lead_lines(joints: JointsFile, folder: Path | None = None) -> tuple[str, ...
     # By the upper end: a joint whose friction is badly known may be the worst.
     worst = max(ratios, key=lambda name: ratios[name].interval95[1])
     return (count, *first, f"{worst} has the most dry friction for its motor:", *lines.get(worst, ()))
+
+
+def _alike(found: Mapping[str, JointRecord], bad: Sequence[str]) -> list[list[str]]:
+    """Return the joints that are not valid, those together that have the same first reason and the same to do."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for name in bad:
+        first = found[name].objections[0]
+        groups.setdefault((first.reason, first.remedy), []).append(name)
+    return list(groups.values())
+
+
+def _do_first(found: Mapping[str, JointRecord], names: Sequence[str]) -> str:
+    """Return what to do first about joints that are alike, and what was seen: of the first one, where each differs."""
+    first = [found[name].objections[0] for name in names]
+    who = "all joints" if 1 < len(names) == len(found) else ", ".join(names)
+    whose = f"{names[0]}, and the others alike: " if len({one.seen for one in first}) > 1 else ""
+    return f"{who}: do first: {first[0].remedy}. {whose}{first[0].seen}."
 
 
 def remaining_warnings(joints: JointsFile) -> list[str]:
