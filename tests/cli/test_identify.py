@@ -110,6 +110,7 @@ def test_a_result_never_replaces_a_log_or_its_sidecar(
         (["swing.csv", "--joint-map", "a=b"], "--joint-map is for a whole limb"),
         (["swing.csv", "--model-error", "nan"], "--model-error is for a whole limb"),
         (["swing.csv", "--repeat-columns", "a=b"], "add --repeat LOG"),
+        (["swing.csv", "--repeat", "half.csv"], "half.csv cannot be a repeat, leave it out or mend it: half.csv: "),
         (["swing.csv", "--delay", "1e308"], "delay 1e+308: expected at most 1"),
         (["swing.csv", "--velocity-delay", "2"], "velocity delay 2.0: expected at most 1"),
         (["swing.csv", "--motor-strength", "1e308"], "motor strength 1e+308: expected at most 1e+12"),

@@ -143,7 +143,9 @@ def test_friction_that_cannot_be_told_from_zero_costs_nothing_but_itself() -> No
 
 @pytest.mark.usefixtures("undrawn")
 def test_no_training_file_is_written_and_an_old_one_goes(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """Else the next command trains with what the run before proposed; the missing file's reason stands beside it."""
+    """Else the next command trains with what the run before proposed; the missing file's reason stands beside it. The
+    status is 0 as documented: results were written.
+    """
     write_log(tmp_path / "shank.csv", example_log(SATURN_LITE, SHORT))
     out = tmp_path / "out"
     command = ["identify", str(tmp_path / "shank.csv"), "--joint", "shank", "--out", str(out)]

@@ -14,7 +14,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from stiction.core.errors import ConfigurationError, RobotError, nearest
+from stiction.core.errors import ConfigurationError, LogError, RobotError, nearest
 from stiction.core.memory import DEFAULT_LIMIT, limit_memory
 from stiction.core.options import read_options, refuse
 from stiction.core.records import part_of
@@ -40,6 +40,7 @@ may have its own; --init writes one to fill in. With --robot and a log in which 
 its base held, they are found together, what each does to the others taken off by the robot's model. A walking log
 (stiction evaluate --log) has options of its own, --robot, --mass-known and more: `stiction identify walk --help` lists
 them. A walk whose joints and IMU are in columns of any name is read by `stiction identify walk LOG --robot FILE`.
+Exit status 0 where results were written, those of a fit that is not valid too, which say so; 1 where none could be.
 
 Examples:
   stiction identify log.csv --kp 30 --kd 0.5 --torque-limit 12 --test-condition in_air
@@ -248,7 +249,10 @@ def _open(config: IdentifyConfig, path: Path, repeat: bool = False) -> Log:
     columns, name = parse_columns(config.columns), config.joint[0] if len(config.joint) == 1 else None
     if repeat:
         columns |= parse_columns(config.repeat_columns)
-        return open_log(path, columns, name, config.names, config.rate, None, config.time_scale)
+        try:
+            return open_log(path, columns, name, config.names, config.rate, None, config.time_scale)
+        except LogError as error:
+            raise LogError(f"{path.name} cannot be a repeat, leave it out or mend it: {error}") from error
     return open_log(
         path, columns, name, config.names, config.rate, config.sidecar, config.time_scale, config.begin, config.end
     )
