@@ -40,8 +40,10 @@ READING = {
 """Code that reads and refuses files, whose content is in every key, or names columns and methods; finds what a user
 named; speed; configuration, whose values are in every key, and rewards, which no walk reads."""
 
-CHECKING = {f"deploy/{name}.py" for name in ("check", "first_run", "network_file", "operators")}
-"""Code that refuses a policy, or lets it walk as it is."""
+CHECKING = {
+    f"deploy/{name}.py" for name in ("check", "first_run", "network_file", "operators", "plausibility", "violation")
+}
+"""Code that refuses a policy or a command, or lets it walk as it is."""
 
 WEAR = {"formats/wear.py", "deploy/wear.py"}
 """The monitor, which only listens."""
