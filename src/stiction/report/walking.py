@@ -59,7 +59,7 @@ def write_walking_page(folder: Path, command: str = "") -> Path:
 def grouped_warnings(joints: JointsFile) -> list[str]:
     """Return every warning once, with the joints that it is about in front; not what their lead lines begin with."""
     everyone = len(joints.joints)
-    led = {text for record in joints.joints.values() for text in (one.seen for one in record.objections[:1])}
+    led = {one.seen for record in joints.joints.values() for one in record.objections[:1]}
     return [
         f"{'all joints' if len(names) == everyone else ', '.join(names)}: {text}"
         for text, names in gather_warnings(joints).items()
