@@ -151,10 +151,12 @@ def _sources(values: Mapping[str, list[Any]], robot: Robot, file: str) -> str:
     taken = [
         tuple(name for name, known in values.items() if known[number] is not None) for number in range(robot.num_joints)
     ]
+    of_kind: dict[str, set[tuple[str, ...]]] = {}
+    for joint, fields in zip(robot.joints, taken, strict=True):
+        of_kind.setdefault(joint.kind, set()).add(fields)
     groups: dict[tuple[str, ...], dict[str, None]] = {}
     for joint, fields in zip(robot.joints, taken, strict=True):
-        alike = {other for one, other in zip(robot.joints, taken, strict=True) if one.kind == joint.kind}
-        groups.setdefault(fields, {})[joint.kind if len(alike) == 1 else joint.name] = None
+        groups.setdefault(fields, {})[joint.kind if len(of_kind[joint.kind]) == 1 else joint.name] = None
     parts = [
         f"{', '.join(names)}: {', '.join(fields) if fields else 'nothing'} from {file}"
         for fields, names in sorted(groups.items(), reverse=True)
