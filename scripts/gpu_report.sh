@@ -7,13 +7,15 @@
 #   machine.txt        the card, and the versions
 #   throughput.jsonl   control steps a second by number of robots: bare MuJoCo Warp, its arrays on the host, the task on
 #                      the host, the task on the device
-#   run/               a training with --device cuda, by default 4096 robots and 200 iterations (ROBOTS, ITERATIONS)
+#   agreement.json     whether the two tasks are one: means over robots, by their standard errors
+#   run/               a training with --device cuda (DEVICE), by default 4096 robots, 200 iterations (ROBOTS, ITERATIONS)
 #   training.json      its seconds, and after how many the robots follow within 0.85 to 1.15 in both directions
 #   evaluation/        the policy without exploration noise, on the processor
 # Each part has a time limit of its own; what one did not come to is said, and the others go on. Failed parts: status 1.
 set -u
 folder=${1:-results/gpu/report}
 python=${PYTHON:-python}
+device=${DEVICE:-cuda}
 failed=0
 mkdir -p "$folder"
 
@@ -34,11 +36,12 @@ part() { # NAME SECONDS COMMAND...: run a part within its time; say how it ended
 } > "$folder/machine.txt" 2>&1
 cat "$folder/machine.txt" >&2
 
-part throughput 190 "$python" scripts/gpu_throughput.py cuda "${COUNTS:-512,2048,4096,8192,16384}" \
+part throughput 190 "$python" scripts/gpu_throughput.py "$device" "${COUNTS:-512,2048,4096,8192,16384}" \
     > "$folder/throughput.jsonl"
+part agreement 60 "$python" scripts/gpu_agreement.py "$device" "${COMPARED:-2048}" > "$folder/agreement.json"
 
 rm -rf "$folder/run"
-if part training 240 "$python" -m stiction train --preset quick --method deception --friction-level 0.2 --device cuda \
+if part training 240 "$python" -m stiction train --preset quick --method deception --friction-level 0.2 --device "$device" \
     --num-envs "${ROBOTS:-4096}" --teacher.iterations "${ITERATIONS:-200}" --video-every 0 --out "$folder/run" \
     --json > "$folder/summary.json"
 then

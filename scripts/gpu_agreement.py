@@ -1,0 +1,80 @@
+"""Compare the task on the device with the task on the host, both on a GPU, robot by robot in the mean.
+
+    python scripts/gpu_agreement.py cuda 2048 > agreement.json
+
+The two draw from different generators and a GPU adds up in any order, so no robot has a twin. The same number of robots
+take random actions for `STEPS` control steps in both. Of every entry of every observation group, at three moments, and
+of every robot's sum of rewards and number of ends: the difference of the means by its standard error. One JSON object:
+how many numbers were compared, the largest |z|, how many are above 4, the names of the worst, and each task's means of
+the logged figures.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import torch
+
+from stiction.core.provenance import num_threads
+from stiction.locomotion.config import TaskCfg
+from stiction.locomotion.device import find_device
+from stiction.locomotion.env import LocomotionEnv
+from stiction.locomotion.friction import FrictionCfg
+from stiction.rma.config import TrainCfg
+
+STEPS = 120
+LOOKED_AT = (20, 60, 120)
+
+
+def walked(device: str, robots: int, on_host: bool) -> tuple[dict[str, torch.Tensor], dict[str, float]]:
+    """Return samples by name, each (robots, entries), and the means of the logged figures."""
+    task = TaskCfg(friction=FrictionCfg(method="deception", level=0.2))
+    found = find_device(device, TrainCfg().contacts, on_host=on_host)
+    env = LocomotionEnv(task, robots, int(on_host), num_threads(), None, found)
+    generator = torch.Generator(env.device).manual_seed(7 + on_host)
+    rewards, ends = torch.zeros(robots, device=env.device), torch.zeros(robots, device=env.device)
+    samples: dict[str, torch.Tensor] = {}
+    logged: dict[str, list[float]] = {}
+    for step in range(1, STEPS + 1):
+        # For half of the time they thrash, so that some fall.
+        wild = 1.5 if step % 40 > 20 else 0.3
+        actions = wild * torch.randn(robots, env.num_actions, device=env.device, generator=generator)
+        observation, reward, dones, extras = env.step(actions)
+        rewards += reward
+        ends += dones
+        for name, value in extras["log"].items():
+            logged.setdefault(name, []).append(float(value))
+        if step in LOOKED_AT:
+            samples |= {f"{name}@{step}": value.double().cpu().flatten(1) for name, value in observation.items()}
+    samples |= {"reward": rewards.double().cpu()[:, None], "ends": ends.double().cpu()[:, None]}
+    return samples, {name: sum(values) / len(values) for name, values in logged.items()}
+
+
+def compare(one: dict[str, torch.Tensor], other: dict[str, torch.Tensor]) -> dict[str, object]:
+    """Return the figures of two samples of the same names."""
+    found: list[tuple[float, str]] = []
+    for name, first in one.items():
+        second = other[name]
+        for power in (1, 2):
+            a, b = first**power, second**power
+            error = ((a.var(0) + b.var(0)) / len(a)).sqrt()
+            gap = (a.mean(0) - b.mean(0)).abs()
+            # What is the same number in every robot must be the same in both.
+            z = torch.where(error > 1e-9, gap / error.clamp(min=1e-9), torch.where(gap > 1e-6, torch.inf, 0.0))
+            found += [(float(value), f"{name}[{k}]^{power}") for k, value in enumerate(z)]
+    found.sort(reverse=True)
+    return {
+        "compared": len(found),
+        "largest_z": round(found[0][0], 2),
+        "above_4": sum(z > 4 for z, _ in found),
+        "worst": [f"{name}: {z:.1f}" for z, name in found[:8]],
+    }
+
+
+if __name__ == "__main__":
+    device, robots = sys.argv[1], int(sys.argv[2])
+    host, on_host = walked(device, robots, on_host=True)
+    own, on_device = walked(device, robots, on_host=False)
+    figures = {name: [round(on_host[name], 5), round(on_device[name], 5)] for name in on_host}
+    print(json.dumps({"robots": robots, **compare(host, own), "host_and_device": figures}))
