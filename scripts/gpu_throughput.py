@@ -1,6 +1,6 @@
 """Measure control steps a second on MuJoCo Warp: the bare simulator, with its arrays on the host, and the whole task.
 
-    python scripts/gpu_throughput.py cuda 512,2048,4096 >> results/gpu/throughput.jsonl
+    python scripts/gpu_throughput.py cuda 512,2048,4096 > results/gpu/report/throughput.jsonl
 
 One JSON line a number of robots: control steps of all robots a second, and milliseconds a control step, of `bare`
 physics; of `simulator`, the same with its arrays brought to the host and back; of the task on the host (`host_task`);
