@@ -30,7 +30,7 @@ def test_it_writes_tables_figure_and_page_and_does_nothing_twice(tmp_path: Path,
     with (out / "lives.csv").open(newline="") as file:
         assert [(row["robot"], row["steady"]) for row in csv.DictReader(file)] == [("3", ""), ("3", "0.3"), ("3", "1")]
     files = {file: file.stat().st_mtime_ns for file in (out / "robots").iterdir()}
-    assert len(files) == 3 and (out / "wear.png").stat().st_size > 1000
+    assert len(files) == 6 and (out / "wear.png").stat().st_size > 1000
     assert main([*words, "--no-control", "--overwrite"]) == 0
     said = capsys.readouterr().out
     assert "saturn_lite-flat-none-0.2 at level 0.3: " in said
@@ -44,7 +44,7 @@ def test_it_writes_tables_figure_and_page_and_does_nothing_twice(tmp_path: Path,
     [
         (("--joint", "knee"), "unknown joint 'knee'; known: "),
         (("--levels", "2"), "friction level '2'"),
-        (("--command", "stand"), "asks for motion"),
+        (("--commands", "stand"), "asks for motion"),
         (("--engine", "bullet"), "unknown engine 'bullet'"),
         (("--start", "0"), "three positive numbers"),
         (("--jobs", "0"), "--jobs 0"),

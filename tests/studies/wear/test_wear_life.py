@@ -12,14 +12,15 @@ from stiction.studies.wear.lifetimes import (
     Ending,
     Lifetime,
     Reading,
+    Seen,
     Window,
     control,
     ending,
     first_grown,
+    first_notice,
     groups,
     judge_again,
-    judge_walk,
-    notice,
+    judge_robot,
     over_seeds,
     ratios,
 )
@@ -28,9 +29,10 @@ WALK = {"policy": "p", "friction_level": "0.1", "robot": 1000, "steady": None}
 WHAT = WALK | {"method": "none", "engine": "physx", "command": "vx=0.5"}
 
 
-def windows(*ratio: float) -> list[Window]:
+def windows(*ratio: float, command: str = "vx=0.5") -> list[Window]:
     """Windows of 10 s, the wear doubling from one to the next, from 1 on."""
-    return [Window(**WALK, time=10.0 * (at + 1), factor=2.0**at, ratio=one) for at, one in enumerate(ratio)]
+    walk = WALK | {"command": command}
+    return [Window(**walk, time=10.0 * (at + 1), factor=2.0**at, ratio=one) for at, one in enumerate(ratio)]
 
 
 def reading(time: float, low: float | None, unusual: bool = False, true: float = 0.1) -> Reading:
@@ -67,7 +69,7 @@ def test_too_fast_is_not_following_and_is_no_too_slow() -> None:
     assert ending(windows(1.5, 1.3, 1.1, 0.7), None) == Ending("too slow", 8.0, 40.0)
     assert ending(windows(1.0, 1.3, 1.4), None) == Ending("too fast", 2.0, 20.0)
     rows = [
-        judge_walk(WHAT, windows(*ratio), [], None, False)
+        judge_robot(WHAT, [Seen(windows(*ratio), [], None)], False)
         for ratio in ((1.5, 1.3, 1.1), (1.0, 0.9), (1.5, 1.3), (0.5,))
     ]
     assert [row.begin for row in rows] == [4.0, None, None, None]
@@ -76,10 +78,32 @@ def test_too_fast_is_not_following_and_is_no_too_slow() -> None:
     assert group["ends"] == {"alive": 2, "too fast from the start": 1, "too slow from the start": 1}
 
 
+def test_a_robot_follows_where_it_follows_both_ways() -> None:
+    """Forward to x8, backward at x2 alone, too fast before and too slow after: the worse way counts."""
+    both = [Seen(windows(1.0, 0.9, 1.1, 0.8), []), Seen(windows(1.3, 1.15, 0.7, 0.6), [])]
+    row = judge_robot(WHAT, both, False)
+    assert (row.begin, row.end, row.factor, row.time) == (2.0, "too slow", 4.0, 30.0)
+    assert (row.first_ratio, row.last_ratio) == (1.3, 0.6)
+    apart = [Seen(windows(1.0, 0.7), []), Seen(windows(1.3, 1.0), [])]
+    assert judge_robot(WHAT, apart, False).end == "too fast from the start"
+    fallen = [Seen(windows(1.0, 1.0, 1.0), []), Seen(windows(1.0), [], (15.0, 1.4))]
+    assert (judge_robot(WHAT, fallen, False).end, judge_robot(WHAT, fallen, False).factor) == ("fell", 1.4)
+
+
+def test_what_was_noticed_first_of_both_ways_counts() -> None:
+    """Unusual at 30 s forward and at 20 s backward; at once is what a walk's own first reading says."""
+    forward = Seen(windows(1.0, 1.0, 1.0), [reading(10, 0.05), reading(20, 0.06), reading(30, 0.08, unusual=True)])
+    backward = Seen(windows(1.0, 1.0, 0.5), [reading(10, 0.05), reading(20, 0.08, unusual=True)])
+    row = judge_robot(WHAT, [forward, backward], True)
+    assert (row.unusual, row.unusual_factor, row.grown, row.grown_factor) == ("before", 2.0, "before", 2.0)
+    at_once = replace(backward, readings=[reading(10, 0.05, unusual=True)])
+    assert judge_robot(WHAT, [forward, at_once], True).unusual == "at once"
+
+
 def test_walks_are_judged_again_by_what_was_seen_of_them() -> None:
     """Rows of before, under an older name of the same end, and a fall: the windows decide, and the fall is kept."""
-    before = asdict(judge_walk(WHAT, windows(1.5, 1.1, 0.5), [], None, True)) | {"end": "slow"}
-    fallen = asdict(judge_walk(WHAT | {"robot": 1001}, windows(1.0), [], (15.0, 1.4), False))
+    before = asdict(judge_robot(WHAT, [Seen(windows(1.5, 1.1, 0.5), [], None)], True)) | {"end": "slow"}
+    fallen = asdict(judge_robot(WHAT | {"robot": 1001}, [Seen(windows(1.0), [], (15.0, 1.4))], False))
     seen = [*windows(1.5, 1.1, 0.5), *(replace(one, robot=1001) for one in windows(1.0))]
     first, second = judge_again([before, fallen], seen, [reading(10, 0.05), reading(20, 0.08)])
     assert (first.end, first.begin, first.factor, first.grown, first.monitored) == (
@@ -90,6 +114,9 @@ def test_walks_are_judged_again_by_what_was_seen_of_them() -> None:
         True,
     )
     assert (second.end, second.factor, second.time, second.monitored) == ("fell", 1.4, 15.0, False)
+    # Backward it was too slow from the second window on: a robot of both ways is judged by both.
+    (both,) = judge_again([before], [*windows(1.5, 1.1, 0.9), *windows(1.0, 0.7, 0.5, command="vx=-0.5")], [])
+    assert (both.end, both.factor, both.begin) == ("too fast from the start", None, None)
 
 
 def test_a_fall_ends_a_lifetime_that_was_not_over() -> None:
@@ -106,20 +133,25 @@ def test_growth_is_detected_by_intervals_that_do_not_meet() -> None:
     assert first_grown(said[:2]) is None and first_grown([]) is None and first_grown([reading(10, None)]) is None
 
 
+def noticed(seen: Reading | None, readings: list[Reading], ended: Ending) -> str:
+    """When the only walk's reading came."""
+    return first_notice([Seen([], readings)], [seen], ended)[1]
+
+
 def test_a_notice_counts_when_it_came_in_time_and_not_at_once() -> None:
     """A monitor that finds the unworn robot unusual has noticed no wear."""
     said = [reading(10, 0.05), reading(20, 0.06, unusual=True), reading(30, 0.08)]
     over = Ending("too slow", 2.0, 20.0)
-    assert [notice(one, said, over) for one in (*said, None)] == ["at once", "before", "after", "never"]
-    assert notice(said[2], said, Ending("alive")) == "before"
+    assert [noticed(one, said, over) for one in (*said, None)] == ["at once", "before", "after", "never"]
+    assert noticed(said[2], said, Ending("alive")) == "before"
 
 
 def test_what_never_walked_fast_enough_has_no_before() -> None:
     """A monitor that speaks up later is no early one."""
     said = [reading(10, 0.05), reading(20, 0.08, unusual=True)]
     slow = Ending("too slow from the start")
-    assert [notice(one, said, slow) for one in (*said, None)] == ["at once", "after", "never"]
-    row = judge_walk(WHAT, windows(0.7, 0.6, 0.5), said, None, True)
+    assert [noticed(one, said, slow) for one in (*said, None)] == ["at once", "after", "never"]
+    row = judge_robot(WHAT, [Seen(windows(0.7, 0.6, 0.5), said, None)], True)
     assert (row.end, row.unusual, row.grown) == ("too slow from the start", "after", "after")
     (group,) = groups([row])
     assert group["unusual"] == group["grown"] == {"after": 1}
@@ -137,7 +169,7 @@ def test_whatever_is_noticed_where_nothing_grew_is_a_false_alarm() -> None:
         (windows(1.0, 1.0), [quiet[0], reading(20, 0.08, unusual=True)], None),
         (windows(1.0), [quiet[0], reading(20, 0.06, unusual=True)], (15.0, 0.3)),
     ]
-    rows = [judge_walk(WHAT | {"steady": 0.3}, *one, True) for one in heard]
+    rows = [judge_robot(WHAT | {"steady": 0.3}, [Seen(*one)], True) for one in heard]
     found = control(rows)
     assert (found["steady"], found["robots"], found["ends"]) == (0.3, 4, {"alive": 3, "fell": 1})
     assert found["alarms"] == {"unusual": 3, "grown": 1} and found["at_once"] == {"unusual": 1, "grown": 0}
@@ -162,17 +194,17 @@ def test_walks_in_which_nothing_grew_are_controls() -> None:
 def test_the_row_of_a_walk() -> None:
     """Ends at x4; unusual at x8 is late, growth at x2 in time; two of three intervals hold 0.06."""
     said = [reading(10, 0.05, true=0.06), reading(20, 0.08, true=0.09), reading(40, 0.09, unusual=True, true=0.2)]
-    row = judge_walk(WHAT, windows(1.0, 0.9, 0.7, 0.2), said, None, True)
+    row = judge_robot(WHAT, [Seen(windows(1.0, 0.9, 0.7, 0.2), said, None)], True)
     assert (row.end, row.factor, row.time, row.first_ratio, row.last_ratio) == ("too slow", 4.0, 30.0, 1.0, 0.2)
     assert (row.unusual, row.unusual_factor, row.grown, row.grown_factor) == ("after", 8.0, "before", 2.0)
     assert row.held == pytest.approx(2 / 3)
-    deaf = judge_walk(WHAT, windows(1.0), [], None, False)
+    deaf = judge_robot(WHAT, [Seen(windows(1.0), [], None)], False)
     assert (deaf.end, deaf.unusual, deaf.held, deaf.factor) == ("alive", "never", None, None)
 
 
 def lifetimes(*factors: float | None, start: bool = False) -> list[Lifetime]:
     """Robots of one policy whose lifetimes ended there; None: alive, or slow from the start."""
-    row = judge_walk(WHAT, windows(1.0), [], None, False)
+    row = judge_robot(WHAT, [Seen(windows(1.0), [], None)], False)
     missing = "too slow from the start" if start else "alive"
     return [replace(row, robot=at, factor=one, end="too slow" if one else missing) for at, one in enumerate(factors)]
 

@@ -50,6 +50,8 @@ GROUP = {
     "held": 0.25,
     "controls": [],
 }
+GROWN = {"start": 0.3, "end": 3.0}
+BOTH_WAYS = {"wear": GROWN, "commands": ["vx=0.5", "vx=-0.5"]}
 METHOD = {
     "way": "deception",
     "friction_level": "0.1",
@@ -79,7 +81,8 @@ def written(
 ) -> str:
     """Write the study; return its page."""
     wear = {"joints": [], "start": 0.3, "end": 3.0, "seconds": 120.0}
-    settings = {"engine": "physx", "cell": "all", "command": "vx=0.5", "settle": 2.0, "window": 10.0, "wear": wear}
+    settings = {"engine": "physx", "cell": "all", "settle": 2.0, "window": 10.0}
+    settings |= {"commands": ["vx=0.5", "vx=-0.5"], "wear": wear}
     made = {"command": "stiction study wear p", "revision": "abc", "machine": {"cpu": "a processor"}}
     found = {"settings": settings, "groups": [GROUP], "ways": []} | changes
     write_report(out, report(lifetimes, windows, readings, found), made | {"warnings": warnings or []})
@@ -98,11 +101,10 @@ def test_the_answer_says_where_lifetimes_end_and_how_surely() -> None:
 
 def test_one_sentence_says_from_and_up_to_which_wear_each_policy_follows() -> None:
     """It is the first thing on the page: the answer, for every level, also where some robots never slow down."""
-    grown = {"start": 0.3, "end": 3.0}
     later = {"first": {"too fast": 3}, "begin": 1.57, "mean": None, "ends": {"alive": 2, "too slow": 1}}
     never = {"friction_level": "0.3", "mean": None, "ends": {"too slow from the start": 3}}
     groups = [GROUP, GROUP | never, GROUP | later | {"policy": "q"}]
-    assert lead(groups, grown) == (
+    assert lead(groups, BOTH_WAYS) == (
         "While dry friction grows from 3 % to 30 % of the torque limit, p follows up to 15 %; "
         "q follows from 15.7 % on, to the end on 2 of 3 robots. "
         "While dry friction grows from 9 % to 90 % of the torque limit, p never follows."
@@ -111,13 +113,13 @@ def test_one_sentence_says_from_and_up_to_which_wear_each_policy_follows() -> No
 
 def test_wear_of_what_a_bench_found_stays_a_factor() -> None:
     """What a bench found is another friction for every joint: there is no share of the torque limit to name."""
-    said = lead([GROUP | {"friction_level": "bench"}], {"start": 0.3, "end": 3.0})
+    said = lead([GROUP | {"friction_level": "bench"}], BOTH_WAYS)
     assert said == "While dry friction grows from x0.30 to x3.00 of bench, p follows up to x1.50."
 
 
 def test_a_walk_one_way_says_that_the_other_is_not_known() -> None:
     """Following asks for both directions, and a worn robot walks one of them."""
-    said = lead([GROUP], {"start": 0.3, "end": 3.0, "command": "vx=0.5"})
+    said = lead([GROUP], {"wear": GROWN, "commands": ["vx=0.5"]})
     assert said.endswith("They walked one way alone, vx=0.5: whether they follow both ways is not known.")
 
 
@@ -205,7 +207,7 @@ def test_names_of_many_policies_lie_under_the_lines_and_the_title_says_what_wear
     windows = [replace(row, policy=name) for name in names for row in WINDOWS]
     figure = draw_ratios(windows, lifetimes, ["FL_shank"])
     (axis,) = figure.axes
-    assert axis.get_title() == "x1 is 10 % of the torque limit, FL_shank" and axis.get_legend() is None
+    assert axis.get_title() == "vx=0.5, x1 is 10 % of the torque limit, FL_shank" and axis.get_legend() is None
     figure.canvas.draw()
     (names_below,) = figure.legends
     assert [text.get_text() for text in names_below.get_texts()] == names

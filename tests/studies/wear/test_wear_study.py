@@ -14,8 +14,8 @@ from stiction.core.errors import StictionError
 from stiction.formats.bundle import Bundle, read_bundle, shipped_bundles, write_bundle
 from stiction.robots.catalog import find_robot
 from stiction.studies.wear import run as wear_study
-from stiction.studies.wear.lifetimes import Window
-from stiction.studies.wear.run import WearCfg, WearWalk, judge, study_wear
+from stiction.studies.wear.lifetimes import Seen, Window
+from stiction.studies.wear.run import WearCfg, study_wear
 from stiction.virtual.hidden import draw
 from stiction.virtual.robot import Wear
 
@@ -24,6 +24,7 @@ pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is
 SPEC = find_robot("saturn_lite")
 WALKER = read_bundle(shipped_bundles()["saturn_lite-flat-deception-0.2"])
 SHORT = WearCfg("mujoco", ("0.3",), robots=(3,), wear=Wear(start=0.1, seconds=6.0), settle=1.0, window=2.0)
+SHORT = replace(SHORT, commands=("vx=0.5",))
 ALONE = replace(SHORT, control=False)
 
 
@@ -64,7 +65,7 @@ def test_friction_beyond_all_training_stops_a_policy(tmp_path: Path, monkeypatch
     # Done once, it is not done again, unless robot or code are others.
     monkeypatch.setattr(wear_study, "walk", lambda *arguments, **others: pytest.fail("walked again"))
     folders = [tmp_path / "watching"], ALONE, tmp_path / "robots", 1, silent
-    assert study_wear([WALKER], *folders) == ([row], windows, readings)
+    assert study_wear([read_bundle(tmp_path / "watching")], *folders) == ([row], windows, readings)
     with pytest.raises(pytest.fail.Exception):
         study_wear([WALKER], folders[0], replace(ALONE, robots=(2,)), *folders[2:])
     monkeypatch.setattr(cache, "fingerprint", lambda *code: {"code": "other"})
@@ -123,10 +124,22 @@ def test_what_a_walk_means_is_judged_anew(tmp_path: Path, monkeypatch: pytest.Mo
 
 def test_a_row_has_the_method_of_its_policy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Policies of the Actuator Net, of one point or of identified friction would go by the name of another method."""
-    walk = WearWalk(tmp_path, "0.3", 3, None, ALONE, tmp_path)
     contract = replace(WALKER.contract, method="direct", friction_range=(0.2, 0.2))
-    row, *_ = judge(walk, replace(WALKER, contract=contract), {"windows": [], "readings": [], "fell": None})
+    monkeypatch.setattr(wear_study, "wear_out", lambda walk: Seen([], []))
+    path = shipped_bundles()["saturn_lite-flat-deception-0.2"]
+    (row,), *_ = study_wear([replace(WALKER, contract=contract)], [path], ALONE, tmp_path, 1, silent)
     assert row.method == "point"
+
+
+def test_a_robot_walks_both_ways_and_is_one_row(tmp_path: Path) -> None:
+    """A file for each walk; windows say which command was given."""
+    cfg = replace(ALONE, commands=("vx=0.5", "vx=-0.5"), wear=Wear(start=0.1, seconds=2.0), window=1.0)
+    (row,), windows, readings = run(tmp_path, cfg, unusual=1e8)
+    assert row.command == "vx=0.5 vx=-0.5" and len(list((tmp_path / "robots").iterdir())) == 2
+    forward, backward = ([one.ratio for one in windows if one.command == command] for command in cfg.commands)
+    assert row.first_ratio in (forward[0], backward[0]) and forward != backward
+    assert abs(row.first_ratio - 1) == max(abs(forward[0] - 1), abs(backward[0] - 1))
+    assert {one.command for one in readings} == set(cfg.commands)
 
 
 def test_what_fails_in_another_process_is_said_here(tmp_path: Path) -> None:
@@ -139,7 +152,9 @@ def test_what_fails_in_another_process_is_said_here(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"command": "stand"}, "asks for motion"),
+        ({"commands": ("stand",)}, "asks for motion"),
+        ({"commands": ()}, "at least one, each once"),
+        ({"commands": ("vx=0.5", "vx=0.5")}, "each once"),
         ({"levels": ()}, "at least one"),
         ({"robots": (3, 3)}, "each once"),
         ({"levels": ("0.1", "0.10")}, "each once"),

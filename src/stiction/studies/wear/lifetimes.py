@@ -1,6 +1,7 @@
-"""Judges a walk under growing friction: at how much wear a policy's lifetime ended, and what its monitor noticed.
+"""Judges a robot under growing friction: at how much wear a policy's lifetime ended, and what its monitor noticed.
 
-The lifetime lasts while the policy follows its command: from the first window in which it does to the last one.
+The lifetime lasts while the policy follows all its commands, a walk each, forward and backward say: from the first
+window in which it does to the last one.
 
 A window, of the speed or of the monitor, is known at its end and describes its middle: events are ordered by the time
 at which they are known, and reported at the wear in the middle. Wear grows by equal ratios, so the middle is the mean.
@@ -64,6 +65,8 @@ class Walk:
     """Seed of the virtual robot."""
     steady: float | None
     """Wear at which the friction stayed, of a control walk, in which nothing grew [1]; None: it grew."""
+    command: str = field(default="vx=0.5", kw_only=True, metadata={**column("command"), "later": True})
+    """What was commanded: `vx=0.5`; of a robot all commands, after each other."""
 
 
 @dataclass(frozen=True)
@@ -108,10 +111,8 @@ class Lifetime(Walk):
     """How the policy was trained."""
     engine: str
     """Physics engine."""
-    command: str
-    """What was commanded: `vx=0.5`."""
     first_ratio: float | None = field(metadata=column("speed ratio, first", "1", form=ratio_text))
-    """Speed ratio of the first window [-]; None where the robot fell before its end."""
+    """Speed ratio of the first window [-], of the command that it follows worst; None where the robot fell before."""
     last_ratio: float | None = field(metadata=column("last", "1", form=ratio_text))
     """... and of the last one [-]."""
     begin: float | None = field(metadata=column("follows from wear", "1", form=factor_text))
@@ -172,43 +173,71 @@ def first_grown(readings: Sequence[Reading]) -> Reading | None:
     return next((reading for reading in readings if reading.low is not None and reading.low > known), None)
 
 
-def notice(seen: Reading | None, readings: Sequence[Reading], ended: Ending) -> Notice:
-    """Return when a reading came: at the first reading nothing has worn yet, so that it is no notice of wear."""
-    if seen is None:
-        return "never"
-    if seen is readings[0]:
-        return "at once"
-    late = ended.end.endswith(NEVER) or (ended.time is not None and seen.time > ended.time)
-    return "after" if late else "before"
+@dataclass(frozen=True)
+class Seen:
+    """What was seen of one walk."""
+
+    windows: Sequence[Window]
+    """In order of time."""
+    readings: Sequence[Reading]
+    """In order of time."""
+    fell: tuple[float, float] | None = None
+    """Time [s] and wear [1] of a fall."""
+
+    @property
+    def unusual(self) -> Reading | None:
+        """The first unusual reading."""
+        return next((reading for reading in self.readings if reading.unusual), None)
 
 
-def judge_walk(
-    walk: dict[str, Any],
-    windows: Sequence[Window],
-    readings: Sequence[Reading],
-    fell: tuple[float, float] | None,
-    monitored: bool,
-) -> Lifetime:
-    """Return the row of one walk.
+def first_notice(
+    walks: Sequence[Seen], found: Sequence[Reading | None], ended: Ending
+) -> tuple[Reading | None, Notice]:
+    """Return the first of the readings in which something was noticed, one of each walk or None, and when it came.
 
-    walk: the fields of `Lifetime` that name it; windows, readings: in order of time; fell: see `ending`; monitored:
-    whether the bundle has a monitor.
+    At the first reading of a walk nothing has worn yet, so that it is no notice of wear.
     """
-    ended = ending(windows, fell)
-    unusual, grown = next((reading for reading in readings if reading.unusual), None), first_grown(readings)
-    holding = [one.low <= one.true <= one.high for one in readings if one.low is not None and one.high is not None]
+    seen = min((one for one in found if one is not None), key=lambda one: one.time, default=None)
+    if seen is None:
+        return None, "never"
+    if any(seen is walk.readings[0] for walk in walks if walk.readings):
+        return seen, "at once"
+    late = ended.end.endswith(NEVER) or (ended.time is not None and seen.time > ended.time)
+    return seen, "after" if late else "before"
+
+
+def worst_windows(walks: Sequence[Seen]) -> list[Window]:
+    """Return of each time that all walks of a robot have the window that is farthest from the command."""
+    return [max(same, key=lambda one: abs(one.ratio - 1.0)) for same in zip(*(walk.windows for walk in walks))]
+
+
+def judge_robot(robot: dict[str, Any], walks: Sequence[Seen], monitored: bool) -> Lifetime:
+    """Return the row of one robot.
+
+    robot: the fields of `Lifetime` that name it; walks: one a command; monitored: whether the bundle has a monitor.
+    """
+    windows = worst_windows(walks)
+    ended = ending(windows, min((walk.fell for walk in walks if walk.fell is not None), default=None))
+    unusual, unusual_notice = first_notice(walks, [walk.unusual for walk in walks], ended)
+    grown, grown_notice = first_notice(walks, [first_grown(walk.readings) for walk in walks], ended)
+    holding = [
+        one.low <= one.true <= one.high
+        for walk in walks
+        for one in walk.readings
+        if one.low is not None and one.high is not None
+    ]
     begin = next((at for at, window in enumerate(windows) if pace(window.ratio) == "follows"), 0)
     return Lifetime(
-        **walk,
+        **robot,
         first_ratio=windows[0].ratio if windows else None,
         last_ratio=windows[-1].ratio if windows else None,
         begin=windows[begin].factor if begin else None,
         **asdict(ended),
         monitored=monitored,
         unusual_factor=None if unusual is None else unusual.factor,
-        unusual=notice(unusual, readings, ended),
+        unusual=unusual_notice,
         grown_factor=None if grown is None else grown.factor,
-        grown=notice(grown, readings, ended),
+        grown=grown_notice,
         held=float(np.mean(holding)) if holding else None,
     )
 
@@ -216,21 +245,24 @@ def judge_walk(
 def judge_again(
     before: Sequence[dict[str, Any]], windows: Sequence[Window], readings: Sequence[Reading]
 ) -> list[Lifetime]:
-    """Return the rows of walks that were judged before, judged by today's criteria.
+    """Return the rows of robots that were judged before, judged by today's criteria.
 
     before: `lives` of summary.json, also of earlier definitions; windows, readings: of all of them.
     """
     names = ("policy", "friction_level", "robot", "steady")
-    seen: dict[tuple[Any, ...], tuple[list[Window], list[Reading]]] = {}
+    seen: dict[tuple[Any, ...], dict[str, tuple[list[Window], list[Reading]]]] = {}
     for at, rows in enumerate((windows, readings)):
         for row in rows:
-            seen.setdefault(tuple(getattr(row, name) for name in names), ([], []))[at].append(row)  # type: ignore[arg-type]
+            of_robot = seen.setdefault(tuple(getattr(row, name) for name in names), {})
+            of_robot.setdefault(row.command, ([], []))[at].append(row)  # type: ignore[arg-type]
     found = []
     for old in before:
-        own = seen.get(tuple(old[name] for name in names), ([], []))
+        own = seen.get(tuple(old[name] for name in names), {})
         fell = (old["time"], old["factor"]) if old["end"] == "fell" else None
         what = {name: old[name] for name in (*names, "method", "engine", "command")}
-        found.append(judge_walk(what, *own, fell, old["monitored"]))
+        # Which of its walks it was that ended with the fall makes no difference.
+        walks = [Seen(*rows, fell) for rows in own.values()] or [Seen([], [], fell)]
+        found.append(judge_robot(what, walks, old["monitored"]))
     return found
 
 

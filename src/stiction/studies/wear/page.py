@@ -39,18 +39,18 @@ TICKS = (0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0)
 
 
 def draw_ratios(windows: Sequence[Window], lifetimes: Sequence[Lifetime], joints: Sequence[str] = ()) -> Figure:
-    """Return the speed ratio over wear, a panel for each level, a colour and style for each policy.
+    """Return the speed ratio over wear, a panel for each level and command, a colour and style for each policy.
 
     joints: those that wear; none is all of them.
     """
-    levels = list(dict.fromkeys(row.friction_level for row in lifetimes))
+    panels = list(dict.fromkeys((row.friction_level, row.command) for row in windows or lifetimes))
     policies = list(dict.fromkeys(row.policy for row in lifetimes))
-    figure, axes = new_figure(len(levels), 1, (8.0, 3.4 * len(levels)))
-    for axis, level in zip(axes, levels, strict=True):
+    figure, axes = new_figure(len(panels), 1, (8.0, 3.4 * len(panels)))
+    for axis, (level, command) in zip(axes, panels, strict=True):
         shade_following(axis)
         for policy in policies:
             look = line_look(policy, policies)
-            rows = [row for row in windows if (row.policy, row.friction_level) == (policy, level)]
+            rows = [row for row in windows if (row.policy, row.friction_level, row.command) == (policy, level, command)]
             robots = list(dict.fromkeys(row.robot for row in rows))
             lines = [[row for row in rows if row.robot == robot] for robot in robots]
             for line in lines:
@@ -64,7 +64,7 @@ def draw_ratios(windows: Sequence[Window], lifetimes: Sequence[Lifetime], joints
             xscale="log",
             xlabel="wear, factor on dry friction",
             ylabel="speed reached / commanded",
-            title=", ".join((level_title(level), *joints)),
+            title=", ".join((command, level_title(level), *joints)),
         )
         ticks = [tick for tick in TICKS if axis.get_xlim()[0] <= tick <= axis.get_xlim()[1]]
         axis.set_xticks(ticks, [f"x{tick:g}" for tick in ticks])
@@ -82,11 +82,11 @@ def level_title(level: str) -> str:
 
 
 def draw_readings(readings: Sequence[Reading]) -> Figure:
-    """Return estimate and truth over time, a panel for each policy and level, colour, style and mark for each robot."""
-    panels = list(dict.fromkeys((row.policy, row.friction_level) for row in readings))
+    """Return estimate and truth over time, a panel a policy, level and command, a colour, style and mark a robot."""
+    panels = list(dict.fromkeys((row.policy, row.friction_level, row.command) for row in readings))
     figure, axes = new_figure(len(panels), 1, (8.0, 3.4 * len(panels)))
     for axis, panel in zip(axes, panels, strict=True):
-        rows = [row for row in readings if (row.policy, row.friction_level) == panel]
+        rows = [row for row in readings if (row.policy, row.friction_level, row.command) == panel]
         robots = list(dict.fromkeys(f"robot {row.robot}" for row in rows))
         for number, robot in enumerate(robots):
             look, mark = line_look(robot, robots), mark_look(robot, robots)
@@ -103,7 +103,9 @@ def draw_readings(readings: Sequence[Reading]) -> Figure:
                 axis.errorbar(row.time + shift, 100 * row.estimate, bars, color=color, **style)
             axis.plot([], [], linewidth=1.0, marker=mark, markersize=4, label=robot, **look)
         target = "mean over the joints" if rows[0].target == LEVEL else rows[0].target
-        axis.set(xlabel="time [s]", ylabel=f"f/τ_max [%], {target}", title=f"{panel[0]}, {level_title(panel[1])}")
+        axis.set(
+            xlabel="time [s]", ylabel=f"f/τ_max [%], {target}", title=f"{panel[0]}, {panel[2]}, {level_title(panel[1])}"
+        )
         legend(axis)
     return figure
 
@@ -126,8 +128,9 @@ def report(
     monitor = draw_readings(noticed) if noticed else None
     shown = paragraph(NO_MONITOR) if monitor is None else picture(figure_uri(monitor), MONITOR_CAPTION)
     groups, methods = settings["groups"], settings["ways"]
-    lines = [lead(groups, settings["settings"]["wear"]), *answers(groups, methods)]
+    lines = [lead(groups, settings["settings"]), *answers(groups, methods)]
     joints = ", ".join(settings["settings"]["wear"]["joints"]) or "all joints"
+    commanded = " and ".join(settings["settings"]["commands"])
     over_seeds = Section("Training methods, over their seeds", (method_table(methods), paragraph(METHODS)))
     return Report(
         title="How long does a policy follow while friction grows?",
@@ -141,7 +144,7 @@ def report(
             Section("Does the monitor notice?", (shown, paragraph(MONITOR))),
             Section("Where nothing grew", control_blocks(groups)),
         ),
-        run=(paragraph(WHAT.format(joints=joints, **settings["settings"])),),
+        run=(paragraph(WHAT.format(joints=joints, commanded=commanded, **settings["settings"])),),
         summary=settings | {"lives": list(map(asdict, lifetimes))},
         warnings=warnings,
         figures={"wear": ratios, "monitor": monitor},
@@ -163,7 +166,8 @@ METHODS = (
 ENDS = (
     "Wear is a factor on each joint's dry friction, as a bench without load would find it. A lifetime lasts from the "
     f"first window within {BAND} of the command (`follows from wear`, where others came before it) to the last one; "
-    "its end is known at the end of the window after that, and reported at the wear in that window's middle. Too slow: "
+    "its end is known at the end of the window after that, and reported at the wear in that window's middle. Of "
+    "several commands the one that is followed worst counts, window by window. Too slow: "
     f"under {SLOW} from there on; too fast: over {FAST}; from the start: no window follows. The mean and its 95 % "
     "interval over robots are of the logarithm, and given where every lifetime ended within the wear that was tried."
 )
@@ -195,14 +199,15 @@ NO_CONTROLS = "No robot walked with friction that stays (--no-control): false al
 WHAT = (
     "Virtual robots in {engine}, cell {cell}, with parameters of their own; the friction of {joints} grows by equal "
     "ratios from x{wear[start]:g} to x{wear[end]:g} of its level in {wear[seconds]:g} s and stays there for a window, "
-    "under the constant command {command}. Nothing corrects the heading; the speed is that along the command, in the "
-    "robot's frame. The first {settle:g} s are left out; windows have {window:g} s. Each robot walks once. Intervals "
-    "over robots are of virtual robots under this one policy, not of other trainings of its method."
+    "under the constant command {commanded}. Nothing corrects the heading; the speed is that along the command, in the "
+    "robot's frame. The first {settle:g} s are left out; windows have {window:g} s. Each robot walks once a "
+    "command. Intervals over robots are of virtual robots under this one policy, not of other trainings of its method."
 )
 
 
-def lead(groups: Sequence[dict[str, Any]], wear: dict[str, Any]) -> str:
-    """Return in one sentence from and up to which wear each policy follows. wear: `start` and `end` of its growth."""
+def lead(groups: Sequence[dict[str, Any]], settings: dict[str, Any]) -> str:
+    """Return in one sentence from and up to which wear each policy follows. settings: of the study."""
+    wear, commands = settings["wear"], settings["commands"]
     lives: dict[str, list[str]] = {}
     for one in groups:
         lives.setdefault(one["friction_level"], []).append(f"{one['policy']} {_lifetime_text(one)}")
@@ -211,8 +216,8 @@ def lead(groups: Sequence[dict[str, Any]], wear: dict[str, Any]) -> str:
         f"of {level if level == BENCH else 'the torque limit'}, {'; '.join(own)}."
         for level, own in lives.items()
     ]
-    if wear.get("command", "").startswith("vx="):
-        said.append(f"They walked one way alone, {wear['command']}: whether they follow both ways is not known.")
+    if len(commands) == 1 and commands[0].startswith("vx="):
+        said.append(f"They walked one way alone, {commands[0]}: whether they follow both ways is not known.")
     return " ".join(said)
 
 

@@ -1,4 +1,4 @@
-"""Virtual robots walk at one command while their friction grows; beside them, as controls, with friction that stays.
+"""Virtual robots walk forward and backward while their friction grows; beside them, as controls, while it stays.
 
 Walks are independent of each other, and each is one file: an interrupted study loses those that were going on.
 """
@@ -23,16 +23,13 @@ from stiction.evaluate.code import WALK_CODE
 from stiction.evaluate.command import SETTLE, parse_command
 from stiction.evaluate.methods import method_of
 from stiction.formats.bundle import Bundle
-from stiction.studies.wear.lifetimes import Lifetime, Reading, Window, judge_walk, monitor_readings, speeds
+from stiction.studies.wear.lifetimes import Lifetime, Reading, Seen, Window, judge_robot, monitor_readings, speeds
 from stiction.virtual.cases import Case, parse_level, parse_levels, reported
 from stiction.virtual.robot import Wear
 from stiction.virtual.trial import World, walk
 
 WEARING = (*WALK_CODE, "formats/wear.py", "studies/wear/run.py", "studies/wear/lifetimes.py")
 """Code that decides what is recorded of a walk; what it means is judged anew every time."""
-
-Judged = tuple[Lifetime, list[Window], list[Reading]]
-"""What became of a robot, and the speeds and readings behind it."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +49,8 @@ class WearCfg:
     greatest wear."""
     control: bool = True
     """Whether every robot also walks with friction that stays, see `steady`."""
-    command: str = "vx=0.5"
-    """What is commanded all the time."""
+    commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
+    """What is commanded all the time, in a walk each; a robot follows where it follows all of them."""
     settle: float = SETTLE
     """Time after the start that is not measured [s]."""
     window: float = 10.0
@@ -63,10 +60,13 @@ class WearCfg:
 
     def __post_init__(self) -> None:
         """Refuse what has no speed, no robot or no window."""
-        if parse_command(self.command).direction is None:
-            raise ConfigurationError(
-                f"wear under the command {self.command!r}: expected one that asks for motion, vx=0.5"
-            )
+        if not self.commands or len(set(self.commands)) < len(self.commands):
+            raise ConfigurationError(f"commands {' '.join(self.commands)}: expected at least one, each once")
+        for command in self.commands:
+            if parse_command(command).direction is None:
+                raise ConfigurationError(
+                    f"wear under the command {command!r}: expected one that asks for motion, vx=0.5"
+                )
         if not self.robots or len(set(self.robots)) < len(self.robots):
             raise ConfigurationError(f"robots {self.robots}: expected at least one, each once")
         for level in parse_levels(self.levels):
@@ -87,7 +87,7 @@ class WearCfg:
 
 @dataclass(frozen=True)
 class WearWalk:
-    """One walk: one robot under one policy."""
+    """One walk: one robot under one policy and command."""
 
     bundle: Path
     """Directory of the policy's bundle."""
@@ -97,6 +97,8 @@ class WearWalk:
     """Of the robot."""
     steady: float | None
     """Wear at which its friction stays [1]; None: it grows."""
+    command: str
+    """What is commanded."""
     cfg: WearCfg
     """All else."""
     out: Path
@@ -104,9 +106,9 @@ class WearWalk:
 
     @property
     def name(self) -> str:
-        """Name of the walk: policy, level and robot, and where its friction stays."""
+        """Name of the walk: policy, level and robot, where its friction stays, and its command."""
         stays = "" if self.steady is None else f"--x{self.steady:g}"
-        return f"{self.bundle.resolve().name}--{self.level}--{self.seed}{stays}"
+        return f"{self.bundle.resolve().name}--{self.level}--{self.seed}{stays}--{parse_command(self.command).label}"
 
     @property
     def wear(self) -> Wear:
@@ -117,7 +119,8 @@ class WearWalk:
     def key(self, digest: str) -> str:
         """Return the key of the walk; digest: of the bundle."""
         # What else was asked for does not count: a walk stays where levels, robots or controls are added.
-        cfg = asdict(replace(self.cfg, levels=(self.level,), robots=(self.seed,), wear=self.wear, control=False))
+        own = replace(self.cfg, levels=(self.level,), robots=(self.seed,), commands=(self.command,))
+        cfg = asdict(replace(own, wear=self.wear, control=False))
         return key_of([digest, self.steady, cfg, binaries(self.cfg.engine)], *WEARING)
 
 
@@ -141,39 +144,56 @@ def study_wear(
     for bundle in bundles:
         cfg.wear.worn(robot_of(bundle.contract).joint_names)
     walks = [
-        WearWalk(path, level, seed, steady, cfg, out)
-        for path, level, steady, seed in product(paths, cfg.levels, (None, *cfg.steady), cfg.robots)
+        WearWalk(path, level, seed, steady, command, cfg, out)
+        for path, level, steady, seed, command in product(
+            paths, cfg.levels, (None, *cfg.steady), cfg.robots, cfg.commands
+        )
     ]
-    done: dict[int, Judged] = {}
+    done: dict[int, Seen] = {}
     progress("walks", 0.0)
     for number, part in spread(wear_out, [(one,) for one in walks], jobs):
         done[number] = part
         progress("walks", len(done) / len(walks))
-    lifetimes, windows, readings = zip(*(done[number] for number in range(len(walks))), strict=True)
-    return list(lifetimes), list(chain.from_iterable(windows)), list(chain.from_iterable(readings))
+    seen = [done[number] for number in range(len(walks))]
+    lifetimes, ways, of_path = [], len(cfg.commands), dict(zip(paths, bundles, strict=True))
+    for first in range(0, len(walks), ways):
+        bundle = of_path[walks[first].bundle]
+        what = {"method": method_of(bundle.contract), "engine": cfg.engine}
+        what |= named(walks[first], bundle) | {"command": " ".join(cfg.commands)}
+        lifetimes.append(judge_robot(what, seen[first : first + ways], bundle.wear is not None))
+    return (
+        lifetimes,
+        list(chain.from_iterable(one.windows for one in seen)),
+        list(chain.from_iterable(one.readings for one in seen)),
+    )
 
 
-def wear_out(one: WearWalk) -> Judged:
-    """Walk, unless the walk's file is there, and judge. The file has what was recorded, and not what that means."""
+def named(one: WearWalk, bundle: Bundle) -> dict[str, Any]:
+    """Return the fields that say which walk a row is about."""
+    return {
+        "policy": bundle.name,
+        "friction_level": one.level,
+        "robot": one.seed,
+        "steady": one.steady,
+        "command": parse_command(one.command).label,
+    }
+
+
+def wear_out(one: WearWalk) -> Seen:
+    """Walk, unless the walk's file is there. The file has what was recorded, and not what that means."""
     bundle = check_bundle(one.bundle).bundle
-    return judge(one, bundle, cached(one.out, one.name, one.key(bundle.digest), lambda: record_walk(one, bundle)))
-
-
-def judge(one: WearWalk, bundle: Bundle, seen: dict[str, Any]) -> Judged:
-    """Return what became of a robot. seen: as from `record_walk`."""
-    named: dict[str, Any] = {"policy": bundle.name, "friction_level": one.level}
-    named |= {"robot": one.seed, "steady": one.steady}
-    windows = [Window(**named, **row) for row in seen["windows"]]
-    readings = [Reading(**named, **row) for row in seen["readings"]]
-    fell = None if seen["fell"] is None else (seen["fell"], one.wear.factor(seen["fell"]))
-    command = parse_command(one.cfg.command).label
-    what = named | {"method": method_of(bundle.contract), "engine": one.cfg.engine, "command": command}
-    return judge_walk(what, windows, readings, fell, bundle.wear is not None), windows, readings
+    seen = cached(one.out, one.name, one.key(bundle.digest), lambda: record_walk(one, bundle))
+    walk = named(one, bundle)
+    return Seen(
+        [Window(**walk, **row) for row in seen["windows"]],
+        [Reading(**walk, **row) for row in seen["readings"]],
+        None if seen["fell"] is None else (seen["fell"], one.wear.factor(seen["fell"])),
+    )
 
 
 def record_walk(one: WearWalk, bundle: Bundle) -> dict[str, Any]:
     """Let a robot walk; return `windows`, `readings`, and the time [s] when it `fell`, or None."""
-    cfg, command, wear = one.cfg, parse_command(one.cfg.command), one.wear
+    cfg, command, wear = one.cfg, parse_command(one.command), one.wear
     period, spec = bundle.contract.control_period, robot_of(bundle.contract)
     steps = round((wear.seconds + cfg.window) / period)
     case = Case(one.seed, cfg.cell, parse_level(one.level))

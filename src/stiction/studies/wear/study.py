@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -16,11 +16,11 @@ from stiction.studies.study import ParallelOptions, RedrawnOptions, Report, Stud
 
 DESCRIPTION = f"""Let policies walk on virtual robots whose friction grows from x0.3, seals out, to x3 of a level.
 
-A policy's lifetime lasts while it follows its command, from the first to the last time: it ends where the policy is too
-slow for good, under {SLOW}, or where the robot falls. Too fast at first, over {FAST}, it has not begun to follow.
-A bundle's wear monitor, if it has one, reads the policy's input: does it notice before that? And would it have noticed
-as much had nothing grown? Stop it at any time: the same command goes on. What is lost is the walks in progress, one a
-core, under a minute each in PhysX.
+A policy's lifetime lasts while it follows its commands, forward and backward, from the first to the last time: it
+ends where the policy is too slow for good, under {SLOW}, or where the robot falls. Too fast at first, over {FAST}, it
+has not begun to follow. A bundle's wear monitor, if it has one, reads the policy's input: does it notice before that?
+And would it have noticed as much had nothing grown? Stop it at any time: the same command goes on. What is lost is the
+walks in progress, one a core, under a minute each in PhysX.
 
 Example:
   stiction study wear saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out results/wear"""
@@ -46,13 +46,13 @@ class WearOptions(ParallelOptions, RedrawnOptions):
     end: float = 3.0
     """Wear at the end [1]; in between it grows by equal ratios."""
     seconds: float = 120.0
-    """Time from `start` to `end` [s]; a window at `end` follows. In PhysX some 36 s on one core, and so three
-    minutes for the five robots of a policy, nine with their controls."""
+    """Time from `start` to `end` [s]; a window at `end` follows. In PhysX some 36 s on one core, and so six
+    minutes for the five robots of a policy, both ways, eighteen with their controls."""
     control: bool = True
     """Let every robot also walk with friction that stays at `start`, and at x1: what a monitor notices there is a false
     alarm, and a lifetime that ends there did not end by growth."""
-    command: str = "vx=0.5"
-    """Commanded velocity."""
+    commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
+    """Commanded velocities, a walk each: a robot follows where it follows all of them."""
     window: float = 10.0
     """Time over which the speed is averaged [s]."""
     out: Path = Path("stiction-wear")
@@ -99,6 +99,12 @@ def judge_recorded(out: Path, work: Work) -> Report:
     windows = read_rows(out / "windows.csv", Window)
     readings = read_rows(out / "readings.csv", Reading, optional=True)
     try:
+        if "command" in before["settings"]:
+            # Of before robots walked under several: the files do not say which it was.
+            command = before["settings"].pop("command")
+            before["settings"]["commands"] = [command]
+            windows = [replace(row, command=command) for row in windows]
+            readings = [replace(row, command=command) for row in readings]
         lifetimes = judge_again(before["lives"], windows, readings)
         tried = before["settings"]["wear"]["start"], before["settings"]["wear"]["end"]
         methods = {policy: method["way"] for method in before["ways"] for policy in method["policies"]}
