@@ -6,6 +6,7 @@ import json
 from dataclasses import asdict, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
@@ -14,6 +15,9 @@ from stiction.core.errors import ConfigurationError
 from stiction.deploy.check import check_bundle
 from stiction.formats.bundle import Bundle, find_bundle
 from stiction.formats.contract import Contract
+from stiction.joints.compensation import BY_SPEED, push_direction
+from stiction.rma.disturber import LearningDisturber
+from stiction.rma.hinf_config import HinfCfg
 from stiction.robots.physics import EXACT
 from stiction.studies.disturber import duel
 from stiction.studies.disturber.duel import Duel, DuelCfg, DuelRow, fight, task_for
@@ -54,8 +58,51 @@ def test_the_task_is_the_trainings_without_pushes(bundle: Bundle) -> None:
     assert task.commands.forward == (-0.5, -0.5) and task.commands.sideways == (0.0, 0.0)
     assert task.randomization.push_interval == 0.0 and task.randomization.armature == (0.8, 1.2)
     other: Contract = replace(bundle.contract, compensation=(0.01,) * 18, compensation_width=0.01)
-    with pytest.raises(ConfigurationError, match="friction fed forward"):
+    with pytest.raises(ConfigurationError, match=r"by the position error alone; train it again"):
         task_for(other, SMALL)
+
+
+def test_what_a_policy_feeds_forward_it_feeds_here_too(bundle: Bundle) -> None:
+    """A policy of `compensation` would else walk without what it was trained with, or not be judged at all.
+
+    One step of all robots from the same draws: each target is moved on by the contract's angle times the direction.
+    """
+    angle, push = np.linspace(0.01, 0.03, 18), BY_SPEED.push
+    fed = {
+        "compensation": tuple(angle),
+        "compensation_width": push.width,
+        "compensation_speeds": (push.slow, push.fade),
+    }
+    plain, other = (
+        Duel(replace(bundle, contract=replace(bundle.contract, **more)), SMALL, 0, "judging", 1, None)
+        for more in ({}, fed)
+    )
+    position, velocity = plain.env.measured_position, plain.env.measured_velocity
+    for arena in (plain, other):
+        arena.step(None)
+    moved = other.env.fleet.targets - plain.env.fleet.targets
+    assert (np.abs(moved).max(0) > 0.5 * angle).all()
+    # Without the encoder's error, by which both are shifted.
+    asked = torch.from_numpy(plain.env.fleet.targets).float() + plain.env.randomizer.draws.encoder_offset
+    direction = push_direction(velocity, asked - position, velocity, push)
+    np.testing.assert_allclose(moved, (torch.from_numpy(angle).float() * direction).numpy(), atol=1e-6)
+
+
+def test_the_disturber_of_a_duel_learns(bundle: Bundle, monkeypatch: pytest.MonkeyPatch) -> None:
+    """If it did not, its gain would be that of a first guess, and every policy would look as if it withstood it.
+
+    Where a forward push costs and a backward one saves, and each step is all that it has, it pushes forward at last.
+    """
+    arena = Duel(bundle, replace(SMALL, iterations=30, steps=12, num_envs=8), 0, "learning", 1, None)
+    cfg = HinfCfg(eta=0.0, actor=(8,), critic=(8,), learning_rate=0.02, entropy=0.0)
+    obs, shares = arena.env.get_observations(), []
+    learner = arena.disturber(cfg, 5)
+    assert isinstance(learner, LearningDisturber)
+    monkeypatch.setattr(arena, "step", lambda values: (0.5 + 0.5 * values[:, 0], torch.ones(8), torch.zeros(8)))
+    before = learner.mean(obs)[:, 0].mean()
+    arena.learn(learner, shares.append)
+    assert learner.mean(obs)[:, 0].mean() > before + 0.3
+    assert shares == pytest.approx([(k + 1) / 30 for k in range(30)])
 
 
 def test_joints_are_those_of_the_bundle(bundle: Bundle) -> None:

@@ -24,6 +24,7 @@ from stiction.evaluate.command import SETTLE, parse_command
 from stiction.evaluate.methods import method_of
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
+from stiction.joints.compensation import BY_SPEED
 from stiction.locomotion.config import CommandCfg, RandomizationCfg, TaskCfg
 from stiction.locomotion.disturbance import Disturbance
 from stiction.locomotion.env import LocomotionEnv
@@ -122,8 +123,8 @@ def task_for(contract: Contract, cfg: DuelCfg, robot: str | None = None) -> Task
 
     Masses, motors, delays and the joints' viscous friction and inertia are drawn about the nominal ones as in training.
 
-    `robot`: as of `robot_of`. Raises `StictionError` where the policy observes what this task does not give, or walks
-    with friction fed forward.
+    `robot`: as of `robot_of`. Raises `StictionError` where the policy observes what this task does not give, or feeds
+    friction forward by another rule than that of today's training.
     """
     spec, velocity = robot_of(contract, robot), parse_command(cfg.command).velocity
     forward, sideways, turn = ((speed, speed) for speed in velocity)
@@ -142,10 +143,15 @@ def task_for(contract: Contract, cfg: DuelCfg, robot: str | None = None) -> Task
         action_clip=contract.action_clip,
         history=contract.observation.history_length,
     )
-    if task.layout(spec) != contract.observation or contract.compensation is not None:
+    if task.layout(spec) != contract.observation:
         raise ConfigurationError(
-            f"the policy for {contract.robot!r} by {contract.method!r} observes other than the task's usual terms, or "
-            "has friction fed forward; expected one of this trainer without --task.known-friction and slow means"
+            f"the policy for {contract.robot!r} by {contract.method!r} observes other than the task's usual terms; "
+            "expected one of this trainer without --task.known-friction and slow means"
+        )
+    if contract.compensation is not None and contract.push != BY_SPEED.push:
+        raise ConfigurationError(
+            f"the policy for {contract.robot!r} by {contract.method!r} feeds friction forward by another rule than "
+            "today's training does, as by the position error alone; train it again"
         )
     return task
 
@@ -198,6 +204,9 @@ class Duel:
         self.cfg, self.adversary = cfg, cfg.adversary
         make, seed = SteadyEnv if judged else LocomotionEnv, stream_seed(seed, stream)
         self.env = make(task, cfg.num_envs, seed, threads, joints, spec=robot_of(contract, robot))
+        if contract.compensation is not None:
+            # As much as the policy was trained with, however much friction there is here: so it walks on a robot.
+            self.env.compensation = torch.tensor(contract.compensation)
         if not judged:
             ages = (0, self.env.max_episode_length, (cfg.num_envs,))
             self.env.episode_length_buf = torch.randint(*ages, generator=self.env.generator)

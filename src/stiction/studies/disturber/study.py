@@ -20,9 +20,9 @@ How well a policy withstands the disturber that it was trained beside says littl
 pushes the base, or puts a torque on each joint that the joint's own friction bounds, in the task of the training, and
 maximises the share of the task's reward that is lost. Then the same robots walk with nobody, with random disturbances
 within the same limit, and with the disturber, without its exploration. Joints have inertia and viscous friction of the
-bundle, as they were in training, drawn about them, and dry friction by the solver's rows. While robots are judged no
-episode times out, and one that falls stands up anew, at the cost of all that 99 control steps would have paid. Policy
-by seed is cached: a rerun goes on.
+bundle, as they were in training, drawn about them, and dry friction by the solver's rows; a policy of `compensation`
+feeds forward what it was trained with. While robots are judged no episode times out, and one that falls stands up anew,
+at the cost of all that 99 control steps would have paid. Policy by seed is cached: a rerun goes on.
 
 Examples:
   stiction study disturber saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out disturber
