@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -14,7 +15,7 @@ from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.config import DreamWaQCfg, NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.rma.context import Context, ContextActor, code_loss, divergence, masked_mean
-from stiction.rma.dreamwaq import EpisodeReturns, bootstrapping_probability, friction_probe
+from stiction.rma.dreamwaq import EpisodeReturns, bootstrapping_probability, context_figures, friction_probe
 from stiction.rma.phase import PhaseRunner
 
 CFG = TrainCfg(
@@ -249,3 +250,37 @@ def test_the_probe_judges_robots_that_it_has_not_seen() -> None:
     code = torch.randn(1, 24, 16).expand(50, 24, 16)
     friction = torch.rand(1, 24, 1).expand(50, 24, 1)
     assert friction_probe(code, friction)[0] < 0.3
+
+
+def test_what_is_said_of_a_code_by_hand() -> None:
+    """Of two dimensions, one is used. It is off by 0.1 where repeating is off by 0.3, and tells one joint's friction.
+
+    Figures that were of other columns, or of each other, would be finite all the same. A fallen robot's next frame does
+    not count.
+    """
+    torch.manual_seed(0)
+    used, noise = torch.randn(3, 64, 1), torch.randn(3, 64, 2)
+
+    class Estimator:
+        """Means are the history's first two entries, and the frame that is predicted is the first mean."""
+
+        def __call__(self, history: torch.Tensor) -> Context:
+            return Context(torch.zeros(len(history), 3), history, torch.zeros_like(history))
+
+        def predict(self, velocity: torch.Tensor, code: torch.Tensor) -> torch.Tensor:
+            return code[:, :1]
+
+    lasts = torch.ones(3, 64, 1)
+    lasts[1, 5] = 0.0
+    groups = {
+        "history": torch.cat((used, torch.full_like(used, 0.1)), -1),
+        "proprioception": used + 0.1 - 0.3,
+        "next": torch.where(lasts > 0, used + 0.1, 99.0),
+        "lasts": lasts,
+        "privileged": torch.cat((noise, 1.0 + 2.0 * used, torch.ones(3, 64, 1)), -1),
+    }
+    told = context_figures(SimpleNamespace(context=Estimator()), TensorDict(groups, [3, 64]), ("shank", "hip"))
+    assert told.pop("code/friction/shank") > 0.999
+    kl = float(used.square().mean()) / 2 + 0.1**2 / 2
+    expected = {"code/kl": kl, "code/active": 1.0, "code/reconstruction": 0.01, "code/repeat": 0.09}
+    assert told == pytest.approx(expected, rel=1e-4)
