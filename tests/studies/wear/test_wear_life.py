@@ -25,8 +25,9 @@ from stiction.studies.wear.lifetimes import (
     ratios,
 )
 
-WALK = {"policy": "p", "friction_level": "0.1", "robot": 1000, "steady": None}
-WHAT = WALK | {"method": "none", "engine": "physx", "command": "vx=0.5"}
+WALK = {"policy": "p", "friction_level": "0.1", "robot": 1000, "steady": None, "command": "vx=0.5"}
+WHAT = WALK | {"method": "none", "engine": "physx"}
+BOTH = WHAT | {"command": "vx=0.5 vx=-0.5"}
 
 
 def windows(*ratio: float, command: str = "vx=0.5") -> list[Window]:
@@ -115,8 +116,17 @@ def test_walks_are_judged_again_by_what_was_seen_of_them() -> None:
     )
     assert (second.end, second.factor, second.time, second.monitored) == ("fell", 1.4, 15.0, False)
     # Backward it was too slow from the second window on: a robot of both ways is judged by both.
+    before |= {"command": BOTH["command"]}
     (both,) = judge_again([before], [*windows(1.5, 1.1, 0.9), *windows(1.0, 0.7, 0.5, command="vx=-0.5")], [])
     assert (both.end, both.factor, both.begin) == ("too fast from the start", None, None)
+
+
+def test_a_fall_before_the_first_window_is_judged_again_as_one() -> None:
+    """Forward it walked on and was too slow at x4; backward it fell at x0.4, and of that walk the files have no row."""
+    forward = windows(1.0, 0.9, 0.7)
+    row = judge_robot(BOTH, [Seen(forward, []), Seen([], [], (3.0, 0.4))], False)
+    assert (row.end, row.factor, row.first_ratio) == ("fell", 0.4, None)
+    assert judge_again([asdict(row)], forward, []) == [row]
 
 
 def test_a_fall_ends_a_lifetime_that_was_not_over() -> None:

@@ -11,12 +11,11 @@ from stiction.studies.study import write_report
 from stiction.studies.wear.lifetimes import Lifetime, Reading, Window
 from stiction.studies.wear.page import answers, draw_ratios, draw_readings, lead, level_title, report
 
-WALK = {"policy": "<b>p</b>", "friction_level": "0.1", "robot": 1000, "steady": None}
+WALK = {"policy": "<b>p</b>", "friction_level": "0.1", "robot": 1000, "steady": None, "command": "vx=0.5"}
 LIFETIME = Lifetime(
     **WALK,
     method="none",
     engine="physx",
-    command="vx=0.5",
     first_ratio=1.1,
     last_ratio=0.2,
     begin=None,
@@ -118,9 +117,16 @@ def test_wear_of_what_a_bench_found_stays_a_factor() -> None:
 
 
 def test_a_walk_one_way_says_that_the_other_is_not_known() -> None:
-    """Following asks for both directions, and a worn robot walks one of them."""
-    said = lead([GROUP], {"wear": GROWN, "commands": ["vx=0.5"]})
-    assert said.endswith("They walked one way alone, vx=0.5: whether they follow both ways is not known.")
+    """Following asks for both directions, and a worn robot walks one of them, be it at two speeds."""
+    said = [lead([GROUP], {"wear": GROWN, "commands": ["vx=0.5", *more]}) for more in ([], ["vx=0.3"], ["vx=-0.3"])]
+    assert said[0].endswith("They walked one way alone, vx=0.5: whether they follow both ways is not known.")
+    assert "one way alone, vx=0.5 and vx=0.3: whether" in said[1] and "one way alone" not in said[2]
+
+
+def test_who_falls_before_anything_is_measured_is_not_said_to_follow() -> None:
+    """Falls at x0.31 on an average: of no window is it known that it followed."""
+    fallen = GROUP | {"ends": {"fell": 3}, "first": {}, "mean": 0.31, "interval95": None}
+    assert lead([fallen], BOTH_WAYS).endswith("p falls at 3.1 %, before its first window is over.")
 
 
 def test_robots_that_are_too_fast_at_first_are_said_to_be(tmp_path: Path) -> None:
@@ -183,14 +189,18 @@ def test_a_bundle_without_a_monitor_is_said_to_have_none(tmp_path: Path) -> None
     """And what an earlier study left there of one is gone; robots that were looked at before are named."""
     (tmp_path / "readings.csv").write_text("old")
     (tmp_path / "monitor.png").write_text("old")
-    rows = [
-        replace(LIFETIME, monitored=False, grown_factor=None, grown="never"),
-        replace(LIFETIME, end="alive", factor=None),
-    ]
+    row = replace(LIFETIME, monitored=False, grown_factor=None, grown="never")
+    rows = [row, replace(row, end="alive", factor=None)]
     page = written(tmp_path, rows, WINDOWS, [], warnings=["Exploratory: 3."])
     assert "None of these bundles has a wear monitor" in page and "alive" in page
     assert "Exploratory: 3." in page
     assert not (tmp_path / "readings.csv").exists() and not (tmp_path / "monitor.png").exists()
+
+
+def test_a_monitor_that_came_to_no_reading_is_not_said_to_be_missing(tmp_path: Path) -> None:
+    """Walks can be shorter than its window; the bundle has one all the same."""
+    page = written(tmp_path, [LIFETIME], WINDOWS, [])
+    assert "No wear monitor came to a reading" in page and "None of these bundles" not in page
 
 
 def test_a_robot_that_fell_at_once_has_no_window(tmp_path: Path) -> None:
@@ -198,6 +208,28 @@ def test_a_robot_that_fell_at_once_has_no_window(tmp_path: Path) -> None:
     fallen = replace(LIFETIME, end="fell", first_ratio=None, last_ratio=None)
     assert "fell" in written(tmp_path, [fallen], [], [])
     assert not (tmp_path / "windows.csv").exists()
+
+
+def test_both_ways_have_a_panel_of_one_scale() -> None:
+    """Who falls at once one way has an empty panel there, and its mean is none, of those that did not fall."""
+    both = [replace(LIFETIME, robot=robot, command="vx=0.5 vx=-0.5") for robot in (1000, 1001)]
+    (forward, backward) = draw_ratios(WINDOWS, both).axes
+    assert [axis.get_title().split(",")[0] for axis in (forward, backward)] == ["vx=0.5", "vx=-0.5"]
+    assert forward.get_ylim() == backward.get_ylim() and forward.get_xlim() == backward.get_xlim()
+    assert max(len(line.get_xdata()) for line in backward.lines) == 0
+    assert [len(line.get_xdata()) for line in forward.lines if line.get_label() == "<b>p</b>"] == [0]
+    assert max(len(line.get_xdata()) for line in forward.lines) == 9
+    grown = [*WINDOWS, *(replace(row, robot=1001) for row in WINDOWS[:4])]
+    (forward, _) = draw_ratios(grown, both).axes
+    assert [len(line.get_xdata()) for line in forward.lines if line.get_label() == "<b>p</b>"] == [4]
+
+
+def test_files_say_of_every_walk_what_was_commanded(tmp_path: Path) -> None:
+    """If this failed, a walk forward alone would be a row without its command."""
+    written(tmp_path, [LIFETIME], WINDOWS, [READING])
+    for name in ("lives", "windows", "readings"):
+        with (tmp_path / f"{name}.csv").open(newline="") as file:
+            assert {row["command"] for row in csv.DictReader(file)} == {"vx=0.5"}
 
 
 def test_names_of_many_policies_lie_under_the_lines_and_the_title_says_what_wears() -> None:

@@ -115,7 +115,7 @@ def test_what_a_walk_means_is_judged_anew(tmp_path: Path, monkeypatch: pytest.Mo
     path = shipped_bundles()["saturn_lite-flat-deception-0.2"]
     (row,), windows, _ = study_wear([WALKER], [path], ALONE, tmp_path / "robots", 1, silent)
     assert (row.end, row.time, row.factor) == ("fell", 3.5, pytest.approx(0.1 * 30 ** (3.5 / 6)))
-    assert windows == [Window(row.policy, "0.3", 3, None, 3.0, 0.2, 1.0)]
+    assert windows == [Window(row.policy, "0.3", 3, None, 3.0, 0.2, 1.0, command="vx=0.5")]
     monkeypatch.setattr(wear_study, "record_walk", lambda *rest: pytest.fail("walked again"))
     monkeypatch.setattr("stiction.formats.following.FOLLOWS", (1.1, 1.2))
     (row,), *_ = study_wear([WALKER], [path], ALONE, tmp_path / "robots", 1, silent)
@@ -153,8 +153,9 @@ def test_what_fails_in_another_process_is_said_here(tmp_path: Path) -> None:
     ("change", "said"),
     [
         ({"commands": ("stand",)}, "asks for motion"),
-        ({"commands": ()}, "at least one, each once"),
+        ({"commands": ()}, "commands none: expected at least one, each once"),
         ({"commands": ("vx=0.5", "vx=0.5")}, "each once"),
+        ({"commands": ("vx=0.5", "vx=0.50")}, "each once"),
         ({"levels": ()}, "at least one"),
         ({"robots": (3, 3)}, "each once"),
         ({"levels": ("0.1", "0.10")}, "each once"),

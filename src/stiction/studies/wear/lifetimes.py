@@ -65,8 +65,8 @@ class Walk:
     """Seed of the virtual robot."""
     steady: float | None
     """Wear at which the friction stayed, of a control walk, in which nothing grew [1]; None: it grew."""
-    command: str = field(default="vx=0.5", kw_only=True, metadata={**column("command"), "later": True})
-    """What was commanded: `vx=0.5`; of a robot all commands, after each other."""
+    command: str = field(default="", kw_only=True, metadata={**column("command"), "later": True})
+    """What was commanded: `vx=0.5`; of a robot all commands, after each other. Files of before do not say it."""
 
 
 @dataclass(frozen=True)
@@ -260,8 +260,8 @@ def judge_again(
         own = seen.get(tuple(old[name] for name in names), {})
         fell = (old["time"], old["factor"]) if old["end"] == "fell" else None
         what = {name: old[name] for name in (*names, "method", "engine", "command")}
-        # Which of its walks it was that ended with the fall makes no difference.
-        walks = [Seen(*rows, fell) for rows in own.values()] or [Seen([], [], fell)]
+        # A walk that fell before its first window has no row. Which of them fell makes no difference.
+        walks = [Seen(*own.get(command, ([], [])), fell) for command in old["command"].split()]
         found.append(judge_robot(what, walks, old["monitored"]))
     return found
 

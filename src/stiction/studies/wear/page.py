@@ -43,16 +43,21 @@ def draw_ratios(windows: Sequence[Window], lifetimes: Sequence[Lifetime], joints
 
     joints: those that wear; none is all of them.
     """
-    panels = list(dict.fromkeys((row.friction_level, row.command) for row in windows or lifetimes))
+    # By the robots and not by the windows: those that fall at once have none.
+    panels = list(dict.fromkeys((row.friction_level, one) for row in lifetimes for one in row.command.split()))
     policies = list(dict.fromkeys(row.policy for row in lifetimes))
     figure, axes = new_figure(len(panels), 1, (8.0, 3.4 * len(panels)))
+    for axis in axes[1:]:
+        # So that forward and backward can be held side by side.
+        axis.sharex(axes[0])
+        axis.sharey(axes[0])
     for axis, (level, command) in zip(axes, panels, strict=True):
         shade_following(axis)
         for policy in policies:
             look = line_look(policy, policies)
             rows = [row for row in windows if (row.policy, row.friction_level, row.command) == (policy, level, command)]
-            robots = list(dict.fromkeys(row.robot for row in rows))
-            lines = [[row for row in rows if row.robot == robot] for robot in robots]
+            own = [row for row in lifetimes if (row.policy, row.friction_level) == (policy, level)]
+            lines = [[row for row in rows if row.robot == robot] for robot in dict.fromkeys(row.robot for row in own)]
             for line in lines:
                 points = [row.factor for row in line], [row.ratio for row in line]
                 axis.plot(*points, linewidth=0.7, alpha=0.5, **look)
@@ -66,6 +71,7 @@ def draw_ratios(windows: Sequence[Window], lifetimes: Sequence[Lifetime], joints
             ylabel="speed reached / commanded",
             title=", ".join((command, level_title(level), *joints)),
         )
+    for axis in axes:
         ticks = [tick for tick in TICKS if axis.get_xlim()[0] <= tick <= axis.get_xlim()[1]]
         axis.set_xticks(ticks, [f"x{tick:g}" for tick in ticks])
         axis.set_xticks([], minor=True)
@@ -126,7 +132,8 @@ def report(
     grown = [row for row in windows if row.steady is None]
     ratios = draw_ratios(grown, worn, settings["settings"]["wear"]["joints"])
     monitor = draw_readings(noticed) if noticed else None
-    shown = paragraph(NO_MONITOR) if monitor is None else picture(figure_uri(monitor), MONITOR_CAPTION)
+    unread = NO_READING if any(row.monitored for row in lifetimes) else NO_MONITOR
+    shown = paragraph(unread) if monitor is None else picture(figure_uri(monitor), MONITOR_CAPTION)
     groups, methods = settings["groups"], settings["ways"]
     lines = [lead(groups, settings["settings"]), *answers(groups, methods)]
     joints = ", ".join(settings["settings"]["wear"]["joints"]) or "all joints"
@@ -174,6 +181,8 @@ ENDS = (
 
 NO_MONITOR = "None of these bundles has a wear monitor; `stiction export --wear` puts one into a bundle."
 
+NO_READING = "No wear monitor came to a reading: no walk was as long as its window."
+
 MONITOR_CAPTION = (
     "The monitor's estimate of the friction, with its 95 % interval, against the truth (line), window by window; "
     "hollow: an unusual reading."
@@ -216,8 +225,9 @@ def lead(groups: Sequence[dict[str, Any]], settings: dict[str, Any]) -> str:
         f"of {level if level == BENCH else 'the torque limit'}, {'; '.join(own)}."
         for level, own in lives.items()
     ]
-    if len(commands) == 1 and commands[0].startswith("vx="):
-        said.append(f"They walked one way alone, {commands[0]}: whether they follow both ways is not known.")
+    along = [one for one in commands if one.startswith("vx=")]
+    if len({one.startswith("vx=-") for one in along}) == 1:
+        said.append(f"They walked one way alone, {' and '.join(along)}: whether they follow both ways is not known.")
     return " ".join(said)
 
 
@@ -233,6 +243,8 @@ def _lifetime_text(group: dict[str, Any]) -> str:
     """Return from and up to which wear the robots of one policy and level follow."""
     if all(what.endswith(NEVER) for what in group["ends"]):
         return "never follows"
+    if not group["first"] and group["mean"] is not None:
+        return f"falls at {friction_of(group['friction_level'], group['mean'])}, before its first window is over"
     later = group["begin"] is not None and not group["first"].get("follows")
     level = group["friction_level"]
     begin = f"from {friction_of(level, group['begin'])} on, " if later else ""

@@ -20,7 +20,7 @@ from stiction.core.parallel import spread
 from stiction.deploy.check import check_bundle, robot_of
 from stiction.engines.catalog import binaries, make_engine
 from stiction.evaluate.code import WALK_CODE
-from stiction.evaluate.command import SETTLE, parse_command
+from stiction.evaluate.command import SETTLE, parse_command, untrained
 from stiction.evaluate.methods import method_of
 from stiction.formats.bundle import Bundle
 from stiction.studies.wear.lifetimes import Lifetime, Reading, Seen, Window, judge_robot, monitor_readings, speeds
@@ -60,8 +60,8 @@ class WearCfg:
 
     def __post_init__(self) -> None:
         """Refuse what has no speed, no robot or no window."""
-        if not self.commands or len(set(self.commands)) < len(self.commands):
-            raise ConfigurationError(f"commands {' '.join(self.commands)}: expected at least one, each once")
+        if not self.commands or len(set(self.labels)) < len(self.commands):
+            raise ConfigurationError(f"commands {' '.join(self.commands) or 'none'}: expected at least one, each once")
         for command in self.commands:
             if parse_command(command).direction is None:
                 raise ConfigurationError(
@@ -78,6 +78,11 @@ class WearCfg:
                 f"windows of {self.window} s, every {self.every} s, after {self.settle} s to settle, in "
                 f"{self.wear.seconds} s: expected windows that fit, of 0.1 s or more and as far from each other"
             )
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The commands as they stand in results: `vx=0.5`, also where `vx=0.50` was typed."""
+        return tuple(parse_command(command).label for command in self.commands)
 
     @property
     def steady(self) -> tuple[float, ...]:
@@ -98,7 +103,7 @@ class WearWalk:
     steady: float | None
     """Wear at which its friction stays [1]; None: it grows."""
     command: str
-    """What is commanded."""
+    """What is commanded, one of the labels."""
     cfg: WearCfg
     """All else."""
     out: Path
@@ -108,7 +113,7 @@ class WearWalk:
     def name(self) -> str:
         """Name of the walk: policy, level and robot, where its friction stays, and its command."""
         stays = "" if self.steady is None else f"--x{self.steady:g}"
-        return f"{self.bundle.resolve().name}--{self.level}--{self.seed}{stays}--{parse_command(self.command).label}"
+        return f"{self.bundle.resolve().name}--{self.level}--{self.seed}{stays}--{self.command}"
 
     @property
     def wear(self) -> Wear:
@@ -146,7 +151,7 @@ def study_wear(
     walks = [
         WearWalk(path, level, seed, steady, command, cfg, out)
         for path, level, steady, seed, command in product(
-            paths, cfg.levels, (None, *cfg.steady), cfg.robots, cfg.commands
+            paths, cfg.levels, (None, *cfg.steady), cfg.robots, cfg.labels
         )
     ]
     done: dict[int, Seen] = {}
@@ -159,13 +164,23 @@ def study_wear(
     for first in range(0, len(walks), ways):
         bundle = of_path[walks[first].bundle]
         what = {"method": method_of(bundle.contract), "engine": cfg.engine}
-        what |= named(walks[first], bundle) | {"command": " ".join(cfg.commands)}
+        what |= named(walks[first], bundle) | {"command": " ".join(cfg.labels)}
         lifetimes.append(judge_robot(what, seen[first : first + ways], bundle.wear is not None))
     return (
         lifetimes,
         list(chain.from_iterable(one.windows for one in seen)),
         list(chain.from_iterable(one.readings for one in seen)),
     )
+
+
+def untrained_notes(bundles: Sequence[Bundle], cfg: WearCfg) -> list[str]:
+    """Return a sentence for each policy that is given commands beyond those that it was trained for."""
+    commands = [parse_command(label) for label in cfg.labels]
+    return [
+        f"{bundle.name}: {said}; its lifetime under that is of what nobody trained"
+        for bundle in bundles
+        if (said := untrained(commands, bundle.contract))
+    ]
 
 
 def named(one: WearWalk, bundle: Bundle) -> dict[str, Any]:
@@ -175,7 +190,7 @@ def named(one: WearWalk, bundle: Bundle) -> dict[str, Any]:
         "friction_level": one.level,
         "robot": one.seed,
         "steady": one.steady,
-        "command": parse_command(one.command).label,
+        "command": one.command,
     }
 
 

@@ -17,10 +17,10 @@ from stiction.studies.study import ParallelOptions, RedrawnOptions, Report, Stud
 DESCRIPTION = f"""Let policies walk on virtual robots whose friction grows from x0.3, seals out, to x3 of a level.
 
 A policy's lifetime lasts while it follows its commands, forward and backward, from the first to the last time: it
-ends where the policy is too slow for good, under {SLOW}, or where the robot falls. Too fast at first, over {FAST}, it
-has not begun to follow. A bundle's wear monitor, if it has one, reads the policy's input: does it notice before that?
-And would it have noticed as much had nothing grown? Stop it at any time: the same command goes on. What is lost is the
-walks in progress, one a core, under a minute each in PhysX.
+ends where the policy is too slow for good, under {SLOW}, too fast, over {FAST}, or where the robot falls. Too fast at
+first, it has not begun to follow. A bundle's wear monitor, if it has one, reads the policy's input: does it notice
+before that? And would it have noticed as much had nothing grown? Stop it at any time: the same command goes on. What is
+lost is the walks in progress, one a core, under a minute each in PhysX.
 
 Example:
   stiction study wear saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out results/wear"""
@@ -71,7 +71,7 @@ def run(options: WearOptions, work: Work) -> Report:
     from stiction.formats.bundle import find_bundle
     from stiction.studies.wear.lifetimes import groups, over_seeds
     from stiction.studies.wear.page import report
-    from stiction.studies.wear.run import WearCfg, study_wear
+    from stiction.studies.wear.run import WearCfg, study_wear, untrained_notes
     from stiction.virtual.cases import warnings_on
     from stiction.virtual.robot import Wear
 
@@ -87,11 +87,12 @@ def run(options: WearOptions, work: Work) -> Report:
         "groups": groups(lifetimes),
         "ways": over_seeds(lifetimes, methods_of(lifetimes, bundles), (wear.start, wear.end)),
     }
-    return report(lifetimes, windows, readings, settings, warnings_on(cfg.robots))
+    return report(lifetimes, windows, readings, settings, [*warnings_on(cfg.robots), *untrained_notes(bundles, cfg)])
 
 
 def judge_recorded(out: Path, work: Work) -> Report:
     """Judge the walks of a folder anew, by the speeds and readings in its files."""
+    from stiction.evaluate.command import parse_command
     from stiction.studies.wear.lifetimes import Reading, Window, groups, judge_again, over_seeds
     from stiction.studies.wear.page import report
 
@@ -101,7 +102,7 @@ def judge_recorded(out: Path, work: Work) -> Report:
     try:
         if "command" in before["settings"]:
             # Of before robots walked under several: the files do not say which it was.
-            command = before["settings"].pop("command")
+            command = parse_command(before["settings"].pop("command")).label
             before["settings"]["commands"] = [command]
             windows = [replace(row, command=command) for row in windows]
             readings = [replace(row, command=command) for row in readings]
