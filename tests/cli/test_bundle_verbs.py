@@ -121,10 +121,10 @@ def test_evaluate_feeds_friction_forward_in_every_engine(
     assert [(row.policy.removeprefix(bundle.name), row.engine) for row in rows] == [
         ("", "mujoco"),
         ("", "mujoco-alone"),
-        ("+forward", "mujoco"),
-        ("+forward", "mujoco-alone"),
+        ("+measured", "mujoco"),
+        ("+measured", "mujoco-alone"),
     ]
-    assert rows[2].method == rows[3].method == f"{rows[0].method}+forward"
+    assert rows[2].method == rows[3].method == f"{rows[0].method}+measured"
     assert "Policies called +forward" in (out / "report.html").read_text()
 
 

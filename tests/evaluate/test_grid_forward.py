@@ -28,7 +28,7 @@ pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is
 
 SPEC = find_robot("saturn_lite")
 BASE = EvaluationCfg((0.0, 0.2), ("vx=0.5",), episodes=1, seconds=1.5, settle=0.5)
-GRID = GridCfg(BASE, ("mujoco", "mujoco-alone"), forward=("still",))
+GRID = GridCfg(BASE, ("mujoco", "mujoco-alone"), forward=("still",), forward_by=("error",))
 
 
 @pytest.fixture(scope="module")
@@ -155,7 +155,7 @@ def test_the_rest_of_the_grid_goes_on_and_the_summary_says_what_is_missing(
     """Who reads the row of two robots beside that of one has to know."""
     cfg = GridCfg(BASE, ("mujoco-alone+all",), robots=(3, 4), robot_levels=("0.1",), forward=("still",))
     rows, summary = evaluate_all([still], cfg, tmp_path)
-    assert [(row.policy, row.episodes) for row in rows] == [("still", 2), ("still+forward", 1)]
+    assert [(row.policy, row.episodes) for row in rows] == [("still", 2), ("still+measured", 1)]
     exploratory, left_out = summary["warnings"]
     assert "Exploratory" in exploratory and "--4, its walks are left out" in left_out
     assert [list(row["robots"]) for row in summary["rows"]] == [["3", "4"], ["3"]]

@@ -54,14 +54,14 @@ class EvaluateCfg:
     hip and thigh), bench+0.02 (and that coefficient of the load); by default as --friction-levels."""
     forward: tuple[str, ...] = ()
     """Names of bundles that also walk with friction fed forward in the joint controllers, as policies of their own,
-    NAME+forward. Of the data sheet's robot that is the friction of the level, of a virtual robot what identify finds
+    NAME+measured. Of the data sheet's robot that is the friction of the level, of a virtual robot what identify finds
     on that robot's bench, which takes minutes a robot and level, and what it finds to grow with load too, save by
     error. Under the law effort the level grows with the motor's torque, and error cannot feed it."""
-    forward_by: tuple[str, ...] = ("error",)
+    forward_by: tuple[str, ...] = ("measured",)
     """How: error, all of it in the direction of the position error; reference and measured, 75 % of it by the speed of
     the target or of the joint, and by the error while a joint is stuck, at every reading; reference-motor and
     measured-motor, the same in the motors' controllers. With another share: reference=0.8. Policies are called
-    NAME+forward, NAME+reference=0.8."""
+    NAME+measured, NAME+reference=0.8, and by error NAME+forward."""
     known_friction: str = "contract"
     """What policies are told that observe their joints' friction (`train --task.known-friction`), f/τ_max of each kind
     of joint. contract: what their bundles say; true: what each robot has; bench: of a virtual robot what identify finds

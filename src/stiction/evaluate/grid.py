@@ -101,7 +101,7 @@ class GridCfg:
     """Friction of the virtual robots: fractions of the torque limit, `bench`, `bench+0.02`; none: those of `base`."""
     forward: tuple[str, ...] = ()
     """Bundles, by name, that also walk with friction fed forward, see `stiction.evaluate.benches`."""
-    forward_by: tuple[str, ...] = ("error",)
+    forward_by: tuple[str, ...] = ("measured",)
     """How it is fed forward, as `parse_compensation` reads it; each is a policy of its own."""
     forward_only: bool = False
     """Whether the policies of `forward` walk with it alone: their walks without are in another grid."""

@@ -108,10 +108,11 @@ def method_of(contract: Contract) -> str:
     if contract.method == "deception" and contract.joints_file is not None:
         return "identified"
     low, high = contract.friction_range
+    met_friction = high > 0.0 or (contract.friction_load is not None and contract.friction_load[1] > 0.0)
     if contract.method == "hinf":
         name = HINF[contract.disturber][0]
-        return f"{name}{WITH_FRICTION}" if high > 0.0 and contract.disturber not in JOINT_DISTURBERS else name
-    if contract.method == DREAMWAQ and high > 0.0:
+        return f"{name}{WITH_FRICTION}" if met_friction and contract.disturber not in JOINT_DISTURBERS else name
+    if contract.method == DREAMWAQ and met_friction:
         return DREAMWAQ_FRICTION
     if contract.compensation is not None and contract.compensation_speeds is None:
         return COMPENSATION_BY_ERROR

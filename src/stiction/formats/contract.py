@@ -189,14 +189,17 @@ class Contract:
         low, high = self.friction_range
         if self.imported is not None:
             return "elsewhere"
-        if self.method == "none" or high == 0.0:
+        load = 0.0 if self.friction_load is None else self.friction_load[1]
+        if self.method == "none" or high == load == 0.0:
             return "without friction"
+        if high == 0.0:
+            return f"with friction of up to {load:g} of the load"
         scale = (1.0, "") if has_coefficient(self.friction_law) else (100.0, " %")
         number = [f"{scale[0] * value:.3g}" for value in (low, self.friction_level, high)]
         text = f"at 0 to {number[2]}{scale[1]} friction" if low == 0.0 else f"at {number[1]}{scale[1]} friction"
         if self.friction_spread is not None:
             text += ", different in each joint"
-        return text if self.friction_load is None else f"{text} and up to {self.friction_load[1]:g} of the load"
+        return text if load == 0.0 else f"{text} and up to {load:g} of the load"
 
     @property
     def law(self) -> Law:

@@ -205,7 +205,8 @@ def test_rows_are_planned_as_they_will_be_written(still: Bundle, tmp_path: Path)
 def test_what_is_fed_forward_is_walked_plain_in_another_part(size: Size) -> None:
     """Walked plain twice it costs hours on a core; walked plain nowhere it has nothing to stand beside."""
     parts = {part.name: part for part in parts_of(size)}
-    grid = replace(parts["forward"].grid, forward=("a",))
+    # Plain walks know no way to feed, and go by the first name of those.
+    grid = replace(parts["forward"].grid, forward=("a",), forward_by=("error",))
     beside = set(plan(["a"], parts["robot"].grid))
     assert plan(["a"], grid) == []
     assert plan_forward(grid) and set(plan_forward(grid)) <= beside

@@ -96,6 +96,8 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
     states = {run.run.name: run.state() for run in planned}
     if options.list:
         print_runs(planned, states)
+        if not options.parts:
+            say_others(options.preset)
         return 0
     if not options.train and not {*EVALUATED} & {*states.values()}:
         raise TrainingError(
@@ -166,6 +168,15 @@ def print_runs(planned: Sequence[PlannedRun], states: Mapping[str, str]) -> None
         f"{len(planned)} runs, of up to {seeds} seeds; {missing} are missing, some {left / 60.0:.1f} hours of one core"
         f"{others} (by results/speed, student and methods; machines differ by a factor of two)"
     )
+
+
+def say_others(preset: str) -> None:
+    """Say what the other preset has, so that nobody takes one list for all."""
+    from stiction.studies.friction.manifest import ONE_PHASE, TWO_PHASE, parts_of, runs_of
+
+    other = ONE_PHASE if preset == TWO_PHASE else TWO_PHASE
+    parts = ", ".join(parts_of(other))
+    print(f"{len(runs_of((), other))} more are those of --preset {other}: parts {parts}")
 
 
 STUDY = Study(
