@@ -19,7 +19,7 @@ pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is
         (["--static-ratio", "2"], "--static-ratio is of --friction-law stribeck, and would have no effect"),
         (["--robots", "7"], "--robots is of a virtual robot, --engines mujoco+all"),
         (["--robot-levels", "0.1"], "--robot-levels is of a virtual robot"),
-        (["--forward-by", "measured"], "--forward-by is of --forward"),
+        (["--forward-by", "error"], "--forward-by is of --forward"),
         (["--callable-period", "-1"], "--callable-period is of --policy-callable"),
         (["--log-torque", "output_side"], "--log-torque is of --log"),
         (["--judge-again", "--episodes", "7"], "--judge-again walks nothing, and a bundle, --episodes would have no"),

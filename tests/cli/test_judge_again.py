@@ -131,17 +131,27 @@ def test_the_comparison_is_judged_from_its_summary_alone(tmp_path: Path, capsys:
 
 
 def test_worn_robots_are_judged_from_their_windows(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """A policy that is too fast until x1.52 is said to be; one that follows to the end is alive."""
+    """A policy that is too fast until x1.52 is said to be; one that ends on the way back has ended."""
     names = ("summary.json", "windows.csv", "readings.csv")
     out = copy("wear", *names, out=tmp_path / "wear")
     assert main(["study", "wear", "--judge-again", "--out", str(out)]) == 0
     assert "deception-0.2 at level 0.1: " in capsys.readouterr().out
     page = (out / "report.html").read_text()
-    assert "5 too fast" in page and "x1.52" in page and "5 alive" in page
+    assert "5 too fast" in page and "x1.52" in page and "4 too slow, 1 alive" in page
     with (out / "lives.csv").open(newline="") as file:
         ends = {(row["policy"], row["steady"], row["end"]) for row in csv.DictReader(file)}
     assert ("saturn_lite-flat-none-0.2", "", "too slow") in ends
     assert ("saturn_lite-flat-deception-0.2", "", "alive") in ends
+
+
+def test_worn_robots_that_walked_one_way_are_judged_as_such(tmp_path: Path) -> None:
+    """Files of before do not say the command, the settings do; nine of ten follow to the end."""
+    out = copy("wear/one-joint", "summary.json", "windows.csv", out=tmp_path / "wear")
+    assert main(["study", "wear", "--judge-again", "--out", str(out)]) == 0
+    with (out / "lives.csv").open(newline="") as file:
+        rows = [row for row in csv.DictReader(file) if "deception" in row["policy"]]
+    assert [row["end"] for row in rows].count("alive") == 9 and {row["command"] for row in rows} == {"vx=0.5"}
+    assert "They walked one way alone, vx=0.5" in (out / "report.html").read_text()
 
 
 def test_an_evaluation_of_before_is_drawn_again(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
