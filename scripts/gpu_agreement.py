@@ -21,13 +21,7 @@ import math
 import sys
 
 import torch
-
-from stiction.core.provenance import num_threads
-from stiction.locomotion.config import TaskCfg
-from stiction.locomotion.device import find_device
-from stiction.locomotion.env import LocomotionEnv
-from stiction.locomotion.friction import FrictionCfg
-from stiction.rma.config import TrainCfg
+from gpu_throughput import make_robots
 
 STEPS = 120
 LOOKED_AT = (20, 60, 120)
@@ -37,9 +31,7 @@ WRONG = 1e6
 
 def walked(device: str, robots: int, on_host: bool) -> tuple[dict[str, torch.Tensor], dict[str, float]]:
     """Return samples by name, each (robots, entries), and the means of the logged figures."""
-    task = TaskCfg(friction=FrictionCfg(method="deception", level=0.2))
-    found = find_device(device, TrainCfg().contacts, on_host=on_host)
-    env = LocomotionEnv(task, robots, int(on_host), num_threads(), None, found)
+    env = make_robots(device, robots, on_host, seed=int(on_host))
     generator = torch.Generator(env.device).manual_seed(7 + on_host)
     rewards, ends = torch.zeros(robots, device=env.device), torch.zeros(robots, device=env.device)
     samples: dict[str, torch.Tensor] = {}

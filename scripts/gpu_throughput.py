@@ -43,11 +43,16 @@ def rate(name: str, robots: int, work: Callable[[], object], times: int) -> dict
     return {f"{name}_per_second": round(robots / each), f"{name}_ms": round(1e3 * each, 2)}
 
 
-def walking(device: str, robots: int, on_host: bool) -> tuple[LocomotionEnv, Callable[[], object]]:
-    """Return robots on flat ground with friction up to 24 % of the torque limit, warmed up, and a control step."""
+def make_robots(device: str, robots: int, on_host: bool, seed: int = 0) -> LocomotionEnv:
+    """Return robots on flat ground with friction up to 24 % of the torque limit; `on_host`: their task."""
     task = TaskCfg(friction=FrictionCfg(method="deception", level=0.2))
     found = find_device(device, TrainCfg().contacts, on_host=on_host)
-    env = LocomotionEnv(task, robots, 0, num_threads(), None, found)
+    return LocomotionEnv(task, robots, seed, num_threads(), None, found)
+
+
+def walking(device: str, robots: int, on_host: bool) -> tuple[LocomotionEnv, Callable[[], object]]:
+    """Return those robots, warmed up, and a control step."""
+    env = make_robots(device, robots, on_host)
     actions = 0.3 * torch.randn(robots, env.num_actions, device=env.device)
 
     def step() -> object:

@@ -108,7 +108,7 @@ def method_of(contract: Contract) -> str:
     if contract.method == "deception" and contract.joints_file is not None:
         return "identified"
     low, high = contract.friction_range
-    met_friction = high > 0.0 or (contract.friction_load is not None and contract.friction_load[1] > 0.0)
+    met_friction = max(high, contract.largest_load) > 0.0
     if contract.method == "hinf":
         name = HINF[contract.disturber][0]
         return f"{name}{WITH_FRICTION}" if met_friction and contract.disturber not in JOINT_DISTURBERS else name

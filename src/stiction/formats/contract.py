@@ -184,12 +184,16 @@ class Contract:
         _check_known_friction(self)
 
     @property
+    def largest_load(self) -> float:
+        """Largest friction in training for each torque that a joint transmits [1]; 0 where none grew with the load."""
+        return 0.0 if self.friction_load is None else self.friction_load[1]
+
+    @property
     def trained(self) -> str:
         """What dry friction its joints had while it learned, in words: the name of a way to train on every page."""
-        low, high = self.friction_range
+        (low, high), load = self.friction_range, self.largest_load
         if self.imported is not None:
             return "elsewhere"
-        load = 0.0 if self.friction_load is None else self.friction_load[1]
         if self.method == "none" or high == load == 0.0:
             return "without friction"
         if high == 0.0:
