@@ -4,8 +4,8 @@
 
 The estimator of each run's student is asked in every step of walks of 10 s, on the nominal robot, at several friction
 levels and both commands, eight walks each. The first two seconds do not count. One row for a policy, simulation, level
-and command: the speed that was reached and the one that was believed, over the command. A bundle does not tell what it
-believes.
+and command: the speed that was reached and the one that was believed, over the command. A bundle's estimator is the
+part of its network that has that name; one without it does not tell what it believes.
 """
 
 from __future__ import annotations
@@ -13,14 +13,16 @@ from __future__ import annotations
 import argparse
 import csv
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import onnx
 import torch
 
 from stiction.core.errors import StictionError
 from stiction.deploy.check import robot_of
-from stiction.deploy.policy import load_policy
+from stiction.deploy.policy import INPUT, load_policy, open_session
 from stiction.evaluate.export import TrainedPolicy, contract_of
 from stiction.evaluate.rollout import Driver, Rollout, friction_at
 from stiction.formats.bundle import read_bundle
@@ -37,15 +39,32 @@ Answer = tuple[float, float, float, float | None]
 """Level, command [m/s], and speed reached and believed over the command."""
 
 
+Estimator = Callable[[np.ndarray], np.ndarray]
+"""From observations, shape (N, size), the velocities that are believed [m/s] and more, shape (N, V)."""
+
+
+def estimator_in(model: bytes) -> Estimator | None:
+    """Return the estimator that a network in ONNX, checked, has before its policy; None where it has none."""
+    network = onnx.load_from_string(model)
+    layers = [node for node in network.graph.node if any(name.startswith("estimator.") for name in node.input)]
+    if not layers:
+        return None
+    # The nodes of a graph stand in the order of what they need, so its last layer is the last one.
+    name = layers[-1].output[0]
+    network.graph.output.append(onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, ("batch", None)))
+    session = open_session(network.SerializeToString())
+    return lambda observation: np.asarray(session.run([name], {INPUT: observation})[0])
+
+
 class Asked:
-    """A policy that walks: the student of a run, which tells what it believes, or a bundle, which does not."""
+    """A policy that walks and tells what it believes: the student of a run, or a bundle."""
 
     def __init__(self, path: Path, iteration: int | None) -> None:
         """Read it; `iteration`: of an earlier checkpoint of a run."""
-        self.path, self.iteration, self.student = path, iteration, None
+        self.path, self.iteration, self.student, self.estimator = path, iteration, None, None
         if (path / "contract.json").exists():
             self.bundle = read_bundle(path)
-            self.contract = self.bundle.contract
+            self.contract, self.estimator = self.bundle.contract, estimator_in(self.bundle.policy)
             return
         run = RunDirectory(path)
         self.contract = contract_of(run.config(), run.header())
@@ -80,15 +99,18 @@ class Asked:
         for _ in range(round(SECONDS / contract.control_period)):
             # Believed before the step, so the truth is that of before it too.
             reached.append(rollout.fleet.base_linear_velocity[:, 0].copy())
-            rollout.step(command)
+            step = rollout.step(command)
+            if self.estimator is not None:
+                believed.append(self.estimator(step.policy.observation)[:, 0])
         first = round(UNCOUNTED / contract.control_period)
 
         def share(values: list[np.ndarray]) -> np.ndarray:
             return (np.stack(values)[first:].mean(0) / forward).reshape(-1, WALKS).mean(-1)
 
-        if hook is None:
+        if hook is not None:
+            hook.remove()
+        if not believed:
             return [(*cell, float(true), None) for cell, true in zip(cells, share(reached), strict=True)]
-        hook.remove()
         means = share(reached), share(believed)
         return [(*cell, float(true), float(guess)) for cell, true, guess in zip(cells, *means, strict=True)]
 
