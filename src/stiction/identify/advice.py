@@ -146,12 +146,24 @@ class Advice:
         return f"; of {'any other robot' if self.robot is None else robot_title(self.robot)} nothing is known directly"
 
     @property
+    def _as_good(self) -> list[str]:
+        """Other trainings that follow with as many seeds, of any; what the method is chosen by is its deviation."""
+        most = _rank(self.cells[self.method], self.levels)[:2]
+        equal = [name for name, cells in self.cells.items() if _rank(cells, self.levels)[:2] == most]
+        return [name for name in equal if name != self.method] if most[1] > 0 else []
+
+    @property
     def text(self) -> str:
         """What to train with, whether that covers the friction, how many seeds stand behind it, which side fails, and
         what was not tried.
         """
-        training = self.training
-        if any(cell.follow for cell in self.cells[self.method]):
+        training, equal = self.training, self._as_good
+        if equal:
+            reason = (
+                f"{_together([self.method, *equal])} follow with the most seeds, and {self.method} deviates least from "
+                "the command"
+            )
+        elif any(cell.follow for cell in self.cells[self.method]):
             reason = f"{self.method} follows with the most seeds"
         else:
             reason = (
@@ -231,13 +243,7 @@ def advise(low: float, high: float, sources: Mapping[str, Source] | None = None,
         for name in source.methods
         if (found := tuple(cell for cell in own if cell.method == name and cell.friction_level in levels))
     }
-
-    def rank(name: str) -> tuple[bool, int, float]:
-        """Return how well a training does; the more the better."""
-        found = cells[name]
-        return _all_covered(found, levels), sum(c.follow for c in found), -sum(c.deviation for c in found)
-
-    best = max(cells, key=rank)
+    best = max(cells, key=lambda name: _rank(cells[name], levels))
     others: dict[str, list[Following]] = {}
     for cell in source.cells:
         if cell.method == best and cell.engine != TRAINED_IN:
@@ -252,6 +258,11 @@ def advise(low: float, high: float, sources: Mapping[str, Source] | None = None,
 def _trained_in(source: Source) -> list[Following]:
     """Return the counts of the simulator of the training, under the law of the training."""
     return [one for one in source.cells if one.engine == TRAINED_IN and one.friction_law == TRAINED_UNDER]
+
+
+def _rank(cells: Sequence[Following], levels: Sequence[float]) -> tuple[bool, int, float]:
+    """Return how well a training does: covered, seeds that follow, and least deviation; the more the better."""
+    return _all_covered(cells, levels), sum(c.follow for c in cells), -sum(c.deviation for c in cells)
 
 
 def _all_covered(cells: Sequence[Following], levels: Sequence[float]) -> bool:

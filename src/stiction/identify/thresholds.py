@@ -25,6 +25,8 @@ class Thresholds:
 
     noticeable: float
     """Lowest level that cost speed, in any engine."""
+    cost: str
+    """What share of their speed it cost policies there [%], `1` or `1 to 2`."""
     severe: float
     """Lowest level at which no training seed followed, in any engine."""
     dead_band: float
@@ -53,7 +55,9 @@ class Thresholds:
             )
         first = min(noticed, key=lambda effect: effect.noticeable or 0.0)
         level = first.noticeable or 0.0
-        return cls(level, min(severe), first.dead_band or 0.0, _evidence_text(level, source), source.robot_text)
+        cost = _cost_text(level, source)
+        text = _evidence_text(level, cost, source)
+        return cls(level, cost, min(severe), first.dead_band or 0.0, text, source.robot_text)
 
     def effect(self, high: float) -> str:
         """Return what friction of `high` times the torque limit does to a policy that never met it."""
@@ -64,16 +68,19 @@ class Thresholds:
         return "A policy that was trained without friction will probably lose much of its speed"
 
 
-def _evidence_text(noticeable: float, source: Source) -> str:
+def _cost_text(noticeable: float, source: Source) -> str:
+    """Say what friction of this level cost [%], outside of the training's simulator where it did so there."""
+    where = [effect for effect in source.effects if effect.noticeable == noticeable]
+    where = [effect for effect in where if effect.engine != TRAINED_IN] or where
+    costs = sorted({round(100 * (effect.speed_loss or 0.0)) for effect in where})
+    return f"{costs[0]} to {costs[-1]}" if len(costs) > 1 else f"{costs[0]}"
+
+
+def _evidence_text(noticeable: float, cost: str, source: Source) -> str:
     """Say what friction did to policies that were trained without it, engine by engine."""
     effects = source.effects
     seeds = max(effect.seeds for effect in effects)
     number = COUNTS[seeds] if seeds < len(COUNTS) else str(seeds)
-    elsewhere = [
-        effect for effect in effects if effect.engine != TRAINED_IN and effect.noticeable == noticeable
-    ] or effects
-    costs = sorted({round(100 * (effect.speed_loss or 0.0)) for effect in elsewhere if effect.noticeable == noticeable})
-    cost = f"{costs[0]} to {costs[-1]}" if len(costs) > 1 else f"{costs[0]}"
     slowed: dict[int, list[FrictionEffect]] = {}
     for effect in effects:
         if effect.onset is not None:

@@ -321,8 +321,8 @@ def _matters(record: JointRecord, thresholds: Thresholds, legs: bool, advice: Ad
     margin = _margin(record)
     noticed = 100 * thresholds.noticeable
     least = (
-        f"{noticed:.4g} % of the torque limit is the least that slowed walking policies in simulation, of "
-        f"{thresholds.robot} {GROUND_AND_LAW}"
+        f"{noticed:.4g} % of the torque limit is the least that slowed walking policies in simulation, by "
+        f"{thresholds.cost} %, of {thresholds.robot} {GROUND_AND_LAW}"
     )
     borne = None if advice is None else advice.borne_at
     probably = "Probably" if borne is None else "A little"
