@@ -1,0 +1,133 @@
+"""Take a student of two phases apart: which of the things that differ from its training makes it too fast, or too slow.
+
+    python scripts/overspeed.py runs/mine-s0 runs/mine-s1 --out overspeed.csv
+
+In its training a student walks with exploration noise; deployed it walks without. Its teacher walks on the true latent
+z; the student on z*, and both on an estimate of velocity. Here each of these is put in the other's place, on the nominal
+robot at several friction levels, both commands, eight walks of 10 s each, of which the first two seconds do not count.
+One row for a run, what was replaced, level and command: the speed that was reached over the command.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import torch
+from beliefs import SECONDS, SPEED, UNCOUNTED, WALKS
+from torch import nn
+
+from stiction.core.errors import StictionError
+from stiction.deploy.check import robot_of
+from stiction.evaluate.export import TrainedPolicy, contract_of
+from stiction.evaluate.rollout import Rollout, friction_at
+from stiction.evaluate.trained import privileged_of
+from stiction.locomotion.friction import friction_share
+from stiction.rma.models import RMAActor
+from stiction.rma.run import RunDirectory
+from stiction.rma.runner import load_actor
+from stiction.robots.physics import EXACT
+
+LEVELS = [0.0, 0.1, 0.2]
+COLUMNS = ("policy", "walks", "friction_level", "command", "reached")
+
+WALKERS: dict[str, tuple[str, frozenset[str]]] = {
+    "the student": ("student", frozenset()),
+    "with the noise of its training": ("student", frozenset({"noise"})),
+    "with the true velocity": ("student", frozenset({"velocity"})),
+    "with the true z": ("student", frozenset({"z"})),
+    "with both": ("student", frozenset({"velocity", "z"})),
+    "its teacher": ("teacher", frozenset({"z"})),
+    "its teacher, with the true velocity": ("teacher", frozenset({"velocity", "z"})),
+}
+"""Name in the table -> whose networks walk, and what they are given."""
+
+
+class Walker(nn.Module):
+    """The action of an actor, some of whose inputs are the true ones: observations (N, size) -> actions (N, joints)."""
+
+    def __init__(
+        self,
+        actor: RMAActor,
+        latent: torch.Tensor | None,
+        velocity: Callable[[], torch.Tensor] | None,
+        noise: torch.Generator | None,
+    ) -> None:
+        """Choose what is true: z, (N, latent), the base's velocity, (N, 3); and what draws the exploration noise."""
+        super().__init__()
+        self.actor, self.latent, self.velocity, self.noise = actor, latent, velocity, noise
+
+    def forward(self, observation: torch.Tensor) -> torch.Tensor:
+        """Return the actions, (N, joints)."""
+        actor = self.actor
+        estimate = actor.estimator(observation)
+        if self.velocity is not None:
+            estimate = torch.cat((self.velocity(), estimate[:, 3:]), -1)
+        latent = actor.adaptation(observation) if self.latent is None else self.latent
+        current = observation[:, -actor.adaptation.frame :]
+        action = actor.mlp(torch.cat((current, estimate, latent), -1))
+        if self.noise is not None:
+            action = action + actor.std * torch.randn(action.shape, generator=self.noise)
+        return action
+
+
+def walk(run: RunDirectory, who: str, given: frozenset[str], levels: list[float]) -> list[tuple[float, float, float]]:
+    """Return level, command [m/s] and speed over the command of every level and direction."""
+    contract = contract_of(run.config(), run.header())
+    robot, actor = robot_of(contract), load_actor(run, who)
+    cells = [(level, sign * SPEED) for level in levels for sign in (1.0, -1.0)]
+    level, forward = (np.repeat(column, WALKS) for column in zip(*cells, strict=True))
+    friction = friction_at(contract, level)
+    latent = None
+    if "z" in given:
+        share = friction_share(contract.friction_law, friction, robot)
+        latent = actor.privileged_encoder(privileged_of(run, actor, contract, robot, share)).detach()
+    noise = torch.Generator().manual_seed(0) if "noise" in given else None
+    rollout: Rollout
+
+    def velocity() -> torch.Tensor:
+        return torch.from_numpy(rollout.fleet.base_linear_velocity.astype(np.float32))
+
+    driver = TrainedPolicy(Walker(actor, latent, velocity if "velocity" in given else None, noise), contract, len(level))
+    generators = [np.random.default_rng([0, number]) for number in range(WALKS)] * len(cells)
+    rollout = Rollout(contract, driver, robot, friction, generators, physics=EXACT)
+    command = np.stack((forward, np.zeros_like(forward), np.zeros_like(forward)), -1)
+    reached = []
+    for step in range(round(SECONDS / contract.control_period)):
+        rollout.step(command)
+        if step >= round(UNCOUNTED / contract.control_period):
+            reached.append(rollout.fleet.base_linear_velocity[:, 0].copy())
+    speeds = (np.mean(reached, 0) / forward).reshape(-1, WALKS).mean(-1)
+    return [(*cell, float(speed)) for cell, speed in zip(cells, speeds, strict=True)]
+
+
+def main() -> None:
+    """Walk every run in every way, print the mean deviations, and write the rows."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("runs", nargs="+", type=Path, help="folders of trainings of two phases")
+    parser.add_argument("--levels", nargs="+", type=float, default=LEVELS, help="shares of the torque limit")
+    parser.add_argument("--out", type=Path, help="CSV to write")
+    options = parser.parse_args()
+    torch.set_num_threads(1)
+    rows = []
+    for path in options.runs:
+        for name, (who, given) in WALKERS.items():
+            answers = walk(RunDirectory(path), who, given, options.levels)
+            rows += [(path.name, name, level, command, f"{speed:.3f}") for level, command, speed in answers]
+            mean = sum(abs(speed - 1) for *_, speed in answers) / len(answers)
+            cells = "  ".join(f"{speed:.2f}" for *_, speed in answers)
+            print(f"{path.name} {name}: mean deviation {mean:.3f}  {cells}", flush=True)
+    if options.out is not None:
+        with options.out.open("w", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except StictionError as error:
+        sys.exit(f"overspeed: {error}")
