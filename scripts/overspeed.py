@@ -3,9 +3,9 @@
     python scripts/overspeed.py runs/mine-s0 runs/mine-s1 --out overspeed.csv
 
 In its training a student walks with exploration noise; deployed it walks without. Its teacher walks on the true latent
-z; the student on z*, and both on an estimate of velocity. Here each of these is put in the other's place, on the nominal
-robot at several friction levels, both commands, eight walks of 10 s each, of which the first two seconds do not count.
-One row for a run, what was replaced, level and command: the speed that was reached over the command.
+z; the student on z*, and both on an estimate of velocity. Here each of these is put in the other's place, on the
+nominal robot at several friction levels, both commands, eight walks of 10 s each, of which the first two seconds do not
+count. One row for a run, what was replaced, level and command: the speed that was reached over the command.
 """
 
 from __future__ import annotations
@@ -92,8 +92,9 @@ def walk(run: RunDirectory, who: str, given: frozenset[str], levels: list[float]
     def velocity() -> torch.Tensor:
         return torch.from_numpy(rollout.fleet.base_linear_velocity.astype(np.float32))
 
-    driver = TrainedPolicy(Walker(actor, latent, velocity if "velocity" in given else None, noise), contract, len(level))
-    generators = [np.random.default_rng([0, number]) for number in range(WALKS)] * len(cells)
+    walker = Walker(actor, latent, velocity if "velocity" in given else None, noise)
+    driver = TrainedPolicy(walker, contract, len(level))
+    generators = [np.random.default_rng([0, number]) for number in range(WALKS)]
     rollout = Rollout(contract, driver, robot, friction, generators, physics=EXACT)
     command = np.stack((forward, np.zeros_like(forward), np.zeros_like(forward)), -1)
     reached = []
