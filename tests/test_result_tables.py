@@ -17,7 +17,7 @@ BOTH_WAYS = re.compile(r"\**(-?\d\.\d\d) / (-?\d\.\d\d)\**(?: \([^)]*\))?\**")
 LEVEL = re.compile(r"(\d+(?:\.\d+)?) %$")
 """The end of a column's title: friction in per cent of the torque limit."""
 
-WHO = ("design", "what", "who", "told", "policy", "seed", "run", "engine", "physics", "terrain", "timestep", "iteration")
+WHO = ("design", "what", "who", "told", "policy", "seed", "run", "engine", "physics", "terrain", "timestep")
 """What tells policies and conditions of one file apart."""
 
 ROUNDED = 0.0051
