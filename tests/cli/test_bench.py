@@ -74,6 +74,12 @@ def test_every_shipped_robot_is_measured_with_the_rewards_of_its_training(
     assert name == robot and ("trot" in terms) == (robot != "g1")
 
 
+def test_what_cannot_be_is_said_before_a_measurement_is_announced(capsys: pytest.CaptureFixture) -> None:
+    """A refusal would stand under a line that says what is going on."""
+    assert main(["bench", "--friction-level", "nan"]) == 1
+    assert capsys.readouterr().err.startswith("stiction bench: friction level nan: expected a fraction")
+
+
 def test_a_device_without_a_bare_counterpart_has_rates_and_no_ratios() -> None:
     """A ratio of two devices would say nothing about what the task costs."""
     from stiction.evaluate.throughput import Timing

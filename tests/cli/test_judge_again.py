@@ -170,6 +170,8 @@ def test_a_folder_without_results_is_one_line(verb: list[str], tmp_path: Path, c
     assert main([*verb, "--judge-again", "--out", str(tmp_path)]) == 1
     error = capsys.readouterr().err
     assert str(tmp_path) in error and error.count("\n") == 1
+    if verb == ["evaluate"]:
+        assert "has no results.csv and no summary.json; expected a folder that `stiction evaluate` wrote" in error
     (tmp_path / "summary.json").write_text('{"schema_version": 1}')
     (tmp_path / "results.csv").write_text("")
     assert main([*verb, "--judge-again", "--out", str(tmp_path)]) == 1

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+from stiction.core.effects import OptionsOf, check_effects
 from stiction.core.errors import ConfigurationError
 from stiction.core.options import read_options
 from stiction.locomotion.friction import law_choice, law_help
@@ -65,9 +66,22 @@ class Bench:
     """Print the summary as JSON on standard output, and nothing else."""
 
 
+BELONGS = (
+    OptionsOf(
+        ("preset", "method", "friction_level", "friction_law", "terrain", "actuator", "device"),
+        "the measurement of training, which --ground replaces",
+        lambda cfg: not cfg.ground,
+        "leave one of them out",
+    ),
+    OptionsOf(("friction_level",), "a --method with friction", lambda cfg: cfg.method != "none", "leave it out"),
+)
+"""Which options are of what."""
+
+
 def main(arguments: list[str]) -> int:
     """Run the verb."""
     options = read_options(Bench, arguments, "stiction bench", DESCRIPTION)
+    check_effects(options, Bench(), BELONGS)
     if options.blocks < 1 or options.num_envs < 1:
         raise ConfigurationError(f"{options.blocks} blocks of {options.num_envs} robots: expected at least one of each")
     if options.ground:
@@ -83,7 +97,6 @@ def main(arguments: list[str]) -> int:
     # Refused before anything is measured.
     spec = find_robot(options.robot)
     note, origin = Terminal(stderr=True, quiet=options.json), Origin.now()
-    note.print("task against bare simulator ...")
     base = replace(preset(options.preset, options.device), num_envs=options.num_envs)
     cfg = bench_cfg(base, options.method, options.friction_level)
     friction = replace(cfg.task.friction, law=options.friction_law)
@@ -93,6 +106,7 @@ def main(arguments: list[str]) -> int:
     task = replace(cfg.task, robot=options.robot, friction=friction, terrain=terrain, rewards=rewards)
     cfg = replace(cfg, device=options.device, task=task)
     net = None if options.actuator is None else read_actuator(options.actuator)
+    note.print("task against bare simulator ...")
     timing, sizes = measure_training(cfg, options.blocks, net)
     parts = None
     if options.device == "cpu":

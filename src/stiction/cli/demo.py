@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from stiction.core.effects import OptionsOf, check_effects
 from stiction.core.files import write_text
 from stiction.core.options import read_options
 from stiction.formats.results import DIRECTIONS
@@ -71,9 +72,28 @@ class DemoCfg:
     """Print the summary as JSON on standard output, and nothing else."""
 
 
+BELONGS = (
+    OptionsOf(
+        ("train", "preset", "bundles", "episodes", "seconds"),
+        "the page, which --loop does not make",
+        lambda cfg: not cfg.loop,
+        "leave one of them out",
+    ),
+    OptionsOf(
+        ("train",),
+        "policies of its own, which --bundles replaces",
+        lambda cfg: not cfg.bundles,
+        "leave one of them out",
+    ),
+    OptionsOf(("preset",), "--train", lambda cfg: cfg.train),
+)
+"""Which options are of what."""
+
+
 def main(arguments: list[str]) -> None:
     """Run the demo and print where its page is."""
     cfg = read_options(DemoCfg, arguments, "stiction demo", DESCRIPTION)
+    check_effects(cfg, DemoCfg(), BELONGS)
     from stiction.core.extras import require
     from stiction.formats.results import summary_text
     from stiction.formats.settings import results_folder

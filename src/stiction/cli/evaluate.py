@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from stiction.core.errors import ConfigurationError
+from stiction.core.effects import OptionsOf, changed_options, check_effects, flag_of
+from stiction.core.errors import ConfigurationError, FileError
 from stiction.core.lock import output_folder
 from stiction.core.options import read_options, refuse
 from stiction.formats.results import DIRECTIONS
@@ -111,40 +111,31 @@ def _on_bench(cfg: EvaluateCfg) -> bool:
     return any("+" in engine for engine in cfg.engines)
 
 
-BELONGS: dict[str, tuple[str, Callable[[EvaluateCfg], bool]]] = {
-    **dict.fromkeys(
-        ("static_ratio", "stribeck_velocity"), ("--friction-law stribeck", lambda cfg: cfg.friction_law == "stribeck")
+BELONGS = (
+    OptionsOf(
+        ("static_ratio", "stribeck_velocity"), "--friction-law stribeck", lambda cfg: cfg.friction_law == "stribeck"
     ),
-    **dict.fromkeys(("robots", "robot_levels"), ("a virtual robot, --engines mujoco+all", _on_bench)),
-    "forward_by": ("--forward", lambda cfg: bool(cfg.forward)),
-    "callable_period": ("--policy-callable", lambda cfg: cfg.policy_callable is not None),
-    **dict.fromkeys(("log_robots", "log_seconds", "log_torque"), ("--log", lambda cfg: cfg.log is not None)),
-}
-"""Option -> what it is an option of, in words, and whether that is asked for."""
+    OptionsOf(("robots", "robot_levels"), "a virtual robot, --engines mujoco+all", _on_bench),
+    OptionsOf(("forward_by",), "--forward", lambda cfg: bool(cfg.forward)),
+    OptionsOf(("callable_period",), "--policy-callable", lambda cfg: cfg.policy_callable is not None),
+    OptionsOf(("log_robots", "log_seconds", "log_torque"), "--log", lambda cfg: cfg.log is not None),
+)
+"""Which options are of what."""
 
 JUDGED = ("out", "judge_again", "json")
 """Options that --judge-again has."""
 
 
-def check_effects(cfg: EvaluateCfg) -> None:
+def check_options(cfg: EvaluateCfg) -> None:
     """Raise `ConfigurationError` for an option that is not what it is by default, and would have no effect."""
-    changed = [item.name for item in fields(EvaluateCfg) if getattr(cfg, item.name) != getattr(DEFAULTS, item.name)]
-    if cfg.judge_again:
-        if others := [_flag(name) for name in changed if name not in JUDGED]:
-            raise ConfigurationError(
-                f"--judge-again walks nothing, and {', '.join(others)} would have no effect; leave it out"
-            )
+    if not cfg.judge_again:
+        check_effects(cfg, DEFAULTS, BELONGS)
         return
-    for name, (owner, asked) in BELONGS.items():
-        if name in changed and not asked(cfg):
-            raise ConfigurationError(
-                f"{_flag(name)} is of {owner}, and would have no effect; leave it out, or add that"
-            )
-
-
-def _flag(name: str) -> str:
-    """Return an option as it is typed; bundles have no name."""
-    return "a bundle" if name == "bundles" else f"--{name.replace('_', '-')}"
+    others = [name for name in changed_options(cfg, DEFAULTS) if name not in JUDGED]
+    if others:
+        # Bundles have no name.
+        said = ", ".join("a bundle" if name == "bundles" else flag_of(name) for name in others)
+        raise ConfigurationError(f"--judge-again walks nothing, and {said} would have no effect; leave it out")
 
 
 DEFAULTS = EvaluateCfg(())
@@ -155,8 +146,9 @@ def main(arguments: list[str]) -> int:
     """Check and evaluate the bundles, write the results, print them."""
     cfg = read_options(EvaluateCfg, arguments, "stiction evaluate", DESCRIPTION, groups=GROUPS)
     command = shlex.join(["stiction", "evaluate", *arguments])
-    check_effects(cfg)
+    check_options(cfg)
     if cfg.judge_again:
+        check_evaluated(cfg.out)
         with output_folder(cfg.out):
             judge_again(cfg, command)
         return 0
@@ -198,6 +190,16 @@ def main(arguments: list[str]) -> int:
         print_warnings("evaluate", summary["warnings"])
         write_and_print(cfg, rows, {"command": command} | summary)
     return 0
+
+
+def check_evaluated(out: Path) -> None:
+    """Raise `FileError` where a folder has no results to judge again."""
+    lacking = [name for name in ("results.csv", "summary.json") if not (out / name).is_file()]
+    if lacking:
+        raise FileError(
+            f"{out} has no {' and no '.join(lacking)}; expected a folder that `stiction evaluate` wrote: name it with "
+            "--out, or evaluate first"
+        )
 
 
 def judge_again(cfg: EvaluateCfg, command: str) -> None:
