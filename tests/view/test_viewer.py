@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import socket
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,13 +14,14 @@ import pytest
 pytest.importorskip("viser", reason="the viewer needs the extra view")
 pytest.importorskip("mjviser", reason="the viewer needs the extra view")
 
+from stiction.cli.main import main
 from stiction.core.errors import StictionError
 from stiction.deploy.check import robot_of
 from stiction.formats.bundle import read_bundle, shipped_bundles
 from stiction.formats.log import by_joint, read_setup, read_table
 from stiction.view.plots import top_of
 from stiction.view.scene import MARKS, RobotBody, lanes
-from stiction.view.server import LOOPBACK, serve
+from stiction.view.server import LOOPBACK, resolve, serve
 from stiction.view.simulation import Simulation, ViewedPolicy, WorldCfg
 from stiction.view.viewer import MOST_ASKED, Viewer
 
@@ -223,3 +225,36 @@ def test_a_port_that_is_taken_is_refused_and_a_free_one_is_found(monkeypatch: py
             assert other.get_port() != server.get_port()
         with serve(server.get_port()):
             pass
+
+
+@pytest.mark.parametrize(
+    ("host", "said"),
+    [
+        ("bogus.example", "host 'bogus.example' cannot be found: .*; expected a name or an address of this machine"),
+        ("a..b", "host 'a..b' cannot be found: it is no name"),
+        ("192.0.2.1", "host '192.0.2.1' is not here: 192.0.2.1 is another machine's; expected a name or an address"),
+    ],
+)
+def test_a_host_that_is_none_of_this_machine_is_said_at_once(
+    host: str, said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    """If this failed, a misspelt name would be looked up a hundred times, and the ports would be blamed."""
+    asked: list[str] = []
+
+    def look_up(name: str, *rest: object, **more: object) -> object:
+        asked.append(name)
+        if name == "bogus.example":
+            raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+        return found(name, *rest, **more)
+
+    found = socket.getaddrinfo
+    monkeypatch.setattr(socket, "getaddrinfo", look_up)
+    monkeypatch.setattr("stiction.cli.view.policies_of", lambda cfg: pytest.fail("the robots were made ready"))
+    assert main(["view", "--host", host]) == 1
+    printed = capsys.readouterr().err
+    assert re.search(said, printed) and printed.count("\n") == 1 and asked == [host]
+
+
+def test_a_name_of_this_machine_is_its_address() -> None:
+    """If this failed, `--host localhost` would be refused, or called an address that others reach."""
+    assert resolve("localhost") in (LOOPBACK, "::1") and resolve("0.0.0.0") == "0.0.0.0"

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from stiction.core.effects import OptionsOf, check_effects
 from stiction.core.errors import ConfigurationError
 from stiction.core.options import read_options
 from stiction.formats.settings import check_file
@@ -87,16 +88,34 @@ class ViewCfg:
     overwrite: bool = False
     """Write over a file that is there."""
     seconds: float = 10.0
-    """Length of what is written [s]."""
+    """Length of what is written with --static [s]."""
+
+
+BELONGS = (
+    OptionsOf(
+        ("port", "host", "follow", "out"),
+        "the viewer, which --static does not open",
+        lambda cfg: cfg.static is None,
+        "leave one of them out",
+    ),
+    OptionsOf(("seconds", "overwrite"), "--static", lambda cfg: cfg.static is not None),
+    OptionsOf(
+        ("static_ratio", "stribeck_velocity"), "--friction-law stribeck", lambda cfg: cfg.friction_law == "stribeck"
+    ),
+)
+"""Which options are of what."""
 
 
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
     cfg = read_options(ViewCfg, arguments, "stiction view", DESCRIPTION)
+    check_effects(cfg, ViewCfg(), BELONGS)
     if not 0 < cfg.seconds <= 120:
         raise ConfigurationError(f"--seconds {cfg.seconds:g}; expected more than 0 and at most 120")
     if cfg.static is not None:
         check_file(cfg.static, cfg, "--static")  # before the robots are made ready
+    else:
+        cfg = replace(cfg, host=find_host(cfg))
     policies, robot, newest = policies_of(cfg)
     simulation = simulation_of(cfg, policies, robot)
     if cfg.static is not None:
@@ -108,6 +127,14 @@ def main(arguments: list[str]) -> int:
     except KeyboardInterrupt:
         # The way in which a viewer ends.
         return 0
+
+
+def find_host(cfg: ViewCfg) -> str:
+    """Return the address to listen on; raise `StictionError` where there is none here, or the port is none."""
+    from stiction.view.server import check_port, resolve
+
+    check_port(cfg.port)
+    return resolve(cfg.host)
 
 
 def policies_of(cfg: ViewCfg) -> tuple[list[ViewedPolicy], Robot, dict[int, NewestPolicy]]:
@@ -201,7 +228,8 @@ def show(cfg: ViewCfg, simulation: Simulation, newest: dict[int, NewestPolicy]) 
             print(
                 "stiction view: whoever reaches this address can look and steer; there is no password", file=sys.stderr
             )
-        print(f"open http://{cfg.host}:{server.get_port()} in a browser; Ctrl-C ends it", flush=True)
+        place = f"[{cfg.host}]" if ":" in cfg.host else cfg.host
+        print(f"open http://{place}:{server.get_port()} in a browser; Ctrl-C ends it", flush=True)
         watchers = [run.watch(partial(_teach, viewer, number, run)) for number, run in newest.items() if cfg.follow]
         try:
             viewer.run()

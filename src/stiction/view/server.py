@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import logging
 import os
@@ -33,8 +34,8 @@ def serve(port: int | None = None, host: str = LOOPBACK) -> Iterator[viser.Viser
 
     Raises `StictionError`: the port is taken or may not be used, or there is no such address here.
     """
-    if port is not None and not 0 < port < 65536:
-        raise ConfigurationError(f"port {port}; expected 1 to 65535")
+    check_port(port)
+    host = resolve(host)
     chosen = _free(host) if port is None else port
     if (why := _taken(host, chosen)) is not None:
         raise ConfigurationError(
@@ -53,6 +54,37 @@ def serve(port: int | None = None, host: str = LOOPBACK) -> Iterator[viser.Viser
     finally:
         with _silence():
             server.stop()
+
+
+def check_port(port: int | None) -> None:
+    """Raise `ConfigurationError` for a number that no port has."""
+    if port is not None and not 0 < port < 65536:
+        raise ConfigurationError(f"port {port}; expected 1 to 65535")
+
+
+def resolve(host: str) -> str:
+    """Return the address that a name or an address says, of several the first of IPv4.
+
+    Raises `ConfigurationError`: nothing is called that, or it is no address of this machine.
+    """
+    what = f"expected a name or an address of this machine, such as {LOOPBACK}, or 0.0.0.0 for all that it has"
+    try:
+        found = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)
+    # Python's codec of names raises the other one: too long a name, or an empty part in it.
+    except (socket.gaierror, UnicodeError) as error:
+        said = getattr(error, "strerror", None) or "it is no name"
+        raise ConfigurationError(f"host {host!r} cannot be found: {said}; {what}") from error
+    # As most programs: `localhost` is 127.0.0.1 where it is ::1 too.
+    family, kind, _, _, place = min(found, key=lambda one: one[0] != socket.AF_INET)
+    with socket.socket(family, kind) as tried:
+        try:
+            tried.bind(place)
+        except OSError as error:
+            if error.errno == errno.EADDRNOTAVAIL:
+                raise ConfigurationError(
+                    f"host {host!r} is not here: {place[0]} is another machine's; {what}"
+                ) from error
+    return str(place[0])
 
 
 def _silence() -> contextlib.redirect_stdout[io.StringIO]:
