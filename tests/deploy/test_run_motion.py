@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from deployed import CONTRACT, SHORT, STANDING, Run
 from stiction.core.errors import LogError
 from stiction.deploy.runtime.motion import Motion
+from stiction.deploy.runtime.report import Timing, summary
 from stiction.deploy.runtime.supervisor import Stage
 
 KIND = "hip"
@@ -50,6 +52,33 @@ def test_a_run_plays_the_motion_from_its_first_target_to_its_end(tmp_path: Path)
     assert played[-1].command.target[HIPS[0]] == pytest.approx(0.4, abs=0.01)
     assert played[0].command.kp[HIPS[0]] == 20.0
     assert all(out.command is None or not out.command.kp.any() for out in run.outs if out.stage is Stage.DAMP)
+
+
+@pytest.mark.parametrize(
+    ("duration", "played", "said"),
+    [
+        (0.1, 0.1, "done: the first 0.1 s of a motion of 0.4 s, cut by --duration"),
+        (1.0, 0.4, "done: a motion of 0.4 s"),
+        (None, 0.4, "done: a motion of 0.4 s"),
+    ],
+)
+def test_a_motion_ends_with_the_smaller_of_its_length_and_the_duration(
+    tmp_path: Path, duration: float | None, played: float, said: str
+) -> None:
+    """Who bounds a first motion on a robot gets all of it, or the report does not say that it was cut."""
+    file = write(tmp_path / "trajectory.csv", f"time,target.{KIND}\n0,0.2\n0.4,0.4\n")
+    run = Run(replace(SHORT, duration=duration), Motion(file, CONTRACT)).until(Stage.DONE)
+    outs = [out for out in run.outs if out.stage is Stage.RUN]
+    assert len(outs) == pytest.approx(played / 0.002, abs=3)
+    assert all(out.command is None or not out.command.kp.any() for out in run.outs if out.stage is Stage.DAMP)
+    report = summary(run.supervisor, Timing(), {})
+    assert report["end"] == said and report["motion"] == pytest.approx({"seconds": 0.4, "played": played})
+
+
+def test_a_run_of_a_policy_has_no_motion() -> None:
+    """Its end would speak of a motion that nobody asked for."""
+    report = summary(Run(SHORT).until(Stage.DONE).supervisor, Timing(), {})
+    assert report["motion"] is None and report["end"] == "done: 0 steps, 0 skipped"
 
 
 @pytest.mark.parametrize(

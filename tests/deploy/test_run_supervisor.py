@@ -61,7 +61,7 @@ def test_who_waits_for_a_slow_policy_and_is_told_to_walk_may_stand_still() -> No
 @pytest.mark.parametrize(("rule", "hint"), [("stale state", True), ("policy silent", True), ("joint range", False)])
 def test_a_run_that_a_busy_machine_ends_says_what_to_do(rule: str, hint: bool) -> None:
     """`stale state: 0.031 s, allowed 0.03 s` left who tried the virtual robot beside a training without a next step."""
-    said = end_line(Stop(Violation(rule, None, 0.031, 0.03, "s"), "", 2.0, 1.0), Timing())
+    said = end_line(Stop(Violation(rule, None, 0.031, 0.03, "s"), "", 2.0, 1.0), Timing(), None)
     assert said.startswith(f"stopped: {rule}: 0.031 s, allowed 0.03 s")
     assert said.endswith("end other programs, or add --realtime 50") == hint
 

@@ -71,7 +71,7 @@ class SupervisorCfg:
     armed: bool = False
     """Whether anything is sent to the robot."""
     duration: float | None = None
-    """Length of the run after standing up [s]; None: until somebody stops it."""
+    """Longest time of the run after standing up [s]; None: until somebody stops it, or a motion is over."""
     ramp: float = 2.0
     """Time from the measured pose to the standing pose [s], at least 2."""
     hold: float = 0.5

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from stiction.core.errors import LogError, unknown_name
+from stiction.core.files import near_file
 from stiction.formats.contract import Contract
 from stiction.formats.log import by_joint, read_setup, read_table
 
@@ -23,6 +24,10 @@ class Motion:
         Raises `LogError`: no such table, time that does not run, unknown joints, targets that are none or outside of
         the joint's limits.
         """
+        if not path.exists():
+            raise LogError(
+                f"no motion at {path}{near_file(path) or ';'} expected a trajectory.csv; `stiction excite` designs one"
+            )
         table = read_table(path).columns
         if "time" not in table:
             raise LogError(f"{path.name}: no column 'time'; expected a trajectory.csv as `stiction excite` writes it")

@@ -52,6 +52,7 @@ def summary(supervisor: Supervisor, timing: Timing, more: dict[str, Any]) -> dic
     lateness = timing.policy["lateness"].milliseconds()
     probe = timing.probe.milliseconds()
     judged = probe["p99"] <= QUIET and timing.periods > 0
+    motion = supervisor.motion()
     sections = {name: timing.policy[name].milliseconds() for name in TIMES if name != "lateness"}
     return {
         "periods": timing.periods,
@@ -63,7 +64,8 @@ def summary(supervisor: Supervisor, timing: Timing, more: dict[str, Any]) -> dic
         "sections_ms": sections,
         "supervisor_ms": timing.reading.milliseconds(),
         "limited": limited(supervisor),
-        "end": end_line(supervisor.stop_record, timing),
+        "motion": motion,
+        "end": end_line(supervisor.stop_record, timing, motion),
         "stop": None if supervisor.stop_record is None else supervisor.stop_record.summary(),
         **more,
     }
@@ -81,10 +83,14 @@ def limited(supervisor: Supervisor) -> dict[str, dict[str, float]]:
     return found
 
 
-def end_line(stop: Stop | None, timing: Timing) -> str:
-    """Return how a run ended, in one line."""
+def end_line(stop: Stop | None, timing: Timing, motion: dict[str, float] | None) -> str:
+    """Return how a run ended, in one line; motion: as of `Supervisor.motion`."""
     if stop is not None:
         hint = "; was this machine busy? end other programs, or add --realtime 50"
         return f"stopped: {stop.sentence()}{hint if stop.violation.rule in BUSY else ''}"
+    if motion is not None:
+        seconds, played = motion["seconds"], motion["played"]
+        whole = f"a motion of {seconds:g} s"
+        return f"done: {whole}" if played >= seconds else f"done: the first {played:g} s of {whole}, cut by --duration"
     rate = "" if timing.rate is None else f" at {timing.rate:.3f} Hz"
     return f"done: {timing.periods} steps{rate}, {timing.skipped} skipped"

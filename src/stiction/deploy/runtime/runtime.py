@@ -126,6 +126,8 @@ def run(
             effect = _realtime(cfg.realtime, policy, timing)
             say(effect)
         supervisor = Supervisor(contract, cfg.supervisor, link.period, time.monotonic(), source)
+        if not cfg.supervisor.armed:
+            say("a dry run: nothing is sent to the robot; --armed moves it")
         loop = _Loop(supervisor, link, channel, policy, logger, operator, timing, injected, say)
         loop.run(velocity)
         if operator.complaint:
@@ -231,13 +233,15 @@ class _Loop:
             self._supervisor.command_velocity(velocity, now, remote=True)
 
     def _show(self, state: RobotState, now: float) -> None:
-        """Send the policy's process the newest reading."""
-        if self._channel is None or self._supervisor.ended:
+        """Let a fault happen that is due, and send the policy's process the newest reading."""
+        if self._supervisor.ended:
             return
         running = self._supervisor.stage is Stage.RUN
         if running and not self._ran_since:
             self._ran_since = now
         fault = self._injected.due(now - self._ran_since, self._policy) if running else 0
+        if self._channel is None:
+            return
         sensors = {name: getattr(state.sensors, name) for name in SENSORS}
         inputs = {"velocity": self._supervisor.velocity, "robot_time": state.time, "fault": float(fault)}
         mode = RUNNING if running else IDLE

@@ -1,6 +1,6 @@
 """The supervisor: decides at every reading what goes to the robot. No process, no socket, no clock of its own.
 
-    passive ──ready──▶ stand up ──ramp done──▶ run ──duration over──▶ damping ──▶ done
+    passive ──ready──▶ stand up ──ramp done──▶ run ──duration or motion over──▶ damping ──▶ done
        │                  │                     │
        └──────────────────┴── a broken rule ────┴──▶ stopped: one damping frame, then nothing
 
@@ -144,6 +144,8 @@ class Supervisor:
         self._safety = Safety(contract, cfg.safety, period)
         self._source = source
         standing, kp, kd = (contract.array(name) for name in ("standing", "kp", "kd"))
+        lengths = (cfg.duration, None if source is None else source.seconds)
+        self._length = min((length for length in lengths if length is not None), default=math.inf)
         self._standing, self._kp, self._kd = (
             (standing, kp, kd) if source is None else (source.start, source.kp, source.kd)
         )
@@ -155,12 +157,19 @@ class Supervisor:
         self._answer: tuple[np.ndarray, Limited] | None = None
         self._commanded, self._remote = now, False
         self._ours: tuple[float, float] = (math.nan, math.nan)
+        self._ran = 0.0
         self._position = standing
 
     @property
     def ended(self) -> bool:
         """Whether nothing more will be sent."""
         return self.stage in (Stage.DONE, Stage.STOPPED)
+
+    def motion(self) -> dict[str, float] | None:
+        """Return how long the motion is, and how much of it was played [s]; None of a run of a policy."""
+        if self._source is None:
+            return None
+        return {"seconds": self._source.seconds, "played": min(self._ran, self._length)}
 
     # What comes in.
 
@@ -297,8 +306,8 @@ class Supervisor:
     def _run(self, state: RobotState, now: float) -> Out:
         """Let the policy's targets through, as far as the limits allow."""
         elapsed = now - self._since
-        length = self.cfg.duration if self._source is None else self._source.seconds
-        if length is not None and elapsed >= length:
+        self._ran = elapsed
+        if elapsed >= self._length:
             self.stage, self._since = Stage.DAMP, now
             return self._out(self._damp())
         if self._source is not None:
