@@ -138,6 +138,12 @@ def test_a_supervisor_that_is_killed_leaves_a_log_and_no_orphan(tmp_path: Path) 
         (["--robot", "virtuel"], "did you mean 'virtual'"),
         (["--robot", "unitree-go"], "network interface"),
         (["--robot", "unitree-go:nowhere0", "--fault", "tilt@1"], "virtual robot alone"),
+        (["--robot", "ros2:/x", "--robot-seed", "5"], "--robot-seed is of the virtual robot alone"),
+        (["--robot", "ros2:/x", "--friction-level", "0.3"], "--friction-level is of the virtual robot alone"),
+        (["--robot", "ros2:/x", "--engine", "ode"], "--engine is of the virtual robot alone"),
+        (["--robot", "ros2:/x", "--robot-cell", "rest"], "--robot-cell is of the virtual robot alone"),
+        (["--held.kp", "3"], "--held.kp is of a Unitree robot"),
+        (["--operator.heartbeat-timeout", "1"], "--operator.heartbeat-timeout is of --operator.heartbeat, and"),
         (["--robot", "virtual:eth0"], "this machine"),
         (["--robot", "unitree-go:lo"], "maker's order"),
         (["--robot", "ros2"], "namespace"),
@@ -147,7 +153,10 @@ def test_a_supervisor_that_is_killed_leaves_a_log_and_no_orphan(tmp_path: Path) 
         (["--ramp", "0.5"], "ramp"),
         (["--engine", "bullet"], "engine"),
         (["--friction-level", "9"], "friction level"),
-        (["--excitation", "nowhere.csv"], "nowhere.csv"),
+        (
+            ["--excitation", "nowhere.csv"],
+            "no motion at nowhere.csv; expected a trajectory.csv; `stiction excite` designs",
+        ),
         (["--expect-digest", "0" * 64], "digest"),
         (["--operator.heartbeat", "9000"], "HOST:PORT"),
         (["--limits.slew", "0"], "slew"),
@@ -161,6 +170,78 @@ def test_wrong_words_are_one_line_and_nothing_moves(
     assert main(["deploy", POLICY, "--armed", "--duration", "0.2", "--out", str(tmp_path / "run"), *words]) == 1
     err = capsys.readouterr().err
     assert said in err and err.count("\n") == 1, err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--fault", "tlit@1"], "did you mean 'tilt'"),
+        (["--fault", "tilt@nan"], "expected NAME@SECOND"),
+        (["--friction-level", "-1"], "friction level '-1'"),
+        (["--friction-level", "nan"], "friction level 'nan'"),
+        (["--robot-cell", "bogus"], "unknown group 'bogus'"),
+        (["--engine", "bullet"], "unknown engine 'bullet'"),
+        (["--robot-seed", "-1"], "the seed is -1"),
+        (["--realtime", "200"], "a real-time priority of 200"),
+        (["--robot", "ros2:/x"], "rclpy"),
+    ],
+)
+def test_what_is_wrong_is_said_before_the_robot_is_started_and_alone(
+    tmp_path: Path, words: list[str], said: str, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A dry run is announced and then refused, or an option is found wrong only in the robot's own process."""
+
+    def started(*_: object) -> None:
+        raise AssertionError("the robot was started")
+
+    monkeypatch.setattr("stiction.virtual.process.virtual_robot", started)
+    monkeypatch.setitem(sys.modules, "rclpy", None)
+    assert main(["deploy", POLICY, "--duration", "0.2", "--out", str(tmp_path / "run"), *words]) == 1
+    err = capsys.readouterr().err
+    assert said in err and err.count("\n") == 1 and "could not be started" not in err, err
+
+
+@pytest.fixture
+def motion(tmp_path: Path) -> str:
+    """A motion of 2 s of one joint."""
+    file = tmp_path / "trajectory.csv"
+    file.write_text("time,target.FL_hip\n0,0\n1,0.1\n2,0\n")
+    return str(file)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--command", "vx=0.5"],
+        ["--operator.command-from", "127.0.0.1:9000"],
+        ["--fault", "policy-kill@1"],
+        ["--fault", "policy-nan@1"],
+        ["--fault", "command-loss@1"],
+    ],
+)
+def test_what_is_of_a_policy_is_refused_beside_a_motion(
+    tmp_path: Path, motion: str, words: list[str], capsys: pytest.CaptureFixture
+) -> None:
+    """A command moves nothing, and a robot that is told to hold still is stopped for joints that stand."""
+    said = ["deploy", POLICY, "--stand", "--armed", "--excitation", motion, "--out", str(tmp_path / "run"), *words]
+    assert main(said) == 1
+    err = capsys.readouterr().err
+    assert f"{words[0]}{'' if words[0] != '--fault' else ' ' + words[1].partition('@')[0]} is of the policy" in err
+    assert err.count("\n") == 1 and not (tmp_path / "run").exists()
+
+
+def test_a_motion_is_cut_by_the_duration_and_has_faults(
+    tmp_path: Path, motion: str, capsys: pytest.CaptureFixture
+) -> None:
+    """Whoever bounds a first motion gets all of it; or a fault is accepted, and never happens while a motion plays."""
+    words = ["deploy", POLICY, "--stand", "--armed", "--excitation", motion, "--stale", "5", "--keep-minutes", "0"]
+    assert main([*words, "--duration", "0.5", "--out", str(tmp_path / "cut")]) == 0
+    assert "done: the first 0.5 s of a motion of 2 s, cut by --duration" in capsys.readouterr().out
+    report = json.loads((tmp_path / "cut" / "report.json").read_text())
+    assert report["motion"] == {"seconds": 2.0, "played": 0.5} and report["stop"] is None
+    assert main([*words, "--fault", "tilt@0.2", "--out", str(tmp_path / "tilted")]) == 1
+    report = json.loads((tmp_path / "tilted" / "report.json").read_text())
+    assert report["stop"]["rule"] == "orientation jump" and list(report["faults"]) == ["tilt"]
 
 
 def test_what_is_no_bundle_is_refused_before_a_folder_is_made(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from stiction.core.effects import OptionsOf, check_effects
 from stiction.core.errors import ConfigurationError, UnwrittenError
 from stiction.core.files import write_text
 from stiction.core.options import read_options
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
     from stiction.deploy.transports.link import Link
     from stiction.formats.bundle import Bundle
     from stiction.formats.contract import Contract
+    from stiction.virtual.faults import Fault
+    from stiction.virtual.serve import VirtualCfg
 
 DESCRIPTION = """Run a policy bundle on a robot, or play a designed motion on it.
 
@@ -73,7 +76,7 @@ class DeployCfg:
     command: str = "stand"
     """Commanded velocity, vx forward, vy sideways [m/s], wz turn [rad/s]: vx=0.5, or vx=0.3,wz=0.2, or stand."""
     duration: float | None = None
-    """Seconds of the run after standing up; without it until somebody stops it."""
+    """Seconds of the run after standing up, at most, also of --excitation; without it until somebody stops it."""
     excitation: Path | None = None
     """Play this trajectory.csv of `stiction excite` in place of the policy, the robot on a stand."""
     out: Path = Path("stiction-deploy")
@@ -117,6 +120,52 @@ class DeployCfg:
     """Print the report as JSON on standard output, and nothing else."""
 
 
+OF_POLICY = "the policy, which --excitation replaces"
+LEAVE_ONE = "leave one of them out"
+"""What is said of options that a motion has no use for."""
+
+
+def _hears_heartbeat(cfg: DeployCfg) -> bool:
+    """Whether a second machine says that it is there, or a fault plays one."""
+    return cfg.operator.heartbeat is not None or any(text.partition("@")[0] == "heartbeat" for text in cfg.fault)
+
+
+BELONGS = (
+    OptionsOf(
+        ("robot_seed", "engine", "friction_level", "robot_cell", "stand", "fault"),
+        "the virtual robot alone",
+        lambda cfg: cfg.robot == "virtual",
+        "leave it out, or say --robot virtual",
+    ),
+    OptionsOf(("held",), "a Unitree robot", lambda cfg: cfg.robot.startswith("unitree-"), "leave it out"),
+    OptionsOf(("command", "operator.command_from"), OF_POLICY, lambda cfg: cfg.excitation is None, LEAVE_ONE),
+    OptionsOf(("operator.heartbeat_timeout",), "--operator.heartbeat", _hears_heartbeat),
+)
+"""Which options are of what."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A run of which every option has been checked, and that has not begun."""
+
+    address: Address
+    """How the robot is reached."""
+    bundle: Bundle
+    """Checked; of a motion the one of its robot."""
+    folder: Path
+    """Where the bundle is."""
+    run: RunCfg
+    """Of the run, its operators included."""
+    velocity: np.ndarray
+    """Commanded at first: forward, sideways [m/s], turn [rad/s], shape (3,)."""
+    motion: Motion | None
+    """What is played in place of the policy."""
+    virtual: VirtualCfg | None
+    """Which virtual robot; None for another one."""
+    faults: tuple[Fault, ...]
+    """What is to happen to it."""
+
+
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
     cfg = read_options(DeployCfg, arguments, "stiction deploy", DESCRIPTION, groups=GROUPS)
@@ -125,8 +174,7 @@ def main(arguments: list[str]) -> int:
     from stiction.formats.bundle import find_bundle
 
     address = parse_address(cfg.robot)
-    if address.transport != "virtual" and (cfg.fault or cfg.stand):
-        raise ConfigurationError(f"--fault and --stand are for the virtual robot alone; --robot is {cfg.robot}")
+    check_effects(cfg, DeployCfg(cfg.bundle), BELONGS)
     folder = find_bundle(cfg.bundle)
     if cfg.report is not None:
         check_file(cfg.report, cfg, "--report")  # before the robot moves
@@ -134,9 +182,9 @@ def main(arguments: list[str]) -> int:
     said: list[str] = []
     try:
         # First: what is no bundle would else be called one of other settings than those in the folder.
-        bundle = check_bundle(folder, cfg.expect_digest).bundle
+        plan = _plan(cfg, address, check_bundle(folder, cfg.expect_digest).bundle, folder)
         with results_folder(cfg.out, "deploy", cfg):
-            report = _run(cfg, address, bundle, folder)
+            report = _run(cfg, plan)
             write_text(cfg.report or cfg.out / "report.json", _text(report))
     except UnwrittenError as error:
         if not report:
@@ -159,30 +207,44 @@ def _text(report: dict[str, Any]) -> str:
     return json.dumps(report, indent=2, allow_nan=False) + "\n"
 
 
-def _run(cfg: DeployCfg, address: Address, bundle: Bundle, folder: Path) -> dict[str, Any]:
-    """Run on the robot; return the report."""
+def _plan(cfg: DeployCfg, address: Address, bundle: Bundle, folder: Path) -> Plan:
+    """Return what is to be run; raise `StictionError` for options that cannot be, before anything begins."""
     import numpy as np
 
     from stiction.deploy.runtime.config import RunCfg, SupervisorCfg
     from stiction.deploy.runtime.motion import Motion
-    from stiction.deploy.runtime.runtime import run
     from stiction.evaluate.command import parse_command, untrained
 
-    settings = part_of(SupervisorCfg, cfg)
+    run = part_of(RunCfg, cfg, supervisor=part_of(SupervisorCfg, cfg))
     command = parse_command(cfg.command)
     if said := untrained([command], bundle.contract):
         raise ConfigurationError(f"{said}; command less")
-    velocity = np.array(command.velocity)
     motion = None if cfg.excitation is None else Motion(cfg.excitation, bundle.contract)
+    virtual: VirtualCfg | None = None
+    faults: tuple[Fault, ...] = ()
+    if address.transport == "virtual":
+        # Here alone is a simulator, and only for the robot that is one.
+        from stiction.virtual.faults import WITH_POLICY, operated, parse_fault
+        from stiction.virtual.serve import VirtualCfg
+
+        virtual = VirtualCfg(cfg.robot_seed, cfg.engine, cfg.friction_level, cfg.robot_cell, cfg.stand)
+        faults = tuple(map(parse_fault, cfg.fault))
+        if motion is not None and (idle := [fault.name for fault in faults if fault.name in WITH_POLICY]):
+            raise ConfigurationError(f"--fault {idle[0]} is of {OF_POLICY}, and would have no effect; {LEAVE_ONE}")
+        run = replace(run, operator=operated(cfg.operator, faults, cfg.out / "stop"))
+    return Plan(address, bundle, folder, run, np.array(command.velocity), motion, virtual, faults)
+
+
+def _run(cfg: DeployCfg, plan: Plan) -> dict[str, Any]:
+    """Run on the robot; return the report."""
+    from stiction.deploy.runtime.runtime import run
+
     # Quiet with --json, where everything that is said is in the report.
     say = (lambda text: None) if cfg.json else lambda text: print(f"stiction deploy: {text}", file=sys.stderr)
-    if not cfg.armed:
-        say("a dry run: nothing is sent to the robot; --armed moves it")
-    run_cfg = part_of(RunCfg, cfg, supervisor=settings)
-    if address.transport == "virtual":
-        return _on_virtual_robot(cfg, run_cfg, bundle, folder, velocity, motion, say)
-    with closing(_link(cfg, address, bundle.contract)) as link:
-        return run(bundle, folder, link, run_cfg, velocity, motion, None, say)
+    if plan.virtual is not None:
+        return _on_virtual_robot(plan, plan.virtual, say)
+    with closing(_link(cfg, plan.address, plan.bundle.contract)) as link:
+        return run(plan.bundle, plan.folder, link, plan.run, plan.velocity, plan.motion, None, say)
 
 
 def _link(cfg: DeployCfg, address: Address, contract: Contract) -> Link:
@@ -196,36 +258,21 @@ def _link(cfg: DeployCfg, address: Address, contract: Contract) -> Link:
     return unitree_link(address.transport, address.place, contract, cfg.held)
 
 
-def _on_virtual_robot(
-    cfg: DeployCfg,
-    run_cfg: RunCfg,
-    bundle: Bundle,
-    folder: Path,
-    velocity: np.ndarray,
-    motion: Motion | None,
-    say: Callable[[str], None],
-) -> dict[str, Any]:
+def _on_virtual_robot(plan: Plan, virtual: VirtualCfg, say: Callable[[str], None]) -> dict[str, Any]:
     """Start a virtual robot and run on it, with the faults that are asked for; return the report."""
-    # Here alone is a simulator, and only for the robot that is one.
     from stiction.deploy.runtime.runtime import run
-    from stiction.virtual.faults import Faults, operated, parse_fault
+    from stiction.virtual.faults import Faults
     from stiction.virtual.process import virtual_robot
-    from stiction.virtual.serve import VirtualCfg
 
-    faults = [parse_fault(text) for text in cfg.fault]
-    operator = operated(cfg.operator, faults, cfg.out / "stop")
-    run_cfg = replace(run_cfg, operator=operator)
-    virtual = VirtualCfg(cfg.robot_seed, cfg.engine, cfg.friction_level, cfg.robot_cell, cfg.stand)
-    with virtual_robot(folder, virtual) as robot, ExitStack() as stack:
+    operator, joints = plan.run.operator, plan.bundle.contract.num_joints
+    with virtual_robot(plan.folder, virtual) as robot, ExitStack() as stack:
         injected = None
-        if faults:
-            injected = stack.enter_context(
-                Faults(faults, robot.address, operator, bundle.contract.num_joints, velocity)
-            )
-        report = run(bundle, folder, robot.link, run_cfg, velocity, motion, injected, say)
+        if plan.faults:
+            injected = stack.enter_context(Faults(plan.faults, robot.address, operator, joints, plan.velocity))
+        report = run(plan.bundle, plan.folder, robot.link, plan.run, plan.velocity, plan.motion, injected, say)
         return report | {
             "faults": {} if injected is None else injected.times,
-            "virtual": robot.said() if cfg.armed else {},
+            "virtual": robot.said() if plan.run.supervisor.armed else {},
         }
 
 

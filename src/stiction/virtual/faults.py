@@ -75,6 +75,9 @@ POLICY = {
 FAULTS = OF_ROBOT | POLICY | OF_MACHINE
 """Every fault that can be injected, and what it is."""
 
+WITH_POLICY = (*POLICY, "policy-kill", "policy-stop", "command-loss")
+"""Faults that happen to a policy or to its command, and to nobody where a motion is played."""
+
 SAID_EVERY = 0.05
 """Time between two words of somebody elsewhere [s]."""
 

@@ -21,14 +21,14 @@ import numpy as np
 
 from stiction.core.errors import EngineError, StictionError
 from stiction.core.lifeline import follow_parent
-from stiction.core.provenance import limit_library_threads, seed_streams
+from stiction.core.provenance import limit_library_threads, seed_streams, stream_seed
 from stiction.core.rotation import cross, into_frame
 from stiction.deploy.check import robot_of
 from stiction.deploy.pilot import JointCommand, Reading
 from stiction.deploy.runtime.ticker import Ticker
 from stiction.deploy.transports.link import RobotState, command_layout, command_of, state_layout, state_vectors
 from stiction.deploy.transports.udp import HELLO, LOOPBACK
-from stiction.engines.catalog import make_engine
+from stiction.engines.catalog import find_engine, make_engine
 from stiction.engines.engine import BlownUp
 from stiction.formats.bundle import read_bundle
 from stiction.formats.plain import parse_object
@@ -40,6 +40,9 @@ from stiction.virtual.trial import World, fallen
 
 ROOM_TEMPERATURE = 30.0
 """Of motors that were not modelled [°C]."""
+
+NOISE = "deployed, sensors"
+"""Name of the random stream of its sensors' noise."""
 
 BATTERY = 48.0
 """Nominal voltage [V]."""
@@ -60,17 +63,26 @@ class VirtualCfg:
     stand: bool = False
     """Whether it is bolted to a stand, its legs in the air."""
 
+    def __post_init__(self) -> None:
+        """Refuse a robot that there is not; raise `StictionError` before anything of it is built."""
+        find_engine(self.engine)
+        _ = self.case, stream_seed(self.seed, NOISE)
+
+    @property
+    def case(self) -> Case:
+        """The robot among those of the experiments."""
+        return Case(self.seed, self.cell, parse_level(self.level))
+
 
 class RobotProcess:
     """A virtual robot at the end of a UDP port."""
 
     def __init__(self, spec: Robot, cfg: VirtualCfg, port: socket.socket) -> None:
         """Build the robot; raise `StictionError` where its engine or its friction cannot be."""
-        case = Case(cfg.seed, cfg.cell, parse_level(cfg.level))
-        noise = seed_streams(cfg.seed, ["deployed, sensors"])["deployed, sensors"]
+        noise = seed_streams(cfg.seed, [NOISE])[NOISE]
         world = World(partial(make_engine, cfg.engine))
         build = world.on_bench if cfg.stand else world.robot
-        self._robot: VirtualRobot = build(case, spec, noise)
+        self._robot: VirtualRobot = build(cfg.case, spec, noise)
         self._port, self._spec = port, spec
         self._peer: tuple[str, int] | None = None
         self._commands = command_layout(spec.num_joints)
