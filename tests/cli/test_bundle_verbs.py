@@ -2,12 +2,14 @@
 
 import hashlib
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from stiction.cli.main import main
+from stiction.formats.bundle import shipped_bundles
 from stiction.formats.results import ResultRow, read_results
 from stiction.report.terminal import print_rows
 from without import run_without
@@ -227,14 +229,40 @@ def test_export_refuses_what_is_no_run(
 
 def test_a_bundle_that_is_not_there_is_one_failure_for_every_verb(capsys: pytest.CaptureFixture) -> None:
     """`sign` asked for a key first, and a script could not tell a name from a missing option."""
-    for verb in ("verify", "evaluate", "sign"):
+    for verb, said in dict.fromkeys(("verify", "evaluate"), "unknown policy 'nosuch'").items() | {
+        ("sign", "nosuch does not exist; expected the directory")
+    }:
         assert main([verb, "nosuch"]) == 1
-        assert f"stiction {verb}: unknown policy 'nosuch'" in capsys.readouterr().err
+        assert f"stiction {verb}: {said}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("named", ["name", "path", "link"])
+def test_nothing_is_signed_that_came_with_the_package(
+    named: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    """The installed package got a signature of whoever tried the verb, and every other user of it with it."""
+    pytest.importorskip("cryptography", reason="the package cryptography, of the extra 'sign', is needed to sign")
+    package, own = tmp_path / "package", tmp_path / "own"
+    own.mkdir()
+    shutil.copytree(shipped_bundles()[SHIPPED], package / SHIPPED)
+    monkeypatch.setattr("stiction.formats.bundle.shipped_folder", lambda: package)
+    monkeypatch.setattr("stiction.cli.sign.shipped_folder", lambda: package)
+    monkeypatch.chdir(own)
+    Path("mine").symlink_to(package / SHIPPED)
+    assert main(["sign", "--new-key", "maker.pem"]) == 0
+    capsys.readouterr()
+    typed = {"name": SHIPPED, "path": str(package / SHIPPED), "link": "mine"}[named]
+    assert main(["sign", typed, "--key", "maker.pem"]) == 1
+    said = capsys.readouterr().err
+    assert f"{typed} came with the package" in said and "copy it first" in said and said.count("\n") == 1
+    assert not (package / SHIPPED / "SHA256SUMS.sig").exists()
+    shutil.copytree(package / SHIPPED, SHIPPED)
+    assert main(["sign", SHIPPED, "--key", "maker.pem"]) == 0 and Path(SHIPPED, "SHA256SUMS.sig").is_file()
 
 
 @pytest.mark.parametrize(
     "arguments",
-    [["verify"], ["evaluate"], ["export"], ["sign"], ["sign", SHIPPED], ["evaluate", "x", "--nonsense"], ["--json"]],
+    [["verify"], ["evaluate"], ["export"], ["sign"], ["sign", "."], ["evaluate", "x", "--nonsense"], ["--json"]],
 )
 def test_wrong_usage_is_status_two(arguments: list[str], capsys: pytest.CaptureFixture) -> None:
     """No bundle given is a mistake of the command line."""

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import getpass
 import json
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from stiction.core.errors import ConfigurationError, FileError
+from stiction.core.errors import BundleError, ConfigurationError, FileError
 from stiction.core.options import read_options, refuse
-from stiction.formats.bundle import SIGNATURE, find_bundle
+from stiction.formats.bundle import SIGNATURE, shipped_bundles, shipped_folder
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,8 @@ class SignCfg:
     """Sign a policy bundle."""
 
     bundle: Annotated[Path | None, tyro.conf.Positional] = None
-    """Directory of the bundle. It is checked first, as `stiction verify` does."""
+    """Directory of the bundle, one of your own: none that came with the package. It is checked first, as `stiction
+    verify` does."""
     key: Path | None = None
     """Your private key, a PEM file."""
     new_key: Path | None = None
@@ -43,7 +45,7 @@ def main(arguments: list[str]) -> None:
         return
     if cfg.bundle is None:
         refuse("stiction sign", "BUNDLE is missing: Directory of the bundle")
-    find_bundle(cfg.bundle)
+    _refuse_shipped(cfg.bundle)
     if cfg.key is None:
         refuse("stiction sign", "--key PATH is missing: Your private key, a PEM file")
     fingerprint = sign_bundle(cfg.bundle, cfg.key)
@@ -51,7 +53,10 @@ def main(arguments: list[str]) -> None:
 
 
 def sign_bundle(path: Path, key: Path) -> str:
-    """Check a bundle and put the key's signature into it; return the key's fingerprint."""
+    """Check a bundle and put the key's signature into it; return the key's fingerprint.
+
+    path: its directory. Raises `StictionError` for what is none, or came with the package.
+    """
     from stiction.core.files import write_bytes
     from stiction.deploy.check import check_bundle
     from stiction.formats.signature import sign
@@ -59,13 +64,27 @@ def sign_bundle(path: Path, key: Path) -> str:
     def passphrase() -> str:
         return getpass.getpass(f"passphrase of {key}: ")
 
-    folder = find_bundle(path)
-    bundle = check_bundle(folder).bundle
+    _refuse_shipped(path)
+    bundle = check_bundle(path).bundle
     signature, by = sign(bundle.sums, key, passphrase)
     if bundle.signature not in (None, signature):
-        raise FileError(f"{folder} has the signature of another key, or a damaged one; remove {SIGNATURE} to sign it")
-    write_bytes(folder / SIGNATURE, signature)
+        raise FileError(f"{path} has the signature of another key, or a damaged one; remove {SIGNATURE} to sign it")
+    write_bytes(path / SIGNATURE, signature)
     return by
+
+
+def _refuse_shipped(path: Path) -> None:
+    """Refuse what is not there, and what came with the package: a signature is written into the bundle itself."""
+    shipped = None if path.exists() else shipped_bundles().get(str(path))
+    # Not `Path.resolve`, which raises where a link leads to itself.
+    real, package = (Path(os.path.realpath(one)) for one in (shipped or path, shipped_folder()))
+    if real.is_relative_to(package):
+        raise ConfigurationError(
+            f"{path} came with the package, into which nothing is written; copy it first, and sign the copy: "
+            f"cp -r {real} my-{real.name}"
+        )
+    if not path.exists():
+        raise BundleError(f"{path} does not exist; expected the directory of a policy bundle")
 
 
 def _say(cfg: SignCfg, summary: dict[str, str], text: str) -> None:

@@ -208,9 +208,14 @@ def _explain_sums(folder: Path, sums: bytes, digests: dict[str, str]) -> None:
     )
 
 
+def shipped_folder() -> Path:
+    """Return the package's folder of bundles, which need not be there."""
+    return Path(str(resources.files("stiction").joinpath("policies")))
+
+
 def shipped_bundles() -> dict[str, Path]:
     """Return name -> directory of every shipped bundle, in alphabetical order; empty where none came along."""
-    folder = Path(str(resources.files("stiction").joinpath("policies")))
+    folder = shipped_folder()
     if not folder.is_dir():
         return {}
     return {entry.name: entry for entry in sorted(folder.iterdir()) if (entry / CONTRACT).is_file()}
