@@ -62,7 +62,6 @@ def test_a_contract_with_speeds_compensates_by_them(contract: Contract) -> None:
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        ("schema_version", 3),
         ("robot", ""),
         ("seed", "0"),
         ("seed", True),
@@ -106,6 +105,23 @@ def test_a_wrong_field_is_refused_by_name(contract: Contract, field: str, value:
     """A runtime that takes a wrong number moves a robot wrongly."""
     with pytest.raises(BundleError, match=field):
         read_contract(edited(contract, field, value))
+
+
+@pytest.mark.parametrize(
+    ("version", "said"),
+    [
+        (3, r"schema version 3; this program reads 1 to 2; update stiction"),
+        (0, r"schema version 0; this program reads 1 to 2; export the bundle again"),
+        ("2", r"schema version '2'; this program reads 1 to 2; export the bundle again"),
+        (True, r"schema version True; this program reads 1 to 2; export the bundle again"),
+    ],
+)
+def test_another_version_is_said_before_any_field(contract: Contract, version: object, said: str) -> None:
+    """A field that only this version has was said to be missing, and nobody was told to update."""
+    data = json.loads(contract.to_json()) | {"schema_version": version, "from_the_future": 1}
+    del data["compensation_speeds"]
+    with pytest.raises(BundleError, match=f"^contract.json: {said}$"):
+        read_contract(json.dumps(data).encode())
 
 
 @pytest.mark.parametrize(

@@ -257,14 +257,21 @@ def read_contract(text: bytes) -> Contract:
     """Parse the bytes of a contract.json.
 
     Raises:
-        BundleError: not JSON, a field missing, unknown, of the wrong type or size, or not finite.
+        BundleError: not JSON, of another version, a field missing, unknown, of the wrong type or size, or not finite.
 
     """
     data = parse_object(text, "contract.json", "the contract of a policy; export the bundle again", BundleError)
-    version = data.get("schema_version")
-    later = {name for name, last in LATER.items() if is_integer(version) and version in range(1, last + 1)}
+    version = data.get("schema_version", SCHEMA_VERSION)
+    # Before any field: another version has fields of its own.
+    if not is_integer(version) or not 1 <= version <= SCHEMA_VERSION:
+        newer = "; update stiction" if is_integer(version) and version > SCHEMA_VERSION else ""
+        raise BundleError(
+            f"contract.json: schema version {repr(version)[:60]}; this program reads 1 to "
+            f"{SCHEMA_VERSION}{newer or '; export the bundle again'}"
+        )
+    later = {name for name, last in LATER.items() if version <= last}
     # Version 1 differs in fields that it lacks, and in nothing that it has.
-    if is_integer(version) and version == 1:
+    if version == 1:
         data["schema_version"] = SCHEMA_VERSION
     if data.get("anatomy") is not None:
         data["anatomy"] = robot_from(data["anatomy"], "contract.json: anatomy")
