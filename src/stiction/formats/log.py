@@ -182,17 +182,11 @@ def setup_from_dict(data: Any, source: str) -> LogSetup:
 
 def _build(data: Any, source: str, allowed: tuple[str, ...]) -> LogSetup:
     """Build a setup, or the part of one joint, of which only the fields `allowed` may be given."""
-    if isinstance(data, dict):
-        # A file says `from` and `to`. Our own names of them become a field that nobody knows, so that the error says
-        # what to write.
-        data = {WRITTEN.get(name, name): value for name, value in data.items() if name not in WRITTEN.values()} | {
-            f"{name} (write {written})": data[name] for written, name in WRITTEN.items() if name in data
-        }
-    if not isinstance(data, dict) or set(data) - set(allowed):
-        named = {field: written for written, field in WRITTEN.items()}
-        known = ", ".join(named.get(name, name) for name in allowed)
-        raise LogError(f"{source}: expected an object with some of the fields {known}, got {str(data)[:80]}")
-    values = {name: value for name, value in data.items() if value is not None}
+    if not isinstance(data, dict):
+        raise LogError(f"{source}: expected an object: field -> value, got {str(data)[:80]}")
+    given: dict[str, Any] = data
+    _check_names(given, source, allowed)
+    values: dict[str, Any] = {WRITTEN.get(name, name): value for name, value in given.items() if value is not None}
     for name, value in values.items():
         if name in ("names", "unknowns"):
             values[name] = _names(name, value, source)
@@ -203,6 +197,19 @@ def _build(data: Any, source: str, allowed: tuple[str, ...]) -> LogSetup:
         else:
             _check_field(name, value, source)
     return LogSetup(**values)
+
+
+def _check_names(data: Mapping[str, Any], source: str, allowed: tuple[str, ...]) -> None:
+    """Refuse the first field that there is not, or is not of a joint."""
+    named = {field: written for written, field in WRITTEN.items()}
+    for name in data:
+        if name in named:
+            raise LogError(f"{source}: unknown field {name!r}: write {named[name]!r}")
+        if (field := WRITTEN.get(name, name)) in allowed:
+            continue
+        if field in WHOLE_LOG:
+            raise LogError(f"{source}: {name} is of the whole log, and no joint has its own; say it outside `joints`")
+        raise LogError(f"{source}: {unknown_name('field', name, (named.get(known, known) for known in allowed))}")
 
 
 def _check_field(name: str, value: Any, source: str) -> None:
