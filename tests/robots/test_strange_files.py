@@ -261,6 +261,13 @@ def test_the_complete_yaml_of_a_robot_that_holds_joints_is_read_again(tmp_path: 
     assert text.startswith("# held:") and robot.held[0].name in text
 
 
+def test_a_folder_is_called_one(tmp_path: Path) -> None:
+    """It was said not to be there."""
+    (tmp_path / "dir.yaml").mkdir()
+    with pytest.raises(StictionError, match=r"dir\.yaml' is a folder; name the robot\.yaml"):
+        find_robot(str(tmp_path / "dir.yaml"))
+
+
 @pytest.mark.parametrize(("said", "what"), [("", "the file is empty"), ("joints:\n", "joints is empty")])
 def test_what_is_empty_is_called_so(said: str, what: str, tmp_path: Path) -> None:
     """If this failed, a message would name a type of Python's."""

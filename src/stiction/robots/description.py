@@ -258,9 +258,14 @@ def _vendor(value: Any, source: str) -> dict[str, Any]:
 
 def _mapping(value: Any, source: str, where: str) -> Mapping[str, Any]:
     """Return a mapping with names as keys."""
+    return yaml_mapping(value, f"{source}: {where}", RobotError)
+
+
+def yaml_mapping(value: Any, where: str, kind: type[StictionError]) -> Mapping[str, Any]:
+    """Return a mapping with names as keys; raise `kind`, which names `where` it stands, for anything else."""
     if not isinstance(value, Mapping) or not all(isinstance(name, str) for name in value):
-        what = "empty" if value is None else type(value).__name__
-        raise RobotError(f"{source}: {where} is {what}; expected names with values")
+        what = "empty" if value is None else repr(str(value)[:60])
+        raise kind(f"{where} is {what}; expected names with values")
     return value
 
 

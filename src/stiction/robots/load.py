@@ -24,6 +24,8 @@ def load_robot(path: Path) -> Derived:
 
     Raises `RobotError` where the file is none, or does not say enough.
     """
+    if path.is_dir():
+        raise RobotError(f"robot {str(path)!r} is a folder; name the robot.yaml, .xml or .urdf in it")
     if not path.is_file():
         raise RobotError(f"robot {str(path)!r}: there is no such file{near_file(path)}")
     if path.suffix.lower() == ".json":

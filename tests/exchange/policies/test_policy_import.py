@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from foreign import JOINTS, MJLAB, ROBOT, network, written
-from stiction.core.errors import StictionError
+from stiction.core.errors import FileError, StictionError
 from stiction.deploy.check import check_bundle
 from stiction.exchange.policies.description import Said, contract_of, merged, missing, require
 from stiction.exchange.policies.importer import import_policy
@@ -16,6 +16,7 @@ from stiction.exchange.policies.mjlab import said_by_mjlab
 from stiction.exchange.policies.rl_sar import said_by_rl_sar
 from stiction.exchange.policies.settings import said_in_settings
 from stiction.exchange.policies.unitree import said_in_deploy
+from stiction.exchange.policies.values import read_settings
 from stiction.robots.catalog import find_robot
 from stiction.robots.order import reordered
 
@@ -212,3 +213,10 @@ def test_who_does_not_say_all_is_named_in_whole_sentences(tmp_path: Path) -> Non
     for files, words in (((), r"^theirs.onnx does not say"), ((said,), r"^theirs.onnx and own.yaml do not say")):
         with pytest.raises(StictionError, match=words):
             import_policy(model, ROBOT, tmp_path / "bundle", files)
+
+
+def test_an_empty_file_of_settings_is_called_empty(tmp_path: Path) -> None:
+    """It was said to be 'None', where `robot check` said what it is."""
+    (tmp_path / "empty.yaml").write_text("")
+    with pytest.raises(FileError, match=r"empty\.yaml: the file is empty; expected names with values"):
+        read_settings(tmp_path / "empty.yaml")

@@ -8,19 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from stiction.core.errors import FileError
-from stiction.robots.description import check_pattern, read_yaml, yaml_number
+from stiction.robots.description import check_pattern, read_yaml, yaml_mapping, yaml_number
 
 
 def read_settings(path: Path) -> Mapping[str, Any]:
     """Return the mapping in a YAML file, without aliases and keys that stand twice. Raises `FileError`."""
-    return mapping(read_yaml(path, "settings of a policy", FileError), str(path))
+    return mapping(read_yaml(path, "settings of a policy", FileError), f"{path}: the file")
 
 
 def mapping(value: Any, where: str) -> Mapping[str, Any]:
     """Return names with values."""
-    if not isinstance(value, Mapping) or not all(isinstance(name, str) for name in value):
-        raise FileError(f"{where} is {str(value)[:60]!r}; expected names with values")
-    return value
+    return yaml_mapping(value, where, FileError)
 
 
 def number(value: Any, where: str) -> float:
