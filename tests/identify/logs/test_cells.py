@@ -10,7 +10,7 @@ import pytest
 from stiction.core.errors import LogError
 from stiction.formats.log import JointSignals, Log
 from stiction.identify.logs import join_logs, open_log
-from stiction.identify.logs.cells import complete_rows, cut, seconds
+from stiction.identify.logs.cells import check_stamps, complete_rows, cut, seconds
 
 STEPS = np.arange(50.0)
 
@@ -34,19 +34,19 @@ STEPS = np.arange(50.0)
 )
 def test_the_unit_of_stamps_is_found_or_left(stamps: np.ndarray, name: str, step: float, said: str) -> None:
     """A wrong guess would make a wrong inertia, so what could be two things is left for the refusal that asks."""
-    time, _, notes = seconds("x", stamps, name, None)
+    time, _, notes = seconds(stamps, name, None)
     assert time[1] - time[0] == pytest.approx(step)
     assert (said in notes[0]) if said else not notes
 
 
 def test_a_scale_that_is_given_is_taken() -> None:
     """Whatever the stamps look like; large ones keep their digits."""
-    time, start, notes = seconds("x", 1.7e18 + 1e6 * STEPS, "time", 1e-9)
+    time, start, notes = seconds(1.7e18 + 1e6 * STEPS, "time", 1e-9)
     np.testing.assert_allclose(time, 1e-3 * STEPS, atol=3e-7)
     assert start == pytest.approx(1.7e9) and notes == ()
     for wrong in (0.0, -1.0, float("nan"), 1e9):
         with pytest.raises(LogError, match="expected seconds per unit"):
-            seconds("x", STEPS, "time", wrong)
+            check_stamps("x", None, wrong, None, None)
 
 
 def log(time: np.ndarray, source: str = "x", **signals: np.ndarray) -> Log:

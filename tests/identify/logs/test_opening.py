@@ -123,3 +123,20 @@ def test_without_the_extra_one_line_says_what_to_install(tmp_path: Path, make: o
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, env=os.environ)
     assert done.stdout.startswith("LogError") and f"needs {library}" in done.stdout, done.stderr
     assert "[logs]" in done.stdout and done.stdout.count("\n") == 1
+
+
+@pytest.mark.parametrize("suffix", ["csv", "npz", "mcap", "pt", "mat"])
+def test_a_damaged_sidecar_does_not_hide_the_log(tmp_path: Path, suffix: str) -> None:
+    """Whoever never wrote the file beside the log could not see of which log it was said."""
+    (tmp_path / "rand.json").write_text("xx{")
+    (tmp_path / f"rand.{suffix}").write_bytes(bytes(range(256)))
+    with pytest.raises(LogError, match=rf"^rand\.{suffix}, its sidecar: rand\.json: not JSON"):
+        open_log(tmp_path / f"rand.{suffix}")
+
+
+def test_what_is_no_log_is_said_before_its_sidecar(tmp_path: Path) -> None:
+    """A network was refused for the JSON that lay beside it."""
+    (tmp_path / "rand.json").write_text("xx{")
+    (tmp_path / "rand.onnx").write_bytes(bytes(range(256)))
+    with pytest.raises(LogError, match=r"^rand\.onnx: unknown kind of log '\.onnx'"):
+        open_log(tmp_path / "rand.onnx")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import isfinite
 
 import numpy as np
 
@@ -27,7 +28,21 @@ MOST_LEFT_OUT = 0.95
 """Share of rows without a position beyond which the file is no log of positions."""
 
 
-def seconds(source: str, time: np.ndarray, name: str, scale: float | None) -> tuple[np.ndarray, float, tuple[str, ...]]:
+def check_stamps(source: str, rate: float | None, scale: float | None, begin: float | None, end: float | None) -> None:
+    """Raise `LogError` for numbers that no stamps have, whether or not a log has use for them.
+
+    rate: samples per second [Hz]; scale: seconds per unit of the stamps; begin, end: from the first stamp [s].
+    """
+    if rate is not None and not 0 < rate < 1e9:
+        raise LogError(f"{source}: a rate of {rate} Hz; expected a positive number of samples per second")
+    if scale is not None and not 1e-12 <= scale <= 1e6:
+        raise LogError(f"{source}: a time scale of {scale}; expected seconds per unit of the stamps, 1e-3 for ms")
+    for name, value in (("from", begin), ("to", end)):
+        if value is not None and not isfinite(value):
+            raise LogError(f"{source}: {name} is {value}; expected seconds from the first stamp, such as 2.5")
+
+
+def seconds(time: np.ndarray, name: str, scale: float | None) -> tuple[np.ndarray, float, tuple[str, ...]]:
     """Return stamps in seconds, shape (num_samples,), when they begin, and what was taken for granted.
 
     name: the column's, which may say its unit; scale: seconds per unit where somebody knows. Where nobody does and the
@@ -35,8 +50,6 @@ def seconds(source: str, time: np.ndarray, name: str, scale: float | None) -> tu
     one they may count samples, and nothing is guessed.
     """
     if scale is not None:
-        if not 1e-12 <= scale <= 1e6:
-            raise LogError(f"{source}: a time scale of {scale}; expected seconds per unit of the stamps, 1e-3 for ms")
         return (*_scaled(time, scale), ())
     step = _step(time)
     named = unit_of_time(name)

@@ -28,7 +28,7 @@ from stiction.formats.log import (
 from stiction.formats.run_log import find_run_log, joint_log, read_run_log
 from stiction.formats.tables import Table
 from stiction.identify.logs.body import find_body
-from stiction.identify.logs.cells import complete_rows, cut, seconds
+from stiction.identify.logs.cells import check_stamps, complete_rows, cut, seconds
 from stiction.identify.logs.matlab import read_mat
 from stiction.identify.logs.naming import TOPICS, find_signals
 from stiction.identify.logs.pace import read_pace
@@ -59,6 +59,9 @@ ELSEWHERE = {
 }
 """Suffix that is not read -> what it is, and the nearest way in."""
 
+READ = (*BAGS, *JSONS, *TEXT, ".npz", ".parquet", ".pt", ".mat")
+"""How the names of files end that are read."""
+
 
 def open_log(
     path: Path,
@@ -82,6 +85,7 @@ def open_log(
     `LogError` with one line for whatever is wrong with the file, and for what was given of a log that says it itself.
     """
     stamps = {"rate": rate, "time_scale": time_scale}
+    check_stamps(path.name, rate, time_scale, begin, end)
     run = find_run_log(path)
     if run is not None and not body:
         own = {"columns": columns, "names": names, "sidecar": sidecar, **stamps}
@@ -92,9 +96,11 @@ def open_log(
         raise LogError(_of_directory(path))
     if not path.is_file():
         raise LogError(f"no log at {path}{near_file(path) or ';'} expected a {KINDS} file")
-    setup = read_setup(path) if sidecar is None else read_sidecar(sidecar)
+    _refuse_kind(path)
+    setup = _beside(path) if sidecar is None else read_sidecar(sidecar)
     given: dict[str, Any] = {**stamps, "begin": begin, "end": end}
     setup = replace(setup, **{name: value for name, value in given.items() if value is not None})
+    check_stamps(path.name, setup.rate, setup.time_scale, setup.begin, setup.end)
     columns = columns or setup.columns
     suffix = suffix_of(path)
     topics = sorted(set(columns) & set(TOPICS))
@@ -109,6 +115,23 @@ def open_log(
         log = _from_table(path, columns, joint, setup, body, stamps)
     log = cut(log, setup.begin, setup.end)
     return replace(log, setup=setup, joints=_named(path.name, log.joints, names or setup.names))
+
+
+def _beside(path: Path) -> LogSetup:
+    """Return what the sidecar beside a log says; what is wrong with it is said of both."""
+    try:
+        return read_setup(path)
+    except LogError as error:
+        raise LogError(f"{path.name}, its sidecar: {error}") from error
+
+
+def _refuse_kind(path: Path) -> None:
+    """Refuse a file that is of no kind that is read, and say the nearest way in."""
+    if suffix_of(path) not in READ:
+        nearest = ELSEWHERE.get(suffix_of(path), "call it .csv if it is a table of text")
+        raise LogError(
+            f"{path.name}: unknown kind of log {path.suffix!r}; expected {KINDS}. {nearest[0].upper()}{nearest[1:]}"
+        )
 
 
 def _refuse(source: str, given: Mapping[str, Any], why: str) -> None:
@@ -128,6 +151,7 @@ def _of_directory(path: Path) -> str:
 
 def read_rows(path: Path) -> Table:
     """Read a file whose samples are rows of a table."""
+    _refuse_kind(path)
     suffix = suffix_of(path)
     if suffix == ".mat":
         return read_mat(path)
@@ -135,12 +159,7 @@ def read_rows(path: Path) -> Table:
         return read_pace(path)
     if suffix in JSONS:
         return read_records(path)
-    if suffix in (*TEXT, ".npz", ".parquet"):
-        return read_table(path)
-    nearest = ELSEWHERE.get(suffix, "call it .csv if it is a table of text")
-    raise LogError(
-        f"{path.name}: unknown kind of log {path.suffix!r}; expected {KINDS}. {nearest[0].upper()}{nearest[1:]}"
-    )
+    return read_table(path)
 
 
 def _from_table(
@@ -168,8 +187,6 @@ def _from_table(
                 f"{path.name}: no column of time; the columns are {listed(table.columns)}; map one, time=NAME, or give "
                 "the rate of the log in Hz (--rate)"
             )
-        if not 0 < rate < 1e9:
-            raise LogError(f"{path.name}: a rate of {rate} Hz; expected a positive number of samples per second")
         _refuse(path.name, {"time_scale": stamps["time_scale"]}, "has no time stamps to scale")
         time = np.arange(len(next(iter(table.columns.values())))) / rate
         start = 0.0
@@ -177,7 +194,7 @@ def _from_table(
         said: tuple[str, ...] = (f"{why}: {rate:g} Hz was declared, and jitter cannot be seen",)
     else:
         _refuse(path.name, {"rate": stamps["rate"]}, f"has time stamps, {found.time_name}, and a rate of its own")
-        time, start, said = seconds(path.name, found.time, found.time_name, setup.time_scale)
+        time, start, said = seconds(found.time, found.time_name, setup.time_scale)
         start += table.starts.get(found.time_name, 0.0)
     joints = _named(path.name, found.joints, table.names)
     log = Log(path.name, time, joints, notes=(*notes, *said), start=start, body=measured)
