@@ -9,13 +9,11 @@ import numpy as np
 
 from stiction.core.errors import LogError
 from stiction.formats.log import JointSignals, Log
+from stiction.identify.setup import LARGEST_TORQUE, LARGEST_VALUE
 from stiction.identify.timing import Grid, Timing, even_grid, resample
 
 FEWEST_SAMPLES = 200
 """Below this no interval can be trusted."""
-
-LARGEST_VALUE = 1e9
-"""In SI units no joint has more of anything."""
 
 LARGEST_TIME = 1e20
 """Stamps may count from 1970, in whatever unit: what is not in seconds is refused by its own message."""
@@ -33,9 +31,6 @@ FEWEST_VALUES = 10
 
 LARGEST_REACH = 20.0
 """No leg's joint turns three times round [rad]; in degrees every gait passes this."""
-
-LARGEST_TORQUE = 2000.0
-"""More than any joint of a legged robot delivers [N m]."""
 
 FEWEST_REVERSALS = 4
 """The velocity must change sign this often: friction and offset differ only in what they do when the joint turns."""

@@ -11,6 +11,12 @@ from stiction.formats.log import LARGEST_NUMBER, LogSetup
 from stiction.identify.drive import Drive
 from stiction.robots.model import GRAVITY
 
+LARGEST_TORQUE = 2000.0
+"""More than any joint of a legged robot delivers [N m]."""
+
+LARGEST_VALUE = 1e9
+"""In SI units no joint has more of anything."""
+
 LONGEST_DELAY = 1.0
 """Delay that is believed [s]; a controller that is later holds no joint."""
 
@@ -183,6 +189,7 @@ class IdentifySetup:
             missing = next(name for name in PAYLOAD if name not in given)
             raise ConfigurationError(f"{given[0]} without {missing}: a payload needs mass, distance and angle")
         self._check_pendulum(given)
+        self.check_torque_limit()
         self.drive.check()
         for name in ("payload_angle", "pendulum_angle", "hanging_angle"):
             value = getattr(self, name)
@@ -190,6 +197,19 @@ class IdentifySetup:
                 raise ConfigurationError(f"{name.replace('_', ' ')} {value}: expected an angle in rad")
         if self.axis == "linear" and (given or self.pendulum or self.gravity or self.hanging_angle is not None):
             raise ConfigurationError("a linear axis has no hanging angle: payload and gravity are for rotary joints")
+
+    def check_torque_limit(self) -> None:
+        """Refuse a limit that no motor has, of which any friction is a vanishing share: raises `ConfigurationError`."""
+        limit = self.torque_limit
+        if limit is None or limit <= LARGEST_TORQUE:
+            return
+        if self.axis != "linear" and self.calibrated:
+            raise ConfigurationError(
+                f"torque limit {limit:g}: expected at most {LARGEST_TORQUE:g} N m, what the motor gives at the joint; "
+                "of a linear axis say so: --axis linear"
+            )
+        if not limit <= LARGEST_VALUE:
+            raise ConfigurationError(f"torque limit {limit:g}: expected at most {LARGEST_VALUE:g}")
 
     def _check_pendulum(self, payload: list[str]) -> None:
         """Refuse half a pendulum, and one beside other weights; payload: what of a payload was given."""

@@ -14,11 +14,11 @@ import numpy as np
 from stiction.core.errors import LogError, unknown_name
 from stiction.formats.joint_map import parse_joint_map
 from stiction.formats.log import Log
-from stiction.identify.checks import LARGEST_TIME, LARGEST_VALUE, Uniform, check_excitation
+from stiction.identify.checks import LARGEST_TIME, Uniform, check_excitation
 from stiction.identify.prepare import choose_cutoff, derivatives, low_pass, make_rows, position_noise, prepare
 from stiction.identify.regression import check_rows
 from stiction.identify.runs import Run, driven_signals, in_si
-from stiction.identify.setup import IdentifySetup
+from stiction.identify.setup import LARGEST_VALUE, IdentifySetup
 from stiction.identify.timing import even_grid, resample
 from stiction.robots.mechanism import Mechanism
 

@@ -77,6 +77,8 @@ def foreign_walk(
         return np.stack([resample(grid, column, held) for column in values.T], axis=1)[part]
 
     setups = [declared.with_sidecar(log.setup_of(name)) for name in names]
+    for own in setups:
+        own.check_torque_limit()
     signals = [in_si(log.joints[name], own) for name, own in zip(names, setups, strict=True)]
     position = even(_column(signals, "position"))
     velocity = (
