@@ -98,6 +98,17 @@ def test_a_result_never_replaces_a_log_or_its_sidecar(
         (["swing.csv", "--columns", "position"], "ROLE=NAME"),
         (["swing.csv", "--torque-scale", "-1"], "must be positive"),
         (["swing.csv", "--kp", "-3"], "kp -3.0"),
+        (["swing.csv", "--torque-limit", "1e9"], "torque limit 1e+09: expected at most 2000 N m"),
+        (["swing.csv", "--sidecar", "limit.json"], "torque limit 2001: expected at most 2000 N m"),
+        (["swing.csv", "--torque-limit", "2e9", "--axis", "linear"], "torque limit 2e+09: expected at most 1e+09"),
+        (["swing.csv", "--from", "nan"], "swing.csv: from is nan; expected seconds"),
+        (["swing.csv", "--to", "inf"], "swing.csv: to is inf; expected seconds"),
+        (["swing.csv", "--rate", "-5"], "swing.csv: a rate of -5.0 Hz; expected a positive number"),
+        (["swing.csv", "--init", "--repeat", "swing.csv"], "has no use for --repeat; leave it out"),
+        (["swing.csv", "swing.csv", "--init"], "--init with 2 logs; expected one"),
+        (["swing.csv", "--init", "--joint", "a", "b"], "all joints of a log; leave --joint out"),
+        (["bare.csv", "--init", "--joint", "hip"], "its joints are shank, and a sidecar is of all of them"),
+        (["bare.csv", "--init", "--kp", "-3"], "kp -3.0"),
         (["swing.csv", "--out", "swing.csv/sub"], "cannot be made"),
         (["half.csv"], "the header names 4 columns"),
         (["."], "is a directory"),
@@ -124,6 +135,8 @@ def test_what_a_user_can_mend_is_one_line_and_status_1(
     monkeypatch.chdir(log.parent)
     Path("half.csv").write_bytes(log.read_bytes()[:-12])
     Path("loop.csv").symlink_to("loop.csv")
+    Path("bare.csv").write_bytes(log.read_bytes())
+    Path("limit.json").write_text('{"torque_limit": 2001}')
     assert main(["identify", *arguments]) == 1
     captured = capsys.readouterr()
     lines = [line for line in captured.err.splitlines() if line.strip()]

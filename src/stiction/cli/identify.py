@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import tyro
 from rich.console import Console
@@ -19,7 +19,7 @@ from stiction.core.memory import DEFAULT_LIMIT, limit_memory
 from stiction.core.options import read_options, refuse
 from stiction.core.records import part_of
 from stiction.formats.joints import PARAMETERS, JointRecord, JointsFile
-from stiction.formats.log import Log, sidecar_of
+from stiction.formats.log import Log, LogSetup, sidecar_of
 from stiction.formats.plain import object_text
 from stiction.formats.run_log import is_walk_log
 from stiction.formats.settings import SETTINGS, check_settings, results_folder
@@ -138,7 +138,8 @@ class IdentifyConfig(WriteOptions, ReadOptions, IdentifySetup, LimbSetup):
     join: bool = False
     """The logs are the parts of one log, in their order, not runs."""
     init: bool = False
-    """Write the sidecar to fill in, with what can be guessed from the log, and identify nothing."""
+    """Write the sidecar to fill in, with what the other flags say and what can be guessed from the log, and identify
+    nothing."""
     joint: tuple[str, ...] = ()
     """Joints to identify, every one of the log's by default; the name to give the joint of a log without names."""
     robot: str | None = None
@@ -191,16 +192,13 @@ def main(arguments: list[str]) -> int:
 def _identify_joints(config: IdentifyConfig, command: str) -> int:
     """Identify the joints of one log or of several, or of a whole limb; return the exit status. command: as typed."""
     from stiction.api.identification import identify_joints, identify_limb
-    from stiction.identify.logs import join_logs, parse_columns
-    from stiction.identify.logs.sidecar import write_sidecar
+    from stiction.identify.logs import join_logs
     from stiction.report.terminal import work_progress
 
     if not config.log:
         refuse("stiction identify", "no log given; expected one, or several runs of the same joints")
     if config.init:
-        name = config.joint[0] if len(config.joint) == 1 else None
-        columns = parse_columns(config.columns)
-        print(write_sidecar(config.log[0], columns, name, config.names, config.rate, config.time_scale))
+        print(_start_sidecar(config))
         return 0
     _refuse_unread(config)
     for log in (*config.log, *config.repeat):
@@ -228,6 +226,27 @@ def _identify_joints(config: IdentifyConfig, command: str) -> int:
     if len(found.signals) > 1 and setup.test_condition != "bare_motor":
         Terminal(stderr=True).print(COUPLED, highlight=False, soft_wrap=True)
     return 0
+
+
+def _start_sidecar(config: IdentifyConfig) -> str:
+    """Write the sidecar of a log, with what was declared; return what was guessed. Refuses what no sidecar holds."""
+    from stiction.identify.logs import parse_columns
+    from stiction.identify.logs.sidecar import write_sidecar
+
+    kept = {item.name for item in fields(LogSetup)} & {item.name for item in fields(IdentifyConfig)}
+    for item in fields(IdentifyConfig):
+        used = item.name in kept or item.name in ("log", "init", "joint", "memory_limit")
+        if not used and getattr(config, item.name) != item.default:
+            flag = item.name.replace("_", "-")
+            raise ConfigurationError(f"--init writes the sidecar of a log, and has no use for --{flag}; leave it out")
+    if len(config.log) > 1:
+        raise ConfigurationError(f"--init with {len(config.log)} logs; expected one: each has a sidecar of its own")
+    if len(config.joint) > 1:
+        raise ConfigurationError("--init writes the sidecar of all joints of a log; leave --joint out")
+    part_of(IdentifySetup, config).check()
+    declared: dict[str, Any] = {name: getattr(config, name) for name in kept}
+    declared["columns"] = parse_columns(config.columns)
+    return write_sidecar(config.log[0], LogSetup(**declared), *config.joint)
 
 
 def _refuse_unread(config: IdentifyConfig) -> None:
