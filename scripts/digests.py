@@ -9,6 +9,7 @@ what says when and by which revision it was made is left out. Parts whose data i
 
 from __future__ import annotations
 
+import argparse
 import hashlib
 import json
 import os
@@ -128,8 +129,13 @@ PARTS: dict[str, Callable[[Path], Iterator[tuple[str, str | None]]]] = {
 
 def main() -> None:
     """Print the digests of the parts that are named, of all by default."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("parts", nargs="*", metavar="part", help=f"one or more of {', '.join(PARTS)}")
+    parts = parser.parse_args().parts
+    if odd := sorted(set(parts) - set(PARTS)):
+        parser.error(f"unknown part {odd[0]!r}; known: {', '.join(PARTS)}")
     found: dict[str, str | None] = {}
-    for part in sys.argv[1:] or PARTS:
+    for part in parts or PARTS:
         with tempfile.TemporaryDirectory() as folder:
             for name, value in PARTS[part](Path(folder)):
                 found[name] = value

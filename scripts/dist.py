@@ -7,6 +7,7 @@ installed, `uvx` runs it as well.
 
 from __future__ import annotations
 
+import argparse
 import shutil
 import subprocess
 import sys
@@ -81,8 +82,9 @@ def tried_by_uvx(wheel: Path) -> None:
 
 def main() -> None:
     """Build into the folder that is named, `dist` by default, and try what was built."""
-    out = Path(sys.argv[1] if len(sys.argv) > 1 else "dist")
-    wheel, sdist = distributions(ROOT, out)
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("out", nargs="?", type=Path, default=Path("dist"), help="folder for both files")
+    wheel, sdist = distributions(ROOT, parser.parse_args().out)
     tried(wheel)
     tried_by_uvx(wheel)
     print(f"{wheel}\n{sdist}")

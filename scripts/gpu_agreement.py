@@ -16,9 +16,9 @@ leaves every entry's mean and mean square, such as two joints of one kind that c
 
 from __future__ import annotations
 
+import argparse
 import json
 import math
-import sys
 
 import torch
 from gpu_throughput import make_robots
@@ -77,9 +77,17 @@ def compare(one: dict[str, torch.Tensor], other: dict[str, torch.Tensor]) -> dic
     }
 
 
-if __name__ == "__main__":
-    device, robots = sys.argv[1], int(sys.argv[2])
-    host, on_host = walked(device, robots, on_host=True)
-    own, on_device = walked(device, robots, on_host=False)
+def main() -> None:
+    """Print the figures."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("device", help="of MuJoCo Warp and torch, such as cuda")
+    parser.add_argument("robots", type=int, help="robots that walk on each side")
+    asked = parser.parse_args()
+    host, on_host = walked(asked.device, asked.robots, on_host=True)
+    own, on_device = walked(asked.device, asked.robots, on_host=False)
     figures = {name: [round(on_host[name], 5), round(on_device[name], 5)] for name in on_host}
-    print(json.dumps({"robots": robots, **compare(host, own), "host_and_device": figures}))
+    print(json.dumps({"robots": asked.robots, **compare(host, own), "host_and_device": figures}))
+
+
+if __name__ == "__main__":
+    main()

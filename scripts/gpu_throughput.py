@@ -10,8 +10,8 @@ count is that of `STICTION_THREADS`.
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
 import time
 from collections.abc import Callable
 
@@ -77,6 +77,20 @@ def measure(device: str, robots: int, times: int = 48) -> dict[str, float]:
     return found | rate("task", robots, walking(device, robots, on_host=False)[1], times)
 
 
+def numbers(text: str) -> list[int]:
+    """Return whole numbers between commas."""
+    return [int(part) for part in text.split(",")]
+
+
+def main() -> None:
+    """Print a line for each number of robots."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("device", help="of MuJoCo Warp and torch, such as cuda")
+    parser.add_argument("robots", type=numbers, help="numbers of robots, such as 512,2048")
+    asked = parser.parse_args()
+    for count in asked.robots:
+        print(json.dumps(measure(asked.device, count)), flush=True)
+
+
 if __name__ == "__main__":
-    for count in sys.argv[2].split(","):
-        print(json.dumps(measure(sys.argv[1], int(count))), flush=True)
+    main()

@@ -9,9 +9,9 @@ end, with their exploration noise; null where they never did.
 
 from __future__ import annotations
 
+import argparse
 import json
 import statistics
-import sys
 from pathlib import Path
 
 from stiction.rma.run import RunDirectory
@@ -37,5 +37,12 @@ def figures(rows: list[dict[str, float]]) -> dict[str, float | None]:
     }
 
 
+def main() -> None:
+    """Print the figures of a run."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("run", type=Path, help="folder of the training")
+    print(json.dumps(figures(RunDirectory(parser.parse_args().run).rows())))
+
+
 if __name__ == "__main__":
-    print(json.dumps(figures(RunDirectory(Path(sys.argv[1])).rows())))
+    main()

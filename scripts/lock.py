@@ -7,8 +7,8 @@ torch's CPU builds are on an index of their own: their hashes are added by hand,
 
 from __future__ import annotations
 
+import argparse
 import re
-import sys
 from pathlib import Path
 
 MORE = ("torch",)
@@ -24,12 +24,15 @@ def entries(text: str) -> dict[str, list[str]]:
 
 def main() -> None:
     """Merge and write."""
-    new, lock = map(Path, sys.argv[1:3])
-    found, before = entries(new.read_text()), entries(lock.read_text())
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("new", type=Path, help="the lock with hashes, as uv wrote it")
+    parser.add_argument("lock", type=Path, help="the lock of before, which is written over")
+    asked = parser.parse_args()
+    found, before = entries(asked.new.read_text()), entries(asked.lock.read_text())
     for head, hashes in found.items():
         if head.partition("==")[0] in MORE:
             hashes += [one for one in before.get(head, []) if one not in hashes]
-    lock.write_text("".join(" \\\n    --hash=".join([head, *hashes]) + "\n" for head, hashes in found.items()))
+    asked.lock.write_text("".join(" \\\n    --hash=".join([head, *hashes]) + "\n" for head, hashes in found.items()))
 
 
 if __name__ == "__main__":

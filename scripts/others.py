@@ -8,7 +8,7 @@ torques are computed here. The observation and the network are the bundle's. Pri
 
 from __future__ import annotations
 
-import sys
+import argparse
 
 import mujoco
 import numpy as np
@@ -57,8 +57,12 @@ def speed(model: mujoco.MjModel, bundle: Bundle, forward: float) -> float:
 
 def main() -> None:
     """Print a line for each bundle and command."""
-    model = compiled(sys.argv[1])
-    for name in sys.argv[2:]:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("model", help="the maker's MuJoCo file")
+    parser.add_argument("bundles", nargs="+", help="directories of policy bundles")
+    asked = parser.parse_args()
+    model = compiled(asked.model)
+    for name in asked.bundles:
         bundle = read_bundle(name)
         for forward in COMMANDS:
             print(f"{bundle.name} vx={forward:g}: {speed(model, bundle, forward):.2f} m/s", flush=True)

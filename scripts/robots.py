@@ -8,6 +8,7 @@ described in `tests/robots/described/`. A row is written as soon as it is known;
 
 from __future__ import annotations
 
+import argparse
 import csv
 import os
 import shlex
@@ -55,7 +56,12 @@ def row_of(said: Path, wheels: Path) -> dict[str, str]:
 
 def main() -> None:
     """Write the table."""
-    out, wheels = Path(sys.argv[1]), Path(os.environ["STICTION_ROBOTS"])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("out", type=Path, help="folder for strangers.csv")
+    out = parser.parse_args().out
+    if "STICTION_ROBOTS" not in os.environ:
+        parser.error("STICTION_ROBOTS is not set: the folder with the robots' packages")
+    wheels = Path(os.environ["STICTION_ROBOTS"])
     out.mkdir(parents=True, exist_ok=True)
     table, columns = out / "strangers.csv", ["robot", "lines", *VERBS]
     rows = {row["robot"]: row for row in csv.DictReader(table.open())} if table.is_file() else {}

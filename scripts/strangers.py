@@ -8,6 +8,7 @@ Nothing of anybody's data is in it: every file is written here, in the form that
 
 from __future__ import annotations
 
+import argparse
 import csv
 import gzip
 import json
@@ -717,10 +718,13 @@ yours. `FLAGS` are what no log says of itself, `{flags}`; a sidecar, `LOG.json`,
 
 def main() -> None:
     """Write the table, or the files alone."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("out", nargs="?", type=Path, help="folder for the files alone, of which nothing is run then")
+    out = parser.parse_args().out
     os.environ.setdefault("STICTION_THREADS", "1")
-    if len(sys.argv) > 1:
+    if out is not None:
         for number, stranger in enumerate(STRANGERS, 1):
-            folder = Path(sys.argv[1]) / f"{number:02d}"
+            folder = out / f"{number:02d}"
             folder.mkdir(parents=True)
             stranger.write(folder)
         return

@@ -10,7 +10,7 @@ time of the rule `flailing`, and the largest values of the rules `attitude and g
 
 from __future__ import annotations
 
-import sys
+import argparse
 from collections.abc import Iterator
 from itertools import pairwise
 from math import inf
@@ -73,9 +73,11 @@ def asked(bundle: Bundle) -> list[float]:
     return np.max(rows, axis=0).tolist()
 
 
-def main(words: list[str]) -> None:
+def main() -> None:
     """Print a Markdown table of the bundles named, of the package's own without names."""
-    bundles = [Path(word) for word in words] or list(shipped_bundles().values())
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("bundles", nargs="*", type=Path, help="directories of policy bundles")
+    bundles = parser.parse_args().bundles or list(shipped_bundles().values())
     print("|".join(["", " policy ", *(f" {name} " for name in (*UNITS, *JUDGED)), ""]))
     print("|" + "---|" * (1 + len(UNITS) + len(JUDGED)))
     for path in bundles:
@@ -85,4 +87,4 @@ def main(words: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()
