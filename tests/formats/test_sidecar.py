@@ -100,8 +100,8 @@ def test_what_holds_for_the_file_is_said_once(tmp_path: Path) -> None:
     assert (setup.begin, setup.end, dict(setup.columns)) == (1.0, 2.5, data["columns"])
     assert setup.to_dict() == data
     for wrong, said in (
-        ({"joints": {"a": {"from": 1.0}}}, "joint 'a': expected an object"),
-        ({"begin": 1.0}, r"begin \(write from\)|expected an object"),
+        ({"joints": {"a": {"from": 1.0}}}, "joint 'a': from is of the whole log"),
+        ({"begin": 1.0}, "unknown field 'begin': write 'from'"),
         ({"columns": ["q"]}, "expected an object: role -> column"),
         ({"columns": {"position": 3}}, "expected an object: role -> column"),
         ({"unknowns": ["dealy"]}, "did you mean 'delay'"),
