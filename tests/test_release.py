@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 import re
 import subprocess
@@ -24,6 +25,30 @@ def script(name: str):
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)
     return module
+
+
+SCRIPTS = sorted(path.stem for path in (CHECKOUT / "scripts").glob("*.py"))
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_no_script_takes_its_words_unchecked(name: str) -> None:
+    """`dist.py --help` built a wheel into a folder of that name; without words others ended in an IndexError."""
+    tree = ast.parse((CHECKOUT / "scripts" / f"{name}.py").read_text())
+    indexed = [node for node in ast.walk(tree) if isinstance(node, ast.Subscript)]
+    taken = [node.lineno for node in indexed if ast.unparse(node.value) == "sys.argv"]
+    # What was typed, whole, is what a result says of itself.
+    whole = [node.lineno for node in indexed if ast.unparse(node) == "sys.argv[1:]"]
+    assert not set(taken) - set(whole) and (not whole or "parse_args" in ast.unparse(tree))
+
+
+@pytest.mark.parametrize("name", ["dist", "lock", "robots", "digests"])
+def test_a_script_says_how_it_is_used(name: str, tmp_path: Path) -> None:
+    """Status 0 for --help, 2 for a flag that there is not, and nothing is made."""
+    for flag, status in (("--help", 0), ("--nonsense", 2)):
+        command = [sys.executable, str(CHECKOUT / "scripts" / f"{name}.py"), flag]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == status and f"usage: {name}.py" in done.stdout + done.stderr
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.slow
