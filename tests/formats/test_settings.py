@@ -34,9 +34,13 @@ class Run:
     free: ClassVar[tuple[str, ...]] = ("extra",)
 
 
+RESULTS = ("results",)
+"""What `write` writes."""
+
+
 def write(options: Run, verb: str = "evaluate") -> None:
     """Write results."""
-    with results_folder(options.out, verb, options):
+    with results_folder(options.out, verb, options, RESULTS, {"log": options.log}):
         (options.out / "results").write_text(str(options), encoding="utf-8")
 
 
@@ -48,7 +52,7 @@ def test_the_same_settings_go_on_and_others_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"levels 0.0 0.1, now 0.3; choose another --out, or add --overwrite"):
         write(replace(first, levels=(0.3,)))
     with pytest.raises(ConfigurationError, match=r"inner.gain 2.0, now 3.0"):
-        check_settings(tmp_path, "evaluate", replace(first, inner=Inner(3.0)))
+        check_settings(tmp_path, "evaluate", replace(first, inner=Inner(3.0)), RESULTS)
     with pytest.raises(ConfigurationError, match="has results of `stiction evaluate`;"):
         write(first, "excite")
     assert "0.3" not in (tmp_path / "results").read_text(encoding="utf-8")
@@ -76,7 +80,7 @@ def test_a_refusal_names_values_as_they_were_typed(tmp_path: Path) -> None:
 def test_what_failed_notes_nothing_and_what_was_interrupted_does(tmp_path: Path) -> None:
     """If this failed, a mistyped file would block its folder, or an interrupted run be written over."""
     for error, noted in ((ConfigurationError("no such log"), False), (KeyboardInterrupt(), True)):
-        with pytest.raises(type(error)), results_folder(tmp_path, "evaluate", Run(tmp_path)):
+        with pytest.raises(type(error)), results_folder(tmp_path, "evaluate", Run(tmp_path), RESULTS):
             raise error
         assert (tmp_path / SETTINGS).exists() is noted
 
@@ -105,6 +109,75 @@ def test_results_of_which_nobody_knows_what_they_are_stay(tmp_path: Path) -> Non
     with results_folder(tmp_path, "identify", Run(tmp_path, overwrite=True), ("joints.json",)):
         pass
     check_settings(tmp_path, "identify", Run(tmp_path), ("joints.json",))
+
+
+def test_a_run_that_died_or_failed_while_it_wrote_goes_on(tmp_path: Path) -> None:
+    """If this failed, what a full disk or a kill left half written would be called somebody else's."""
+    run = Run(tmp_path)
+    for words, verb, refused in ((RESULTS, "evaluate", False), ((), "evaluate", True), (RESULTS, "study wear", True)):
+        out = tmp_path / f"{verb}-{len(words)}"
+        with pytest.raises(OSError, match="full"), results_folder(out, verb, run, words):
+            (out / "results").write_text("half", encoding="utf-8")
+            raise OSError("full")
+        if refused:
+            with pytest.raises(ConfigurationError, match=r"has results, and no settings.json"):
+                check_settings(out, "evaluate", run, RESULTS)
+        else:
+            write(replace(run, out=out))
+            assert {path.name for path in out.iterdir()} == {"results", SETTINGS}
+
+
+def test_results_of_before_there_were_settings_go_on_with_their_verb(tmp_path: Path) -> None:
+    """If this failed, long studies of older versions could not go on, or those of another verb would be lost."""
+    (tmp_path / "results").touch()
+    for command, mine in (("stiction study wear a --out x", True), ("stiction study wearing", False), (3, False)):
+        (tmp_path / "summary.json").write_text(json.dumps({"command": command}), encoding="utf-8")
+        if mine:
+            check_settings(tmp_path, "study wear", Run(tmp_path), RESULTS)
+        else:
+            with pytest.raises(ConfigurationError, match=r"has results, and no settings.json"):
+                check_settings(tmp_path, "study wear", Run(tmp_path), RESULTS)
+
+
+def test_another_content_is_another_setting_and_another_place_is_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A second log.csv, in another folder or edited in place, replaced the results of the first without a word."""
+    out = tmp_path / "out"
+    for folder, content in (("a", "1"), ("b", "2"), ("moved", "1")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "log.csv").write_text(content, encoding="utf-8")
+    (tmp_path / "moved/log.csv").rename(tmp_path / "moved/swing.csv")
+    monkeypatch.chdir(tmp_path / "a")
+    write(Run(out))
+    monkeypatch.chdir(tmp_path / "moved")
+    write(Run(out, log=Path("swing.csv")))
+    monkeypatch.chdir(tmp_path / "b")
+    with pytest.raises(ConfigurationError, match=r"with other settings: log swing.csv, now log.csv; choose another"):
+        write(Run(out))
+    monkeypatch.chdir(tmp_path / "a")
+    write(Run(out))
+    Path("log.csv").write_text("3", encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"with other settings: log log.csv had another content; choose"):
+        write(Run(out))
+    assert json.loads((out / SETTINGS).read_text(encoding="utf-8"))["inputs"]["log"].keys() == {"log.csv"}
+    Path("log.csv").unlink()
+    check_settings(out, "evaluate", Run(out), RESULTS, {"log": Path("log.csv")})  # Whoever reads it says so better.
+
+
+@pytest.mark.parametrize("inputs", [None, [], {"log": 3}, {"log": {"log.csv": 3}}, {"other": {"log.csv": "0"}}])
+def test_settings_without_digests_are_compared_by_what_was_typed(inputs: object, tmp_path: Path) -> None:
+    """If this failed, the folders of older versions would all be locked."""
+    log = tmp_path / "log.csv"
+    log.write_text("1", encoding="utf-8")
+    run = Run(tmp_path / "out", log)
+    write(run)
+    there = json.loads((run.out / SETTINGS).read_text(encoding="utf-8"))
+    (run.out / SETTINGS).write_text(json.dumps(there | {"inputs": inputs}), encoding="utf-8")
+    log.write_text("2", encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"log /.*, now other.csv"):
+        write(replace(run, log=Path("other.csv")))
+    write(run)
 
 
 def test_a_file_is_written_over_where_nothing_is_lost(tmp_path: Path) -> None:

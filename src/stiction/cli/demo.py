@@ -97,13 +97,14 @@ def main(arguments: list[str]) -> None:
     from stiction.core.extras import require
     from stiction.formats.results import summary_text
     from stiction.formats.settings import results_folder
+    from stiction.report.demo import RESULTS
 
     if cfg.train:
         require("train")
     if cfg.loop:
         _loop(cfg)
         return
-    with results_folder(cfg.out, "demo", cfg):
+    with results_folder(cfg.out, "demo", cfg, RESULTS, {"bundles": cfg.bundles}):
         page, summary, warnings = _run(cfg, arguments)
     for text in warnings:
         _say(f"note: {text}")
@@ -137,7 +138,7 @@ def _loop(cfg: DemoCfg) -> None:
     from stiction.cli.loop import LoopCfg, run_loop, shares, show
     from stiction.formats.settings import results_folder
 
-    with results_folder(cfg.out, "demo --loop", cfg):
+    with results_folder(cfg.out, "demo --loop", cfg, ("loop.json",)):
         rows = run_loop(LoopCfg(cfg.out))
     if cfg.json:
         print((cfg.out / "loop.json").read_text(encoding="utf-8"), end="")

@@ -183,7 +183,8 @@ def main(arguments: list[str]) -> int:
     try:
         # First: what is no bundle would else be called one of other settings than those in the folder.
         plan = _plan(cfg, address, check_bundle(folder, cfg.expect_digest).bundle, folder)
-        with results_folder(cfg.out, "deploy", cfg):
+        written, read = () if cfg.report else ("report.json",), {"bundle": folder, "excitation": cfg.excitation}
+        with results_folder(cfg.out, "deploy", cfg, written, read):
             report = _run(cfg, plan)
             write_text(cfg.report or cfg.out / "report.json", _text(report))
     except UnwrittenError as error:

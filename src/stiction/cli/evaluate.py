@@ -161,6 +161,7 @@ def main(arguments: list[str]) -> int:
     from stiction.evaluate.grid import GridCfg, parse_simulator
     from stiction.evaluate.summary import bundle_of, evaluate_all
     from stiction.evaluate.walk_logs import RecordCfg, log_all
+    from stiction.report.evaluation import FILES
     from stiction.report.terminal import print_warnings, work_progress
 
     for engine in cfg.engines:
@@ -174,7 +175,7 @@ def main(arguments: list[str]) -> int:
     # Before the folder: what is no bundle would be called one of other settings than those of the results there.
     bundles = [bundle_of(policy, settings, cfg.robot, cfg.callable_period) for policy in policies]
     with (
-        results_folder(cfg.out, "evaluate", cfg),
+        results_folder(cfg.out, "evaluate", cfg, FILES, {"bundles": cfg.bundles, "robot": cfg.robot}),
         nullcontext() if cfg.log is None else output_folder(cfg.log, "--log"),
     ):
         listening = any(bundle.contract.observes_friction for bundle in bundles)

@@ -26,6 +26,9 @@ Examples:
   stiction excite --robot go2 --joint FL_calf_joint --out excite
   stiction identify log.csv --out identified"""
 
+RESULTS = ("trajectory.csv", "trajectory.json", "design.json", "design.npz", "report.html")
+"""What is written into --out."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class ExciteConfig(ExciteSetup):
@@ -51,11 +54,11 @@ def main(arguments: list[str]) -> int:
     from stiction.report.terminal import Terminal, work_progress
 
     # Before the search, which takes a while: a folder of other results is refused at once.
-    check_settings(config.out, "excite", config)
+    check_settings(config.out, "excite", config, RESULTS, {"robot": config.robot})
     command = shlex.join(["stiction", "excite", *arguments])
     with work_progress() as progress:
         designed = design(part_of(ExciteSetup, config), config.joint, config.robot, command, progress)
-    with results_folder(config.out, "excite", config):
+    with results_folder(config.out, "excite", config, RESULTS, {"robot": config.robot}):
         designed.write(config.out)
     if config.json:
         print(object_text(designed.to_dict()), end="")

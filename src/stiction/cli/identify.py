@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 from rich.console import Console
@@ -27,6 +27,9 @@ from stiction.identify.limb.setup import LimbSetup
 from stiction.identify.setup import IdentifySetup
 from stiction.identify.walking.setup import RobotLogSetup, WalkSetup
 from stiction.report.terminal import Terminal
+
+if TYPE_CHECKING:
+    from stiction.formats.inputs import Inputs
 
 DESCRIPTION = """Find the inertia, viscous and dry friction of joints from a log, with intervals; say if it matters, and
 write joints.json, fit.npz, training.json and report.html.
@@ -204,7 +207,7 @@ def _identify_joints(config: IdentifyConfig, command: str) -> int:
     for log in (*config.log, *config.repeat):
         _keep_inputs(log, config.out)
     # Before anything is read: a folder of other results is refused at once, not after minutes of fitting.
-    check_settings(config.out, _verb(config), config, RESULTS)
+    check_settings(config.out, _verb(config), config, RESULTS, _inputs(config))
     setup = part_of(IdentifySetup, config)
     first, *more = [_open(config, path) for path in config.log]
     if config.join:
@@ -217,7 +220,7 @@ def _identify_joints(config: IdentifyConfig, command: str) -> int:
         limb = part_of(LimbSetup, config)
         with Terminal(stderr=True).status("fitting all joints at once"):
             found = identify_limb(first, config.robot, setup, limb, config.joint, repeats, more)
-    with results_folder(config.out, _verb(config), config, RESULTS):
+    with results_folder(config.out, _verb(config), config, RESULTS, _inputs(config)):
         found.write(config.out, command)
     if config.robot is not None:
         _print_results(config, found.file, partial(_show_limb, model_error=config.model_error))
@@ -297,7 +300,7 @@ def _identify_walk(arguments: list[str]) -> int:
 
     _keep_inputs(options.log, options.out)
     # As above, before anything is read.
-    check_settings(options.out, _verb(options), options, RESULTS)
+    check_settings(options.out, _verb(options), options, RESULTS, _inputs(options))
     setup = part_of(WalkSetup, options)
     with limit_memory(memory_of(options.memory_limit)), Terminal(stderr=True).status("reading, fitting"):
         if is_walk_log(options.log):
@@ -314,7 +317,7 @@ def _identify_walk(arguments: list[str]) -> int:
             spec = find_robot(options.robot)
             foreign = foreign_walk(log, spec, declared, part_of(RobotLogSetup, options))
             found = identify_walk(foreign.log, spec, setup, foreign.notes, True, foreign.unplaced)
-        with results_folder(options.out, _verb(options), options, RESULTS):
+        with results_folder(options.out, _verb(options), options, RESULTS, _inputs(options)):
             found.joints.write(options.out / "joints.json")
             write_proposal(options.out, found.joints)
             write_walk_fit(options.out / "fit.npz", found.fit)
@@ -354,6 +357,20 @@ def _refuse_declared(options: WalkOptions) -> None:
 def _verb(options: IdentifyConfig | WalkOptions) -> str:
     """Return the words that the options are of."""
     return f"identify {WALK}" if isinstance(options, WalkOptions) else "identify"
+
+
+def _inputs(options: IdentifyConfig | WalkOptions) -> Inputs:
+    """Return what is read; a sidecar that is named stands in for that of a log, and not for those of repeats."""
+    from stiction.formats.inputs import with_sidecars
+
+    logs = [options.log] if isinstance(options, WalkOptions) else [*options.log]
+    repeats = () if isinstance(options, WalkOptions) else options.repeat
+    return {
+        "log": with_sidecars(logs) if options.sidecar is None else logs,
+        "sidecar": options.sidecar,
+        "repeat": with_sidecars(repeats),
+        "robot": options.robot,
+    }
 
 
 def _keep_inputs(log: Path, out: Path) -> None:

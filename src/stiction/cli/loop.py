@@ -85,11 +85,11 @@ def run_loop(cfg: LoopCfg) -> list[JointRow]:
         motion, bench = cfg.out / f"excite-{kind}", cfg.out / f"bench-{kind}"
         _step("excite", "--robot", cfg.robot, "--joint", kind, "--out", motion)
         _deploy(cfg, bench, *virtual, "--stand", "--excitation", motion / "trajectory.csv")
-        _step("identify", bench, "--test-condition", "in_air", "--out", cfg.out / f"identified-{kind}")
+        _step("identify", bench, "--test-condition", "in_air", "--out", cfg.out / f"identified-{kind}", "--overwrite")
         found |= friction_in(cfg.out / f"identified-{kind}" / "joints.json")
     walk = cfg.out / "walk"
     _deploy(cfg, walk, *virtual, "--command", "vx=0.4", "--duration", cfg.seconds)
-    _step("identify", "walk", walk, "--out", cfg.out / "identified-walk")
+    _step("identify", "walk", walk, "--out", cfg.out / "identified-walk", "--overwrite")
     after = friction_in(cfg.out / "identified-walk" / "joints.json")
     rows = compared(own_friction(cfg), found, after)
     summary = {"joints": [vars(row) for row in rows], **shares(rows)}

@@ -82,9 +82,10 @@ def main(arguments: list[str]) -> int:
         where = "; options stand behind the verb" if verb.startswith("-") else ""
         print(f"stiction: {unknown_name('verb', verb, VERBS)}{where}", file=sys.stderr)
         return 2
+    name = _named(verb, rest)
     if odd := next((word for word in rest if not _is_text(word)), None):
         said = f"{odd!r} is no UTF-8 text, in which results name the command that made them; rename it"
-        print(f"stiction {verb}: {said}", file=sys.stderr)
+        print(f"stiction {name}: {said}", file=sys.stderr)
         return 1
     # Both before the verb's module: NumPy and torch read their settings when they are imported.
     limit_library_threads()
@@ -93,7 +94,7 @@ def main(arguments: list[str]) -> int:
         with warnings.catch_warnings():
             # Python's own form is two lines, the second one of our source code.
             warnings.showwarning = lambda message, *_, **__: print(
-                f"stiction {verb}: warning: {' '.join(str(message).split())}", file=sys.stderr
+                f"stiction {name}: warning: {' '.join(str(message).split())}", file=sys.stderr
             )
             if verb in NEEDS and not HELP & set(rest):
                 require(NEEDS[verb])
@@ -102,10 +103,16 @@ def main(arguments: list[str]) -> int:
         return int(status or 0)
     except KeyboardInterrupt as stop:
         said, status = stopped(stop)
-        print(f"stiction {verb}: {said}", file=sys.stderr)
+        print(f"stiction {name}: {said}", file=sys.stderr)
         return status
     except Exception as error:
-        return failed(error, verb, debug)
+        return failed(error, name, debug)
+
+
+def _named(verb: str, words: list[str]) -> str:
+    """Return what a message stands behind: a verb, or a study by its name."""
+    study = verb == "study" and words and _is_text(words[0]) and not words[0].startswith("-")
+    return f"{verb} {words[0]}" if study else verb
 
 
 def _is_text(word: str) -> bool:

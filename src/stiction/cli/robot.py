@@ -103,21 +103,21 @@ def _check(cfg: CheckCfg) -> int:
 def _show(cfg: ShowCfg) -> None:
     """Print every value with its origin, and write picture, YAML and model."""
     from stiction.api.robot import MODEL_FILES, read, write_model
-    from stiction.robots.load import files_of
+    from stiction.robots.description import files_of
 
     derived = read(cfg.robot)
     robot = derived.robot
     if cfg.out is not None:
         for name in MODEL_FILES if is_file_name(cfg.robot) else ():
             keep_inputs(cfg.out / name, *files_of(Path(cfg.robot)))
-        check_settings(cfg.out, "robot show", cfg, MODEL_FILES)
+        check_settings(cfg.out, "robot show", cfg, MODEL_FILES, {"robot": cfg.robot})
     if cfg.json:
         print(json.dumps(asdict(robot), indent=1))
     else:
         _print(derived)
     if cfg.out is None:
         return
-    with results_folder(cfg.out, "robot show", cfg, MODEL_FILES):
+    with results_folder(cfg.out, "robot show", cfg, MODEL_FILES, {"robot": cfg.robot}):
         write_model(robot, cfg.out)
     if not cfg.json:
         print(f"written: {cfg.out}/robot.png, robot.yaml (complete), robot.xml (what is simulated)")

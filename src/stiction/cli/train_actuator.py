@@ -20,6 +20,9 @@ Examples:
   stiction train-actuator walks/ --out actuator
   stiction train --actuator actuator"""
 
+RESULTS = ("actuator.npz", "summary.json", "fit.npz", "report.html")
+"""What is written into --out."""
+
 
 @dataclass(frozen=True)
 class TrainActuator:
@@ -54,6 +57,7 @@ def main(arguments: list[str]) -> int:
 
     from stiction.core.errors import ConfigurationError
     from stiction.core.provenance import num_threads
+    from stiction.formats.inputs import with_sidecars
     from stiction.formats.results import summary_text
     from stiction.formats.settings import results_folder
     from stiction.report.terminal import work_progress
@@ -67,7 +71,7 @@ def main(arguments: list[str]) -> int:
         raise ConfigurationError(
             f"no log in {', '.join(map(str, options.logs))}; expected NPZ logs of `stiction evaluate --log`"
         )
-    with results_folder(options.out, "train-actuator", options):
+    with results_folder(options.out, "train-actuator", options, RESULTS, {"logs": with_sidecars(files)}):
         runs = [read_run(file) for file in files]
         command = shlex.join(["stiction", "train-actuator", *arguments])
         with work_progress() as progress:

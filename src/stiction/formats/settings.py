@@ -1,25 +1,32 @@
 """What is there is not written over unasked: a folder of other results, or a file.
 
-`settings.json` says what a folder of results was made with, so that the same command goes on in it, and a run with
-other settings is refused. A file says no such thing: it is refused unless the same would be written.
+`settings.json` says what a folder of results was made with, and from inputs of which content, so that the same command
+goes on in it, and a run with others is refused. A file says no such thing: it is refused unless the same would be
+written.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from stiction.core.errors import ConfigurationError
+from stiction.core.errors import ConfigurationError, StictionError, UnwrittenError
 from stiction.core.files import write_text
 from stiction.core.lock import output_folder
 from stiction.formats.plain import read_object
 
+if TYPE_CHECKING:
+    from stiction.formats.inputs import Inputs
+
 SETTINGS = "settings.json"
 """The file in a folder of results."""
+
+UNFINISHED = ".unfinished"
+"""The file in its place while a run lasts: where that is killed, the same command may write over what is half there."""
 
 FREE = ("out", "json", "overwrite", "jobs", "cluster", "memory_limit", "report", "advice", "judge_again")
 """Options on which results do not depend; options of a kind may name more of them in a `free` of their own."""
@@ -32,22 +39,34 @@ HOW = "choose another {}, or add --overwrite"
 
 
 @contextmanager
-def results_folder(out: Path, verb: str, options: Any, results: Collection[str] = ()) -> Iterator[None]:
+def results_folder(
+    out: Path, verb: str, options: Any, results: Collection[str], inputs: Inputs | None = None
+) -> Iterator[None]:
     """Be the only writer of a folder of results, which has none of other settings, and note the settings at the end.
 
     verb: what writes, `evaluate`, `study wear`; options: its dataclass. `overwrite`, where it has that, lets results of
-    other settings be written over. results: as in `check_settings`. What fails notes nothing; what is interrupted goes
-    on with the same settings.
+    other settings be written over. results: files that will be written there, by their paths in `out`; inputs: what is
+    read, of which the content counts. What fails notes nothing; what is interrupted goes on with the same settings.
 
     Raises `StictionError` where the folder has results of other settings, or as `output_folder`.
     """
+    from stiction.formats.inputs import digests_of
+
     with output_folder(out):
-        check_settings(out, verb, options, results)
-        used = _plain(verb, options)
+        digests = digests_of(inputs or {})
+        _check(out, verb, options, results, lambda: digests)
+        used = _plain(verb, options) | ({"inputs": digests} if digests else {})
+        marker, there = out / UNFINISHED, _present(out, results)
+        begun = marker.exists()
+        with suppress(UnwrittenError):  # A full disk: whoever writes the results says so.
+            write_text(marker, json.dumps({"verb": verb}) + "\n")
         try:
             yield
         # An error of the work itself: without this clause the next one would note its settings.
         except Exception:
+            # With half of the results written, the folder stays known as one that this program writes.
+            if not begun and _present(out, results) == there:
+                marker.unlink(missing_ok=True)
             raise
         except BaseException:
             _write(out, used)
@@ -55,20 +74,46 @@ def results_folder(out: Path, verb: str, options: Any, results: Collection[str] 
         _write(out, used)
 
 
-def check_settings(out: Path, verb: str, options: Any, results: Collection[str] = ()) -> None:
-    """Raise `ConfigurationError` where a folder has results of other settings, which may not be written over.
+def check_settings(out: Path, verb: str, options: Any, results: Collection[str], inputs: Inputs | None = None) -> None:
+    """Raise `ConfigurationError` where a folder has results that `results_folder` would refuse to write over.
 
-    results: files that will be written there; where the folder has one of them and no settings, nobody knows of what
-    it is, and it is somebody else's.
+    The folder has settings of before, and others, or other inputs; or it has one of the files `results` and no
+    settings: then nobody knows of what it is, and it is somebody else's.
     """
+    from stiction.formats.inputs import digests_of
+
+    _check(out, verb, options, results, lambda: digests_of(inputs or {}))
+
+
+def _check(
+    out: Path, verb: str, options: Any, results: Collection[str], digests: Callable[[], dict[str, dict[str, str]]]
+) -> None:
+    """Check as above; `digests` are asked for where there is something to compare them with."""
     if getattr(options, "overwrite", False):
         return
     if (out / SETTINGS).exists():
-        _refuse_other(out, _plain(verb, options))
-    elif there := [name for name in results if (out / name).exists()]:
+        _refuse_other(out, _plain(verb, options), digests())
+    elif (there := _present(out, results)) and not _began(out, verb):
         raise ConfigurationError(
             f"{out} has {' and '.join(there[:SAID])}, and no {SETTINGS} that says what of; {HOW.format('--out')}"
         )
+
+
+def _present(out: Path, results: Collection[str]) -> list[str]:
+    """Return which files a folder has."""
+    return [name for name in results if (out / name).exists()]
+
+
+def _began(out: Path, verb: str) -> bool:
+    """Say whether a folder without settings is of this verb: of a run that was killed, or of before there were any."""
+    for name, said, own in ((UNFINISHED, "verb", verb), ("summary.json", "command", f"stiction {verb}")):
+        try:
+            found = read_object(out / name, "what `stiction` writes there").get(said)
+        except StictionError:
+            continue
+        if isinstance(found, str) and f"{found} ".startswith(f"{own} "):
+            return True
+    return False
 
 
 def check_file(path: Path, options: Any, option: str = "--out", text: str | None = None) -> None:
@@ -103,14 +148,19 @@ def _plain(verb: str, options: Any) -> dict[str, Any]:
     return json.loads(json.dumps({"verb": verb, "settings": settings}, default=str))
 
 
-def _refuse_other(out: Path, used: dict[str, Any]) -> None:
-    """Raise `ConfigurationError` where a folder has results of another verb, or of other settings."""
+def _refuse_other(out: Path, used: dict[str, Any], digests: dict[str, dict[str, str]]) -> None:
+    """Raise `ConfigurationError` where a folder has results of another verb, or of other settings or inputs."""
+    from stiction.formats.inputs import changes
+
     there = read_object(out / SETTINGS, "what `stiction` writes there; remove it, or choose another --out")
     verb, before = there.get("verb"), there.get("settings")
     how = HOW.format("--out")
     if verb != used["verb"] or not isinstance(before, dict):
         raise ConfigurationError(f"{out} has results of `stiction {verb}`; {how}")
-    differing = _differing(before, used["settings"])
+    # Where the content is known, it counts, and not where it lies.
+    changed = changes(there.get("inputs"), digests)
+    now = {name: value for name, value in used["settings"].items() if name not in changed}
+    differing = sorted([*_differing(before, now), *(f"{name} {words}" for name, words in changed.items() if words)])
     if differing:
         more = f" and {len(differing) - SAID} more" if len(differing) > SAID else ""
         raise ConfigurationError(
@@ -139,3 +189,4 @@ def _words(value: Any) -> str:
 def _write(out: Path, used: dict[str, Any]) -> None:
     """Note the settings in the folder."""
     write_text(out / SETTINGS, json.dumps(used, indent=2) + "\n")
+    (out / UNFINISHED).unlink(missing_ok=True)

@@ -15,9 +15,15 @@ from stiction.formats.following import BAND, FAST, SLOW, paces, row_pace
 from stiction.formats.joints import JointRecord
 from stiction.formats.results import ResultRow
 from stiction.joints.friction import level_text
-from stiction.report.evaluation import budget_picture, definitions_table, draw_budget, results_table, run_blocks
+from stiction.report.evaluation import FILES, budget_picture, definitions_table, draw_budget, results_table, run_blocks
 from stiction.report.following import paces_text
 from stiction.report.page import Section, file_uri, paragraph, picture, render_page, table
+
+RESULTS = (
+    *("report.html", "side-by-side.webp", "example/shank.csv", "example/shank.json", "example/joints.json"),
+    *(f"evaluation/{name}" for name in FILES),
+)
+"""What the demo writes, but for the record that one must have."""
 
 
 @dataclass(frozen=True)

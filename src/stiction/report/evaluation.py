@@ -242,6 +242,10 @@ FIXED = {
 """Words for the entries of the summary's `conditions`."""
 
 
+FILES = ("results.csv", "methods.csv", "summary.json", "friction_budget.svg", "friction_budget.png", "report.html")
+"""What `write_evaluation` writes."""
+
+
 def write_evaluation(
     out: Path, rows: Sequence[ResultRow], summary: dict[str, Any], samples: Sequence[Sample] = ()
 ) -> Path:

@@ -126,6 +126,13 @@ def read_description(path: Path) -> Description:
     return describe(read_yaml(path, "a robot.yaml", RobotError), str(path))
 
 
+def files_of(path: Path) -> tuple[Path, ...]:
+    """Return a robot's file, and the model that it names where it is a `robot.yaml`. Errors: `read_description`."""
+    if path.suffix.lower() in (".xml", ".urdf", ".json"):
+        return (path,)
+    return path, path.parent / (read_description(path).model or "")
+
+
 def read_yaml(path: Path, expected: str, kind: type[StictionError]) -> Any:
     """Return what a small YAML file holds, without aliases and keys that stand twice; raise `kind` where it cannot be.
 

@@ -16,7 +16,7 @@ from stiction.robots.model import Robot
 from stiction.robots.record import read_robot
 from stiction.robots.source import Source, compile_source, read_source
 
-__all__ = ["as_robot", "described_source", "files_of", "load_mechanism", "load_robot"]
+__all__ = ["as_robot", "described_source", "load_mechanism", "load_robot"]
 
 
 def load_robot(path: Path) -> Derived:
@@ -33,13 +33,6 @@ def load_robot(path: Path) -> Derived:
     if path.suffix.lower() in (".xml", ".urdf"):
         return derive(read_source(path), Description(source="a robot.yaml"))
     return derive(*_described(path))
-
-
-def files_of(path: Path) -> tuple[Path, ...]:
-    """Return a robot's file, and the model that it names where it is a `robot.yaml`. Errors: `load_robot`."""
-    if path.suffix.lower() in (".xml", ".urdf", ".json"):
-        return (path,)
-    return path, path.parent / (read_description(path).model or "")
 
 
 def described_source(path: Path) -> tuple[Source, str | None]:

@@ -46,6 +46,12 @@ if TYPE_CHECKING:
 Summary = Mapping[str, Any]
 """What stands in summary.json."""
 
+WRITTEN = ("summary.json", "report.html", "claims.csv", "tables.md")
+"""What studies write, each what it has of it."""
+
+INPUTS = ("policies", "bundles", "bundle", "robot")
+"""Options of studies that name what is read, of which the content counts."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
@@ -115,8 +121,13 @@ class Stopped(Exception):
 class Work:
     """What a study works with: its folder, policies, processes, results of before, and progress."""
 
-    def __init__(self, options: Options, verb: str, command: str, code: str, stack: ExitStack) -> None:
-        """`verb`: words that call the study; `code`: digest of its module; `stack`: ends with the work."""
+    def __init__(
+        self, options: Options, verb: str, command: str, code: str, stack: ExitStack, results: Sequence[str] = ()
+    ) -> None:
+        """`verb`: words that call the study; `code`: digest of its module; `stack`: ends with the work.
+
+        results: what the study writes, as far as it is known before.
+        """
         self.verb, self.command, self.out = verb, command, options.folder
         self.jobs = jobs_of(getattr(options, "jobs", None))
         """Processes at once."""
@@ -127,6 +138,7 @@ class Work:
         """Ends with the progress, when the study has run."""
         self._options = options
         self._code, self._stack, self._start = code, stack, time.perf_counter()
+        self._results = (*WRITTEN, *results)
         self._begun = False
 
     def begin(self) -> Path:
@@ -142,7 +154,10 @@ class Work:
         if getattr(self._options, "judge_again", False):
             self._stack.enter_context(output_folder(self.out))
         else:
-            self._stack.enter_context(results_folder(self.out, self.verb, self._options))
+            # What is added to is meant, whoever wrote it: the study reads it, and refuses what is not its own.
+            results = () if getattr(self._options, "add", False) else self._results
+            inputs = {name: getattr(self._options, name, None) for name in INPUTS}
+            self._stack.enter_context(results_folder(self.out, self.verb, self._options, results, inputs))
         cluster = self._stack.enter_context(use_cluster(getattr(self._options, "cluster", None), self.out))
         if cluster is not None and getattr(self._options, "jobs", None) is None:
             self.jobs = cluster.processors
@@ -254,6 +269,8 @@ class Study(Generic[Chosen]):
     """Does it; returns an exit status where there is nothing to write."""
     groups: Groups | None = None
     """Options that `--help` shows, by default all of them: for a study with those of a training among its own."""
+    results: Sequence[str] = ()
+    """Files that it writes beside `WRITTEN`: somebody else's of these names is refused before the work begins."""
 
     def main(self, arguments: Sequence[str], verb: str) -> int:
         """Run the study from the command line; return the exit status. verb: the words before the arguments.
@@ -271,7 +288,7 @@ class Study(Generic[Chosen]):
         # A study of one's own lies outside the package, whose files are in the key of every part.
         code = hashlib.sha256(Path(inspect.getfile(self.run)).read_bytes()).hexdigest()
         with ExitStack() as stack:
-            work = Work(options, verb, command, code, stack)
+            work = Work(options, verb, command, code, stack, self.results)
             try:
                 # Bars end before anything is printed: a live display would draw over it.
                 with work.bars:

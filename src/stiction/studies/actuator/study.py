@@ -44,6 +44,7 @@ def run(options: ActuatorOptions, work: Work) -> Report:
 
     if options.judge_again:
         return report(recorded(options.out, work, ("rows", "nets", "cross", "robots", "policies")))
+    work.begin()
     found = ActuatorLoop(options.out, options.config, work.command, work.progress).run()
 
     def write_nets(out: Path) -> None:
@@ -59,4 +60,5 @@ STUDY = Study(
     ActuatorOptions,
     run,
     GROUPS,
+    results=("results.csv", "speed.png"),
 )

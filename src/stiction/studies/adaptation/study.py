@@ -66,4 +66,5 @@ STUDY = Study(
     DESCRIPTION,
     AdaptationOptions,
     run,
+    results=("results.csv", "latents.png", "probes.png"),
 )

@@ -95,4 +95,5 @@ STUDY = Study(
     DESCRIPTION,
     BenchOptions,
     run,
+    results=("bench.csv", "bench.png"),
 )

@@ -109,4 +109,5 @@ STUDY = Study(
     DESCRIPTION,
     CalibrationOptions,
     run,
+    results=("coverage.csv",),
 )

@@ -156,4 +156,5 @@ STUDY = Study(
     DESCRIPTION,
     CompensationOptions,
     run,
+    results=("walks.csv", "following.csv", "standing.csv"),
 )

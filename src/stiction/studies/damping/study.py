@@ -74,4 +74,5 @@ STUDY = Study(
     DESCRIPTION,
     DampingOptions,
     run,
+    results=("swaps.csv", "nets.csv", "draws.csv", "robots.csv", "damping.png"),
 )

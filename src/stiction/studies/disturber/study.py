@@ -158,4 +158,10 @@ def report(rows: Sequence[DuelRow], summary: Mapping[str, Any]) -> Report:
     )
 
 
-STUDY = Study("what a fresh disturber gains against each frozen policy", DESCRIPTION, DisturberOptions, run)
+STUDY = Study(
+    "what a fresh disturber gains against each frozen policy",
+    DESCRIPTION,
+    DisturberOptions,
+    run,
+    results=("duels.csv", "gains.csv"),
+)

@@ -121,4 +121,5 @@ STUDY = Study(
     DESCRIPTION,
     EnginesOptions,
     run,
+    results=("conformance.csv", "pace.csv", "walks.csv", "episodes.csv", "motions.png", "walks.png"),
 )

@@ -163,4 +163,6 @@ def run(options: FlagsOptions, work: Work) -> Report:
     )
 
 
-STUDY = Study("is any answer confident and wrong after a wrong flag", DESCRIPTION, FlagsOptions, run)
+STUDY = Study(
+    "is any answer confident and wrong after a wrong flag", DESCRIPTION, FlagsOptions, run, results=("flags.csv",)
+)

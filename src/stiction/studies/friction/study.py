@@ -185,4 +185,8 @@ STUDY = Study(
     DESCRIPTION,
     FrictionOptions,
     run,
+    results=(
+        *("results.csv", "intervals.csv", "following.csv", "curves.csv"),
+        *("budget.png", "each.png", "learning.png", "conditions.png", "collapse.png", "load.png", "go1.png"),
+    ),
 )

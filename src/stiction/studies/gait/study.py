@@ -110,4 +110,10 @@ def _exported(path: Path, out: Path) -> Path:
     return bundle
 
 
-STUDY = Study("which feet are down when, with and without the two gait rewards", DESCRIPTION, GaitOptions, run)
+STUDY = Study(
+    "which feet are down when, with and without the two gait rewards",
+    DESCRIPTION,
+    GaitOptions,
+    run,
+    results=("gaits.csv", "feet.csv", "contacts.npz", "gait.png"),
+)

@@ -54,5 +54,9 @@ def run(options: PhysicsOptions, work: Work) -> Report:
 
 
 STUDY = Study(
-    "what a faster simulation of joint friction does to the speed of a walk", DESCRIPTION, PhysicsOptions, run
+    "what a faster simulation of joint friction does to the speed of a walk",
+    DESCRIPTION,
+    PhysicsOptions,
+    run,
+    results=("physics.csv",),
 )

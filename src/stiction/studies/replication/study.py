@@ -247,6 +247,10 @@ STUDY = Study(
     DESCRIPTION,
     ReplicateOptions,
     run,
+    results=(
+        *("results.csv", "methods.csv", "budget.csv", "forward.csv", "onsets.csv", "following.csv"),
+        *("verdicts.csv", "evidence.csv", "budget.png", "needs.png"),
+    ),
 )
 
 

@@ -50,4 +50,10 @@ def run(options: StairsOptions, work: Work) -> Report:
     return report(rows, {"settings": asdict(options.config), "policies": policies})
 
 
-STUDY = Study("how high a policy climbs, without and with joint friction", DESCRIPTION, StairsOptions, run)
+STUDY = Study(
+    "how high a policy climbs, without and with joint friction",
+    DESCRIPTION,
+    StairsOptions,
+    run,
+    results=("stairs.csv", "stairs.png"),
+)

@@ -121,4 +121,5 @@ STUDY = Study(
     DESCRIPTION,
     WearOptions,
     run,
+    results=("lives.csv", "windows.csv", "readings.csv", "wear.png", "monitor.png"),
 )
