@@ -124,5 +124,5 @@ def test_listing_begins_nothing(small: None, tmp_path: Path, capsys: pytest.Capt
     assert "unknown part '7'" in capsys.readouterr().err
     # By either name it is one study, which reads the folders of the other.
     assert main(["study", "training", "--parts", "7"]) == 1
-    assert capsys.readouterr().err.startswith("stiction study friction: unknown part '7'")
+    assert capsys.readouterr().err.startswith("stiction study training: unknown part '7'")
     assert main(["study", "friction", "--jobs", "0"]) == 1

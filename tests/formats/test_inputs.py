@@ -21,7 +21,14 @@ def test_a_file_is_known_by_its_sha256_and_what_cannot_be_read_by_nothing(tmp_pa
     """If this failed, a file that is not there would be told as one that has changed, and not as missing."""
     log = written(tmp_path / "log.csv", "time\n")
     assert digests_of({"log": [log]}) == {"log": {str(log): hashlib.sha256(b"time\n").hexdigest()}}
-    missing = {"log": [log, tmp_path / "none.csv"], "sidecar": None, "repeat": (), "robot": "go2", "bundles": tmp_path}
+    missing = {
+        "log": [log, tmp_path / "none.csv"],
+        "sidecar": None,
+        "repeat": (),
+        "robot": "go2",
+        "bundles": tmp_path,
+        "policies": ("x",),
+    }
     assert digests_of(missing) == {}
 
 
@@ -29,6 +36,7 @@ def test_a_sidecar_belongs_to_its_log(tmp_path: Path) -> None:
     """If this failed, whoever edits gains in the sidecar would lose the results of before."""
     log = written(tmp_path / "log.csv", "1")
     before = digests_of({"log": with_sidecars([log])})
+    assert with_sidecars([Path()]) == [Path()]  # Whoever reads it says that it is a folder.
     sidecar = written(tmp_path / "log.json", "{}")
     now = digests_of({"log": with_sidecars([log])})
     assert changes(before, now) == {"log": f"{sidecar} added"}

@@ -29,7 +29,8 @@ Digests = dict[str, dict[str, str]]
 def with_sidecars(logs: Iterable[Path]) -> list[Path]:
     """Return logs and the sidecars that lie beside them: who edits one of these has another input too."""
     given = [*logs]
-    return given + [sidecar for sidecar in map(sidecar_of, given) if sidecar.is_file()]
+    beside = [sidecar_of(path) for path in given if path.is_file()]
+    return given + [sidecar for sidecar in beside if sidecar.is_file()]
 
 
 def digests_of(inputs: Inputs) -> Digests:
@@ -58,9 +59,9 @@ def _paths(given: str | Path | Sequence[Path] | None) -> Sequence[Path]:
     """Return the files and folders that an option names; of a robot that is no file, none."""
     if isinstance(given, str):
         return files_of(Path(given)) if Path(given).is_file() else ()
-    if isinstance(given, Path):
-        return (given,)
-    return given or ()
+    # An option of somebody's own study may be anything.
+    several = given if isinstance(given, Sequence) else (given,)
+    return [path for path in several if isinstance(path, Path)]
 
 
 def _digest(path: Path) -> str:
