@@ -75,10 +75,8 @@ class ActuatorLoop:
                     f"{out} holds this study with another {', '.join(other)}; say the same options to go on, or name "
                     "another --out"
                 )
-        else:
-            if cfg.policy is not None:
-                self._check_given(find_bundle(cfg.policy))
-            write_json(file, {"options": self.options, "command": command})
+        elif cfg.policy is not None:
+            self._check_given(find_bundle(cfg.policy))
 
     def _check_given(self, path: Path) -> None:
         """Refuse a first policy that is damaged, or was made for another robot or physics step."""
@@ -92,6 +90,9 @@ class ActuatorLoop:
     def run(self) -> dict[str, Any]:
         """Go through all stages that are not done; return what summary.json has."""
         torch.set_num_threads(num_threads())
+        file = self.out / "study.json"
+        if not file.is_file():
+            write_json(file, {"options": self.options, "command": self.command})
         start = self._first_policy()
         logs = {name: self._logs(name, start) for name in self.cfg.variants}
         nets = {

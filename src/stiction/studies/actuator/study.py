@@ -44,8 +44,10 @@ def run(options: ActuatorOptions, work: Work) -> Report:
 
     if options.judge_again:
         return report(recorded(options.out, work, ("rows", "nets", "cross", "robots", "policies")))
+    # What it refuses is refused before the folder is made; nothing is written before the folder is its own.
+    loop = ActuatorLoop(options.out, options.config, work.command, work.progress)
     work.begin()
-    found = ActuatorLoop(options.out, options.config, work.command, work.progress).run()
+    found = loop.run()
 
     def write_nets(out: Path) -> None:
         for name in found["nets"]:
