@@ -95,7 +95,7 @@ def test_what_is_written_is_read_again(tmp_path: Path, suffix: str) -> None:
     [
         ("{", "not JSON"),
         ("[1]", "holds a list; expected the sidecar"),
-        ('{"kP": 1}', "expected an object"),
+        ('{"kP": 1}', "unknown field 'kP'; did you mean 'kp'"),
         ('{"kp": "20"}', "expected a number"),
         ('{"kp": true}', "expected a number"),
         ('{"kp": NaN}', "no number of JSON"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 from rich.console import Console
-from rich.table import Table
 
+from stiction.cli.identified import show, show_limb, show_walk
 from stiction.core.errors import ConfigurationError, LogError, RobotError, nearest
 from stiction.core.memory import DEFAULT_LIMIT, limit_memory
 from stiction.core.options import read_options, refuse
 from stiction.core.records import part_of
-from stiction.formats.joints import PARAMETERS, JointRecord, JointsFile
+from stiction.formats.joints import JointsFile
 from stiction.formats.log import Log, LogSetup, sidecar_of
 from stiction.formats.plain import object_text
 from stiction.formats.run_log import is_walk_log
@@ -223,7 +223,7 @@ def _identify_joints(config: IdentifyConfig, command: str) -> int:
     with results_folder(config.out, _verb(config), config, RESULTS, _inputs(config)):
         found.write(config.out, command)
     if config.robot is not None:
-        _print_results(config, found.file, partial(_show_limb, model_error=config.model_error))
+        _print_results(config, found.file, partial(show_limb, model_error=config.model_error))
         return 0
     _print_results(config, found.file, show)
     if len(found.signals) > 1 and setup.test_condition != "bare_motor":
@@ -322,7 +322,7 @@ def _identify_walk(arguments: list[str]) -> int:
             write_proposal(options.out, found.joints)
             write_walk_fit(options.out / "fit.npz", found.fit)
             write_walking_page(options.out, shlex.join(["stiction", "identify", WALK, *arguments]))
-    _print_results(options, found.joints, _show_walk)
+    _print_results(options, found.joints, show_walk)
     return 0
 
 
@@ -395,116 +395,3 @@ def _print_results(
     terminal = Terminal()
     show(terminal if terminal.is_terminal else Terminal(width=PLAIN_WIDTH), joints, options.out)
     Terminal(stderr=True).print(f"page: {options.out / 'report.html'}", highlight=False, soft_wrap=True)
-
-
-def show(console: Console, joints: JointsFile, folder: Path) -> None:
-    """Print for a person what was found, and lies in a folder: the verdict in three lines, numbers, and warnings."""
-    from stiction.identify.warnings import repeat_lines
-    from stiction.report.identification import lead_lines, own_warnings, remaining_warnings
-
-    found = {name: record for name, record in joints.joints.items() if record.diagnostics}
-    for line in lead_lines(joints, folder):
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
-    if len(found) == 1:
-        for name, record in found.items():
-            console.print(_one(name, record))
-            if record.friction_law and record.friction_law["law"] not in (None, "coulomb"):
-                console.print(_law(record))
-            console.print(record.friction_law["text"] if record.friction_law else "", highlight=False, soft_wrap=True)
-    elif found:
-        console.print(_several(found))
-    for name, record in found.items():
-        for line in repeat_lines(record):
-            console.print(f"{name}: {line}", highlight=False, markup=False, soft_wrap=True)
-    for text in remaining_warnings(joints):
-        console.print(f"warning: {text}", highlight=False, markup=False, soft_wrap=True)
-    own = own_warnings(joints)
-    if len(found) == 1:
-        for name, text in own:
-            console.print(f"warning: {name}: {text}", highlight=False, markup=False, soft_wrap=True)
-    elif own:
-        console.print(f"warning: {len(own)} more about single joints: see the page, joint by joint", soft_wrap=True)
-
-
-def _one(name: str, record: JointRecord) -> Table:
-    """Tabulate one joint: both estimators, and combinations where parameters are not known."""
-    from stiction.report.identification import EXTRA
-    from stiction.report.page import number, unit
-
-    other = record.diagnostics.get("output_error") or {}
-    table = Table("", "unit", "value", "95 % interval", "output error", title=_title(name, record))
-    for quantity in (*PARAMETERS, *EXTRA, "friction_ratio", "dead_band"):
-        estimate = getattr(record, quantity)
-        if estimate is None:
-            if quantity in (*PARAMETERS, "friction_ratio", "dead_band"):
-                table.add_row(quantity, unit(record, quantity), "not known", "", "")
-            continue
-        second = number(other[quantity]["value"]) if quantity in other else ""
-        table.add_row(quantity, unit(record, quantity), number(estimate.value), _interval(estimate.interval95), second)
-    for label, estimate in record.combinations.items():
-        table.add_row(label, "", number(estimate.value), _interval(estimate.interval95), "")
-    return table
-
-
-def _interval(ends: Sequence[float]) -> str:
-    """Return both ends of an interval."""
-    from stiction.report.page import number
-
-    return " to ".join(map(number, ends))
-
-
-def _title(name: str, record: JointRecord) -> str:
-    """Return the name of a joint over its numbers, and whether they may be used."""
-    return f"{name}: NOT VALID, see above" if record.objections else name
-
-
-def _law(record: JointRecord) -> Table:
-    """Tabulate the law that was chosen."""
-    from stiction.report.page import number, unit
-
-    law = record.friction_law or {}
-    table = Table("", "unit", "value", "95 % interval", title=f"{law['law']} law")
-    over = "/k" if law["over_strength"] else ""
-    for name, data in law["parameters"].items():
-        table.add_row(name, unit(record, name) + over, number(data["value"]), _interval(data["interval95"]))
-    return table
-
-
-def _several(found: dict[str, JointRecord]) -> Table:
-    """Tabulate several joints, a row each; what is known over k only carries it in its heading."""
-    from stiction.report.identification import joint_columns, joint_row
-
-    table = Table("joint", *joint_columns(found))
-    for name, record in found.items():
-        table.add_row(name, *joint_row(record))
-        if record.coulomb_friction is None:
-            damped = "; viscous includes the controller's kd: (B + k·kd)/k" if record.torque_source is None else ""
-            table.caption = f"in units of the motor strength k{damped}"
-    return table
-
-
-def _show_limb(console: Console, joints: JointsFile, folder: Path, model_error: float) -> None:
-    """Print what was found in the log of a limb, and what was taken to be known of its links, for a person."""
-    show(console, joints, folder)
-    console.print(
-        f"inertia is the rotor's (armature), behind the links of the model; each link's mass, inertia and centre were "
-        f"admitted to be off by {model_error:.0%}, one standard deviation (--model-error)",
-        highlight=False,
-        soft_wrap=True,
-    )
-
-
-def _show_walk(console: Console, joints: JointsFile, folder: Path) -> None:
-    """Print what was found in a walk, and the warnings, for a person."""
-    from stiction.report.identification import lead_lines
-    from stiction.report.walking import VALUE_CAPTION, VALUE_COLUMNS, contact_line, grouped_warnings, value_rows
-
-    table = Table("", *VALUE_COLUMNS, caption=VALUE_CAPTION)
-    for line in lead_lines(joints, folder):
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
-    for row in value_rows(joints):
-        table.add_row(*row)
-    console.print(table)
-    console.print(contact_line(joints), highlight=False, soft_wrap=True)
-    for text in grouped_warnings(joints):
-        console.print(f"warning: {text}", highlight=False, soft_wrap=True)
