@@ -55,7 +55,7 @@ def test_what_is_written_is_read_again() -> None:
         ({"kp": 20, "torque_limt": 3}, "x.json: unknown field 'torque_limt'; did you mean 'torque_limit'"),
         ({"fron": 3}, "x.json: unknown field 'fron'; did you mean 'from'"),
         ({"begin": 3}, "x.json: unknown field 'begin': write 'from'"),
-        ({"joints": {"calf": {"kP": 3}}}, "x.json: joint 'calf': unknown field 'kP'; known: kp, kd"),
+        ({"joints": {"calf": {"kP": 3}}}, "x.json: joint 'calf': unknown field 'kP'; did you mean 'kp'. known: kp, kd"),
         ({"joints": {"calf": {"rate": 3}}}, "x.json: joint 'calf': rate is of the whole log"),
         ({"joints": {"calf": {"from": 3}}}, "x.json: joint 'calf': from is of the whole log"),
         ({"joints": {"calf": {"axis": "bent"}}}, "joint 'calf': axis is 'bent'; expected one of rotary, linear"),

@@ -91,7 +91,7 @@ def test_the_loop_from_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture)
     assert stamps == {path: path.stat().st_mtime_ns for path in (out / "runs").rglob("*.safetensors")}
 
     assert main([*arguments, "--level", "0.1"]) == 1
-    assert "of `stiction study actuator` with other settings: config.level 0.2, now 0.1" in capsys.readouterr().err
+    assert "holds this study with another level" in capsys.readouterr().err
 
 
 def test_a_mistake_leaves_nothing_behind(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
