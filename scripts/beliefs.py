@@ -26,9 +26,10 @@ from stiction.deploy.policy import INPUT, load_policy, open_session
 from stiction.evaluate.export import TrainedPolicy, contract_of
 from stiction.evaluate.rollout import Driver, Rollout, friction_at
 from stiction.formats.bundle import read_bundle
+from stiction.formats.contract import Contract
 from stiction.rma.run import RunDirectory
 from stiction.rma.runner import load_actor
-from stiction.robots.physics import EXACT, FAST
+from stiction.robots.physics import EXACT, FAST, PhysicsCfg
 
 LEVELS = [0.0, 0.05, 0.1, 0.15, 0.2, 0.24]
 COLUMNS = ("policy", "iteration", "physics", "timestep", "friction_level", "command", "reached", "believed")
@@ -54,6 +55,28 @@ def estimator_in(model: bytes) -> Estimator | None:
     network.graph.output.append(onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, ("batch", None)))
     session = open_session(network.SerializeToString())
     return lambda observation: np.asarray(session.run([name], {INPUT: observation})[0])
+
+
+class Walks:
+    """Walks on the nominal robot at several friction levels, both commands, `WALKS` of each with noise of their own."""
+
+    def __init__(self, levels: list[float], contract: Contract) -> None:
+        """Lay them out; levels: friction over the torque limit [-]."""
+        self.contract, self.cells = contract, [(level, sign * SPEED) for level in levels for sign in (1.0, -1.0)]
+        self.level, self._forward = (np.repeat(column, WALKS) for column in zip(*self.cells, strict=True))
+        self.command = np.stack((self._forward, np.zeros_like(self._forward), np.zeros_like(self._forward)), -1)
+        self.steps = round(SECONDS / contract.control_period)
+
+    def rollout(self, driver: Driver, physics: PhysicsCfg, timestep: float | None = None) -> Rollout:
+        """Return the robots at their start."""
+        contract, generators = self.contract, [np.random.default_rng([0, number]) for number in range(WALKS)]
+        robot, friction = robot_of(contract), friction_at(contract, self.level)
+        return Rollout(contract, driver, robot, friction, generators, physics=physics, timestep=timestep)
+
+    def share(self, speeds: list[np.ndarray]) -> list[float]:
+        """Return the mean speed over the command of each cell [-]; speeds: of each step [m/s], shape (walks,)."""
+        first = round(UNCOUNTED / self.contract.control_period)
+        return (np.stack(speeds)[first:].mean(0) / self._forward).reshape(-1, WALKS).mean(-1).tolist()
 
 
 class Asked:
@@ -87,32 +110,26 @@ class Asked:
             hook = self.student.estimator.register_forward_hook(
                 lambda *call: believed.append(call[2][:, 0].detach().numpy().copy())
             )
-        cells = [(level, sign * SPEED) for level in levels for sign in (1.0, -1.0)]
-        level, forward = (np.repeat(column, WALKS) for column in zip(*cells, strict=True))
-        command = np.stack((forward, np.zeros_like(forward), np.zeros_like(forward)), -1)
-        generators = [np.random.default_rng([0, number]) for number in range(WALKS)]
-        physical = {"physics": PHYSICS[physics], "timestep": timestep}
-        rollout = Rollout(
-            contract, self.driver(level), robot_of(contract), friction_at(contract, level), generators, **physical
-        )
+        walks = Walks(levels, contract)
+        rollout = walks.rollout(self.driver(walks.level), PHYSICS[physics], timestep)
         reached = []
-        for _ in range(round(SECONDS / contract.control_period)):
+        for _ in range(walks.steps):
             # Believed before the step, so the truth is that of before it too.
             reached.append(rollout.fleet.base_linear_velocity[:, 0].copy())
-            step = rollout.step(command)
+            step = rollout.step(walks.command)
             if self.estimator is not None:
                 believed.append(self.estimator(step.policy.observation)[:, 0])
-        first = round(UNCOUNTED / contract.control_period)
-
-        def share(values: list[np.ndarray]) -> np.ndarray:
-            return (np.stack(values)[first:].mean(0) / forward).reshape(-1, WALKS).mean(-1)
-
         if hook is not None:
             hook.remove()
-        if not believed:
-            return [(*cell, float(true), None) for cell, true in zip(cells, share(reached), strict=True)]
-        means = share(reached), share(believed)
-        return [(*cell, float(true), float(guess)) for cell, true, guess in zip(cells, *means, strict=True)]
+        guesses = walks.share(believed) if believed else [None] * len(walks.cells)
+        return [(*cell, *both) for cell, *both in zip(walks.cells, walks.share(reached), guesses, strict=True)]
+
+
+def write_rows(path: Path | None, columns: tuple[str, ...], rows: list[tuple[object, ...]]) -> None:
+    """Write a table, where one is asked for."""
+    if path is not None:
+        with path.open("w", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows([columns, *rows])
 
 
 def main() -> None:
@@ -141,9 +158,7 @@ def main() -> None:
             worst = max((abs(reached - 1), reached) for _, _, reached, _ in answers)[1]
             mean = sum(abs(reached - 1) for _, _, reached, _ in answers) / len(answers)
             print(f"{path.name} on {physics}: mean deviation {mean:.3f}, worst {worst:.2f}", flush=True)
-    if options.out is not None:
-        with options.out.open("w", newline="") as file:
-            csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
+    write_rows(options.out, COLUMNS, rows)
 
 
 if __name__ == "__main__":

@@ -11,14 +11,13 @@ count. One row for a run, what was replaced, level and command: the speed that w
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import torch
-from beliefs import SECONDS, SPEED, UNCOUNTED, WALKS
+from beliefs import Walks, write_rows
 from torch import nn
 
 from stiction.core.errors import StictionError
@@ -78,13 +77,10 @@ class Walker(nn.Module):
 def walk(run: RunDirectory, who: str, given: frozenset[str], levels: list[float]) -> list[tuple[float, float, float]]:
     """Return level, command [m/s] and speed over the command of every level and direction."""
     contract = contract_of(run.config(), run.header())
-    robot, actor = robot_of(contract), load_actor(run, who)
-    cells = [(level, sign * SPEED) for level in levels for sign in (1.0, -1.0)]
-    level, forward = (np.repeat(column, WALKS) for column in zip(*cells, strict=True))
-    friction = friction_at(contract, level)
-    latent = None
+    actor, walks, latent = load_actor(run, who), Walks(levels, contract), None
     if "z" in given:
-        share = friction_share(contract.friction_law, friction, robot)
+        robot = robot_of(contract)
+        share = friction_share(contract.friction_law, friction_at(contract, walks.level), robot)
         latent = actor.privileged_encoder(privileged_of(run, actor, contract, robot, share)).detach()
     noise = torch.Generator().manual_seed(0) if "noise" in given else None
     rollout: Rollout
@@ -93,17 +89,12 @@ def walk(run: RunDirectory, who: str, given: frozenset[str], levels: list[float]
         return torch.from_numpy(rollout.fleet.base_linear_velocity.astype(np.float32))
 
     walker = Walker(actor, latent, velocity if "velocity" in given else None, noise)
-    driver = TrainedPolicy(walker, contract, len(level))
-    generators = [np.random.default_rng([0, number]) for number in range(WALKS)]
-    rollout = Rollout(contract, driver, robot, friction, generators, physics=EXACT)
-    command = np.stack((forward, np.zeros_like(forward), np.zeros_like(forward)), -1)
+    rollout = walks.rollout(TrainedPolicy(walker, contract, len(walks.level)), EXACT)
     reached = []
-    for step in range(round(SECONDS / contract.control_period)):
-        rollout.step(command)
-        if step >= round(UNCOUNTED / contract.control_period):
-            reached.append(rollout.fleet.base_linear_velocity[:, 0].copy())
-    speeds = (np.mean(reached, 0) / forward).reshape(-1, WALKS).mean(-1)
-    return [(*cell, float(speed)) for cell, speed in zip(cells, speeds, strict=True)]
+    for _ in range(walks.steps):
+        rollout.step(walks.command)
+        reached.append(rollout.fleet.base_linear_velocity[:, 0].copy())
+    return [(*cell, speed) for cell, speed in zip(walks.cells, walks.share(reached), strict=True)]
 
 
 def main() -> None:
@@ -122,9 +113,7 @@ def main() -> None:
             mean = sum(abs(speed - 1) for *_, speed in answers) / len(answers)
             cells = "  ".join(f"{speed:.2f}" for *_, speed in answers)
             print(f"{path.name} {name}: mean deviation {mean:.3f}  {cells}", flush=True)
-    if options.out is not None:
-        with options.out.open("w", newline="") as file:
-            csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
+    write_rows(options.out, COLUMNS, rows)
 
 
 if __name__ == "__main__":

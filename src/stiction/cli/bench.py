@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from stiction.core.effects import OptionsOf, check_effects
+from stiction.core.effects import LEAVE_ONE, OptionsOf, check_effects
 from stiction.core.errors import ConfigurationError
 from stiction.core.options import read_options
 from stiction.locomotion.friction import law_choice, law_help
@@ -71,7 +71,7 @@ BELONGS = (
         ("preset", "method", "friction_level", "friction_law", "terrain", "actuator", "device"),
         "the measurement of training, which --ground replaces",
         lambda cfg: not cfg.ground,
-        "leave one of them out",
+        LEAVE_ONE,
     ),
     OptionsOf(("friction_level",), "a --method with friction", lambda cfg: cfg.method != "none", "leave it out"),
 )

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from stiction.core.effects import OptionsOf, check_effects
+from stiction.core.effects import LEAVE_ONE, OptionsOf, check_effects
 from stiction.core.files import write_text
 from stiction.core.options import read_options
 from stiction.formats.results import DIRECTIONS
@@ -77,13 +77,13 @@ BELONGS = (
         ("train", "preset", "bundles", "episodes", "seconds"),
         "the page, which --loop does not make",
         lambda cfg: not cfg.loop,
-        "leave one of them out",
+        LEAVE_ONE,
     ),
     OptionsOf(
         ("train",),
         "policies of its own, which --bundles replaces",
         lambda cfg: not cfg.bundles,
-        "leave one of them out",
+        LEAVE_ONE,
     ),
     OptionsOf(("preset",), "--train", lambda cfg: cfg.train),
 )

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from stiction.core.effects import OptionsOf, check_effects
+from stiction.core.effects import LEAVE_ONE, OptionsOf, check_effects
 from stiction.core.errors import ConfigurationError, UnwrittenError
 from stiction.core.files import write_text
 from stiction.core.options import read_options
@@ -121,7 +121,6 @@ class DeployCfg:
 
 
 OF_POLICY = "the policy, which --excitation replaces"
-LEAVE_ONE = "leave one of them out"
 """What is said of options that a motion has no use for."""
 
 

@@ -14,6 +14,7 @@ import tyro
 from rich.console import Console
 
 from stiction.cli.identified import show, show_limb, show_walk
+from stiction.core.effects import changed_options, flag_of
 from stiction.core.errors import ConfigurationError, LogError, RobotError, nearest
 from stiction.core.memory import DEFAULT_LIMIT, limit_memory
 from stiction.core.options import read_options, refuse
@@ -237,11 +238,11 @@ def _start_sidecar(config: IdentifyConfig) -> str:
     from stiction.identify.logs.sidecar import write_sidecar
 
     kept = {item.name for item in fields(LogSetup)} & {item.name for item in fields(IdentifyConfig)}
-    for item in fields(IdentifyConfig):
-        used = item.name in kept or item.name in ("log", "init", "joint", "memory_limit")
-        if not used and getattr(config, item.name) != item.default:
-            flag = item.name.replace("_", "-")
-            raise ConfigurationError(f"--init writes the sidecar of a log, and has no use for --{flag}; leave it out")
+    for name in changed_options(config, IdentifyConfig(log=config.log)):
+        if name not in kept and name not in ("init", "joint", "memory_limit"):
+            raise ConfigurationError(
+                f"--init writes the sidecar of a log, and has no use for {flag_of(name)}; leave it out"
+            )
     if len(config.log) > 1:
         raise ConfigurationError(f"--init with {len(config.log)} logs; expected one: each has a sidecar of its own")
     if len(config.joint) > 1:
@@ -254,11 +255,10 @@ def _start_sidecar(config: IdentifyConfig) -> str:
 
 def _refuse_unread(config: IdentifyConfig) -> None:
     """Refuse options that nothing would read, for whoever gave them takes the result for another one."""
-    unset = LimbSetup()
-    given = [item.name for item in fields(LimbSetup) if getattr(config, item.name) != getattr(unset, item.name)]
+    given = [*changed_options(config, LimbSetup())]
     if config.robot is None and given:
         raise ConfigurationError(
-            f"--{given[0].replace('_', '-')} is for a whole limb, whose robot is named; add --robot, or leave it out"
+            f"{flag_of(given[0])} is for a whole limb, whose robot is named; add --robot, or leave it out"
         )
     if config.repeat_columns and not config.repeat:
         raise ConfigurationError("--repeat-columns are those of repeats, and there is none; add --repeat LOG")
@@ -349,7 +349,7 @@ def _refuse_declared(options: WalkOptions) -> None:
     for name in names:
         if getattr(options, name) not in (None, ()):
             raise ConfigurationError(
-                f"--{name.replace('_', '-')} with {options.log.name}, a log of evaluate --log, which says that itself: "
+                f"{flag_of(name)} with {options.log.name}, a log of evaluate --log, which says that itself: "
                 "leave it out"
             )
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from stiction.core.effects import OptionsOf, check_effects
+from stiction.core.effects import LEAVE_ONE, OptionsOf, check_effects
 from stiction.core.errors import ConfigurationError
 from stiction.core.options import read_options
 from stiction.formats.settings import check_file
@@ -96,7 +96,7 @@ BELONGS = (
         ("port", "host", "follow", "out"),
         "the viewer, which --static does not open",
         lambda cfg: cfg.static is None,
-        "leave one of them out",
+        LEAVE_ONE,
     ),
     OptionsOf(("seconds", "overwrite"), "--static", lambda cfg: cfg.static is not None),
     OptionsOf(

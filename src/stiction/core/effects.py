@@ -11,6 +11,9 @@ from typing import Any
 
 from stiction.core.errors import ConfigurationError
 
+LEAVE_ONE = "leave one of them out"
+"""The remedy where two things were asked for, of which one replaces the other."""
+
 
 @dataclass(frozen=True)
 class OptionsOf:
