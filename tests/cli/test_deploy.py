@@ -214,6 +214,7 @@ def motion(tmp_path: Path) -> str:
     [
         ["--command", "vx=0.5"],
         ["--operator.command-from", "127.0.0.1:9000"],
+        ["--silence", "0.5"],
         ["--fault", "policy-kill@1"],
         ["--fault", "policy-nan@1"],
         ["--fault", "command-loss@1"],

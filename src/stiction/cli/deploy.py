@@ -137,7 +137,9 @@ BELONGS = (
         "leave it out, or say --robot virtual",
     ),
     OptionsOf(("held",), "a Unitree robot", lambda cfg: cfg.robot.startswith("unitree-"), "leave it out"),
-    OptionsOf(("command", "operator.command_from"), OF_POLICY, lambda cfg: cfg.excitation is None, LEAVE_ONE),
+    OptionsOf(
+        ("command", "operator.command_from", "silence"), OF_POLICY, lambda cfg: cfg.excitation is None, LEAVE_ONE
+    ),
     OptionsOf(("operator.heartbeat_timeout",), "--operator.heartbeat", _hears_heartbeat),
 )
 """Which options are of what."""

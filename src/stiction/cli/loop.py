@@ -43,8 +43,8 @@ class LoopCfg:
     """How often a run is made on a machine that was too busy for it."""
 
 
-WAITS = ("--silence", "2", "--stale", "0.5")
-"""How long the supervisor waits for policy and robot [s]: longer than on a robot of metal, since here nothing
+WAITS, WAITS_FOR_POLICY = ("--stale", "0.5"), ("--silence", "2")
+"""How long the supervisor waits for the robot, and for a policy [s]: longer than on a robot of metal, since here nothing
 falls on anybody, and a demo runs on machines that do other work."""
 
 TIMING = (*BUSY, "not ready")
@@ -88,7 +88,7 @@ def run_loop(cfg: LoopCfg) -> list[JointRow]:
         _step("identify", bench, "--test-condition", "in_air", "--out", cfg.out / f"identified-{kind}", "--overwrite")
         found |= friction_in(cfg.out / f"identified-{kind}" / "joints.json")
     walk = cfg.out / "walk"
-    _deploy(cfg, walk, *virtual, "--command", "vx=0.4", "--duration", cfg.seconds)
+    _deploy(cfg, walk, *virtual, "--command", "vx=0.4", "--duration", cfg.seconds, *WAITS_FOR_POLICY)
     _step("identify", "walk", walk, "--out", cfg.out / "identified-walk", "--overwrite")
     after = friction_in(cfg.out / "identified-walk" / "joints.json")
     rows = compared(own_friction(cfg), found, after)

@@ -8,6 +8,7 @@ from math import exp, log, sqrt
 import numpy as np
 import pytest
 
+from stiction.core.statistics import wilson
 from stiction.studies.wear.lifetimes import (
     Ending,
     Lifetime,
@@ -181,12 +182,24 @@ def test_whatever_is_noticed_where_nothing_grew_is_a_false_alarm() -> None:
     ]
     rows = [judge_robot(WHAT | {"steady": 0.3}, [Seen(*one)], True) for one in heard]
     found = control(rows)
-    assert (found["steady"], found["robots"], found["ends"]) == (0.3, 4, {"alive": 3, "fell": 1})
+    assert (found["steady"], found["robots"], found["read"]) == (0.3, 4, 4)
+    assert found["ends"] == {"alive": 3, "fell": 1}
     assert found["alarms"] == {"unusual": 3, "grown": 1} and found["at_once"] == {"unusual": 1, "grown": 0}
     half = 1.95996 * sqrt(0.046875 + 0.060023)
     ends = [(0.75 + 0.48018 - half) / 1.96036, (0.75 + 0.48018 + half) / 1.96036]
     assert found["interval95"]["unusual"] == pytest.approx(ends, abs=1e-4)
     assert found["interval95"]["grown"] == pytest.approx([1 - ends[1], 1 - ends[0]], abs=1e-4)
+
+
+def test_a_robot_that_a_monitor_never_read_is_none_without_a_false_alarm() -> None:
+    """One is read and one fell before its first reading; of two that both fell nothing is known."""
+    read, fell = (windows(1.0, 1.0), [reading(10, 0.05)], None), (windows(1.0), [], (5.0, 0.3))
+    rows = [judge_robot(WHAT | {"steady": 0.3}, [Seen(*one)], True) for one in (read, fell, fell)]
+    found = control(rows[:2])
+    assert (found["robots"], found["read"], found["alarms"]) == (2, 1, {"unusual": 0, "grown": 0})
+    assert found["interval95"]["grown"] == list(wilson(0, 1))
+    nothing = control(rows[1:])
+    assert nothing["read"] == 0 and nothing["interval95"] == {"unusual": None, "grown": None}
 
 
 def test_walks_in_which_nothing_grew_are_controls() -> None:

@@ -62,7 +62,8 @@ METHOD = {
 }
 CONTROL = {
     "steady": 0.3,
-    "robots": 3,
+    "robots": 4,
+    "read": 3,
     "ends": {"alive": 2, "too slow": 1},
     "alarms": {"unusual": 2, "grown": 0},
     "at_once": {"unusual": 1, "grown": 0},
@@ -159,12 +160,15 @@ def test_the_page_has_tables_and_figures_and_the_numbers_lie_beside_it(tmp_path:
 
 def test_false_alarms_stand_beside_the_notices(tmp_path: Path) -> None:
     """Without them nobody could say what a notice is worth; rows of the files say in which walks nothing grew."""
-    group = GROUP | {"controls": [CONTROL, CONTROL | {"steady": 1.0, "ends": {"too fast from the start": 3}}]}
+    unread = CONTROL | {"steady": 2.0, "read": 0, "interval95": {"unusual": None, "grown": None}}
+    others = [CONTROL | {"steady": 1.0, "ends": {"too fast from the start": 3}}, unread]
+    group = GROUP | {"controls": [CONTROL, *others]}
     stayed = [replace(row, steady=0.3) for row in (LIFETIME, READING, *WINDOWS)]
     rows = [LIFETIME, stayed[0]], [*WINDOWS, *stayed[2:]], [READING, stayed[1]]
     page = written(tmp_path, *rows, groups=[group])
     assert (
         "2 of 3 (21% to 94%)" in page
+        and "nothing read" in page
         and page.count("x1.25") == 1
         and "3 too fast from the start" in page
         and "not known" not in page

@@ -322,8 +322,10 @@ def _median(rows: Sequence[Lifetime]) -> float | None:
 def control(rows: Sequence[Lifetime]) -> dict[str, Any]:
     """Return how robots of one policy and level did while their friction stayed the same, and how often it was noticed.
 
-    Whatever a monitor notices there is a false alarm, at once or later. The intervals are Wilson's, over the robots.
+    Whatever a monitor notices there is a false alarm, at once or later. The intervals are Wilson's, over the robots
+    that it `read`: of one that fell before its first reading, or that gave it nothing to read, it could not say.
     """
+    read = sum(row.held is not None or row.unusual != "never" for row in rows)
     alarms = {name: [getattr(row, name) for row in rows if getattr(row, name) != "never"] for name in SIGNALS}
     return {
         "steady": rows[0].steady,
@@ -331,7 +333,8 @@ def control(rows: Sequence[Lifetime]) -> dict[str, Any]:
         "ends": dict(Counter(row.end for row in rows)),
         "alarms": {name: len(came) for name, came in alarms.items()},
         "at_once": {name: came.count("at once") for name, came in alarms.items()},
-        "interval95": {name: list(wilson(len(came), len(rows))) for name, came in alarms.items()},
+        "read": read,
+        "interval95": {name: list(wilson(len(came), read)) if read else None for name, came in alarms.items()},
     }
 
 

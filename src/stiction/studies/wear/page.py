@@ -200,7 +200,7 @@ MONITOR = (
 CONTROLS = (
     "The same robots under the same policies, for as long, with friction that stays: at the wear at which the others "
     "begin, so that growth alone is missing, and at x1, the level itself. Whatever a monitor notices there, at once or "
-    "later, is a false alarm; in brackets Wilson's 95 % interval over these robots."
+    "later, is a false alarm, of the robots that it read; in brackets Wilson's 95 % interval over these."
 )
 
 NO_CONTROLS = "No robot walked with friction that stays (--no-control): false alarms are not known."
@@ -345,6 +345,8 @@ def control_blocks(groups: Sequence[dict[str, Any]]) -> tuple[Markup, ...]:
 
 
 def _alarms(control: dict[str, Any], name: str) -> str:
-    """Return how many robots set off one signal, with the interval of the share."""
+    """Return how many of the robots that a monitor read set off one signal, with the interval of the share."""
+    if not control["read"]:
+        return "nothing read"
     low, high = control["interval95"][name]
-    return f"{control['alarms'][name]} of {control['robots']} ({low:.0%} to {high:.0%})"
+    return f"{control['alarms'][name]} of {control['read']} ({low:.0%} to {high:.0%})"
