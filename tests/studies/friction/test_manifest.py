@@ -188,7 +188,15 @@ def test_a_dear_design_costs_more_and_what_was_not_measured_has_no_number() -> N
     assert found == pytest.approx(expected, abs=2e-3)
     assert cost["hinf-nobody"] == usual
     unknown = {name for name, minutes in cost.items() if minutes is None}
-    assert unknown == {"fine-contact", "hinf-random", "hinf-random-curriculum", "hinf-random-joints", "with-load"}
+    assert unknown == {"fine-contact", "hinf-random", "hinf-random-curriculum", "hinf-random-joints"}
+    assert cost["with-load"] == pytest.approx(1.11 * usual)
+    laws = {run.condition.name: PlannedRun.of(run, Path("runs")) for run in runs_of(("5", "6"))}
+    deception = PlannedRun.of(runs_of(["1"])[0], Path("runs"))
+    for name, factor in (("effort442-direct", 1.11), ("go1-coulomb20-none", 0.81)):
+        assert laws[name].minutes() == pytest.approx(factor * deception.minutes()), name
+    rows = replace(laws["effort442-direct"].cfg.task, physics=EXACT)
+    loaded = replace(laws["effort442-direct"], cfg=replace(laws["effort442-direct"].cfg, task=rows))
+    assert loaded.minutes() == pytest.approx(1.35 * 2.42 / 1.79 * deception.minutes())
     literal = {run.condition.name: PlannedRun.of(run, Path("runs")) for run in runs_of(("literal",))}
     here, physx = literal["literal01-mujoco"], literal["literal01-physx"]
     assert physx.minutes() / here.minutes() == pytest.approx(1.2e-3 / (0.88 * 2.42e-4))

@@ -33,11 +33,21 @@ STEP_SECONDS = {"rows": 2.42e-4, "sliders": 1.79e-4, "physx": 1.2e-3}
 sliders: 2.97 and 2.20 s an iteration of 512 robots and 24 steps (results/speed, an AMD core; machines differ by two).
 In PhysX, a robot at a time, 15 s."""
 
-DEARER_BY = {"teacher": 0.88, "mirrored": 1.5, "recurrent": 1.45, "dreamwaq": 1.03, "hinf": 1.27}
+DEARER_BY: dict[str, float | dict[str, float]] = {
+    "teacher": 0.88,
+    "mirrored": 1.5,
+    "recurrent": 1.45,
+    "dreamwaq": 1.03,
+    "hinf": 1.27,
+    "law": {"rows": 1.35, "sliders": 1.11},
+    "go1": {"rows": 0.88, "sliders": 0.81},
+}
 """What an iteration takes over one of the presets of one phase [1]: one of a teacher, whose encoder PPO's gradient does
 not reach, or its student, 2.63 s on rows and 1.90 on sliders (results/speed); mirrored samples, 1,089 to 1,118 s for
 333 where 440 take 940 to 1,000, and a recurrent encoder, 3.2 s where others take 2.2 (results/student); DreamWaQ, 1,074
-and 1,082 s, and H∞ beside a disturber that learns, 1,307 to 1,369 s, where one phase takes 1,050 (results/methods)."""
+and 1,082 s, and H∞ beside a disturber that learns, 1,307 to 1,369 s, where one phase takes 1,050 (results/methods); a
+friction law that reads load or torque, by `load` at 0.2, the dearer of the two, 3.57 s where a torque takes 2.64 and
+2.11 where it takes 1.90; the smaller robot go1, 2.32 and 1.54 s (results/speed)."""
 
 PASS = 0.087 / 2.20
 """What each further supervised pass over a rollout takes of such an iteration [1] (results/speed)."""
@@ -77,23 +87,27 @@ class PlannedRun:
         """Return the processor time that its training takes from the beginning, by `STEP_SECONDS` and `DEARER_BY`
         [min]; None where nothing like it was measured.
         """
-        cfg, physics, factor = self.cfg, "sliders" if self.cfg.task.physics.plastic else "rows", self._factor()
-        physics = physics if cfg.engine == "mujoco" else cfg.engine
+        cfg = self.cfg
+        physics = ("sliders" if cfg.task.physics.plastic else "rows") if cfg.engine == "mujoco" else cfg.engine
+        factor = self._factor(physics)
         if factor is None or physics not in STEP_SECONDS or (physics == "physx" and factor != 1.0):
             return None
         steps = cfg.num_envs * sum(phase.iterations * phase.steps for phase in (cfg.teacher, cfg.student))
         return steps * factor * STEP_SECONDS[physics] / 60.0
 
-    def _factor(self) -> float | None:
-        """Return what its iterations take over those that `STEP_SECONDS` is of [1]; None where that is not measured."""
+    def _factor(self, physics: str) -> float | None:
+        """Return what its iterations take over those that `STEP_SECONDS` is of [1]; None where that is not measured.
+
+        physics: a name of `STEP_SECONDS`.
+        """
         cfg, usual = self.cfg, TaskCfg()
         task, disturbed = cfg.task, cfg.is_disturbed and cfg.hinf.disturbs
+        robot = task.robot.partition("@")[0]
         measured = (
             (task.timestep, task.decimation, task.history) == (usual.timestep, usual.decimation, usual.history)
-            and task.robot.partition("@")[0] == usual.robot
+            and robot in (usual.robot, "go1")
             and task.terrain.kind == "flat"
             and cfg.actuator is None
-            and not any(law.spec.reads for law in task.friction.laws)
             and not (disturbed and not cfg.hinf.learns)
         )
         has = {
@@ -102,9 +116,14 @@ class PlannedRun:
             "recurrent": cfg.network.recurrent,
             "dreamwaq": cfg.has_context,
             "hinf": disturbed,
+            "law": any(law.spec.reads for law in task.friction.laws),
+            "go1": robot == "go1",
         }
         passes = 1.0 + PASS * (cfg.teacher.adaptation_passes - 1)
-        return passes * prod(DEARER_BY[name] for name, there in has.items() if there) if measured else None
+        dearer = [DEARER_BY[name] for name, there in has.items() if there]
+        each = [factor if isinstance(factor, float) else factor.get(physics) for factor in dearer]
+        known = [factor for factor in each if factor is not None]
+        return passes * prod(known) if measured and len(known) == len(each) else None
 
     def state(self) -> State:
         """Return where the run stands.
