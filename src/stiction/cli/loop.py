@@ -44,8 +44,8 @@ class LoopCfg:
 
 
 WAITS, WAITS_FOR_POLICY = ("--stale", "0.5"), ("--silence", "2")
-"""How long the supervisor waits for the robot, and for a policy [s]: longer than on a robot of metal, since here nothing
-falls on anybody, and a demo runs on machines that do other work."""
+"""How long the supervisor waits for the robot, and for a policy [s]: longer than on a robot of metal, since here
+nothing falls on anybody, and a demo runs on machines that do other work."""
 
 TIMING = (*BUSY, "not ready")
 """Rules that end a run on a virtual robot only where the machine is late."""
