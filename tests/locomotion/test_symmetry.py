@@ -17,6 +17,7 @@ import robot_files
 from actuators import pd_net
 from mirrored import mirrored_qpos, mirrored_qvel, mirrored_state
 from stiction.core.errors import StictionError
+from stiction.formats.joints import Estimate, JointRecord, JointsFile
 from stiction.formats.observation import ObservationLayout, Term
 from stiction.locomotion import randomization as privileged
 from stiction.locomotion import symmetry
@@ -25,7 +26,7 @@ from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.symmetry import task_mirror
 from stiction.locomotion.terrain import TerrainCfg
-from stiction.rma.begin import begin_run
+from stiction.rma.begin import begin_run, share_damping
 from stiction.rma.config import TrainCfg
 from stiction.robots.mirror import RobotMirror, mirrored_kinds, robot_mirror
 from stiction.robots.physics import FAST, PhysicsCfg
@@ -372,6 +373,35 @@ def test_what_no_multiplier_can_say_is_refused() -> None:
         StictionError, match=r"joint 'FL_hip_joint' has no nominal damping and its mirror image 'FR_hip_joint'"
     ):
         task_mirror(env)
+
+
+def test_joints_of_which_one_alone_has_viscous_friction_share_it() -> None:
+    """One joint of a bench came out below zero, and no symmetric training took the bench's joints."""
+    robot = make(TWIN).spec
+    mirror, said = robot_mirror(robot), []
+    damping: list[float | None] = [0.05] * 12
+    damping[3], damping[4], damping[5] = 0.0, None, 0.08
+    own = np.array([np.nan if one is None else one for one in damping])
+    values = {"damping": damping}
+    share_damping(values, robot, mirror, said.append)
+    image = int(mirror.joints[3])
+    expected = own.copy()
+    expected[[3, image]] = 0.025
+    np.testing.assert_array_equal([np.nan if one is None else one for one in values["damping"]], expected)
+    assert len(said) == 1 and "FL_hip_joint: both have the mean, 0.025 N m s/rad" in said[0]
+    task_mirror(LocomotionEnv(make(TWIN).cfg, NUM, seed=1, identified={"damping": expected}))
+
+
+@pytest.mark.parametrize(("asked", "shared"), [("network", [0.02, 0.02]), ("none", [0.0, 0.04])])
+def test_a_bench_with_one_joint_below_zero_is_trained_with(tmp_path: Path, asked: str, shared: list[float]) -> None:
+    """Without symmetry every joint keeps its own."""
+    found = {"FL_hip_joint": -0.01, "FR_hip_joint": 0.04}
+    records = {name: JointRecord(viscous_friction=Estimate(at, 0.01, (at, at))) for name, at in found.items()}
+    JointsFile(records).write(tmp_path / "joints.json")
+    cfg = TrainCfg(task=make(TWIN).cfg, symmetry=asked, joints=str(tmp_path / "joints.json"))
+    run, _ = begin_run(tmp_path / "run", cfg, "stiction train")
+    names, damping = make(TWIN).spec.joint_names, run.header()["identified"]["values"]["damping"]
+    assert [damping[names.index(name)] for name in found] == shared
 
 
 def test_compensation_that_differs_from_left_to_right_is_refused() -> None:

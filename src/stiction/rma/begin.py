@@ -23,7 +23,7 @@ from stiction.rma.ranks import ALONE, Ranks
 from stiction.rma.run import RunDirectory
 from stiction.rma.simulator import find_simulator, why_task_on_host
 from stiction.robots.catalog import find_robot
-from stiction.robots.mirror import mirrored_kinds, robot_mirror
+from stiction.robots.mirror import RobotMirror, mirrored_kinds, robot_mirror
 from stiction.robots.model import Robot
 from stiction.robots.sliders import stiff_sliders
 from stiction.sim.fleet import Fleet
@@ -61,13 +61,14 @@ def begin_run(
     ranks.share(cfg.num_envs)
     if not ranks.alone and (cfg.has_context or cfg.is_disturbed):
         raise ConfigurationError(f"--method {cfg.task.friction.method} trains in one process; leave torchrun out")
-    if cfg.symmetry != "none":
-        mirror = robot_mirror(robot)
-        if cfg.task.known_friction or cfg.task.estimated_friction:
-            mirrored_kinds(robot, mirror)
+    mirror = None if cfg.symmetry == "none" else robot_mirror(robot)
+    if mirror is not None and (cfg.task.known_friction or cfg.task.estimated_friction):
+        mirrored_kinds(robot, mirror)
     refuse_alone(joint_map, cfg.joints)
     identified = nominal_of(cfg.joints, cfg.task.robot, joint_map, cfg.task.friction, say)
     _check_own_friction(cfg, robot, identified)
+    if identified is not None and mirror is not None:
+        share_damping(identified["values"], robot, mirror, say)
     if line := stiff_sliders(robot, cfg.task.physics, cfg.task.timestep, _lightest_rotors(cfg, robot, identified)):
         say(f"warning: {line}")
     return RunDirectory.create(out, cfg, command, identified, ranks.size), cfg
@@ -144,6 +145,24 @@ def nominal_of(
     for warning in said:
         say(f"warning: {warning}")
     return header
+
+
+def share_damping(values: dict[str, list[Any]], robot: Robot, mirror: RobotMirror, say: Say) -> None:
+    """Give both of a joint and its mirror image the mean of their viscous friction where one alone has any, in place.
+
+    An estimate below zero counts as none, and a symmetric training draws multiples: of nothing there are none. values:
+    as of `nominal_of`, of which `damping` changes, one a joint, None: the robot's own.
+    """
+    known = np.array(values["damping"], float)
+    damping = np.where(np.isnan(known), robot.joint_values("damping"), known)
+    image = damping[mirror.joints]
+    for joint in np.flatnonzero((damping == 0.0) & (image != 0.0)).tolist():
+        other, mean = int(mirror.joints[joint]), float(image[joint]) / 2.0
+        values["damping"][joint] = values["damping"][other] = mean
+        say(
+            f"warning: viscous friction was found in {robot.joint_names[other]} and none in its mirror image "
+            f"{robot.joint_names[joint]}: both have the mean, {mean:.3g} N m s/rad; with their own: --symmetry none"
+        )
 
 
 def _sources(values: Mapping[str, list[Any]], robot: Robot, file: str) -> str:
