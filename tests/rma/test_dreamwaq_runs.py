@@ -13,7 +13,7 @@ import torch
 from tensordict import TensorDict
 
 from rollouts import phase_runner, rollout
-from stiction.core.errors import ConfigurationError, StictionError
+from stiction.core.errors import ConfigurationError
 from stiction.deploy.policy import Network
 from stiction.evaluate.export import contract_of, export_network, export_run, write_card
 from stiction.evaluate.methods import METHODS, method_of
@@ -165,11 +165,31 @@ def test_a_symmetric_run_is_exported(tmp_path: Path) -> None:
     torch.testing.assert_close(image, mirror.action(acted), atol=1e-6, rtol=0)
 
 
-def test_an_odd_code_has_no_halves(tmp_path: Path) -> None:
-    """One line that says which size, and what would do."""
-    cfg = replace(CFG, symmetry="network", dreamwaq=replace(CFG.dreamwaq, code=5))
-    with pytest.raises(StictionError, match="a layer of 5 units has no left and right half"):
-        phase_runner(cfg, tmp_path)
+@pytest.mark.parametrize(
+    ("words", "name"),
+    [
+        ("--method dreamwaq --dreamwaq.code 5", "dreamwaq.code is 5"),
+        ("--method dreamwaq --dreamwaq.decoder 8 5", r"dreamwaq.decoder\[1\] is 5"),
+        ("--method none --network.latent 5", "network.latent is 5"),
+        ("--method none --network.history 10", r"network.history\[-1\] / 2 is 5"),
+        ("--method hinf --network.critic 5", r"network.critic\[0\] is 5"),
+    ],
+)
+def test_an_odd_layer_has_no_halves(words: str, name: str) -> None:
+    """One line that says which size, and what would do, before there is a folder."""
+    with pytest.raises(ConfigurationError, match=f"{name}, and a layer of 5 units has no left and right half"):
+        parse(words.split())
+    parse([*words.split(), "--symmetry", "half"])
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["--method dreamwaq --dreamwaq.decoder", "--method hinf --hinf.actor", "--method none --network.critic"],
+)
+def test_a_network_without_hidden_layers_is_refused(words: str) -> None:
+    """Not an error of an index, which would be called a fault of the program."""
+    with pytest.raises(ConfigurationError, match=r"has 0 layers; expected 1 to 10"):
+        parse(words.split())
 
 
 @pytest.mark.parametrize("symmetry", ["batches", "half"])

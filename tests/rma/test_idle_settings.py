@@ -45,6 +45,7 @@ REFUSED = [
         "with --method dreamwaq",
     ),
     ("--hinf.curriculum 0.5", "--hinf.curriculum 0.5", "without --method hinf"),
+    ("--preset full --method hinf --hinf.curriculum 0.001", "--hinf.curriculum 0.001", "the limit is there at once"),
     ("--method none --task.friction.per joint", "--task.friction.per joint", "no friction in training"),
     ("--method none --task.friction.steps 2", "--task.friction.steps 2", "no friction in training"),
     ("--preset full --method hinf --task.friction.spread 0.5 1.5", "--task.friction.spread 0.5 1.5", "asks for it"),

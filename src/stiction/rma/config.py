@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from operator import attrgetter
 from typing import Annotated, Literal, get_args
 
 from tyro.conf import arg
@@ -352,13 +353,14 @@ class TrainCfg:
         lists |= {f"dreamwaq.{name}": getattr(self.dreamwaq, name) for name in ("encoder", "decoder")}
         lists |= {f"hinf.{name}": getattr(self.hinf, name) for name in ("actor", "critic")}
         for name, layers in lists.items():
-            if len(layers) > MOST_LAYERS:
-                raise ConfigurationError(f"{name} has {len(layers)} layers; expected at most {MOST_LAYERS}")
+            if not 1 <= len(layers) <= MOST_LAYERS:
+                raise ConfigurationError(f"{name} has {len(layers)} layers; expected 1 to {MOST_LAYERS}")
             counts |= {f"{name}[{number}]": size for number, size in enumerate(layers)}
         for name, count in counts.items():
             least, most = int(name not in MAY_BE_NONE), MOST_COUNTS.get(name.rpartition(".")[2], 10_000)
             if not least <= count <= most:
                 raise ConfigurationError(f"{name} is {count}; expected at least {least}, and at most {most}")
+        self._check_halves()
         if self.video_every < 0:
             raise ConfigurationError(
                 f"video_every is {self.video_every}; expected a number of iterations, or 0 for none"
@@ -369,6 +371,29 @@ class TrainCfg:
             if samples < max(cfg.mini_batches, 2 * self.teacher.mini_batches * (self.symmetry == "half")):
                 raise ConfigurationError(
                     f"{phase}: {samples} samples a rollout for {cfg.mini_batches} mini-batches; use more robots"
+                )
+
+    def _check_halves(self) -> None:
+        """Refuse layers that symmetric networks cannot split into left and right."""
+        if self.symmetry != "network":
+            return
+        # Of the last of `history` the critic has half.
+        sizes = {"network.history[-1] / 2": self.network.history[-1] // 2}
+        used = [f"network.{name}" for name in ("actor", "critic", "history", "history_frame")]
+        if self.has_context:
+            used += [f"dreamwaq.{name}" for name in ("code", "frame", "encoder", "decoder")]
+        else:
+            used += [f"network.{name}" for name in ("privileged", "latent", "estimator", "estimator_frame")]
+            used += [] if self.task.terrain.kind == "flat" else ["network.terrain", "network.terrain_latent"]
+        for place in used:
+            value = attrgetter(place)(self)
+            each = enumerate(value) if isinstance(value, tuple) else ()
+            sizes |= {f"{place}[{number}]": size for number, size in each} or {place: value}
+        for name, size in sizes.items():
+            if size % 2:
+                raise ConfigurationError(
+                    f"{name} is {size}, and a layer of {size} units has no left and right half; --symmetry network "
+                    "needs even sizes"
                 )
 
     def _check_rates(self) -> None:

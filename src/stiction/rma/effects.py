@@ -104,6 +104,9 @@ def _methods(cfg: TrainCfg) -> Idle:
         yield "dreamwaq", " without --method dreamwaq"
     if cfg.is_disturbed:
         yield from ((f"hinf.{name}", f": {why}") for name, why in cfg.hinf.idle())
+        if cfg.hinf.curriculum * cfg.teacher.iterations <= 1:
+            iterations = f": of --teacher.iterations {cfg.teacher.iterations} that is one at most"
+            yield "hinf.curriculum", f"{iterations}, and the limit is there at once"
     else:
         yield "hinf", " without --method hinf"
 
