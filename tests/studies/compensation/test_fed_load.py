@@ -110,3 +110,12 @@ def test_a_law_that_a_way_cannot_feed_is_refused_in_one_line(
     assert main(["study", "compensation", "no-such-bundle", "--friction-law", *words, "--out", str(out)]) == 1
     printed = capsys.readouterr().err
     assert said in printed and printed.count("\n") == 1 and not out.exists()
+
+
+@pytest.mark.parametrize("words", [["--ways", "measured", "measured"], ["--robots", "1000", "1000"]])
+def test_a_way_and_a_robot_count_once(words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """What was walked twice is one sample, and stood twice in the tables."""
+    out = tmp_path / "out"
+    assert main(["study", "compensation", "saturn_lite-flat-none-0.2", *words, "--out", str(out)]) == 1
+    assert capsys.readouterr().err.endswith(f"{words[0][2:]} {words[1]} {words[1]}: expected each once\n")
+    assert not out.exists()

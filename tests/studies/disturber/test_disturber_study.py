@@ -171,6 +171,7 @@ def test_everyone_is_judged_on_rows(bundle: Bundle) -> None:
         ({"seconds": 1.0}, "from 2 to 3600 s"),
         ({"limit": 0.7}, "from 0 to 0.5"),
         ({"limit": 0.0}, "nobody disturbs"),
+        ({"friction_level": -0.1}, "friction_level is -0.1; expected a fraction of the torque limit"),
     ],
 )
 def test_what_is_no_duel_is_refused(changes: dict, said: str) -> None:
@@ -222,3 +223,11 @@ def test_a_rerun_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, undraw
     assert main([*words, "0", "1", "--overwrite"]) == 0 and fought == [0, 1]
     found = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert found["settings"]["iterations"] == 100
+
+
+def test_a_seed_counts_once(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Its duel is kept: named twice, it would be two samples that agree perfectly."""
+    words = ["study", "disturber", "saturn_lite-flat-deception-0.2", "--out", str(tmp_path / "out"), "--seeds"]
+    assert main([*words, "3", "3"]) == 1
+    assert capsys.readouterr().err.count("seeds [3, 3]: expected each once") == 1
+    assert not (tmp_path / "out").exists()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from stiction.core.errors import ConfigurationError
 from stiction.formats.results import DIRECTIONS
 from stiction.joints.compensation import parse_compensation
 from stiction.report.terminal import RobotSeeds
@@ -67,7 +68,7 @@ class CompensationOptions(ParallelOptions, RedrawnOptions):
     seed: int = 1000
     """Seed of initial states and sensor noise; the ways were tuned with other ones, and on another policy."""
     standing: tuple[str, ...] = STANDING
-    """How friction is fed forward while virtual robots stand still; none: nobody stands."""
+    """How friction is fed forward while virtual robots stand still; `--standing` alone: nobody stands."""
     robots: RobotSeeds = (1000, 1001)
     robot_levels: tuple[str, ...] = ("0.2",)
     """Friction of the virtual robots, fractions of the torque limit."""
@@ -98,6 +99,10 @@ def run(options: CompensationOptions, work: Work) -> Report:
     from stiction.studies.compensation.walking import walk_by
     from stiction.virtual.cases import parse_levels, warnings_on
 
+    for name in ("ways", "standing", "robots"):
+        given = getattr(options, name)
+        if len(set(given)) < len(given):
+            raise ConfigurationError(f"{name} {' '.join(map(str, given))}: expected each once")
     cfg = part_of(EvaluationCfg, options)
     fed_ways = [*map(parse_compensation, options.ways)]
     check_fed_law(cfg.friction_law, fed_ways)

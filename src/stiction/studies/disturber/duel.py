@@ -74,6 +74,10 @@ class DuelCfg:
         """Refuse what is no duel."""
         if self.disturber not in RANDOM:
             raise ConfigurationError(f"disturber {self.disturber!r} does not learn; expected force or friction")
+        if not self.friction_level >= 0:
+            raise ConfigurationError(
+                f"friction_level is {self.friction_level:g}; expected a fraction of the torque limit, 0 for none"
+            )
         if self.disturber == "friction" and not self.friction_level > 0:
             raise ConfigurationError(
                 "the disturber 'friction' is bounded by the joints' friction, and there is none; say --friction-level"
