@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from stiction.cli.main import main
+from stiction.formats.bundle import find_bundle, read_bundle
 from stiction.formats.results import read_results
 from stiction.studies.friction import evaluation, manifest, planned, training
 
@@ -126,3 +128,28 @@ def test_listing_begins_nothing(small: None, tmp_path: Path, capsys: pytest.Capt
     assert main(["study", "training", "--parts", "7"]) == 1
     assert capsys.readouterr().err.startswith("stiction study training: unknown part '7'")
     assert main(["study", "friction", "--jobs", "0"]) == 1
+
+
+@pytest.mark.parametrize("words", [["--train"], ["--episodes", "3"], ["--json"], ["--add"], ["--out", "elsewhere"]])
+def test_a_plan_makes_no_use_of_what_is_done_with_runs(words: list[str], capsys: pytest.CaptureFixture) -> None:
+    """Who types --plan --train would wait for a training that never begins."""
+    assert main(["study", "training", "--plan", *words]) == 1
+    assert capsys.readouterr().err.startswith(f"stiction study training: {words[0]} is of an experiment that is run")
+
+
+def test_a_plan_counts_the_policies_that_are_there_and_no_others(
+    tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A folder that is mistyped would say that everything is missing, and another's policy that a run is done."""
+    shipped = find_bundle(Path("saturn_lite-flat-deception-0.2"))
+    seed, words = read_bundle(shipped).contract.seed, ("--method", "deception", "--friction-level", "0.2")
+    condition = manifest.Condition("coulomb20-deception", "1", "a test", words, (seed,))
+    monkeypatch.setattr(manifest, "MANIFEST", (condition,))
+    shutil.copytree(shipped, tmp_path / "policies" / f"coulomb20-deception-s{seed}")
+    plan = ["study", "training", "--plan", "--runs", str(tmp_path / "runs"), "--policies"]
+    assert main([*plan, str(tmp_path / "none"), "--preset", "quick"]) == 1
+    assert f"there is no folder {tmp_path / 'none'}" in capsys.readouterr().err
+    assert main([*plan, str(tmp_path / "policies"), "--preset", "quick"]) == 0
+    assert re.match(r"exported +100% +\d+ min +stiction train --preset quick", capsys.readouterr().out)
+    assert main([*plan, str(tmp_path / "policies"), "--preset", "full"]) == 1
+    assert "is another policy than the manifest's: it was trained with" in capsys.readouterr().err

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from tyro.conf import arg
 
-from stiction.core.errors import ConfigurationError, TrainingError
+from stiction.core.effects import OptionsOf, check_effects
+from stiction.core.errors import ConfigurationError, FileError, TrainingError
 from stiction.studies.study import ParallelOptions, RedrawnOptions, Report, Study, Work
 
 if TYPE_CHECKING:
@@ -26,6 +27,10 @@ the same.
 Examples:
   stiction study friction --preset quick --parts 1 --train --runs runs --out friction
   stiction study friction --preset quick --parts 1 --runs runs --out friction"""
+
+
+PLANNED = ("preset", "runs", "policies", "parts", "list")
+"""Options of which a plan is: all others say what is done with the runs, and how."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,9 +78,14 @@ class FrictionOptions(ParallelOptions, RedrawnOptions):
     """Print the verdicts as JSON on standard output, and nothing else."""
 
     def __post_init__(self) -> None:
-        """Refuse tables that nothing would read."""
+        """Refuse tables that nothing would read, and what a plan makes no use of."""
         if self.elsewhere and self.advice is None:
             raise ConfigurationError("--elsewhere goes into the advice; name its file too: --advice FILE")
+        if self.list:
+            done = tuple(field.name for field in fields(self) if field.name not in PLANNED)
+            owner = "an experiment that is run, which --plan does not do"
+            remedy = "leave one of the two out"
+            check_effects(self, FrictionOptions(), [OptionsOf(done, owner, lambda _: False, remedy)])
 
 
 def run(options: FrictionOptions, work: Work) -> Report | int:
@@ -92,9 +102,14 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
     read_elsewhere(options.elsewhere, options.out)
     if options.judge_again:
         return report_of(options, judge_again(options.out, work.provenance))
+    if options.policies is not None and not options.policies.is_dir():
+        raise FileError(f"there is no folder {options.policies}; give that of the exported policies with --policies")
     planned = [PlannedRun.of(run, options.runs, options.policies) for run in runs_of(options.parts, options.preset)]
     states = {run.run.name: run.state() for run in planned}
     if options.list:
+        # A policy that is another's stands for no run of the plan.
+        for note in unrecorded_note(unrecorded(planned)):
+            work.say(note)
         print_runs(planned, states)
         if not options.parts:
             say_others(options.preset)
@@ -154,8 +169,10 @@ def print_runs(planned: Sequence[PlannedRun], states: Mapping[str, str]) -> None
 
     left, unknown = 0.0, 0
     for run in planned:
-        share, minutes = run.done() / run.iterations, run.minutes()
-        if states[run.run.name] not in EVALUATED:
+        minutes, there = run.minutes(), states[run.run.name] in EVALUATED
+        # Of a run that is elsewhere nothing is left to train.
+        share = 1.0 if there else run.done() / run.iterations
+        if not there:
             left += (1.0 - share) * (minutes or 0.0)
             unknown += minutes is None
         words = shlex.join(run.run.arguments)
