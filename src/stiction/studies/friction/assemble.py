@@ -22,6 +22,7 @@ from stiction.studies.claims import Verdict, rejudged_summary
 from stiction.studies.friction.claims import CLAIMS, DECEPTION, DIRECT, NONE
 from stiction.studies.friction.evaluation import CANDIDATES, COMMANDS, collapse, learning_curve, onsets, training_mean
 from stiction.studies.friction.evidence import TrainingEvidence, median_seed, parse_policy, seed_means
+from stiction.studies.friction.learned import learned_figures
 from stiction.studies.friction.manifest import PARTS, TWO_PHASE
 from stiction.studies.friction.planned import EVALUATED, PlannedRun
 from stiction.studies.friction.records import (
@@ -30,6 +31,7 @@ from stiction.studies.friction.records import (
     ConditionRecord,
     CurvePoint,
     Experiment,
+    LearnedFigure,
     Onset,
     RunRecord,
 )
@@ -143,9 +145,10 @@ def read_experiment(out: Path) -> Experiment:
     summary = read_summary(out / "summary.json")
     # There are no curves where all runs came as bundles.
     rows, curves = read_results(out / "results.csv"), read_rows(out / "curves.csv", CurvePoint, optional=True)
+    learned = read_rows(out / "learned.csv", LearnedFigure, optional=True)
     try:
         lists: dict[str, Any] = {name: [kind(**one) for one in summary[name]] for name, kind in LISTS.items()}
-        return Experiment(rows, curves, parts=summary["parts"], summary=summary, **lists)
+        return Experiment(rows, curves, parts=summary["parts"], summary=summary, learned=learned, **lists)
     except (KeyError, TypeError) as error:
         raise FileError(
             f"{out / 'summary.json'} is no summary of `stiction study friction` ({error!r}); expected one that it wrote"
@@ -181,15 +184,13 @@ def assemble(
         rows: results of those that are finished.
         base: how they were evaluated, levels in units of the experiment's own.
         summary: what else belongs into summary.json: the command, what `Origin` says, and what failed.
-        before: what was found of runs that are elsewhere now. Learning curve and time stay too where only the folder of
-            a run is elsewhere, and its policy here.
+        before: what was found of runs that are elsewhere now. Learning curve, time and learned figures stay too where
+            only the folder of a run is elsewhere, and its policy here.
 
     """
-    curves = {
-        run.run.name: learning_curve(run.run.name, read_metrics(run.path / "metrics.jsonl"))
-        for run in planned
-        if run.state() == "finished"
-    }
+    metrics = {run.run.name: read_metrics(run.path / "metrics.jsonl") for run in planned if run.state() == "finished"}
+    curves = {name: learning_curve(name, found) for name, found in metrics.items()}
+    learned = [one for name, found in metrics.items() for one in learned_figures(name, found)]
     records, kept, known = {run.run.name: _record(run) for run in planned}, [], []
     here = {name for name, record in records.items() if record.state in EVALUATED}
     conditions = {run.run.condition.name: _condition(run) for run in planned}
@@ -207,6 +208,7 @@ def assemble(
         records |= {name: replace(records[name], minutes=same[name].minutes) for name in untimed}
         curves = {name: points for name, points in curves_by_run(before.curves).items() if name in same} | curves
         curves = {name: curves[name] for name in records if name in curves}
+        learned = [*(one for one in before.learned if one.run in same.keys() - metrics.keys()), *learned]
     found = onsets(TrainingEvidence.of_runs(rows), {run.run.condition.name: run.cfg for run in planned}, known)
     experiment = Experiment(
         rows,
@@ -223,6 +225,7 @@ def assemble(
             "conditions_of_evaluation": base.conditions,
             "median_seeds": {name: median_seed(rows, name) for name in ADVISED.values()},
         },
+        learned=learned,
     )
     return _judged(experiment)
 

@@ -34,6 +34,7 @@ from stiction.report.page import (
 from stiction.studies import study
 from stiction.studies.claims import JUDGED
 from stiction.studies.friction.answer import compared, has_claims, lead, named, question
+from stiction.studies.friction.learned import learned_sheets
 from stiction.studies.friction.manifest import TWO_PHASE
 from stiction.studies.friction.records import HIGHEST, STUDENT, ConditionRecord, Experiment, SeedMean, short_name
 
@@ -438,6 +439,7 @@ def sheets_of(experiment: Experiment) -> dict[str, Sheet]:
     sheets |= {f"part-{part}": part_sheet(experiment, part) for part in experiment.parts if part in used}
     if experiment.onsets:
         sheets["onsets"] = onset_sheet(experiment)
+    sheets |= learned_sheets(experiment.learned)
     return sheets | {"runs": run_sheet(experiment)}
 
 

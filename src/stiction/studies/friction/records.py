@@ -93,6 +93,18 @@ class CurvePoint:
 
 
 @dataclass(frozen=True)
+class LearnedFigure:
+    """What a training said of its code or its disturber in the end; a row of learned.csv."""
+
+    run: str
+    figure: str
+    """Its name in the run's metrics: `code/kl`, `hinf/eta`."""
+    iterations: int
+    """Last iterations of which this is the mean."""
+    mean: float
+
+
+@dataclass(frozen=True)
 class Onset:
     """Where one condition slows under 80 % of the command; above that it may be too fast."""
 
@@ -145,11 +157,14 @@ class Experiment:
     verdicts: Sequence[Verdict] = ()
     following: Sequence[Following] = ()
     """Who follows, by condition and policy, `coulomb20-none/student`."""
+    learned: Sequence[LearnedFigure] = ()
+    """Of the trainings whose folders are or were here."""
 
     @property
     def tables(self) -> dict[str, Sequence[Any]]:
         """File -> its rows."""
-        return {"results": self.rows, "intervals": self.means, "following": self.following, "curves": self.curves}
+        judged = {"results": self.rows, "intervals": self.means, "following": self.following}
+        return judged | {"curves": self.curves, "learned": self.learned}
 
     @property
     def plain(self) -> dict[str, Any]:

@@ -51,7 +51,7 @@ class FrictionOptions(ParallelOptions, RedrawnOptions):
     free: ClassVar[tuple[str, ...]] = ("train", "add", "ship", "list", "parts", "cache", "elsewhere")
     """Options that do more of the same, or say where from."""
     out: Path = Path("results/friction-training")
-    """Folder of results.csv, intervals.csv, following.csv, curves.csv, summary.json, tables.md, figures,
+    """Folder of results.csv, intervals.csv, following.csv, curves.csv, learned.csv, summary.json, tables.md, figures,
     report.html."""
     parts: tuple[str, ...] = ()
     """Parts of the experiment: 1 to 6, gait, history, literal, and in one phase 1, designs, methods; by default all
@@ -203,7 +203,7 @@ STUDY = Study(
     FrictionOptions,
     run,
     results=(
-        *("results.csv", "intervals.csv", "following.csv", "curves.csv"),
+        *("results.csv", "intervals.csv", "following.csv", "curves.csv", "learned.csv"),
         *("budget.png", "each.png", "learning.png", "conditions.png", "collapse.png", "load.png", "go1.png"),
     ),
 )
