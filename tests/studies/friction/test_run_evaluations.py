@@ -225,6 +225,21 @@ def test_a_policy_of_compensation_by_the_error_is_not_the_manifests(tmp_path: Pa
         planned.bundle()
 
 
+def test_a_policy_of_hinf_without_settings_is_of_the_constraint_that_asked_for_nothing(tmp_path: Path) -> None:
+    """Those from before it was mended would be seeds of those from after, and the plan would not ask for them."""
+    shipped, words = read_bundle(SHIPPED), ("--method", "hinf", "--friction-level", "0.2")
+    run = Run(Condition("coulomb20-hinf-force", "methods", "a test", words, (0,)), 0, "quick")
+    cfg = parse([*run.arguments]).config
+    for name, settings in (("new", settings_of(cfg)), ("old", None)):
+        contract = replace(shipped.contract, seed=0, method="hinf", settings=settings)
+        bundle = write_bundle(tmp_path / name, contract, shipped.policy, replace(shipped.golden), shipped.card)
+        planned = PlannedRun(run, cfg, tmp_path / run.name, bundle)
+        if settings:
+            assert planned.bundle().contract == contract
+    with pytest.raises(StictionError, match="old is another policy than the manifest's: its constraint asked for noth"):
+        planned.bundle()
+
+
 def test_policies_without_settings_are_taken_at_their_names(tmp_path: Path) -> None:
     """Those of before there were settings could no longer be evaluated; they are named, and once."""
     shipped, newer = read_bundle(SHIPPED), recorded(tmp_path)

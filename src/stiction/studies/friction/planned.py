@@ -170,6 +170,11 @@ class PlannedRun:
                 f"{self.policy} is another policy than the manifest's: its friction was added by the position error, "
                 "expected by the joint's speed; move it away, or name another folder with --policies"
             )
+        if self.cfg.is_disturbed and contract.settings is None:
+            raise ConfigurationError(
+                f"{self.policy} is another policy than the manifest's: its constraint asked for nothing, as that of "
+                "every hinf policy from before bundles had their settings; move it away, and train it anew"
+            )
         if other := difference(contract.settings, settings_of(self.cfg)):
             raise ConfigurationError(
                 f"{self.policy} is another policy than the manifest's: it was trained with {other[0]}, expected "
