@@ -168,7 +168,14 @@ def test_the_method_alone_makes_a_run(tmp_path: Path) -> None:
     assert cfg.is_disturbed and cfg.hinf == HinfCfg() and cfg.hinf.share == 0.5 and cfg.teacher.iterations == 440
     said: list[str] = []
     begin_run(tmp_path / "run", replace(cfg, num_envs=8), "stiction train", (), said.append)
-    assert said == ["hinf trains without dry friction; with: --task.friction.range 0 1.2"]
+    assert said[0] == "hinf trains without dry friction; with: --task.friction.range 0 1.2"
+    assert said[1].startswith("hinf pushes with all of its limit at once") and len(said) == 2
+    for kind, curriculum in (("force", 0.5), ("friction", 0.0), ("none", 0.0)):
+        quiet: list[str] = []
+        hinf = HinfCfg(disturber=kind, curriculum=curriculum)
+        frictional = replace(cfg.task, friction=replace(cfg.task.friction, range=(0.0, 1.2)))
+        begin_run(tmp_path / kind, replace(cfg, num_envs=8, task=frictional, hinf=hinf), "train", (), quiet.append)
+        assert not quiet, kind
     words = "--method hinf --friction-level 0.2 --task.friction.range 0 1.2 --hinf.disturber friction --hinf.eta 0"
     adversary = parse(words.split()).config.hinf
     assert adversary.learns and adversary.by_torque and adversary.share == 1.0 and adversary.eta == 0.0

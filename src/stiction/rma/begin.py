@@ -46,10 +46,7 @@ def begin_run(
     will train it. Raises `StictionError` for whatever cannot be trained, before the folder is made.
     """
     _check_friction(cfg.task.friction)
-    if cfg.has_context and not cfg.task.friction.has_friction:
-        say("dreamwaq trains without dry friction, as in its paper; with: --task.friction.range 0 1.2")
-    if cfg.is_disturbed and not cfg.task.friction.has_friction:
-        say("hinf trains without dry friction; with: --task.friction.range 0 1.2")
+    _say_of_method(cfg, say)
     robot = find_robot(cfg.task.robot)
     cfg.task.randomization.check_robot(robot)
     cfg.check_memory(robot)
@@ -72,6 +69,22 @@ def begin_run(
     if line := stiff_sliders(robot, cfg.task.physics, cfg.task.timestep, _lightest_rotors(cfg, robot, identified)):
         say(f"warning: {line}")
     return RunDirectory.create(out, cfg, command, identified, ranks.size), cfg
+
+
+def _say_of_method(cfg: TrainCfg, say: Say) -> None:
+    """Say what people are surprised by in a method of another paper, as it is set."""
+    friction = cfg.task.friction.has_friction
+    if cfg.has_context and not friction:
+        say("dreamwaq trains without dry friction, as in its paper; with: --task.friction.range 0 1.2")
+    if not cfg.is_disturbed:
+        return
+    if not friction:
+        say("hinf trains without dry friction; with: --task.friction.range 0 1.2")
+    if cfg.hinf.disturbs and not cfg.hinf.by_torque and not cfg.hinf.curriculum:
+        # One training each, see results/methods.
+        say(
+            "hinf pushes with all of its limit at once; one that did stood still, with --hinf.curriculum 0.5 one walked"
+        )
 
 
 def _lightest_rotors(cfg: TrainCfg, robot: Robot, identified: dict[str, Any] | None) -> np.ndarray:
