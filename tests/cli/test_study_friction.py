@@ -113,7 +113,7 @@ def test_listing_begins_nothing(small: None, tmp_path: Path, capsys: pytest.Capt
     """If this failed, nobody could see what the experiment is before it takes the machine for a day."""
     assert main(["study", "friction", "--list", "--runs", str(tmp_path)]) == 0
     listed = capsys.readouterr().out
-    assert listed.startswith("missing        0%  not measured  stiction train --preset two-phase --robot go1")
+    assert listed.startswith("missing        0%         0 min  stiction train --preset two-phase --robot go1")
     assert re.search(r"(\d+) runs, of up to \d+ seeds; \1 are missing, some 0.0 hours of one core", listed)
     assert re.search(r"\d+ more are those of --preset quick: parts 1, designs, methods\n$", listed)
     for name in ("friction", "training"):

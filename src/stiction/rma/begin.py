@@ -46,7 +46,6 @@ def begin_run(
     will train it. Raises `StictionError` for whatever cannot be trained, before the folder is made.
     """
     _check_friction(cfg.task.friction)
-    _say_of_method(cfg, say)
     robot = find_robot(cfg.task.robot)
     cfg.task.randomization.check_robot(robot)
     cfg.check_memory(robot)
@@ -61,6 +60,7 @@ def begin_run(
     mirror = None if cfg.symmetry == "none" else robot_mirror(robot)
     if mirror is not None and (cfg.task.known_friction or cfg.task.estimated_friction):
         mirrored_kinds(robot, mirror)
+    _say_of_method(cfg, say)
     refuse_alone(joint_map, cfg.joints)
     identified = nominal_of(cfg.joints, cfg.task.robot, joint_map, cfg.task.friction, say)
     _check_own_friction(cfg, robot, identified)
