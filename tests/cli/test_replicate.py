@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -55,6 +56,8 @@ def test_a_part_is_walked_judged_and_gone_on_with(
         (["--num-robots", "0"], "--num-robots 0: expected at least 1"),
         ([*LOAD, "--out", "{bundle}/card.md"], "--out"),
         ([*LOAD, "--policies", "{begun}"], "expected a folder that `stiction train` made"),
+        (["--plan"], "--plan is of --preset full: that of quick trains nothing"),
+        (["--plan", "--preset", "full"], "--out is of a comparison that is walked"),
     ],
 )
 def test_bad_input_is_one_line(
@@ -69,6 +72,21 @@ def test_bad_input_is_one_line(
     assert message in captured.err
     assert captured.err.count("\n") == 1
     assert captured.out == ""
+
+
+def test_a_plan_names_every_training_and_begins_none(
+    tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A training that the plan leaves out, of a net that is not fitted yet, costs hours that nobody reckoned with."""
+    assert main(["replicate", "--preset", "full", "--plan", "--runs", str(tmp_path)]) == 0
+    *planned, total = capsys.readouterr().out.splitlines()
+    assert not list(tmp_path.iterdir())
+    assert re.match(rf"{len(planned)} runs, .* {len(planned)} are missing, some [\d.]+ hours of one core", total)
+    monkeypatch.setattr("stiction.studies.replication.study.known_joints", lambda *rest: tmp_path / "joints.json")
+    monkeypatch.setattr("stiction.studies.replication.study.known_net", lambda *rest: tmp_path / "net")
+    monkeypatch.setattr("stiction.studies.friction.training.train_missing", lambda *rest, **more: {})
+    folders, _ = train_all(ReplicateOptions(preset="full", runs=tmp_path), 1, lambda *share: None, lambda text: None)
+    assert [line.rpartition(" --out ")[2] for line in planned] == [str(folder) for folder in folders]
 
 
 def test_a_training_that_fails_stops_nobody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

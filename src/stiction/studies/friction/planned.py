@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import shlex
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from math import prod
 from pathlib import Path
@@ -209,6 +210,31 @@ def unrecorded(planned: Sequence[PlannedRun]) -> list[str]:
     """
     exported = (run for run in planned if run.state() == "exported")
     return [run.run.name for run in exported if run.bundle().contract.settings is None]
+
+
+def plan_lines(planned: Sequence[PlannedRun], states: Mapping[str, State]) -> list[str]:
+    """Return a line for each run, with its state, its cost and the command that trains it by hand; then one that says
+    what is missing in all. states: name -> `PlannedRun.state`.
+    """
+    lines, left, unknown = [], 0.0, 0
+    for run in planned:
+        minutes, there = run.minutes(), states[run.run.name] in EVALUATED
+        # Of a run that is elsewhere nothing is left to train.
+        share = 1.0 if there else run.done() / run.iterations
+        if not there:
+            left += (1.0 - share) * (minutes or 0.0)
+            unknown += minutes is None
+        words = shlex.join(run.run.arguments)
+        state, cost = states[run.run.name], "not measured" if minutes is None else f"{minutes:.0f} min"
+        lines.append(f"{state:<12}{share:>5.0%}{cost:>14}  stiction train {words} --out {run.path}")
+    missing = sum(state not in EVALUATED for state in states.values())
+    seeds = len({run.run.seed for run in planned})
+    others = f", and {unknown} runs whose cost was not measured" if unknown else ""
+    return [
+        *lines,
+        f"{len(planned)} runs, of up to {seeds} seeds; {missing} are missing, some {left / 60.0:.1f} hours of one core"
+        f"{others} (by results/speed, student and methods; machines differ by a factor of two)",
+    ]
 
 
 def _content(net: ActuatorNet | None) -> Any:

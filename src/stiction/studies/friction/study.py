@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
@@ -15,7 +14,6 @@ from stiction.core.errors import ConfigurationError, FileError, TrainingError
 from stiction.studies.study import ParallelOptions, RedrawnOptions, Report, Study, Work
 
 if TYPE_CHECKING:
-    from stiction.studies.friction.planned import PlannedRun
     from stiction.studies.friction.records import Experiment
 
 DESCRIPTION = """The experiment on training with dry friction: every run of its manifest, and what follows from them.
@@ -95,7 +93,7 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
     from stiction.studies.friction.evaluation import BASE, evaluate_tasks, tasks_for
     from stiction.studies.friction.evidence import parse_policy
     from stiction.studies.friction.manifest import runs_of
-    from stiction.studies.friction.planned import EVALUATED, PlannedRun, unrecorded
+    from stiction.studies.friction.planned import EVALUATED, PlannedRun, plan_lines, unrecorded
     from stiction.studies.friction.training import train
 
     # Read now, that a mistake is not told after hours of training.
@@ -110,7 +108,7 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
         # A policy that is another's stands for no run of the plan.
         for note in unrecorded_note(unrecorded(planned)):
             work.say(note)
-        print_runs(planned, states)
+        print(*plan_lines(planned, states), sep="\n")
         if not options.parts:
             say_others(options.preset)
         return 0
@@ -163,37 +161,14 @@ def report_of(options: FrictionOptions, experiment: Experiment, further: Callabl
     return replace(report(experiment), files=write_files)
 
 
-def print_runs(planned: Sequence[PlannedRun], states: Mapping[str, str]) -> None:
-    """Print every run with its state, its cost and the command that trains it by hand; then what is missing in all."""
-    from stiction.studies.friction.planned import EVALUATED
-
-    left, unknown = 0.0, 0
-    for run in planned:
-        minutes, there = run.minutes(), states[run.run.name] in EVALUATED
-        # Of a run that is elsewhere nothing is left to train.
-        share = 1.0 if there else run.done() / run.iterations
-        if not there:
-            left += (1.0 - share) * (minutes or 0.0)
-            unknown += minutes is None
-        words = shlex.join(run.run.arguments)
-        state, cost = states[run.run.name], "not measured" if minutes is None else f"{minutes:.0f} min"
-        print(f"{state:<12}{share:>5.0%}{cost:>14}  stiction train {words} --out {run.path}")
-    missing = sum(state not in EVALUATED for state in states.values())
-    seeds = len({run.run.seed for run in planned})
-    others = f", and {unknown} runs whose cost was not measured" if unknown else ""
-    print(
-        f"{len(planned)} runs, of up to {seeds} seeds; {missing} are missing, some {left / 60.0:.1f} hours of one core"
-        f"{others} (by results/speed, student and methods; machines differ by a factor of two)"
-    )
-
-
 def say_others(preset: str) -> None:
-    """Say what the other preset has, so that nobody takes one list for all."""
+    """Say what the other preset has, and who has more, so that nobody takes one list for all."""
     from stiction.studies.friction.manifest import ONE_PHASE, TWO_PHASE, parts_of, runs_of
 
     other = ONE_PHASE if preset == TWO_PHASE else TWO_PHASE
     parts = ", ".join(parts_of(other))
     print(f"{len(runs_of((), other))} more are those of --preset {other}: parts {parts}")
+    print("with an Actuator Net, at what a bench identified, and over stairs: stiction replicate --preset full --plan")
 
 
 STUDY = Study(

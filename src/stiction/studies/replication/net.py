@@ -61,14 +61,19 @@ class WalkedNet:
     @property
     def label(self) -> str:
         """Name for people, of robot, policy and torque."""
-        side = self.torque_source.replace("_", "-")
-        return f"{self.spec.name}--{self.engine}--{self.case.label}--{self.policy.name}--{side}"
+        return net_label(Bench(self.engine, self.case, self.spec), self.policy.name, self.torque_source)
 
     @property
     def key(self) -> str:
         """Digest of robot, engine, torque, policy, settings and code."""
         robot = (self.engine, self.case, self.spec, self.torque_source)
         return key_of([*robot, self.policy.digest, self.seconds, self.cfg], *MAKING)
+
+
+def net_label(robot: Bench, policy: str, torque_source: TorqueSource) -> str:
+    """Return a net's name for people. robot: as on its bench; policy: name of the one that walks."""
+    side = torque_source.replace("_", "-")
+    return f"{robot.spec.name}--{robot.engine}--{robot.case.label}--{policy}--{side}"
 
 
 def make_net(

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
 
+from stiction.core.effects import OptionsOf, check_effects
 from stiction.core.errors import ConfigurationError, StictionError, TrainingError, unknown_name
 from stiction.core.records import make_folder
 from stiction.studies.study import ParallelOptions, RedrawnOptions, Report, Study, Work
@@ -37,6 +38,12 @@ EXPORTING = (
     *("robots/*.py", "robots/shipped/*.py"),
 )
 """Code that makes a bundle of a run."""
+
+PLANNED = ("preset", "runs", "plan")
+"""Options of which a plan is: all others say what is walked, and how."""
+
+BENCH, NETS = "bench", "nets"
+"""Folders, beside the runs, of the bench of the robot that training knows, and of the nets of its walks."""
 
 ROBOT = "saturn_lite"
 """The paper's robot: engines are tried with it before anything is trained."""
@@ -71,17 +78,27 @@ class ReplicateOptions(ParallelOptions, RedrawnOptions):
     folder for each part, by which an interrupted command goes on."""
     advice: Path | None = None
     """Also write who follows into this file of what `stiction identify` advises by."""
+    plan: bool = False
+    """With --preset full: only say which trainings it takes, where each stands, its cost in minutes of one core, and
+    what is missing in all; the walks come on top."""
     json: bool = False
     """Print the verdicts as JSON on standard output, and nothing else."""
 
     def __post_init__(self) -> None:
-        """Refuse no robots, and a folder of runs that is not looked at."""
+        """Refuse no robots, a folder of runs that is not looked at, and what a plan makes no use of."""
         if self.num_robots is not None and self.num_robots < 1:
             raise ConfigurationError(f"--num-robots {self.num_robots}: expected at least 1")
         if self.runs != Path("runs") and (self.preset != "full" or self.policies):
             raise ConfigurationError(
                 f"--runs {self.runs} is of --preset full without --policies, and would have no effect; leave it out"
             )
+        if self.plan:
+            if self.preset != "full":
+                raise ConfigurationError("--plan is of --preset full: that of quick trains nothing; add it")
+            done = tuple(one.name for one in fields(self) if one.name not in PLANNED)
+            owner = "a comparison that is walked, which --plan does not do"
+            effect = OptionsOf(done, owner, lambda _: False, "leave one of the two out")
+            check_effects(self, ReplicateOptions(), [effect])
 
     @property
     def folder(self) -> Path:
@@ -89,8 +106,11 @@ class ReplicateOptions(ParallelOptions, RedrawnOptions):
         return self.out or Path(f"stiction-replication-{self.preset}")
 
 
-def run(options: ReplicateOptions, work: Work) -> Report:
+def run(options: ReplicateOptions, work: Work) -> Report | int:
     """Walk the comparison and judge it; the exit status is 1 if a run could not be trained."""
+    if options.plan:
+        print_plan(options.runs)
+        return 0
     from stiction.formats.advice import TRANSFER, write_source
     from stiction.rma.identity import unrecorded_note
     from stiction.robots.catalog import find_robot
@@ -216,11 +236,18 @@ def known_joints(runs: Path, jobs: int, progress: Callable[[str, float], None]) 
     from stiction.evaluate.benches import identify_on_benches
     from stiction.robots.catalog import find_robot
     from stiction.studies.replication.plan import known_bench
+
+    identify_on_benches([known_bench(find_robot(ROBOT))], runs / BENCH, jobs, progress)
+    return joints_file(runs)
+
+
+def joints_file(runs: Path) -> Path:
+    """Return where that file is, or will be."""
+    from stiction.robots.catalog import find_robot
+    from stiction.studies.replication.plan import known_bench
     from stiction.virtual.bench import JOINTS
 
-    bench = known_bench(find_robot(ROBOT))
-    identify_on_benches([bench], runs / "bench", jobs, progress)
-    return runs / "bench" / bench.label / JOINTS
+    return runs / BENCH / known_bench(find_robot(ROBOT)).label / JOINTS
 
 
 def known_net(
@@ -237,9 +264,32 @@ def known_net(
 
     bench, policy = known_bench(find_robot(ROBOT)), check_bundle(exported(conventional, runs)).bundle
     walked = WalkedNet(bench.engine, bench.case, bench.spec, policy, torque_source)
-    folder = runs / "nets" / walked.label
+    folder = runs / NETS / walked.label
     make_net(walked, folder, "stiction replicate --preset full", jobs, progress)
     return folder
+
+
+def print_plan(runs: Path) -> None:
+    """Print every training of the preset `full`, those with a net of walks that are not walked yet among them."""
+    from stiction.robots.catalog import find_robot
+    from stiction.studies.friction.planned import PlannedRun, plan_lines
+    from stiction.studies.replication.net import net_label
+    from stiction.studies.replication.plan import (
+        ACTUATOR_RUNS,
+        LOOP_SEEDS,
+        actuator_run,
+        comparison_runs,
+        first_policy,
+        known_bench,
+    )
+
+    bench, folder = known_bench(find_robot(ROBOT)), runs.resolve()
+    loop = [
+        actuator_run(folder / NETS / net_label(bench, first_policy(seed), side), seed, side)
+        for seed, side in product(LOOP_SEEDS, ACTUATOR_RUNS)
+    ]
+    planned = [PlannedRun.of(run, runs) for run in (*comparison_runs(joints_file(folder)), *loop)]
+    print(*plan_lines(planned, {run.run.name: run.state() for run in planned}), sep="\n")
 
 
 STUDY = Study(
