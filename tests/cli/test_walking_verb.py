@@ -44,6 +44,24 @@ def test_evaluate_writes_logs_that_identify_reads(tmp_path: Path, capsys: pytest
     assert ratio.value == pytest.approx(0.1, abs=0.02)
 
 
+def test_a_log_of_another_walk_is_not_written_over(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Its name says neither how long it is nor where torque was measured, and another --out has nothing to object."""
+    arguments = ["evaluate", "saturn_lite-flat-deception-0.2", "--friction-levels", "0.1", "--commands", "vx=0.5"]
+    arguments += ["--episodes", "1", "--seconds", "3", "--log", str(tmp_path / "logs"), "--log-robots", "1"]
+    arguments += ["--log-seconds", "1"]
+    other = [*arguments, "--log-torque", "output_side", "--out", str(tmp_path / "other")]
+    assert main([*arguments, "--out", str(tmp_path / "out")]) == 0
+    (log,) = (tmp_path / "logs").iterdir()
+    before = log.read_bytes()
+    capsys.readouterr()
+    assert main(other) == 1
+    assert f"{log} is there, of another walk; choose another --log" in capsys.readouterr().err
+    assert log.read_bytes() == before
+    assert main([*arguments, "--out", str(tmp_path / "again")]) == 0, "the same walk is the same log"
+    assert main([*other, "--overwrite"]) == 0
+    assert read_walk(log).header.torque_source == "output_side"
+
+
 def test_results_and_table(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """Four files, a table, and each warning once."""
     assert main(["identify", "--robot", "saturn_lite", str(log), "--out", str(tmp_path)]) == 0

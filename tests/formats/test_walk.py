@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from stiction.core.errors import LogError, StictionError
-from stiction.formats.walk import SCHEMA, SCHEMA_VERSION, WalkHeader, WalkLog, is_walk, read_walk, write_walk
+from stiction.formats.walk import SCHEMA, SCHEMA_VERSION, WalkHeader, WalkLog, has_walk, is_walk, read_walk, write_walk
 
 HEADER = WalkHeader(
     robot="saturn_lite",
@@ -54,6 +54,19 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     assert again.joint_position.dtype == np.float64
     assert again.linear_velocity is None
     assert len(again) == 6
+
+
+def test_a_file_is_a_log_to_the_last_number(tmp_path: Path) -> None:
+    """By this a log of another walk is not written over."""
+    path, log = tmp_path / "walk.npz", make_log()
+    write_walk(path, log)
+    assert has_walk(path, make_log())
+    later = log.time.copy()
+    later[-1] += 1e-9
+    assert not has_walk(path, replace(log, time=later))
+    assert not has_walk(path, replace(log, header=replace(HEADER, command="vx=0.4")))
+    assert not has_walk(path, replace(log, linear_velocity=np.zeros((6, 3))))
+    assert not has_walk(tmp_path / "absent.npz", log)
 
 
 def test_a_walking_log_is_told_from_another_archive(tmp_path: Path) -> None:

@@ -187,7 +187,8 @@ def main(arguments: list[str]) -> int:
         with work_progress() as progress:
             rows, summary = evaluate_all(bundles, settings, cfg.out, cfg.robot, jobs, progress)
             if record is not None and cfg.log is not None:
-                summary["logs"] = log_all(bundles, base, record, cfg.log, cfg.robot, num_threads(), progress)
+                threads = num_threads()
+                summary["logs"] = log_all(bundles, base, record, cfg.log, cfg.robot, threads, progress, cfg.overwrite)
         print_warnings("evaluate", summary["warnings"])
         write_and_print(cfg, rows, {"command": command} | summary)
     return 0

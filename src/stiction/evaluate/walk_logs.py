@@ -21,7 +21,7 @@ from stiction.deploy.check import robot_of
 from stiction.evaluate.evaluate import ENGINE, EvaluationCfg, batch_policy
 from stiction.evaluate.rollout import Rollout, friction_at
 from stiction.formats.bundle import Bundle
-from stiction.formats.walk import WalkHeader, WalkLog, write_walk
+from stiction.formats.walk import WalkHeader, WalkLog, has_walk, write_walk
 from stiction.joints.net import TORQUE_SOURCES
 from stiction.sim.fleet import BASE_DOFS, Fleet
 from stiction.sim.friction import FrictionMeter
@@ -112,19 +112,25 @@ def log_all(
     robot: str | None = None,
     threads: int = 1,
     progress: Callable[[str, float], None] = lambda name, share: None,
+    overwrite: bool = False,
 ) -> list[str]:
     """Walk several bundles and write their logs into `folder`, `<bundle>--<level>--<command>--<robot>.npz`.
 
-    Returns the names of the files: a robot that fell within `SHORTEST` has none.
+    Returns the names of the files: a robot that fell within `SHORTEST` has none. Raises `StictionError` where one is
+    there of another walk, unless `overwrite`: it stays, and no log of that bundle is written.
     """
     written = []
     for bundle in bundles:
         walks = record_walks(bundle, evaluation, cfg, robot, threads, partial(progress, f"{bundle.name}, logs"))
-        for walk in walks:
-            if walk.log is not None:
-                name = f"{bundle.name}--{walk.file_name}"
-                write_walk(folder / name, walk.log)
-                written.append(name)
+        logs = {f"{bundle.name}--{walk.file_name}": walk.log for walk in walks if walk.log is not None}
+        for name, log in logs.items():
+            if not overwrite and (folder / name).exists() and not has_walk(folder / name, log):
+                raise ConfigurationError(
+                    f"{folder / name} is there, of another walk; choose another --log, or add --overwrite"
+                )
+        for name, log in logs.items():
+            write_walk(folder / name, log)
+        written += logs
     return written
 
 

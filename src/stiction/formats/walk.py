@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from stiction.core.errors import FileError, LogError
+from stiction.core.errors import FileError, LogError, StictionError
 from stiction.formats.plain import build, is_number, is_text
 from stiction.formats.tables import BROKEN_ARCHIVE, publish_npz, read_header, read_npz_arrays, write_header
 from stiction.joints.net import TORQUE_SOURCES
@@ -205,6 +205,24 @@ def _expect(condition: bool, name: str, value: object, expected: str) -> None:
 
 def write_walk(path: Path, log: WalkLog) -> None:
     """Write a log as NPZ, whole or not at all: signals in single precision, time in double."""
+    publish_npz(path, _arrays(log), compressed=True)
+
+
+def has_walk(path: Path, log: WalkLog) -> bool:
+    """Return whether a file is this log, as `write_walk` writes it, number for number."""
+    try:
+        found = read_npz_arrays(path)
+    except StictionError:
+        return False
+    expected = _arrays(log)
+    return found.keys() == expected.keys() and all(
+        (found[name].dtype, found[name].shape, found[name].tobytes()) == (array.dtype, array.shape, array.tobytes())
+        for name, array in expected.items()
+    )
+
+
+def _arrays(log: WalkLog) -> dict[str, np.ndarray]:
+    """Return what the file of a log has."""
     arrays: dict[str, np.ndarray] = {}
     # Sensors have fewer digits than single precision; time has more.
     for name in SIGNALS:
@@ -212,7 +230,7 @@ def write_walk(path: Path, log: WalkLog) -> None:
         if array is not None:
             arrays[name] = array if array.dtype == bool or name == "time" else array.astype(np.float32)
     arrays["header"] = write_header(SCHEMA, SCHEMA_VERSION, asdict(log.header))
-    publish_npz(path, arrays, compressed=True)
+    return arrays
 
 
 def is_walk(path: Path) -> bool:

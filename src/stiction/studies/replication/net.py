@@ -30,7 +30,7 @@ from stiction.formats.walk import write_walk
 from stiction.joints.net import ActuatorCfg, TorqueSource
 from stiction.robots.model import Robot
 from stiction.studies.actuator.config import BACKWARD, RUNS
-from stiction.virtual.bench import walk_log
+from stiction.virtual.bench import Bench, walk_log
 from stiction.virtual.cases import Case
 from stiction.virtual.trial import World, walk
 
