@@ -119,7 +119,7 @@ def log_all(
     Returns the names of the files: a robot that fell within `SHORTEST` has none. Raises `StictionError` where one is
     there of another walk, unless `overwrite`: it stays, and no log of that bundle is written.
     """
-    written = []
+    written: list[str] = []
     for bundle in bundles:
         walks = record_walks(bundle, evaluation, cfg, robot, threads, partial(progress, f"{bundle.name}, logs"))
         logs = {f"{bundle.name}--{walk.file_name}": walk.log for walk in walks if walk.log is not None}
