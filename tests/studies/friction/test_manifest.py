@@ -72,7 +72,7 @@ def test_budget_is_the_same_unless_it_is_the_question() -> None:
 
 def test_designs_and_methods_are_compared_on_one_ground_and_friction() -> None:
     """If this failed, a design would win by the ground or the simulation of the preset since, and not by itself."""
-    quiet = ("quiet", "known-quiet", "rows")
+    quiet = ("quiet", "known-quiet", "rows", "rows-load-spread")
     drawn = ("drawn-contact", "fine-contact", "known-drawn", "rows-loud", *quiet)
     other = {f"coulomb20-{name}" for name in drawn}
     for condition in (one for one in MANIFEST if one.part in ("designs", "methods")):

@@ -335,6 +335,11 @@ MANIFEST: tuple[Condition, ...] = (
         *("with-load", "friction up to 10 % of the limit, and up to 0.1 of the load beside it", "deception"),
         *("--task.friction.range", "0", "0.5", "--task.friction.load", "0", "0.1"),
     ),
+    _method(
+        *("rows-load-spread", "as the presets: the same, and joints that differ by half", "deception"),
+        *("--task.friction.range", "0", "0.5", "--task.friction.load", "0", "0.1"),
+        *("--task.friction.spread", "0.5", "1.5", *DRAWN, *QUIET, "--physics", "rows"),
+    ),
     # The set that runs from t - H to t has H + 1 frames.
     _coulomb("deception-history20", "history", "H = 20 in place of 10", "deception", "--task.history", "21"),
     _coulomb("deception-history50", "history", "H = 50", "deception", "--task.history", "51"),
