@@ -320,6 +320,10 @@ MANIFEST: tuple[Condition, ...] = (
                 *("--hinf.disturber", "random", "--hinf.curriculum", "0.5"),
             ),
             ("curriculum", "H∞, the push grows over half of the training", "--hinf.curriculum", "0.5"),
+            (
+                *("gentle", "the same, a fifth of the weight at most"),
+                *("--hinf.limit", "0.2", "--hinf.curriculum", "0.5"),
+            ),
             ("eta0", "H∞, every cost counts", "--hinf.eta", "0"),
             ("nobody", "PPO as H∞ has it, and nobody disturbs", "--hinf.disturber", "none"),
         )
