@@ -20,6 +20,7 @@ from stiction.core.errors import (
     RobotError,
     StictionError,
     TrainingError,
+    check_once,
     unknown_name,
 )
 from stiction.identify.logs.naming import parse_columns
@@ -147,3 +148,14 @@ def test_a_misspelt_setting_is_answered_with_its_neighbour(make: Callable[[], ob
     """A configuration file is not seen by the parser of the command line."""
     with pytest.raises(StictionError, match=f"did you mean '{near}'"):
         make()
+
+
+def test_what_was_given_twice_is_refused_however_it_was_typed() -> None:
+    """Work that is done twice would count twice."""
+    check_once("levels", ("0.1", "0.2"))
+    check_once("ways", (), least=0)
+    for given, options in ((("0.1", "0.1"), {}), ((), {}), (("0.1", "0.10"), {"same": float})):
+        with pytest.raises(ConfigurationError, match="expected at least one, each once"):
+            check_once("levels", given, **options)
+    with pytest.raises(ConfigurationError, match="ways 3 3: expected each once"):
+        check_once("ways", (3, 3), least=0)

@@ -188,7 +188,7 @@ def test_the_method_alone_makes_a_run(tmp_path: Path) -> None:
         ("--method hinf --student.iterations 5", "learns in one phase"),
         ("--method hinf --terrain stairs", "on flat ground alone, not on 'stairs'"),
         ("--method deception --hinf.eta 1", "--hinf.eta 1.0 has no effect without --method hinf"),
-        ("--method hinf --hinf.limit 0.6", "limit of 0.6: expected a share of the robot's weight, 0 to 0.5"),
+        ("--method hinf --hinf.limit 0.6", "of up to 0.6: expected a share of the robot's weight from 0 to 0.5"),
         ("--method hinf --hinf.disturber friction", "bounded by the joints' friction, and there is none"),
         (
             "--method hinf --hinf.disturber none --hinf.eta 1",

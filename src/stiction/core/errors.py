@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
+from typing import Any
 
 UNSAFE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]")
 """Characters that steer a terminal, hide, turn the direction of the text, or are none at all."""
@@ -82,3 +83,13 @@ def unknown_name(what: str, name: str, known: Iterable[str]) -> str:
     more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
     listed = ", ".join(names[:MOST_NAMES]) or "none"
     return f"unknown {what} {name!r}{nearest(name, names) or ';'} known: {listed}{more}"
+
+
+def check_once(what: str, given: Sequence[Any], least: int = 1, same: Callable[[Any], Any] = lambda one: one) -> None:
+    """Raise `ConfigurationError` where something was given twice, or there are less than `least`, 0 or 1.
+
+    what: such as `levels`; same: of what was given, what it means, where that can be said in two ways.
+    """
+    if len({same(one) for one in given}) < len(given) or len(given) < least:
+        few = "at least one, " if least else ""
+        raise ConfigurationError(f"{what} {' '.join(map(str, given)) or 'none'}: expected {few}each once")

@@ -14,7 +14,7 @@ from itertools import product
 
 import numpy as np
 
-from stiction.core.errors import ConfigurationError
+from stiction.core.errors import ConfigurationError, check_once
 from stiction.core.provenance import seed_streams
 from stiction.deploy.check import robot_of
 from stiction.deploy.policy import load_policy
@@ -81,11 +81,8 @@ class EvaluationCfg:
         for level in self.friction_levels:
             if not 0.0 <= level <= MAX_LEVEL:
                 raise ConfigurationError(f"friction level {level} is outside [0, {MAX_LEVEL}], {unit}")
-        if not self.friction_levels or not self.commands:
-            raise ConfigurationError("at least one friction level and one command are needed")
-        labels = [command.label for command in self.parsed_commands]
-        if len(set(self.friction_levels)) < len(self.friction_levels) or len(set(labels)) < len(labels):
-            raise ConfigurationError("a friction level or a command was given twice; give each once")
+        check_once("friction levels", self.friction_levels)
+        check_once("commands", [command.label for command in self.parsed_commands])
         if self.episodes * self.seconds > MAX_ROBOT_SECONDS:
             raise ConfigurationError(
                 f"{self.episodes} episodes of {self.seconds:g} s are more than {MAX_ROBOT_SECONDS:g} robot-seconds, "

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field, replace
 from itertools import groupby
 from typing import Any
 
-from stiction.core.errors import ConfigurationError, EngineError, unknown_name
+from stiction.core.errors import ConfigurationError, EngineError, check_once, unknown_name
 from stiction.engines.catalog import ENGINES, EngineSpec, find_engine
 from stiction.evaluate.course import parse_course
 from stiction.evaluate.evaluate import EvaluationCfg
@@ -109,9 +109,8 @@ class GridCfg:
     def __post_init__(self) -> None:
         """Refuse what cannot be walked."""
         for name in ("engines", "terrains", "robots", "robot_levels", "forward", "forward_by"):
-            given = getattr(self, name)
-            if len(set(given)) < len(given) or not (given or name in ("robot_levels", "forward")):
-                raise ConfigurationError(f"{name.replace('_', ' ')} {list(given)}: expected at least one, each once")
+            least = 0 if name in ("robot_levels", "forward") else 1
+            check_once(name.replace("_", " "), getattr(self, name), least)
         parse_levels(self.levels_of_robots)
         robots = max(1, len(self.robots)) * len(self.engines)
         levels = max(len(self.base.friction_levels), len(self.robot_levels))
@@ -137,8 +136,7 @@ class GridCfg:
     def _check_forward(self) -> None:
         """Refuse friction fed forward in ways that there are not, where there is no one torque to feed, or late."""
         ways = [parse_compensation(text) for text in self.forward_by]
-        if len({way.label for way in ways}) < len(ways):
-            raise ConfigurationError(f"friction fed forward by {' '.join(self.forward_by)}: expected each once")
+        check_once("friction fed forward by", [way.label for way in ways], least=0)
         if not self.forward:
             return
         if self.base.action_delay:

@@ -67,7 +67,7 @@ class HinfCfg:
         most = self.most
         if self.limit is not None and not 0 <= self.limit <= most:
             unit = "the joint's friction" if self.by_torque else "the robot's weight"
-            raise ConfigurationError(f"disturber's limit of {self.limit}: expected a share of {unit}, 0 to {most:g}")
+            raise ConfigurationError(f"disturber of up to {self.limit}: expected a share of {unit} from 0 to {most:g}")
         for name, low, high in (
             ("curriculum", 0.0, 1.0),
             ("hold", 1e-3, 100.0),

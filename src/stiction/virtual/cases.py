@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.core.errors import ConfigurationError, check_once, unknown_name
 from stiction.engines.friction import JointFriction
 from stiction.joints.friction import MAX_LEVEL, Law, has_coefficient
 from stiction.robots.model import Robot
@@ -92,10 +92,8 @@ def parse_level(text: str) -> Level:
 
 def parse_levels(texts: Sequence[str]) -> tuple[Level, ...]:
     """Return the levels that texts name; raise `StictionError` where there is none or one twice (0.1 and 0.10)."""
-    levels = tuple(map(parse_level, texts))
-    if not levels or len({level.label for level in levels}) < len(levels):
-        raise ConfigurationError(f"friction levels {' '.join(texts) or 'none'}: expected at least one, each once")
-    return levels
+    check_once("friction levels", texts, same=lambda text: parse_level(text).label)
+    return tuple(map(parse_level, texts))
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from stiction.core.errors import ConfigurationError, StictionError
+from stiction.core.errors import ConfigurationError, StictionError, check_once
 from stiction.report.terminal import RobotSeeds
 from stiction.studies.study import ParallelOptions, Report, Study, Work
 
@@ -43,9 +43,7 @@ class BenchOptions(ParallelOptions):
     def __post_init__(self) -> None:
         """Refuse no work, and the same work twice, at once."""
         for name in ("robots", "levels"):
-            given = getattr(self, name)
-            if not given or len(set(given)) < len(given):
-                raise ConfigurationError(f"--{name} {' '.join(map(str, given))}: expected at least one, each once")
+            check_once(f"--{name}", getattr(self, name))
 
 
 def run(options: BenchOptions, work: Work) -> Report:

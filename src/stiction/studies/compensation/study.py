@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from stiction.core.errors import ConfigurationError
+from stiction.core.errors import check_once
 from stiction.formats.results import DIRECTIONS
 from stiction.joints.compensation import parse_compensation
 from stiction.report.terminal import RobotSeeds
@@ -100,9 +100,7 @@ def run(options: CompensationOptions, work: Work) -> Report:
     from stiction.virtual.cases import parse_levels, warnings_on
 
     for name in ("ways", "standing", "robots"):
-        given = getattr(options, name)
-        if len(set(given)) < len(given):
-            raise ConfigurationError(f"{name} {' '.join(map(str, given))}: expected each once")
+        check_once(name, getattr(options, name), least=0)
     cfg = part_of(EvaluationCfg, options)
     fed_ways = [*map(parse_compensation, options.ways)]
     check_fed_law(cfg.friction_law, fed_ways)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from stiction.core.errors import ConfigurationError
+from stiction.core.errors import check_once
 from stiction.studies.study import Options, Report, Study, UsageError, Work
 
 if TYPE_CHECKING:
@@ -118,8 +118,7 @@ def run(options: DisturberOptions, work: Work) -> Report:
     from stiction.evaluate.summary import describe
     from stiction.studies.disturber.duel import DuelCfg, DuelRow, fight, task_for
 
-    if len(set(options.seeds)) < len(options.seeds):
-        raise ConfigurationError(f"seeds {list(options.seeds)}: expected each once, for one is one sample")
+    check_once("seeds", options.seeds)
     cfg, bundles = part_of(DuelCfg, options), work.bundles(options.policies)
     for bundle in bundles:
         task_for(bundle.contract, cfg, options.robot)

@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from stiction.core.errors import ConfigurationError, EngineError
+from stiction.core.errors import EngineError, check_once
 from stiction.core.records import column
 from stiction.engines.catalog import ENGINES, make_engine, what_is_missing
 from stiction.engines.conformance import flight, joint
@@ -88,8 +88,7 @@ def find_engines(asked: Sequence[str] | None, spec: Robot) -> tuple[tuple[str, .
 
     """
     names = tuple(ENGINES if asked is None else asked)
-    if not names or len(set(names)) < len(names):
-        raise ConfigurationError(f"engines {', '.join(names) or 'none'}: expected at least one, each once")
+    check_once("engines", names)
     missing = {name: line for name in names if (line := what_is_missing(name, spec))}
     here = tuple(name for name in names if name not in missing)
     if missing and (asked is not None or not here):
@@ -99,8 +98,7 @@ def find_engines(asked: Sequence[str] | None, spec: Robot) -> tuple[tuple[str, .
 
 def check_timesteps(timesteps: Sequence[float]) -> None:
     """Raise `StictionError` unless there is a timestep, each once, and the suite can be run with each."""
-    if not timesteps or len(set(timesteps)) < len(timesteps):
-        raise ConfigurationError(f"timesteps {list(timesteps)}: expected at least one, each once")
+    check_once("timesteps", timesteps)
     for timestep in timesteps:
         check_timestep(timestep)
 

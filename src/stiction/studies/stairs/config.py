@@ -7,7 +7,7 @@ from typing import Annotated
 
 from tyro.conf import Fixed, Suppress
 
-from stiction.core.errors import ConfigurationError
+from stiction.core.errors import ConfigurationError, check_once
 from stiction.joints.friction import MAX_LEVEL
 from stiction.locomotion.config import NoiseCfg
 from stiction.robots.terrain import STEEPEST
@@ -41,8 +41,7 @@ class ClimbCfg:
                 f"friction levels {self.friction_levels}: expected at least one, in [0, {MAX_LEVEL}]"
             )
         for name in ("step_heights", "friction_levels"):
-            if len(set(getattr(self, name))) < len(getattr(self, name)):
-                raise ConfigurationError(f"{name} {getattr(self, name)}: one was given twice; give each once")
+            check_once(name.replace("_", " "), getattr(self, name))
         if self.trials < 1 or not 0.05 <= self.speed <= 2.0:
             raise ConfigurationError(
                 f"{self.trials} trials at {self.speed} m/s: expected at least one, at 0.05 to 2 m/s"

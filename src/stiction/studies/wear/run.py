@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from stiction.core.cache import cached, key_of
-from stiction.core.errors import ConfigurationError
+from stiction.core.errors import ConfigurationError, check_once
 from stiction.core.parallel import spread
 from stiction.deploy.check import check_bundle, robot_of
 from stiction.engines.catalog import binaries, make_engine
@@ -60,15 +60,13 @@ class WearCfg:
 
     def __post_init__(self) -> None:
         """Refuse what has no speed, no robot or no window."""
-        if not self.commands or len(set(self.labels)) < len(self.commands):
-            raise ConfigurationError(f"commands {' '.join(self.commands) or 'none'}: expected at least one, each once")
+        check_once("commands", self.labels)
         for command in self.commands:
             if parse_command(command).direction is None:
                 raise ConfigurationError(
                     f"wear under the command {command!r}: expected one that asks for motion, vx=0.5"
                 )
-        if not self.robots or len(set(self.robots)) < len(self.robots):
-            raise ConfigurationError(f"robots {self.robots}: expected at least one, each once")
+        check_once("robots", self.robots)
         for level in parse_levels(self.levels):
             Case(self.robots[0], self.cell, level)
             if level.is_none:
