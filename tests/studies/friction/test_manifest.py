@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from stiction.core.errors import StictionError
+from stiction.locomotion.terrain import TerrainCfg
 from stiction.rma.arguments import parse
 from stiction.rma.config import TrainCfg
 from stiction.rma.presets import PRESETS
@@ -197,6 +198,14 @@ def test_a_dear_design_costs_more_and_what_was_not_measured_has_no_number() -> N
     rows = replace(laws["effort442-direct"].cfg.task, physics=EXACT)
     loaded = replace(laws["effort442-direct"], cfg=replace(laws["effort442-direct"].cfg, task=rows))
     assert loaded.minutes() == pytest.approx(1.35 * 2.42 / 1.79 * deception.minutes())
+    longer = {run.condition.name: PlannedRun.of(run, Path("runs")).minutes() for run in runs_of(("history",))}
+    assert longer["coulomb20-deception-history50"] == pytest.approx(1.57 * deception.minutes())
+    for changed, factor in (({"terrain": TerrainCfg("stairs")}, 1.16), ({"history": 31}, None)):
+        cfg = replace(deception.cfg, task=replace(deception.cfg.task, **changed))
+        minutes = replace(deception, cfg=cfg).minutes()
+        assert minutes == (factor and pytest.approx(factor * deception.minutes())), changed
+    net = replace(deception, cfg=replace(deception.cfg, actuator="net"))
+    assert net.minutes() == pytest.approx(1.15 * deception.minutes())
     literal = {run.condition.name: PlannedRun.of(run, Path("runs")) for run in runs_of(("literal",))}
     here, physx = literal["literal01-mujoco"], literal["literal01-physx"]
     assert physx.minutes() / here.minutes() == pytest.approx(1.2e-3 / (0.88 * 2.42e-4))
