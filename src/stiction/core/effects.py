@@ -5,7 +5,7 @@ A verb lists in a table which options are of what, and every refusal reads the s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
@@ -43,6 +43,12 @@ def check_effects(options: Any, defaults: Any, table: Sequence[OptionsOf]) -> No
                 raise ConfigurationError(
                     f"{flag_of(name)} is of {entry.owner}, and would have no effect; {entry.remedy}"
                 )
+
+
+def check_only(options: Any, defaults: Any, used: Collection[str], owner: str) -> None:
+    """Raise as `check_effects` for every option but those that are used; owner: of what the others are, in words."""
+    others = tuple(field.name for field in fields(defaults) if field.name not in used)
+    check_effects(options, defaults, [OptionsOf(others, owner, lambda _: False, "leave one of the two out")])
 
 
 def changed_options(options: Any, defaults: Any, place: str = "") -> Iterator[str]:

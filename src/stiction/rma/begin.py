@@ -81,10 +81,8 @@ def _say_of_method(cfg: TrainCfg, say: Say) -> None:
     if not friction:
         say("hinf trains without dry friction; with: --task.friction.range 0 1.2")
     if cfg.hinf.disturbs and not cfg.hinf.by_torque and not cfg.hinf.curriculum:
-        # One training each, see results/methods.
-        say(
-            "hinf pushes with all of its limit at once; one that did stood still, with --hinf.curriculum 0.5 one walked"
-        )
+        # Two trainings each, see results/methods.
+        say("hinf pushes with all of its limit at once; of two none walked both ways, with --hinf.curriculum 0.5 both")
 
 
 def _lightest_rotors(cfg: TrainCfg, robot: Robot, identified: dict[str, Any] | None) -> np.ndarray:

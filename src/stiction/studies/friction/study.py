@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from tyro.conf import arg
 
-from stiction.core.effects import OptionsOf, check_effects
+from stiction.core.effects import check_only
 from stiction.core.errors import ConfigurationError, FileError, TrainingError
 from stiction.studies.study import ParallelOptions, RedrawnOptions, Report, Study, Work
 
@@ -80,10 +80,7 @@ class FrictionOptions(ParallelOptions, RedrawnOptions):
         if self.elsewhere and self.advice is None:
             raise ConfigurationError("--elsewhere goes into the advice; name its file too: --advice FILE")
         if self.list:
-            done = tuple(field.name for field in fields(self) if field.name not in PLANNED)
-            owner = "an experiment that is run, which --plan does not do"
-            remedy = "leave one of the two out"
-            check_effects(self, FrictionOptions(), [OptionsOf(done, owner, lambda _: False, remedy)])
+            check_only(self, FrictionOptions(), PLANNED, "an experiment that is run, which --plan does not do")
 
 
 def run(options: FrictionOptions, work: Work) -> Report | int:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from stiction.core.effects import OptionsOf, check_effects
+from stiction.core.effects import check_only
 from stiction.core.errors import ConfigurationError, StictionError, TrainingError, unknown_name
 from stiction.core.records import make_folder
 from stiction.studies.study import ParallelOptions, RedrawnOptions, Report, Study, Work
@@ -95,10 +95,7 @@ class ReplicateOptions(ParallelOptions, RedrawnOptions):
         if self.plan:
             if self.preset != "full":
                 raise ConfigurationError("--plan is of --preset full: that of quick trains nothing; add it")
-            done = tuple(one.name for one in fields(self) if one.name not in PLANNED)
-            owner = "a comparison that is walked, which --plan does not do"
-            effect = OptionsOf(done, owner, lambda _: False, "leave one of the two out")
-            check_effects(self, ReplicateOptions(), [effect])
+            check_only(self, ReplicateOptions(), PLANNED, "a comparison that is walked, which --plan does not do")
 
     @property
     def folder(self) -> Path:
