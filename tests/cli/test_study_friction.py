@@ -111,13 +111,14 @@ def test_runs_of_several_machines_make_one_experiment(
 
 def test_listing_begins_nothing(small: None, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """If this failed, nobody could see what the experiment is before it takes the machine for a day."""
-    assert main(["study", "friction", "--list", "--runs", str(tmp_path)]) == 0
+    of_two = ["--preset", "two-phase", "--runs", str(tmp_path)]
+    assert main(["study", "friction", "--list", *of_two]) == 0
     listed = capsys.readouterr().out
     assert listed.startswith("missing        0%         0 min  stiction train --preset two-phase --robot go1")
     assert re.search(r"(\d+) runs, of up to \d+ seeds; \1 are missing, some 0.0 hours of one core", listed)
     assert re.search(r"\d+ more are those of --preset quick: parts 1, designs, methods\n.* replicate .*\n$", listed)
     for name in ("friction", "training"):
-        assert main(["study", name, "--plan", "--runs", str(tmp_path)]) == 0
+        assert main(["study", name, "--plan", *of_two]) == 0
         assert capsys.readouterr().out == listed
     assert main(["study", "friction", "--runs", str(tmp_path / "nosuch"), "--out", str(tmp_path / "out")]) == 1
     assert "is finished; train them with --train" in capsys.readouterr().err
@@ -147,6 +148,12 @@ def test_a_plan_counts_the_policies_that_are_there_and_no_others(
     monkeypatch.setattr(manifest, "MANIFEST", (condition,))
     shutil.copytree(shipped, tmp_path / "policies" / f"coulomb20-deception-s{seed}")
     plan = ["study", "training", "--plan", "--runs", str(tmp_path / "runs"), "--policies"]
+    # Both presets have a run of this name, and the policy is of one of them.
+    (tmp_path / "others").mkdir()
+    assert main([*plan, str(tmp_path / "others"), str(tmp_path / "policies")]) == 0
+    two_phase, quick, total, _ = capsys.readouterr().out.splitlines()
+    assert two_phase.startswith("missing        0%") and quick.startswith("exported     100%")
+    assert total.startswith("2 runs, of up to 1 seeds; 1 are missing")
     assert main([*plan, str(tmp_path / "none"), "--preset", "quick"]) == 1
     assert f"there is no folder {tmp_path / 'none'}" in capsys.readouterr().err
     assert main([*plan, str(tmp_path / "policies"), "--preset", "quick"]) == 0

@@ -171,6 +171,26 @@ def test_without_a_disturbance_it_is_plain_ppo_bit_for_bit(changes: dict, symmet
     assert torch.equal(state, again) and rewards == same
 
 
+@pytest.mark.parametrize("kind", ["force", "friction"])
+def test_a_disturber_that_learns_and_pushes_with_nothing_leaves_plain_ppo_bit_for_bit(
+    kind: DisturberName, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All of the method runs, its rollouts, its own PPO and its critic; with λ at 0 none of it reaches the policy."""
+    monkeypatch.setattr("stiction.rma.disturber.bounded", lambda raw, by_torque: torch.zeros_like(raw))
+    base = by_friction(kind) if kind == "friction" else HINF
+    plain = replace(base, hinf=replace(base.hinf, disturber="none"))
+    found = []
+    for number, cfg in enumerate((plain, replace(base, hinf=replace(base.hinf, multiplier_rate=0.0)))):
+        runner = phase_runner(cfg, tmp_path / str(number))
+        rows = [runner.iterate() for _ in range(2)]
+        assert (runner.alg.learning is not None) == bool(number)
+        found.append((parameters(runner.alg), torch.get_rng_state(), [row["reward"] for row in rows]))
+    (alone, state, rewards), (beside, again, same) = found
+    assert all(torch.equal(alone[name], beside[name]) for name in alone)
+    assert torch.equal(state, again) and rewards == same
+    assert "hinf/lambda" in rows[-1] and rows[-1]["hinf/intensity"] == 0.0
+
+
 def test_a_disturbance_changes_the_walk_and_not_the_stream(tmp_path: Path) -> None:
     """The disturber draws from a generator of its own: torch's is where it is without it."""
     found = []

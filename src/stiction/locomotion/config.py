@@ -114,7 +114,7 @@ class RandomizationCfg:
 
     @classmethod
     def literal(cls) -> RandomizationCfg:
-        """Return the paper's table and nothing else."""
+        """Return the paper's table and nothing else; what is measured has noise of its own, see `NoiseCfg`."""
         return cls(action_delay=(0.0, 0.0), encoder_offset=(0.0, 0.0))
 
 

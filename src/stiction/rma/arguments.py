@@ -58,8 +58,8 @@ class Train:
     preset: PresetName = "full"
     """Defaults for everything else. `quick`: one phase of 440 iterations, 20 to 45 minutes of one core. `full`:
     1000 of them. `two-phase`: a teacher (350 iterations), then its student (80), as the paper's claims were judged.
-    `paper`: 700 and 240, and randomises the paper's table and no more. `literal`: the same to the letter: L_ada through
-    both encoders, friction of 1 % drawn for each joint."""
+    `paper`: 700 and 240, and draws the paper's table, with noise of the sensors. `literal`: the same to the letter: no
+    noise, L_ada through both encoders, friction of 1 % drawn for each joint."""
     out: Path = Path("runs/train")
     """Folder of the run."""
     joint_map: tuple[str, ...] = ()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Literal
 
-from stiction.locomotion.config import RandomizationCfg, TaskCfg
+from stiction.locomotion.config import NoiseCfg, RandomizationCfg, TaskCfg
 from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.config import REPLACED, NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.robots.physics import EXACT, FAST
@@ -37,18 +37,18 @@ PRESETS = {
     "paper": _PAPER,
     "literal": replace(
         _PAPER,
-        task=replace(_PAPER.task, friction=FrictionCfg(level=0.01, per="joint")),
+        task=replace(_PAPER.task, friction=FrictionCfg(level=0.01, per="joint"), noise=NoiseCfg(0.0, 0.0, 0.0, 0.0)),
         teacher=replace(_PAPER.teacher, both_ways=True),
     ),
 }
 """`full` and `quick` are one phase: what walks is what will be deployed, on its own z* and its own estimate of velocity
 and friction, with little noise in the end and at last with none, and on ground that is another for each robot.
 `two-phase` is the paper's teacher and student at the budget with which its claims were judged; `paper` has more of it,
-and randomises the paper's table and no more. `literal` takes the paper at its word where `paper` does what works
-better: L_ada trains both encoders, every joint has friction of its own, and there is as much of it as was measured, 1 %
-of the torque limit. All make clips. `two-phase` simulates joint friction by yielding springs, which is faster; the
-others by the solver's rows, by which everything is judged: a student that walked on springs alone is slower than it is
-told where friction is high, see results/student."""
+and draws the paper's table and the noise of sensors. `literal` takes the paper at its word where `paper` does what
+works better: L_ada trains both encoders, the table has no noise, every joint has friction of its own, and there is as
+much of it as was measured, 1 % of the torque limit. All make clips. `two-phase` simulates joint friction by yielding
+springs, which is faster; the others by the solver's rows, by which everything is judged: a student that walked on
+springs alone is slower than it is told where friction is high, see results/student."""
 
 
 def preset(name: str, device: str = "cpu", method: str | None = None, engine: str = "mujoco") -> TrainCfg:

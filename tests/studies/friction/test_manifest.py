@@ -1,7 +1,7 @@
 """The manifest: every run can be started, and what is compared differs in what it says."""
 
 from collections import Counter
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
 
@@ -95,7 +95,29 @@ def test_the_literal_rows_are_the_preset_at_the_budget_of_all() -> None:
     expected = replace(literal, **phases, video_every=0)
     assert configured()["literal01-mujoco"] == expected
     assert configured()["literal01-physx"] == replace(expected, engine="physx")
-    assert expected.teacher.both_ways and expected.task.friction.per == "joint" and expected.task.friction.level == 0.01
+
+
+def test_the_literal_preset_draws_the_table_of_the_paper_and_nothing_else() -> None:
+    """The numbers are those of its table II; what stands in no table of it is zero."""
+    literal = PRESETS["literal"]
+    drawn, friction = asdict(literal.task.randomization), literal.task.friction
+    assert literal.teacher.both_ways and friction.per == "joint" and friction.level == 0.01
+    assert [(low, high) for _, low, high in friction.last.mixture] == [(0.0, 1.2)]
+    assert (friction.spread, friction.load) == (None, None)
+    table = {
+        **dict.fromkeys(("armature", "damping", "motor_strength"), (0.8, 1.2)),
+        "stiffness": (0.95, 1.05),
+        "ground_friction": (0.2, 2.0),
+        "payload": (-2.0, 3.0),
+        "center_of_mass": (-0.25, 0.25),
+        "push_interval": 8.0,
+        "push_velocity": 1.0,
+    }
+    assert {name: drawn.pop(name) for name in table} == table
+    # The ground's softness is not drawn, and nobody is told the friction.
+    assert drawn.pop("contact_time") == (0.02, 0.02) and not literal.task.known_friction
+    drawn.pop("known_friction")
+    assert set(drawn.values()) == {(0.0, 0.0)} and set(asdict(literal.task.noise).values()) == {0.0}
 
 
 def test_what_is_varied_is_what_the_purpose_says() -> None:

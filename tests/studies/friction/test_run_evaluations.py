@@ -133,6 +133,17 @@ def test_an_exported_policy_counts_by_the_code_that_deploys_it(tmp_path: Path, m
     assert seen == [WALK_CODE, RUN_WALK_CODE]
 
 
+def test_a_finished_run_walks_by_the_policy_that_was_exported_of_it(tmp_path: Path) -> None:
+    """What is deployed is the bundle; its teacher is in no bundle, and walks from the folder."""
+    at = place(tmp_path, "toy", 0, "--friction-level", "0.2")
+    write_run(at)
+    for file in list((tmp_path / "toy-s0/checkpoints").iterdir()):
+        (file.parent / f"teacher_000001{file.suffix}").write_bytes(file.read_bytes())
+    for policy in (None, SHIPPED):
+        found = {task.who: task.exported for task in tasks_for([replace(at, policy=policy)], BASE)}
+        assert found == {"teacher": False, "student": policy is not None}
+
+
 def test_a_policy_that_cannot_be_evaluated_stops_nobody(tmp_path: Path, walked: list) -> None:
     """If this failed, one damaged run would hide all results."""
     rows, failed = evaluate_tasks([*tasks(tmp_path, "bad"), *tasks(tmp_path)], 1)

@@ -95,7 +95,7 @@ class Task:
     cache: Path
     """Folder of its rows."""
     exported: bool
-    """Whether the run's exported policy walks, for want of its folder."""
+    """Whether the run's exported policy walks, and not the network in its folder."""
 
     @property
     def name(self) -> str:
@@ -140,7 +140,7 @@ class Task:
 
 def tasks_for(planned: Sequence[PlannedRun], base: EvaluationCfg = BASE, cache: Path | None = None) -> list[Task]:
     """Return the policies of finished and exported runs, of one phase the student alone: no teacher walked in its
-    training, and none is exported.
+    training, and none is exported. A student whose policy is there walks by it: it is what is deployed.
 
     cache: a folder for the rows; by default `evaluation` in each run's.
     """
@@ -151,7 +151,7 @@ def tasks_for(planned: Sequence[PlannedRun], base: EvaluationCfg = BASE, cache: 
         for who in get_args(Who):
             if who == STUDENT or not (exported or run.cfg.teacher.latent == "history"):
                 settings = replace(settings_for(run.cfg, base), commands=COMMANDS[who])
-                tasks.append(Task(run, who, settings, folder, exported))
+                tasks.append(Task(run, who, settings, folder, who == STUDENT and run.policy is not None))
     return tasks
 
 

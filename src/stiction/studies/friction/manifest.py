@@ -205,6 +205,8 @@ WIDE = ("--task.friction.range", "0", "1.2")
 LITERAL = (
     *("--method", "deception", "--friction-level", "0.01", "--task.friction.per", "joint", "--teacher.both-ways"),
     *("--task.randomization.action-delay", "0", "0", "--task.randomization.encoder-offset", "0", "0"),
+    *("--task.noise.angular-velocity", "0", "--task.noise.roll-pitch", "0"),
+    *("--task.noise.joint-position", "0", "--task.noise.joint-velocity", "0"),
     *("--physics", "rows"),
 )
 """Options by which the preset `two-phase` becomes the preset `literal` with the budget of all conditions."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from math import prod
 from pathlib import Path
@@ -78,10 +79,11 @@ class PlannedRun:
     """Its exported policy, where there is one."""
 
     @classmethod
-    def of(cls, run: Run, runs: Path, policies: Path | None = None) -> Self:
-        """Return a run as `stiction train` reads its arguments; runs and policies are the folders of all of them."""
-        bundle = None if policies is None else policies / run.name
-        policy = bundle if bundle is not None and bundle.is_dir() else None
+    def of(cls, run: Run, runs: Path, policies: Sequence[Path] = ()) -> Self:
+        """Return a run as `stiction train` reads its arguments; runs is the folder of all, policies are those of
+        exported ones: the first that has one of this name counts.
+        """
+        policy = next((folder / run.name for folder in policies if (folder / run.name).is_dir()), None)
         return cls(run, run.configuration(), runs / run.name, policy)
 
     @property
@@ -164,6 +166,14 @@ class PlannedRun:
         last = newest is not None and int(newest.stem.rpartition("_")[2]) == self.cfg.student.iterations
         return "finished" if last and (self.path / "summary.json").is_file() else "interrupted"
 
+    def is_own_folder(self) -> bool:
+        """Return whether its folder holds this run, or nothing."""
+        try:
+            self.state()
+        except TrainingError:
+            return False
+        return True
+
     def bundle(self) -> Bundle:
         """Return the exported policy.
 
@@ -173,11 +183,11 @@ class PlannedRun:
         if self.policy is None:
             raise FileError(f"{self.run.name} has no exported policy; name the folder of the policies with --policies")
         bundle = read_bundle(self.policy)
-        if why := self._why_another(bundle.contract):
+        if why := self.why_another(bundle.contract):
             raise ConfigurationError(f"{self.policy} is another policy than the manifest's: {why}")
         return bundle
 
-    def _why_another(self, contract: Contract) -> str | None:
+    def why_another(self, contract: Contract) -> str | None:
         """Return what makes a policy another run's, and what to do; None where it is this one's."""
         friction = self.cfg.task.friction
         found = contract.robot, contract.method, contract.seed, contract.friction_law, contract.friction_level
@@ -215,6 +225,26 @@ class PlannedRun:
         return other if same_net else [*other, f"actuator is another net than {self.cfg.actuator}"]
 
 
+def own_files(planned: Sequence[PlannedRun]) -> list[PlannedRun]:
+    """Return runs of several presets, some of which have one name and so one folder: each with that folder, and with
+    its policy, only where these are surely its own.
+
+    Raises `StictionError` for a policy that is damaged.
+    """
+    times, found = Counter(run.run.name for run in planned), []
+    for run in planned:
+        one = run
+        if one.policy is not None:
+            contract = read_bundle(one.policy).contract
+            named_alike = contract.settings is None and times[one.run.name] > 1
+            if named_alike or one.why_another(contract) is not None:
+                one = replace(one, policy=None)
+        if times[one.run.name] > 1 and not one.is_own_folder():
+            one = replace(one, path=one.path.parent / one.run.preset / one.run.name)
+        found.append(one)
+    return found
+
+
 def unrecorded(planned: Sequence[PlannedRun]) -> list[str]:
     """Return the names of the exported policies whose settings are not recorded: they are taken at their names.
 
@@ -224,22 +254,22 @@ def unrecorded(planned: Sequence[PlannedRun]) -> list[str]:
     return [run.run.name for run in exported if run.bundle().contract.settings is None]
 
 
-def plan_lines(planned: Sequence[PlannedRun], states: Mapping[str, State]) -> list[str]:
+def plan_lines(planned: Sequence[PlannedRun], states: Sequence[State]) -> list[str]:
     """Return a line for each run, with its state, its cost and the command that trains it by hand; then one that says
-    what is missing in all. states: name -> `PlannedRun.state`.
+    what is missing in all. states: `PlannedRun.state` of each.
     """
     lines, left, unknown = [], 0.0, 0
-    for run in planned:
-        minutes, there = run.minutes(), states[run.run.name] in EVALUATED
+    for run, state in zip(planned, states, strict=True):
+        minutes, there = run.minutes(), state in EVALUATED
         # Of a run that is elsewhere nothing is left to train.
         share = 1.0 if there else run.done() / run.iterations
         if not there:
             left += (1.0 - share) * (minutes or 0.0)
             unknown += minutes is None
         words = shlex.join(run.run.arguments)
-        state, cost = states[run.run.name], "not measured" if minutes is None else f"{minutes:.0f} min"
+        cost = "not measured" if minutes is None else f"{minutes:.0f} min"
         lines.append(f"{state:<12}{share:>5.0%}{cost:>14}  stiction train {words} --out {run.path}")
-    missing = sum(state not in EVALUATED for state in states.values())
+    missing = sum(state not in EVALUATED for state in states)
     seeds = len({run.run.seed for run in planned})
     others = f", and {unknown} runs whose cost was not measured" if unknown else ""
     return [

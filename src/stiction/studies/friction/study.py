@@ -35,14 +35,15 @@ PLANNED = ("preset", "runs", "policies", "parts", "list")
 class FrictionOptions(ParallelOptions, RedrawnOptions):
     """Options of `stiction study friction`."""
 
-    preset: Literal["two-phase", "quick", "full"] = "two-phase"
-    """How the runs are trained. The first part has presets of one phase too, and then no teacher; `designs` and
-    `methods` have them alone."""
+    preset: Literal["two-phase", "quick", "full"] | None = None
+    """How the runs are trained; by default `two-phase`, and of a plan both that and `quick`. The first part has presets
+    of one phase too, and then no teacher; `designs` and `methods` have them alone."""
     runs: Path = Path("runs")
     """Folder of the training runs, one folder each."""
-    policies: Path | None = None
-    """Folder of exported policies, one folder each, named like the runs: a run that is not in --runs is evaluated by
-    its policy here, and has no learning curve. With --add those that --out has already are not evaluated again."""
+    policies: tuple[Path, ...] = ()
+    """Folders of exported policies, one folder each, named like the runs: a student that has one is evaluated by it,
+    and where its run is not in --runs there is no learning curve. The first folder that has one of its name counts.
+    With --add those that --out has already are not evaluated again."""
     add: bool = False
     """Add to what --out has: results of runs that are not in --runs, but were in --runs when --out was written, stay.
     Trainings on several machines, or over several days, then make one experiment."""
@@ -89,35 +90,31 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
     from stiction.studies.friction.assemble import assemble, judge_again, read_earlier, read_elsewhere, ship
     from stiction.studies.friction.evaluation import BASE, evaluate_tasks, tasks_for
     from stiction.studies.friction.evidence import parse_policy
-    from stiction.studies.friction.manifest import runs_of
-    from stiction.studies.friction.planned import EVALUATED, PlannedRun, plan_lines, unrecorded
+    from stiction.studies.friction.manifest import TWO_PHASE, runs_of
+    from stiction.studies.friction.planned import EVALUATED, PlannedRun, unrecorded
     from stiction.studies.friction.training import train
 
     # Read now, that a mistake is not told after hours of training.
     read_elsewhere(options.elsewhere, options.out)
     if options.judge_again:
         return report_of(options, judge_again(options.out, work.provenance))
-    if options.policies is not None and not options.policies.is_dir():
-        raise FileError(f"there is no folder {options.policies}; give that of the exported policies with --policies")
-    planned = [PlannedRun.of(run, options.runs, options.policies) for run in runs_of(options.parts, options.preset)]
-    states = {run.run.name: run.state() for run in planned}
+    if strange := [folder for folder in options.policies if not folder.is_dir()]:
+        raise FileError(f"there is no folder {strange[0]}; give that of the exported policies with --policies")
     if options.list:
-        # A policy that is another's stands for no run of the plan.
-        for note in unrecorded_note(unrecorded(planned)):
-            work.say(note)
-        print(*plan_lines(planned, states), sep="\n")
-        if not options.parts:
-            say_others(options.preset)
+        plan(options, work)
         return 0
-    if not options.train and not {*EVALUATED} & {*states.values()}:
+    preset = options.preset or TWO_PHASE
+    planned = [PlannedRun.of(run, options.runs, options.policies) for run in runs_of(options.parts, preset)]
+    if not options.train and not any(run.state() in EVALUATED for run in planned):
         raise TrainingError(
             f"no run of the experiment in {options.runs} is finished; train them with --train, name their folder with "
             "--runs, or that of their policies with --policies"
         )
-    before = read_earlier(options.out, options.preset) if options.add else None
+    before = read_earlier(options.out, preset) if options.add else None
     if before is not None:
         have = {parse_policy(row.policy)[0] for row in before.rows}
-        planned = [replace(run, policy=None) if run.run.name in have else run for run in planned]
+        elsewhere = [run.run.name in have and run.state() == "exported" for run in planned]
+        planned = [replace(run, policy=None) if gone else run for run, gone in zip(planned, elsewhere, strict=True)]
     work.begin()
     # Before anything is trained or walks: a policy that is another's stops all.
     for note in unrecorded_note(unrecorded(planned)):
@@ -134,7 +131,7 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
         for folder in ship(planned, rows, options.ship) if options.ship else []:
             work.say(f"shipped {folder}")
 
-    origin = work.provenance | {"failed": failed, "preset": options.preset}
+    origin = work.provenance | {"failed": failed, "preset": preset}
     report = report_of(options, assemble(planned, rows, base, origin, before), write_bundles)
     return replace(report, status=1 if failed else 0)
 
@@ -158,14 +155,33 @@ def report_of(options: FrictionOptions, experiment: Experiment, further: Callabl
     return replace(report(experiment), files=write_files)
 
 
-def say_others(preset: str) -> None:
-    """Say what the other preset has, and who has more, so that nobody takes one list for all."""
+def plan(options: FrictionOptions, work: Work) -> None:
+    """Print every run of a preset, or of both, with what it costs, and what is missing in all."""
+    from stiction.rma.identity import unrecorded_note
     from stiction.studies.friction.manifest import ONE_PHASE, TWO_PHASE, parts_of, runs_of
+    from stiction.studies.friction.planned import PlannedRun, own_files, plan_lines, unrecorded
 
-    other = ONE_PHASE if preset == TWO_PHASE else TWO_PHASE
-    parts = ", ".join(parts_of(other))
-    print(f"{len(runs_of((), other))} more are those of --preset {other}: parts {parts}")
-    print("with an Actuator Net, at what a bench identified, and over stairs: stiction replicate --preset full --plan")
+    presets = (TWO_PHASE, ONE_PHASE) if options.preset is None else (options.preset,)
+    asked = {preset: [part for part in options.parts if part in parts_of(preset)] for preset in presets}
+    if {*options.parts} - {part for parts in asked.values() for part in parts}:
+        runs_of(options.parts, presets[0])  # says which part nobody trains
+    having = [preset for preset in presets if asked[preset] or not options.parts]
+    runs = [run for preset in having for run in runs_of(asked[preset], preset)]
+    planned = [PlannedRun.of(run, options.runs, options.policies) for run in runs]
+    if len(having) > 1:
+        planned = own_files(planned)
+    # A policy that is another's stands for no run of the plan.
+    for note in unrecorded_note(unrecorded(planned)):
+        work.say(note)
+    print(*plan_lines(planned, [run.state() for run in planned]), sep="\n")
+    if not options.parts:
+        if len(having) == 1:
+            other = ONE_PHASE if having[0] == TWO_PHASE else TWO_PHASE
+            parts = ", ".join(parts_of(other))
+            print(f"{len(runs_of((), other))} more are those of --preset {other}: parts {parts}")
+        print(
+            "with an Actuator Net, at what a bench identified, and over stairs: stiction replicate --preset full --plan"
+        )
 
 
 STUDY = Study(

@@ -286,7 +286,7 @@ def print_plan(runs: Path) -> None:
         for seed, side in product(LOOP_SEEDS, ACTUATOR_RUNS)
     ]
     planned = [PlannedRun.of(run, runs) for run in (*comparison_runs(joints_file(folder)), *loop)]
-    print(*plan_lines(planned, {run.run.name: run.state() for run in planned}), sep="\n")
+    print(*plan_lines(planned, [run.state() for run in planned]), sep="\n")
 
 
 STUDY = Study(
