@@ -169,7 +169,7 @@ def test_the_method_alone_makes_a_run(tmp_path: Path) -> None:
     said: list[str] = []
     begin_run(tmp_path / "run", replace(cfg, num_envs=8), "stiction train", (), said.append)
     assert said[0] == "hinf trains without dry friction; with: --task.friction.range 0 1.2"
-    assert said[1].startswith("hinf pushes with all of its limit at once") and len(said) == 2
+    assert said[1].startswith("hinf pushes with half of the weight from the first iteration on") and len(said) == 2
     for kind, curriculum in (("force", 0.5), ("friction", 0.0), ("none", 0.0)):
         quiet: list[str] = []
         hinf = HinfCfg(disturber=kind, curriculum=curriculum)

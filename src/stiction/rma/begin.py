@@ -80,9 +80,11 @@ def _say_of_method(cfg: TrainCfg, say: Say) -> None:
         return
     if not friction:
         say("hinf trains without dry friction; with: --task.friction.range 0 1.2")
-    if cfg.hinf.disturbs and not cfg.hinf.by_torque and not cfg.hinf.curriculum:
+    half = not cfg.hinf.by_torque and cfg.hinf.share == cfg.hinf.most
+    if cfg.hinf.disturbs and half and not cfg.hinf.curriculum:
         # Two trainings each, see results/methods.
-        say("hinf pushes with all of its limit at once; of two none walked both ways, with --hinf.curriculum 0.5 both")
+        found = "none of two walked both ways so, and two of two with --hinf.curriculum 0.5"
+        say(f"hinf pushes with half of the weight from the first iteration on: {found}")
 
 
 def _lightest_rotors(cfg: TrainCfg, robot: Robot, identified: dict[str, Any] | None) -> np.ndarray:
