@@ -92,6 +92,13 @@ def test_a_folder_of_another_version_is_compared_by_what_both_have(tmp_path: Pat
     there["settings"] = {"levels": [0.0, 0.1], "gone": 3}
     (tmp_path / SETTINGS).write_text(json.dumps(there), encoding="utf-8")
     write(Run(tmp_path))
+    # An option that takes several took one, or none.
+    for before, now in ((0.3, (0.3,)), (None, ())):
+        there["settings"] = {"levels": before}
+        (tmp_path / SETTINGS).write_text(json.dumps(there), encoding="utf-8")
+        with pytest.raises(ConfigurationError, match="levels"):
+            write(Run(tmp_path))
+        write(Run(tmp_path, levels=now))
 
 
 def test_results_of_which_nobody_knows_what_they_are_stay(tmp_path: Path) -> None:

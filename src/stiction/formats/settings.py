@@ -175,9 +175,16 @@ def _differing(before: dict[str, Any], now: dict[str, Any], prefix: str = "") ->
         old, new = before[name], now[name]
         if isinstance(old, dict) and isinstance(new, dict):
             found += _differing(old, new, f"{prefix}{name}.")
-        elif old != new:
+        elif _values(old) != _values(new):
             found.append(f"{prefix}{name}".replace("_", "-") + f" {_words(old)}, now {_words(new)}")
     return sorted(found)
+
+
+def _values(value: Any) -> list[Any]:
+    """Return the values that a person typed: an option that takes several may have taken one in another version."""
+    if value is None:
+        return []
+    return value if isinstance(value, list) else [value]
 
 
 def _words(value: Any) -> str:

@@ -77,7 +77,9 @@ class FrictionOptions(ParallelOptions, RedrawnOptions):
     """Print the verdicts as JSON on standard output, and nothing else."""
 
     def __post_init__(self) -> None:
-        """Refuse tables that nothing would read, and what a plan makes no use of."""
+        """Refuse tables that nothing would read, and what a plan makes no use of; no plan is of two presets."""
+        if self.preset is None and not self.list:
+            object.__setattr__(self, "preset", "two-phase")
         if self.elsewhere and self.advice is None:
             raise ConfigurationError("--elsewhere goes into the advice; name its file too: --advice FILE")
         if self.list:
