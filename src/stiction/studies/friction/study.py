@@ -77,7 +77,7 @@ class FrictionOptions(ParallelOptions, RedrawnOptions):
     """Print the verdicts as JSON on standard output, and nothing else."""
 
     def __post_init__(self) -> None:
-        """Refuse tables that nothing would read, and what a plan makes no use of; no plan is of two presets."""
+        """Refuse tables that nothing would read, and what a plan makes no use of. A plan alone is of two presets."""
         if self.preset is None and not self.list:
             object.__setattr__(self, "preset", "two-phase")
         if self.elsewhere and self.advice is None:
