@@ -436,7 +436,7 @@ def test_ways_are_compared_on_the_robots_on_which_both_walked() -> None:
     assert "none+forward 0.10 " in found.evidence and "deception 0.15 " in found.evidence
     _, read = judge_all(
         Evidence.of([*fed, *on_robots("deception", condition, 0.95, 0.96, 0.94, 0.3, 0.3)]),
-        [claim for claim in CLAIMS if claim.id == "X6"],
+        [claim for claim in CLAIMS if claim.id == "X9"],
     )
     each = {(row.method, row.command): row.each for row in read}
     assert each["deception", "vx=0.5"] == "0.05 0.05 0.05"
