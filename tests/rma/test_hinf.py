@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -56,6 +56,31 @@ def by_friction(kind: DisturberName = "friction") -> TrainCfg:
 def parameters(algorithm: AdaptationPPO) -> dict[str, torch.Tensor]:
     """Every parameter of policy and critic."""
     return {**algorithm.actor.state_dict(), **{f"V.{k}": v for k, v in algorithm.critic.state_dict().items()}}
+
+
+@dataclass(frozen=True)
+class Trained:
+    """What two iterations came to."""
+
+    alg: AdaptationPPO
+    rows: list[dict]
+    stream: torch.Tensor
+    """Where torch's random numbers stand afterwards."""
+
+
+def trained(cfg: TrainCfg, path: Path) -> Trained:
+    """Train for two iterations."""
+    runner = phase_runner(cfg, path)
+    rows = [runner.iterate() for _ in range(2)]
+    return Trained(runner.alg, rows, torch.get_rng_state())
+
+
+def assert_same(one: Trained, other: Trained) -> None:
+    """Every parameter, every reward and the stream are the same, bit for bit."""
+    mine, yours = parameters(one.alg), parameters(other.alg)
+    assert mine.keys() == yours.keys() and all(torch.equal(mine[name], yours[name]) for name in mine)
+    assert torch.equal(one.stream, other.stream)
+    assert [row["reward"] for row in one.rows] == [row["reward"] for row in other.rows]
 
 
 def test_combined_advantage_by_hand() -> None:
@@ -160,15 +185,12 @@ def test_the_constraint_moves_the_policy_and_is_met() -> None:
 @pytest.mark.parametrize("symmetry", ["none", "network"])
 def test_without_a_disturbance_it_is_plain_ppo_bit_for_bit(changes: dict, symmetry: str, tmp_path: Path) -> None:
     """Nothing that the method has draws from torch's stream, or changes an advantage, unless someone disturbs."""
-    found = []
-    for number, cfg in enumerate((PLAIN, with_hinf(**changes))):
-        runner = phase_runner(replace(cfg, symmetry=symmetry), tmp_path / str(number))
-        assert isinstance(runner.alg, HinfPPO) == bool(number)
-        rows = [runner.iterate() for _ in range(2)]
-        found.append((parameters(runner.alg), torch.get_rng_state(), [row["reward"] for row in rows]))
-    (plain, state, rewards), (own, again, same) = found
-    assert plain.keys() == own.keys() and all(torch.equal(plain[name], own[name]) for name in plain)
-    assert torch.equal(state, again) and rewards == same
+    plain, own = (
+        trained(replace(cfg, symmetry=symmetry), tmp_path / str(number))
+        for number, cfg in enumerate((PLAIN, with_hinf(**changes)))
+    )
+    assert isinstance(own.alg, HinfPPO) and not isinstance(plain.alg, HinfPPO)
+    assert_same(plain, own)
 
 
 @pytest.mark.parametrize("kind", ["force", "friction"])
@@ -179,16 +201,11 @@ def test_a_disturber_that_learns_and_pushes_with_nothing_leaves_plain_ppo_bit_fo
     monkeypatch.setattr("stiction.rma.disturber.bounded", lambda raw, by_torque: torch.zeros_like(raw))
     base = by_friction(kind) if kind == "friction" else HINF
     plain = replace(base, hinf=replace(base.hinf, disturber="none"))
-    found = []
-    for number, cfg in enumerate((plain, replace(base, hinf=replace(base.hinf, multiplier_rate=0.0)))):
-        runner = phase_runner(cfg, tmp_path / str(number))
-        rows = [runner.iterate() for _ in range(2)]
-        assert (runner.alg.learning is not None) == bool(number)
-        found.append((parameters(runner.alg), torch.get_rng_state(), [row["reward"] for row in rows]))
-    (alone, state, rewards), (beside, again, same) = found
-    assert all(torch.equal(alone[name], beside[name]) for name in alone)
-    assert torch.equal(state, again) and rewards == same
-    assert "hinf/lambda" in rows[-1] and rows[-1]["hinf/intensity"] == 0.0
+    learns = replace(base, hinf=replace(base.hinf, multiplier_rate=0.0))
+    alone, beside = (trained(cfg, tmp_path / str(number)) for number, cfg in enumerate((plain, learns)))
+    assert alone.alg.learning is None and beside.alg.learning is not None
+    assert_same(alone, beside)
+    assert "hinf/lambda" in beside.rows[-1] and beside.rows[-1]["hinf/intensity"] == 0.0
 
 
 def test_a_disturbance_changes_the_walk_and_not_the_stream(tmp_path: Path) -> None:

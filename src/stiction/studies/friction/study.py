@@ -107,7 +107,9 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
         return 0
     preset = options.preset or TWO_PHASE
     planned = [PlannedRun.of(run, options.runs, options.policies) for run in runs_of(options.parts, preset)]
-    if not options.train and not any(run.state() in EVALUATED for run in planned):
+    # All of them, before anything is written: a folder may hold another run.
+    states = [run.state() for run in planned]
+    if not options.train and not {*EVALUATED} & {*states}:
         raise TrainingError(
             f"no run of the experiment in {options.runs} is finished; train them with --train, name their folder with "
             "--runs, or that of their policies with --policies"
@@ -115,8 +117,10 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
     before = read_earlier(options.out, preset) if options.add else None
     if before is not None:
         have = {parse_policy(row.policy)[0] for row in before.rows}
-        elsewhere = [run.run.name in have and run.state() == "exported" for run in planned]
-        planned = [replace(run, policy=None) if gone else run for run, gone in zip(planned, elsewhere, strict=True)]
+        planned = [
+            replace(run, policy=None) if state == "exported" and run.run.name in have else run
+            for run, state in zip(planned, states, strict=True)
+        ]
     work.begin()
     # Before anything is trained or walks: a policy that is another's stops all.
     for note in unrecorded_note(unrecorded(planned)):
