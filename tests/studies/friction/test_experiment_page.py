@@ -209,6 +209,23 @@ def test_a_run_whose_folder_has_gone_keeps_its_curve(tmp_path: Path, monkeypatch
     assert other.runs[0].minutes is None and "coulomb20-none-s0" not in {point.run for point in other.curves}
 
 
+def test_a_policy_that_was_trained_anew_walks_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By its name alone a policy of other code would bear what the one before it walked."""
+    before = experiment(tmp_path, seeds=1)
+    condition = Condition("coulomb20-none", "1", "a purpose", ("--method", "none", "--friction-level", "0.2"), (0,))
+    planned = PlannedRun(Run(condition, 0), configuration("none"), tmp_path / "elsewhere", tmp_path)
+
+    def walks(revision: str, earlier: Experiment = before) -> bool:
+        bundle = SimpleNamespace(contract=SimpleNamespace(revision=revision))
+        monkeypatch.setattr(PlannedRun, "bundle", lambda self: bundle)
+        return assemble.unwalked(planned, earlier).policy is not None
+
+    assert before.runs[0].name == "coulomb20-none-s0"
+    assert not walks(before.runs[0].revision) and walks("another")
+    # Finished, but its evaluation failed.
+    assert walks(before.runs[0].revision, replace(before, rows=[]))
+
+
 def test_nothing_yet_is_a_page_too(tmp_path: Path) -> None:
     """If this failed, the experiment could not be looked at before its first run ends."""
     out = tmp_path / "out"

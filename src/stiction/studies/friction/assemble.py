@@ -245,6 +245,18 @@ def kept_origins(before: Experiment, runs: Sequence[str]) -> list[dict[str, Any]
     return found
 
 
+def unwalked(planned: PlannedRun, before: Experiment) -> PlannedRun:
+    """Return a run without its exported policy where `before` has the results of that policy: they stay.
+
+    A policy of the same name that other code trained is another, and walks.
+    """
+    if planned.state() != "exported":
+        return planned
+    walked = {parse_policy(row.policy)[0] for row in before.rows}
+    have = {(one.name, one.revision) for one in before.runs if one.state in EVALUATED and one.name in walked}
+    return replace(planned, policy=None) if (planned.run.name, planned.bundle().contract.revision) in have else planned
+
+
 def _same(before: RunRecord, now: RunRecord) -> bool:
     """Tell whether two records of a name are of one training, as far as it is known."""
     return now.state in EVALUATED and before.revision == now.revision

@@ -43,7 +43,7 @@ class FrictionOptions(ParallelOptions, RedrawnOptions):
     policies: tuple[Path, ...] = ()
     """Folders of exported policies, one folder each, named like the runs: a student that has one is evaluated by it,
     and where its run is not in --runs there is no learning curve. The first folder that has one of its name counts.
-    With --add those that --out has already are not evaluated again."""
+    With --add those that --out has already, trained by the same code, are not evaluated again."""
     add: bool = False
     """Add to what --out has: results of runs that are not in --runs, but were in --runs when --out was written, stay.
     Trainings on several machines, or over several days, then make one experiment."""
@@ -89,9 +89,8 @@ class FrictionOptions(ParallelOptions, RedrawnOptions):
 def run(options: FrictionOptions, work: Work) -> Report | int:
     """Train, evaluate and judge; the exit status is 1 if a run could not be trained or evaluated."""
     from stiction.rma.identity import unrecorded_note
-    from stiction.studies.friction.assemble import assemble, judge_again, read_earlier, read_elsewhere, ship
+    from stiction.studies.friction.assemble import assemble, judge_again, read_earlier, read_elsewhere, ship, unwalked
     from stiction.studies.friction.evaluation import BASE, evaluate_tasks, tasks_for
-    from stiction.studies.friction.evidence import parse_policy
     from stiction.studies.friction.manifest import TWO_PHASE, runs_of
     from stiction.studies.friction.planned import EVALUATED, PlannedRun, unrecorded
     from stiction.studies.friction.training import train
@@ -116,11 +115,7 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
         )
     before = read_earlier(options.out, preset) if options.add else None
     if before is not None:
-        have = {parse_policy(row.policy)[0] for row in before.rows}
-        planned = [
-            replace(run, policy=None) if state == "exported" and run.run.name in have else run
-            for run, state in zip(planned, states, strict=True)
-        ]
+        planned = [unwalked(run, before) for run in planned]
     work.begin()
     # Before anything is trained or walks: a policy that is another's stops all.
     for note in unrecorded_note(unrecorded(planned)):
