@@ -35,8 +35,11 @@ def bundle() -> Bundle:
 
 def test_a_duel_is_repeated_bit_for_bit(bundle: Bundle) -> None:
     """By its seed alone; three sides, and a push that is felt."""
-    rows = fight(bundle, SMALL, 3)
+    shares: list[float] = []
+    rows = fight(bundle, SMALL, 3, progress=shares.append)
     assert rows == fight(bundle, SMALL, 3)
+    # Four steps of learning, and three times 110 of judging, which are the most of it.
+    assert shares == pytest.approx([4 / 334, 4 / 334, 114 / 334, 224 / 334])
     assert [row["disturbed_by"] for row in rows] == ["nobody", "random", "learned"]
     assert len({row["tracking_error"] for row in rows}) == 3
     assert all(row["fall_rate"] >= 0.0 and row["cost"] >= 0.0 for row in rows)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 import torch
@@ -234,7 +234,7 @@ class Duel:
         return cost(extras["task"], self.best), dones, extras["time_outs"]
 
     def learn(self, learner: LearningDisturber, progress: Progress) -> None:
-        """Let the disturber learn."""
+        """Let the disturber learn. `progress`: called with the share of it that is done."""
         for iteration in range(self.cfg.iterations):
             for _ in range(self.cfg.steps):
                 found, dones, time_outs = self.step(learner.act(self.env.get_observations()))
@@ -278,19 +278,22 @@ def fight(
 ) -> list[dict[str, Any]]:
     """Train a disturber against a policy; return the outcomes with nobody, draws and the disturber, as plain data.
 
-    `seed`: of everything random; `progress`: called with the share of the learning that is done. Raises `StictionError`
-    where the policy does not fit the task.
+    `seed`: of everything random; `progress`: called with the share of all control steps that are done, until all are.
+    Raises `StictionError` where the policy does not fit the task.
     """
     with one_torch_thread():
         arena = Duel(bundle, cfg, seed, "learning", threads, robot)
         learner = arena.disturber(arena.adversary, stream_seed(seed, "disturber"))
         assert isinstance(learner, LearningDisturber)
-        arena.learn(learner, progress)
+        judged = round(cfg.seconds / arena.env.cfg.control_period)
+        learning = cfg.iterations * cfg.steps / (cfg.iterations * cfg.steps + len(get_args(Who)) * judged)
+        arena.learn(learner, lambda share: progress(learning * share))
         draws = arena.disturber(HinfCfg(disturber=RANDOM[cfg.disturber], limit=cfg.limit), stream_seed(seed, "draws"))
         sides: dict[Who, Callable[[Any], torch.Tensor] | None]
         sides = {"nobody": None, "random": draws.act, "learned": learner.mean}
         rows = []
-        for who, act in sides.items():
+        for number, (who, act) in enumerate(sides.items()):
+            progress(learning + (1 - learning) * number / len(sides))
             # A new arena each time: the same robots, commands and noise for everyone who disturbs them.
             found = Duel(bundle, cfg, seed, "judging", threads, robot).judge(act)
             rows.append(asdict(DuelRow(bundle.name, method_of(bundle.contract), seed, who, **found)))
