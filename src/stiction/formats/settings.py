@@ -189,8 +189,7 @@ def _values(value: Any) -> list[Any]:
 
 def _words(value: Any) -> str:
     """Return a value as a person types it."""
-    text = " ".join(map(str, value)) if isinstance(value, list) else str("not given" if value is None else value)
-    return text[:60] or "none"
+    return "not given" if value is None else " ".join(map(str, _values(value)))[:60] or "none"
 
 
 def _write(out: Path, used: dict[str, Any]) -> None:

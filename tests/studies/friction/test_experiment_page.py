@@ -218,7 +218,8 @@ def test_a_policy_that_was_trained_anew_walks_anew(tmp_path: Path, monkeypatch: 
     def walks(revision: str, earlier: Experiment = before) -> bool:
         bundle = SimpleNamespace(contract=SimpleNamespace(revision=revision))
         monkeypatch.setattr(PlannedRun, "bundle", lambda self: bundle)
-        return assemble.unwalked(planned, earlier).policy is not None
+        (found,) = assemble.unwalked([planned], [planned.state()], earlier)
+        return found.policy is not None
 
     assert before.runs[0].name == "coulomb20-none-s0"
     assert not walks(before.runs[0].revision) and walks("another")

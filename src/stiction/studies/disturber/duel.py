@@ -243,13 +243,18 @@ class Duel:
             learner.update(EPOCHS, BATCHES)
             progress((iteration + 1) / self.cfg.iterations)
 
+    @property
+    def judged(self) -> int:
+        """Control steps for which robots are judged."""
+        return round(self.cfg.seconds / self.env.cfg.control_period)
+
     def judge(self, act: Callable[[Any], torch.Tensor] | None) -> dict[str, float]:
         """Return how the robots walk while `act` disturbs them, given observations; None: nobody does."""
         env, period = self.env, self.env.cfg.control_period
         target = torch.tensor(parse_command(self.cfg.command).velocity[:2])
-        steps, settle = round(self.cfg.seconds / period), round(SETTLE / period)
+        settle = round(SETTLE / period)
         sums = np.zeros(4)
-        for step in range(steps):
+        for step in range(self.judged):
             found, dones, time_outs = self.step(None if act is None else act(env.get_observations()))
             if step < settle:
                 continue
@@ -258,7 +263,7 @@ class Duel:
             fell = (dones.float() - time_outs).sum()
             ratio = (velocity @ target).sum() / target.square().sum()
             sums += [float(x) for x in (fell, ratio, (velocity - target).norm(dim=-1).sum(), found.sum())]
-        samples = (steps - settle) * self.cfg.num_envs
+        samples = (self.judged - settle) * self.cfg.num_envs
         falls, ratios, errors, lost = sums.tolist()
         return {
             "fall_rate": falls / samples / period,
@@ -285,8 +290,8 @@ def fight(
         arena = Duel(bundle, cfg, seed, "learning", threads, robot)
         learner = arena.disturber(arena.adversary, stream_seed(seed, "disturber"))
         assert isinstance(learner, LearningDisturber)
-        judged = round(cfg.seconds / arena.env.cfg.control_period)
-        learning = cfg.iterations * cfg.steps / (cfg.iterations * cfg.steps + len(get_args(Who)) * judged)
+        steps = cfg.iterations * cfg.steps
+        learning = steps / (steps + len(get_args(Who)) * arena.judged)
         arena.learn(learner, lambda share: progress(learning * share))
         draws = arena.disturber(HinfCfg(disturber=RANDOM[cfg.disturber], limit=cfg.limit), stream_seed(seed, "draws"))
         sides: dict[Who, Callable[[Any], torch.Tensor] | None]

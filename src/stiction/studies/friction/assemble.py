@@ -24,7 +24,7 @@ from stiction.studies.friction.evaluation import CANDIDATES, COMMANDS, collapse,
 from stiction.studies.friction.evidence import TrainingEvidence, median_seed, parse_policy, seed_means
 from stiction.studies.friction.learned import learned_figures
 from stiction.studies.friction.manifest import PARTS, TWO_PHASE
-from stiction.studies.friction.planned import EVALUATED, PlannedRun
+from stiction.studies.friction.planned import EVALUATED, PlannedRun, State
 from stiction.studies.friction.records import (
     STUDENT,
     Collapse,
@@ -245,16 +245,16 @@ def kept_origins(before: Experiment, runs: Sequence[str]) -> list[dict[str, Any]
     return found
 
 
-def unwalked(planned: PlannedRun, before: Experiment) -> PlannedRun:
-    """Return a run without its exported policy where `before` has the results of that policy: they stay.
+def unwalked(planned: Sequence[PlannedRun], states: Sequence[State], before: Experiment) -> list[PlannedRun]:
+    """Return the runs, each without an exported policy of which `before` has the results: they stay.
 
-    A policy of the same name that other code trained is another, and walks.
+    A policy of the same name that other code trained is another, and walks. states: where the runs stand.
     """
-    if planned.state() != "exported":
-        return planned
     walked = {parse_policy(row.policy)[0] for row in before.rows}
-    have = {(one.name, one.revision) for one in before.runs if one.state in EVALUATED and one.name in walked}
-    return replace(planned, policy=None) if (planned.run.name, planned.bundle().contract.revision) in have else planned
+    have = {one.name: one.revision for one in before.runs if one.state in EVALUATED and one.name in walked}
+    exported = {run.run.name: run for run, state in zip(planned, states, strict=True) if state == "exported"}
+    stay = {name for name in have.keys() & exported if exported[name].bundle().contract.revision == have[name]}
+    return [replace(run, policy=None) if run.run.name in stay else run for run in planned]
 
 
 def _same(before: RunRecord, now: RunRecord) -> bool:

@@ -115,7 +115,7 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
         )
     before = read_earlier(options.out, preset) if options.add else None
     if before is not None:
-        planned = [unwalked(run, before) for run in planned]
+        planned = unwalked(planned, states, before)
     work.begin()
     # Before anything is trained or walks: a policy that is another's stops all.
     for note in unrecorded_note(unrecorded(planned)):
