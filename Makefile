@@ -40,7 +40,7 @@ help:
 	@echo "make bench   measure the throughput ratios on this machine"
 	@echo "make format  format the code"
 	@echo "make docs    build the documentation as a site, build/site"
-	@echo "make dist    build wheel and source distribution into dist, and try the wheel in a clean environment"
+	@echo "make dist    build wheel and source distribution into dist, and try the wheel in fresh environments"
 	@echo "make lock    write requirements.lock from what .venv holds, with hashes"
 	@echo "make sbom    write sbom.cdx.json, the bill of materials of requirements.lock"
 	@echo "make clean   remove .venv and caches"
@@ -53,8 +53,8 @@ test: $(READY)
 	STICTION_THREADS=$${STICTION_THREADS:-1} $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
 check: $(READY)
-	$(BIN)/ruff check src tests scripts
-	$(BIN)/ruff format --check src tests scripts
+	$(BIN)/ruff check src experiments tests scripts tools
+	$(BIN)/ruff format --check src experiments tests scripts tools
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
 
@@ -62,8 +62,8 @@ bench: $(READY)
 	$(BIN)/stiction bench $(ARGS)
 
 format: $(READY)
-	$(BIN)/ruff check --fix src tests scripts
-	$(BIN)/ruff format src tests scripts
+	$(BIN)/ruff check --fix src experiments tests scripts tools
+	$(BIN)/ruff format src experiments tests scripts tools
 
 # What the lock does not have comes as pyproject.toml's bounds say.
 docs: $(READY)
@@ -71,7 +71,7 @@ docs: $(READY)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 dist: $(READY)
-	$(BIN)/python scripts/dist.py dist
+	$(BIN)/python scripts/dist.py dist --torch-flags="$(TORCH_FLAGS)"
 
 # A build of torch for one kind of machine is named like 2.13.0+cpu; the lock holds for all, but for packages that some
 # machines have no wheel of, as in pyproject.toml. Not `pip freeze`, which names the file that torch came from. The
@@ -98,13 +98,13 @@ $(TOOLS)/.ready: tools.lock
 	@touch $@
 
 clean:
-	rm -rf $(VENV) $(TOOLS) build .pytest_cache .mypy_cache .ruff_cache .hypothesis src/stiction.egg-info
+	rm -rf $(VENV) $(TOOLS) build .pytest_cache .mypy_cache .ruff_cache .hypothesis src/stiction.egg-info experiments/*.egg-info
 
 # torch comes first, of the build that the index offers: by itself pip would choose the one whose hash the index tells,
 # with several GB of CUDA. Its hash must be in the lock, unless TORCH_FLAGS names another index. All else is checked by
 # pip against the lock, which is complete. Last comes what torch's CUDA build needs beside it, which the lock does not
 # have; of a CPU build nothing is left to do.
-$(READY): requirements.lock pyproject.toml
+$(READY): requirements.lock pyproject.toml experiments/pyproject.toml
 	@$(PYTHON) -c "import sys; sys.exit(sys.version_info < (3, 11) and '$(PYTHON) is Python ' + sys.version.split()[0] \
 		+ '; stiction needs 3.11 or newer: make PYTHON=python3.12')"
 	@echo "installing into $(VENV) (some 2.6 GB; only the first time, or when requirements.lock changes)"
@@ -117,5 +117,5 @@ $(READY): requirements.lock pyproject.toml
 	rm -rf $(VENV)/torch
 	$(PIP) install --no-deps --require-hashes -r requirements.lock
 	$(PIP) install $(TORCH_FLAGS) "$$($(TORCH))"
-	$(PIP) install --no-deps --no-build-isolation -e .
+	$(PIP) install --no-deps --no-build-isolation -e . -e ./experiments
 	@touch $@

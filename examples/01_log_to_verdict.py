@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import stiction
-from stiction.formats.log import write_log
-from stiction.identify.example import LEG, example_log
+from stiction.files.log import write_log
+from stiction.identification.example import LEG, example_log
 
 # A log to try this with: a leg that hangs in the air, its true dry friction 0.442 N m. Yours is a file too, and stays.
 if not Path("swing.csv").exists():

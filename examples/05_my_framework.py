@@ -3,7 +3,7 @@
 import numpy as np
 
 import stiction
-from stiction.identify.example import example_log
+from stiction.identification.example import example_log
 
 robot = stiction.load_robot("saturn_lite")
 STANDING = robot.joint_values("default_position")

@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 ROOT = Path(__file__).parents[1]
-sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "tests" / "rma")]
+sys.path[:0] = [str(ROOT / "tests" / folder) for folder in (".", "helpers", "learning")]
 
 POLICY = "saturn_lite-flat-deception-0.2"
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGHUP)
@@ -86,9 +86,9 @@ def runs() -> tuple[Path, Path, tempfile.TemporaryDirectory]:
     import test_attacked_runs as attacked
 
     from attacks import copy_run
-    from stiction.rma.phase import Interrupted
-    from stiction.rma.run import RunDirectory
-    from stiction.rma.runner import train
+    from stiction.learning.phase import Interrupted
+    from stiction.learning.run import RunDirectory
+    from stiction.learning.runner import train
 
     folder = tempfile.TemporaryDirectory()
     half = RunDirectory.create(Path(folder.name) / "half", attacked.CFG, "stiction train", None)
@@ -108,8 +108,8 @@ def folders(first: int, count: int) -> dict[str, Any]:
     from attacks import attack, copy_run
     from stiction.cli.main import main
     from stiction.core.errors import StictionError
-    from stiction.rma.run import RunDirectory
-    from stiction.rma.runner import load_student
+    from stiction.learning.run import RunDirectory
+    from stiction.learning.runner import load_student
 
     half, whole, folder = runs()
     ends: Counter[str] = Counter()
@@ -318,10 +318,12 @@ def planned(options: argparse.Namespace) -> Iterator[Unit]:
 
         for group in bundle_damage.GROUPS:
             what = f"bundles that contradict themselves: {group}"
-            yield Unit(what, 0, 1, lambda first, count, group=group: separately("bundle_damage.py", group))
+            yield Unit(what, 0, 1, lambda first, count, group=group: separately("helpers/bundle_damage.py", group))
         what = "bundles damaged by chance"
         rest = options.bundles * 150
-        yield from units(what, rest, 50, lambda n, count: separately("bundle_damage.py", "random", str(count), str(n)))
+        yield from units(
+            what, rest, 50, lambda n, count: separately("helpers/bundle_damage.py", "random", str(count), str(n))
+        )
     if options.logs:
         import damage
 

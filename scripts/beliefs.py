@@ -22,13 +22,14 @@ import torch
 
 from stiction.core.errors import StictionError
 from stiction.deploy.check import robot_of
+from stiction.deploy.control import Driver
 from stiction.deploy.policy import INPUT, load_policy, open_session
-from stiction.evaluate.export import TrainedPolicy, contract_of
-from stiction.evaluate.rollout import Driver, Rollout, friction_at
-from stiction.formats.bundle import read_bundle
-from stiction.formats.contract import Contract
-from stiction.rma.run import RunDirectory
-from stiction.rma.runner import load_actor
+from stiction.evaluation.export import TrainedPolicy, contract_of
+from stiction.evaluation.rollout import Rollout, friction_at
+from stiction.files.bundle import read_bundle
+from stiction.files.contract import Contract
+from stiction.learning.run import RunDirectory
+from stiction.learning.runner import load_actor
 from stiction.robots.physics import EXACT, FAST, PhysicsCfg
 
 LEVELS = [0.0, 0.05, 0.1, 0.15, 0.2, 0.24]

@@ -1,6 +1,9 @@
 """Injects every fault into runs on the virtual robot, in real time, and measures how soon the robot is damped.
 
     python scripts/faults.py --trials 50 --out results/deploy
+    python scripts/faults.py --stops --trials 20 --out results/deploy/stops
+
+The second is of stops themselves, see `stop_trials`: `stops.csv` and `README.md`, all of them anew each time.
 
 One line a trial in `faults.csv`, with which it goes on where it was, killed or not; `faults.md` is the table. Times are
 taken by the robot's own process: when it said something true last, and when the first damping frame came. Each trial is
@@ -17,7 +20,9 @@ import json
 import sys
 import tempfile
 import time
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import redirect_stderr, redirect_stdout
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -140,14 +145,88 @@ def asked(rows: list[dict[str, str]]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def judge(rows: list[dict[str, object]]) -> str:
+    """Return the table of stops, one row a situation, with the figures that are asked for."""
+    outcomes = ("damped", "refused", "stiff", "before")
+    lines = [
+        f"| situation | trials | {' | '.join(outcomes)} | rules | event to damping [ms], median (largest) | within |"
+    ]
+    lines += ["|---" * 9 + "|"]
+    for situation in dict.fromkeys(str(row["situation"]) for row in rows):
+        own = [row for row in rows if row["situation"] == situation]
+        counts = [sum(row["outcome"] == name for row in own) for name in outcomes]
+        rules = ", ".join(sorted({str(row["rule"]) for row in own if "rule" in row}))
+        times = np.array([float(str(row["event_to_damping_ms"])) for row in own if row.get("event_to_damping_ms")])
+        asked_for = ASKED_OF_STOPS.get(situation)
+        within = "" if asked_for is None else f"{int((times <= asked_for).sum())} of {len(own)} in {asked_for:g} ms"
+        cells = [situation, len(own), *counts, rules, spread(times), within]
+        lines.append("| " + " | ".join(map(str, cells)) + " |")
+    return "\n".join(lines)
+
+
+ASKED_OF_STOPS = {"supervisor halted": 80.0, "policy killed": 20.0}
+"""Situation -> longest time from its event to the first damping frame at the robot that is asked for [ms]."""
+
+
+def stops(trials: int, out: Path, patient: bool) -> None:
+    """Make every trial of stops, and write table and rows."""
+    import stop_trials as of
+
+    begin, rows = time.monotonic(), list[dict[str, object]]()
+    with tempfile.TemporaryDirectory() as folder:
+        bundles = of.prepare(Path(folder))
+        missing = [(name, number) for number in range(trials) for name in of.SITUATIONS]
+        for workers, wanted in ((2, of.QUIET), (5, of.SITUATIONS[len(of.QUIET) :])):
+            own = [each for each in missing if each[0] in wanted]
+            # Forked: everything is imported once, and the bundles are checked once.
+            with ProcessPoolExecutor(workers, get_context("fork")) as pool:
+                waiting = [pool.submit(of.trial, *each, bundles, 1 + n % 200, patient) for n, each in enumerate(own)]
+                for done in as_completed(waiting):
+                    rows.append(done.result())
+                    print(f"{len(rows)} of {len(missing)}, {time.monotonic() - begin:.0f} s", file=sys.stderr)
+    rows.sort(key=lambda row: (of.SITUATIONS.index(str(row["situation"])), int(str(row["trial"]))))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, of.COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_text(out / "stops.csv", text.getvalue())
+    command = f"python scripts/faults.py --stops --trials {trials}{' --patient' if patient else ''}"
+    write_text(out / "README.md", PAGE.format(command=command, revision=git_revision(), table=judge(rows)))
+    print(judge(rows))
+
+
+PAGE = """# How runs are stopped
+
+{table}
+
+`{command} --out results/deploy/stops`, revision `{revision}`; rows in [stops.csv](stops.csv).
+
+* **Event to damping** is the time, on the machine's monotonic clock, from just before the event to when the robot's own
+  process has read the first damping frame, for which it looks every 2 ms. The event: the signal is sent; the policy's
+  process is killed with SIGKILL; the supervisor, halted for 200 ms, is let go on with SIGCONT; the second robot's first
+  state.
+* **Refused**: the run ended before any stiff command was sent. **Stiff**: the robot's last command was stiff.
+  **Before**: the run ended before its event, three times over.
+* The robot is a process that follows its commands, without physics. `policy killed` and `supervisor halted` are runs of
+  the shipped policy, which stands, two at once; all others play a motion that stands still, five at once: their
+  times are those of a busy machine. Signals come while the robot stands up.
+* `stop with lost commands`: three of ten commands are lost, by a generator whose seed is the trial's number.
+"""
+
+
 def main() -> None:
     """Run the trials that are missing, then write the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trials", type=int, default=50, help="trials of each fault")
     parser.add_argument("--faults", nargs="*", default=list(FAULTS), choices=list(FAULTS))
+    parser.add_argument("--stops", action="store_true", help="trials of stops, in place of faults, all of them anew")
+    parser.add_argument("--patient", action="store_true", help="of --stops: on a machine that does other work")
     parser.add_argument("--out", type=Path, default=Path("results/deploy"), help="folder of faults.csv and faults.md")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
+    if args.stops:
+        stops(args.trials, args.out, args.patient)
+        return
     file = args.out / "faults.csv"
     rows = whole_rows(file)
     done = {(row["fault"], int(row["trial"])) for row in rows if not row["rule"].startswith(BEFORE)}

@@ -19,12 +19,12 @@ import torch
 import warp as wp
 
 from stiction.core.provenance import num_threads
-from stiction.locomotion.config import TaskCfg
-from stiction.locomotion.device import find_device
-from stiction.locomotion.env import LocomotionEnv
-from stiction.locomotion.friction import FrictionCfg
-from stiction.rma.config import TrainCfg
+from stiction.learning.config import TrainCfg
 from stiction.sim.warp import WarpSimulation
+from stiction.task.config import TaskCfg
+from stiction.task.device import find_device
+from stiction.task.env import LocomotionEnv
+from stiction.task.friction import FrictionCfg
 
 
 def seconds(work: Callable[[], object], times: int) -> float:

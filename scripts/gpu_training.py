@@ -14,7 +14,7 @@ import json
 import statistics
 from pathlib import Path
 
-from stiction.rma.run import RunDirectory
+from stiction.learning.run import RunDirectory
 
 LOW, HIGH = 0.85, 1.15
 HELD = 10

@@ -2,10 +2,11 @@
 
     python scripts/limbs.py results/identification/limbs.csv --logs 70
 
-Three robots (the Go2's four legs hanging, an arm of six and one of seven joints, both of `tests/identify/limb/`), each
-with dry friction, viscous friction, rotors and offsets drawn anew for each log, and links that weigh what the model
-says (`right`), 10 % more or less, each by itself (`scattered`), or all of them 10 % more (`heavy`). One row per robot,
-condition and joint is written as soon as the robot is done; a robot and condition that the table has is not made again.
+Three robots (the Go2's four legs hanging, an arm of six and one of seven joints, both of `tests/identification/limb/`),
+each with dry friction, viscous friction, rotors and offsets drawn anew for each log, and links that weigh what the
+model says (`right`), 10 % more or less, each by itself (`scattered`), or all of them 10 % more (`heavy`). One row per
+robot, condition and joint is written as soon as the robot is done; a robot and condition that the table has is not made
+again.
 """
 
 from __future__ import annotations
@@ -17,12 +18,12 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "identify" / "limb"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "identification" / "limb"))
 
 from limb_logs import LIMBS, Limb, Truth, limb_logs
 
-from stiction.formats.joints import ARMATURE, Estimate, JointRecord
-from stiction.identify.limb.pipeline import identify_limb
+from stiction.files.joints import ARMATURE, Estimate, JointRecord
+from stiction.identification.limb.pipeline import identify_limb
 from stiction.robots.catalog import find_mechanism
 
 FIRST_SEED = 1000

@@ -16,7 +16,7 @@ import numpy as np
 from stiction.core.rotation import into_frame
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import load_policy
-from stiction.formats.bundle import Bundle, read_bundle
+from stiction.files.bundle import Bundle, read_bundle
 
 COMMANDS, PERIODS, SETTLE = (0.5, 1.0), 400, 100
 """Forward [m/s]; control periods, and how many of them are not measured."""

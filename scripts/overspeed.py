@@ -22,14 +22,14 @@ from torch import nn
 
 from stiction.core.errors import StictionError
 from stiction.deploy.check import robot_of
-from stiction.evaluate.export import TrainedPolicy, contract_of
-from stiction.evaluate.rollout import Rollout, friction_at
-from stiction.evaluate.trained import privileged_of
-from stiction.locomotion.friction import friction_share
-from stiction.rma.models import RMAActor
-from stiction.rma.run import RunDirectory
-from stiction.rma.runner import load_actor
+from stiction.evaluation.export import TrainedPolicy, contract_of
+from stiction.evaluation.rollout import Rollout, friction_at
+from stiction.evaluation.trained import privileged_of
+from stiction.learning.models import RMAActor
+from stiction.learning.run import RunDirectory
+from stiction.learning.runner import load_actor
 from stiction.robots.physics import EXACT
+from stiction.task.friction import friction_share
 
 LEVELS = [0.0, 0.1, 0.2]
 COLUMNS = ("policy", "walks", "friction_level", "command", "reached")

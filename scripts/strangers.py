@@ -25,8 +25,8 @@ from pathlib import Path
 
 import numpy as np
 
-from stiction.identify.example import SATURN_LITE, Excitation, Motor, example_log
-from stiction.studies.flags.servo import Servo
+from stiction.identification.example import SATURN_LITE, Excitation, Motor, example_log
+from stiction_experiments.flags.servo import Servo
 
 START = 1_700_000_000
 """When the logs were made, in seconds since 1970."""
@@ -673,7 +673,7 @@ def run(folder: Path, command: str) -> tuple[int, str]:
 
 def outcome(folder: Path, stranger: Stranger) -> dict[str, str]:
     """Write a stranger's file, run the commands, and return the row of the table."""
-    from stiction.formats.joints import load_joints
+    from stiction.files.joints import load_joints
 
     stranger.write(folder)
     for command in stranger.commands:

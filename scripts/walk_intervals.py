@@ -24,11 +24,11 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import trots
 from stiction.core.errors import StictionError
-from stiction.formats.joints import Estimate
-from stiction.identify.setup import IdentifySetup
-from stiction.identify.walking import foreign, motion, pipeline
-from stiction.identify.walking.pipeline import identify_walk
-from stiction.identify.walking.setup import RobotLogSetup, WalkSetup
+from stiction.files.joints import Estimate
+from stiction.identification.setup import IdentifySetup
+from stiction.identification.walking import foreign, motion, pipeline
+from stiction.identification.walking.pipeline import identify_walk
+from stiction.identification.walking.setup import RobotLogSetup, WalkSetup
 from stiction.robots.model import Robot
 
 FIRST_SEED = 1000

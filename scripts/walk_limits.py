@@ -22,8 +22,8 @@ from stiction.core.rotation import up_axis
 from stiction.deploy.observation import Sensors
 from stiction.deploy.plausibility import RULES, ReadingGuard
 from stiction.deploy.runtime.config import SafetyCfg
-from stiction.formats.bundle import Bundle, read_bundle, shipped_bundles
-from stiction.formats.golden import Golden
+from stiction.files.bundle import Bundle, read_bundle, shipped_bundles
+from stiction.files.golden import Golden
 
 UNBOUNDED = dict.fromkeys(RULES, inf)
 """Limits at which nothing is refused."""

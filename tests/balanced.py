@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from stiction.core.rotation import matrix, up_in_frames
-from stiction.formats.walk import WalkHeader, WalkLog
+from stiction.files.walk import WalkHeader, WalkLog
 from stiction.robots.mjcf import build_model
 from stiction.robots.model import Robot
 

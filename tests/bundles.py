@@ -3,30 +3,38 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from stiction.deploy.control import ControlLoop
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import load_policy
 from stiction.deploy.wear import BODY_MOMENTS, JOINT_MOMENTS
-from stiction.formats.bundle import listed, write_bundle
-from stiction.formats.contract import Contract
-from stiction.formats.golden import Golden
-from stiction.formats.observation import proprioception
-from stiction.formats.wear import WearCalibration, WearModel
+from stiction.files.bundle import listed, write_bundle
+from stiction.files.contract import Contract
+from stiction.files.contract_rules import IMPORTED
+from stiction.files.contract_training import ERAS, FRICTION_RANGES
+from stiction.files.golden import Golden
+from stiction.files.observation import proprioception
+from stiction.files.wear import WearCalibration, WearModel
 from stiction.joints.pd import controller_torque
 from stiction.robots.catalog import find_robot
+from stiction.robots.model import Robot
+
+RANGES = FRICTION_RANGES | {IMPORTED: (0.0, 0.0)}
 
 SENSORS = ("quaternion", "angular_velocity", "joint_position", "joint_velocity")
 
 
-def make_contract(robot: str = "saturn_lite", **changes) -> Contract:
-    """Return a valid contract for a shipped robot, with some fields changed."""
-    spec = find_robot(robot)
+def make_contract(robot: str | Robot = "saturn_lite", **changes) -> Contract:
+    """Return a valid contract for a shipped robot, or one that goes with it, with some fields changed."""
+    spec = find_robot(robot) if isinstance(robot, str) else robot
     per_joint = {
         "kp": "kp",
         "kd": "kd",
@@ -38,13 +46,13 @@ def make_contract(robot: str = "saturn_lite", **changes) -> Contract:
         "damping": "damping",
     }
     values = {
-        "robot": robot,
+        "robot": spec.name,
+        "anatomy": None if isinstance(robot, str) else robot,
         "terrain": "flat",
         "method": "none",
         "seed": 0,
         "friction_law": "coulomb",
         "friction_level": 0.2,
-        "friction_range": (0.0, 0.24),
         "joint_names": spec.joint_names,
         "control_period": 0.02,
         "decimation": 4,
@@ -57,8 +65,23 @@ def make_contract(robot: str = "saturn_lite", **changes) -> Contract:
         "command": "made by a test",
     }
     values |= changes
+    values.setdefault("phases", None if values["anatomy"] is None else 1)
+    values.setdefault("friction_range", tuple(values["friction_level"] * end for end in RANGES[values["method"]]))
     friction = tuple(values["friction_level"] * limit for limit in values["torque_limit"])
     return Contract(**({"friction": friction} | values))
+
+
+def with_limits(robot: Robot, name: str, lower: float, upper: float) -> Robot:
+    """Return a robot of another name whose joints all have these limits [rad]."""
+    joints = tuple(replace(joint, lower=lower, upper=upper) for joint in robot.joints)
+    return replace(robot, name=name, joints=joints)
+
+
+def aged(contract: Contract, field: str) -> dict[str, Any]:
+    """Return the JSON object of a contract from before a field existed: without it and all that came with or later."""
+    data = json.loads(contract.to_json())
+    era = next(number for number, names in enumerate(ERAS) if field in names)
+    return {name: value for name, value in data.items() if not any(name in names for names in ERAS[era:])}
 
 
 def make_network(contract: Contract, seed: int = 0, gain: float = 0.02) -> bytes:
@@ -115,11 +138,11 @@ def _step_through(contract: Contract, model: bytes, steps: int, seed: int) -> Go
         action=np.zeros((steps, joints), np.float32),
         target=np.zeros((steps, joints)),
     )
-    policy, outputs = load_policy(contract, model), []
+    loop, outputs = ControlLoop(load_policy(contract, model), contract), []
     for t in range(steps):
         if golden.reset[t]:
-            policy.reset()
-        outputs.append(policy.step(Sensors(*(getattr(golden, name)[t] for name in SENSORS)), golden.command[t]))
+            loop.reset()
+        outputs.append(loop.act(Sensors(*(getattr(golden, name)[t] for name in SENSORS)), golden.command[t]))
     computed = {name: np.stack([getattr(o, name) for o in outputs]) for name in ("observation", "action", "target")}
     motors = (contract.array(name) for name in ("kp", "kd", "torque_limit"))
     torque = controller_torque(computed["target"], golden.joint_position, golden.joint_velocity, *motors)

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from stiction.formats.log import Log
-from stiction.identify.example import Excitation, Motor, SensorNoise, example_log
+from stiction.files.log import Log
+from stiction.identification.example import Excitation, Motor, SensorNoise, example_log
 from stiction.joints.simulate import Gravity
 
 QUIET = SensorNoise.white(0.0, 0.0)

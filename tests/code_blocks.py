@@ -21,11 +21,11 @@ from pathlib import Path
 
 import foreign
 import robot_files
-from stiction.formats.bundle import shipped_bundles
-from stiction.formats.joints import Estimate, JointRecord, JointsFile, write_training
-from stiction.formats.log import LogSetup, write_log
-from stiction.identify.example import LEG, example_log
-from stiction.identify.proposal import propose
+from stiction.files.bundle import shipped_bundles
+from stiction.files.joints import Estimate, JointRecord, JointsFile, write_training
+from stiction.files.log import LogSetup, write_log
+from stiction.identification.example import LEG, example_log
+from stiction.identification.proposal import propose
 
 BLOCK = re.compile(r"^( *)```(\w*)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
 MARK = re.compile(r"<!-- test: ((?:(?!-->).)*) -->\s*$", re.DOTALL)

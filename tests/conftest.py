@@ -12,25 +12,27 @@ import pytest
 
 from blank_figures import blank_figures
 from bundles import make_bundle, make_contract
-from stiction.core.gemm import open_fast_gemm
-from stiction.formats.contract import Contract
+from stiction.files.contract import Contract
 
 # Where the environment forbids bytecode, each of the hundreds of processes would compile the package again.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
-# Before a test loads torch, as the program does: what is trained here has the bits of what it trains.
-open_fast_gemm()
 
 
 LONG = (
     *("cli/test_bundle_verbs.py", "cli/test_deploy.py", "cli/test_excite.py", "cli/test_identify.py"),
-    *("cli/test_judge_again.py", "cli/test_replicate.py", "cli/test_study_engines.py", "cli/test_study_friction.py"),
-    *("cli/test_train.py", "cli/test_train_actuator.py", "cli/test_walking_verb.py"),
-    *("studies/actuator/test_actuator_loop.py", "studies/friction/test_experiment_page.py"),
-    *("studies/wear/test_wear_study.py", "api/test_examples.py", "test_code_blocks.py"),
-    *("identify/excite/test_excite_plan.py", "identify/logs/test_limits.py", "identify/logs/test_recipes.py"),
-    *("identify/test_combinations.py", "identify/test_go2.py", "identify/test_loop_choice.py"),
-    *("identify/test_pipeline.py", "identify/test_record.py", "virtual/test_run_bench.py"),
+    *("cli/test_judge_again.py", "cli/test_train.py", "cli/test_train_actuator.py", "cli/test_walking_verb.py"),
+    *("experiments/actuator/test_actuator_loop.py", "experiments/engines/test_study_engines.py"),
+    *("experiments/friction/test_experiment_page.py", "experiments/friction/test_study_friction.py"),
+    *("experiments/replication/test_replicate.py", "experiments/wear/test_wear_study.py"),
+    *("api/test_examples.py", "test_code_blocks.py"),
+    *(
+        "identification/excite/test_excite_plan.py",
+        "identification/logs/test_limits.py",
+        "identification/logs/test_recipes.py",
+    ),
+    *("identification/test_combinations.py", "identification/test_go2.py", "identification/test_loop_choice.py"),
+    *("identification/test_pipeline.py", "identification/test_record.py", "virtual/test_run_bench.py"),
 )
 """Files of more than ten seconds in which no single test is slow."""
 

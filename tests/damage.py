@@ -26,8 +26,8 @@ from mcap.writer import CompressionType
 
 import logfiles
 from stiction.core.errors import StictionError
-from stiction.formats.log import Log
-from stiction.identify.logs import open_log
+from stiction.files.log import Log
+from stiction.identification.logs import open_log
 
 LONGEST = 5.0
 """No input may take longer [s]."""

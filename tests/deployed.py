@@ -100,11 +100,12 @@ class Run:
         return outs
 
     def until(self, stage: Stage, most: float = 60.0) -> Run:
-        """Let time pass until a stage, at most so long [s]."""
+        """Let time pass until a stage, at most so long [s]; a stop is an error, but where STOPPED is waited for."""
         end = self.now + most
         while self.supervisor.stage is not stage and self.now < end:
             self.step()
         assert self.supervisor.stage is stage, self.supervisor.stop_record
+        assert stage is Stage.STOPPED or self.supervisor.stop_record is None, self.supervisor.stop_record
         return self
 
     def frames(self) -> list[Out]:

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from stiction.identify.prepare import Rows
-from stiction.identify.setup import Payload
+from stiction.identification.prepare import Rows
+from stiction.identification.setup import Payload
 
 
 def equation_rows(
@@ -23,9 +23,10 @@ def equation_rows(
 ) -> Rows:
     """Return 20 s of a joint that moves as two sines, with the torque that its parameters ask for.
 
-    values: by the names of `stiction.identify.model`, those that are not there being zero; strength: k; payload: what
-    hangs on it; load: amplitude of a known sine of torque from outside [N m]; middle: θ_m [rad]; noise: comes on top of
-    the torque [N m]; grows: change of all friction from start to end, over its mean [1]; rate: rows per second [Hz].
+    values: by the names of `stiction.identification.model`, those that are not there being zero; strength: k; payload:
+    what hangs on it; load: amplitude of a known sine of torque from outside [N m]; middle: θ_m [rad]; noise: comes on
+    top of the torque [N m]; grows: change of all friction from start to end, over its mean [1]; rate: rows per second
+    [Hz].
     """
     of = {name: float(value) for name, value in values.items()}
     time = np.arange(round(20 * rate)) / rate

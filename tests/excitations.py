@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from stiction.identify.excite import design, plan
+from stiction.identification.excite import design, plan
 
 
 def search_little(monkeypatch: pytest.MonkeyPatch) -> None:

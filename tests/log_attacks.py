@@ -237,7 +237,7 @@ ATTACKS: dict[str, Callable[[Path], Path]] = {
 
 def main() -> None:
     """Read every attack that lies in the folder, in little memory."""
-    from stiction.identify.logs import open_log
+    from stiction.identification.logs import open_log
 
     folder = Path(sys.argv[1])
     open_log(logfiles.canonical(folder, ".parquet"))  # what is imported late counts for nobody

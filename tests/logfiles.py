@@ -17,9 +17,9 @@ from mcap.writer import CompressionType
 from mcap_ros2.writer import Writer as RosWriter
 from scipy.io import savemat
 
-from stiction.formats.log import JointSignals, Log, LogSetup, write_log
-from stiction.identify.logs.containers import read_packets
-from stiction.identify.logs.ros import DEFINITIONS
+from stiction.files.log import JointSignals, Log, LogSetup, write_log
+from stiction.identification.logs.containers import read_packets
+from stiction.identification.logs.ros import DEFINITIONS
 
 SAMPLES = 24
 TIME = np.arange(SAMPLES) * 0.005

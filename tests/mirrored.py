@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import torch
 
-from stiction.locomotion.env import LocomotionEnv
 from stiction.robots.mirror import RobotMirror
+from stiction.task.env import LocomotionEnv
 
 VELOCITY = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 """Linear and angular velocity of a body."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from stiction.exchange.physics import JointPhysics, joint_physics
-from stiction.formats.joints import Estimate, JointRecord
+from stiction.files.joints import Estimate, JointRecord
 
 
 def number(value: float) -> Estimate:

@@ -14,11 +14,11 @@ from typing import Any
 import torch
 
 from rollouts import phase_runner
-from stiction.locomotion.config import TaskCfg
-from stiction.locomotion.friction import FrictionCfg
-from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
-from stiction.rma.phase import PhaseRunner
-from stiction.rma.ranks import Ranks, named_ranks
+from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
+from stiction.learning.phase import PhaseRunner
+from stiction.learning.ranks import Ranks, named_ranks
+from stiction.task.config import TaskCfg
+from stiction.task.friction import FrictionCfg
 
 ROBOTS = 8
 

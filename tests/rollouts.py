@@ -6,13 +6,13 @@ from pathlib import Path
 
 import torch
 
-from stiction.locomotion.env import LocomotionEnv
-from stiction.rma.config import TrainCfg
-from stiction.rma.figures import Board
-from stiction.rma.phase import PhaseRunner
-from stiction.rma.ranks import ALONE, Ranks
-from stiction.rma.run import RunDirectory
-from stiction.rma.runner import ppo_cfg, student_cfg
+from stiction.learning.config import TrainCfg
+from stiction.learning.figures import Board
+from stiction.learning.phase import PhaseRunner
+from stiction.learning.ranks import ALONE, Ranks
+from stiction.learning.run import RunDirectory
+from stiction.learning.runner import ppo_cfg, student_cfg
+from stiction.task.env import LocomotionEnv
 
 
 def phase_runner(

@@ -35,8 +35,8 @@ from stiction.core.errors import StictionError
 from stiction.core.memory import limit_memory
 from stiction.deploy.runtime.channel import row_layout, targets_layout
 from stiction.deploy.runtime.recorder import MERGED, Parts
-from stiction.formats.joints import Estimate, JointRecord, JointsFile
-from stiction.formats.run_log import (
+from stiction.files.joints import Estimate, JointRecord, JointsFile
+from stiction.files.run_log import (
     HEADER,
     MOST_PARTS,
     READINGS,
@@ -50,9 +50,9 @@ from stiction.formats.run_log import (
     walk_log,
     write_run_header,
 )
-from stiction.identify.example import SATURN_LITE, Excitation, example_log
-from stiction.identify.logs.opening import open_log
-from stiction.rma.actuator_data import read_run
+from stiction.identification.example import SATURN_LITE, Excitation, example_log
+from stiction.identification.logs.opening import open_log
+from stiction.learning.actuator_data import read_run
 
 LONGEST = 5.0
 """No log may take longer to be read [s]."""

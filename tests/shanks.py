@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from stiction.identify.example import Motor
+from stiction.identification.example import Motor
 from stiction.joints.friction import Asymmetric, Coulomb, LoadDependent, Stribeck
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Gravity, Joint

@@ -8,11 +8,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from stiction.formats.results import ResultRow
-from stiction.rma.arguments import parse
-from stiction.studies.friction.manifest import Condition, Run
-from stiction.studies.friction.planned import PlannedRun
-from stiction.studies.friction.records import CurvePoint
+from stiction.files.results import ResultRow
+from stiction.learning.arguments import parse
+from stiction_experiments.friction.manifest import Condition, Run
+from stiction_experiments.friction.planned import PlannedRun
+from stiction_experiments.friction.records import CurvePoint
 
 
 def row(policy: str, level: float, command: str, ratio: float | None, **columns: Any) -> ResultRow:

@@ -81,10 +81,10 @@ def test_the_list_of_verbs_is_whole() -> None:
 
 
 def test_continuous_integration_runs_what_everybody_runs() -> None:
-    """If this failed, a green check would mean something else than `make check` and `make test`."""
+    """If this failed, a green check would mean something else than `make check`, `make dist` and `make test`."""
     script = CHECKOUT / ".ci/run"
     assert os.access(script, os.X_OK)
-    assert re.findall(r"^make (\w+)", script.read_text(), re.MULTILINE) == ["check", "test"]
+    assert re.findall(r"^make (\w+)", script.read_text(), re.MULTILINE) == ["check", "dist", "test"]
 
 
 def test_every_result_is_in_the_index_and_every_link_leads_somewhere() -> None:
@@ -97,7 +97,7 @@ def test_every_result_is_in_the_index_and_every_link_leads_somewhere() -> None:
 
 def test_what_guards_results_is_listed() -> None:
     """If this failed, somebody would remove or copy the file that keeps a folder's results, and not know it."""
-    from stiction.formats.settings import SETTINGS
+    from stiction.files.settings import SETTINGS
 
     assert f"\n| `{SETTINGS}` |" in (CHECKOUT / "docs/files.md").read_text()
 
@@ -112,7 +112,7 @@ def test_one_row_of_the_kinds_of_logs_has_one_case() -> None:
 
 def test_where_training_had_noise_and_delay_stands_as_the_pages_say() -> None:
     """If this failed, whoever looks for the reason of a shaking robot would be sent to a file or field that is none."""
-    from stiction.locomotion.config import NoiseCfg, RandomizationCfg, TaskCfg
+    from stiction.task.config import NoiseCfg, RandomizationCfg, TaskCfg
 
     task = TaskCfg()
     assert isinstance(task.noise, NoiseCfg) and isinstance(task.randomization, RandomizationCfg)
@@ -126,7 +126,7 @@ def test_where_training_had_noise_and_delay_stands_as_the_pages_say() -> None:
 
 def test_the_page_of_training_says_what_the_presets_are_before_it_speaks_of_them() -> None:
     """If this failed, a reader would train twice as long as the pages say, or meet a word before its meaning."""
-    from stiction.rma.presets import PRESETS
+    from stiction.learning.presets import PRESETS
 
     text = (CHECKOUT / "docs/training.md").read_text()
     full, quick = (PRESETS[name].teacher.iterations for name in ("full", "quick"))

@@ -18,8 +18,11 @@ from pathlib import Path
 import pytest
 
 import stiction
+import stiction_experiments
 
 HOUSE = Path(stiction.__file__).parent
+EXPERIMENTS = Path(stiction_experiments.__file__).parent
+ROOT = Path(__file__).parents[1]
 
 PICKLES = frozenset({"pickle", "_pickle", "cPickle", "cloudpickle", "dill", "joblib", "marshal", "shelve"})
 """Modules that execute what they read."""
@@ -30,12 +33,20 @@ LONGEST_FUNCTION = 70
 OF_ROS = frozenset({"rclpy", "sensor_msgs", "std_msgs"})
 """Packages of a ROS 2 installation, which are on no index; who asks for that transport has them."""
 
-MODULES = sorted(HOUSE.rglob("*.py"))
-NAMES = {path: path.relative_to(HOUSE).as_posix() for path in MODULES}
-BY_NAME = {
-    ".".join(("stiction", *path.relative_to(HOUSE).with_suffix("").parts)).removesuffix(".__init__"): path
-    for path in MODULES
-}
+PRODUCT = sorted(HOUSE.rglob("*.py"))
+MODULES = [*PRODUCT, *sorted(EXPERIMENTS.rglob("*.py"))]
+NAMES = {path: path.relative_to(HOUSE).as_posix() for path in PRODUCT}
+NAMES |= {path: f"stiction_experiments:{path.relative_to(EXPERIMENTS).as_posix()}" for path in MODULES[len(PRODUCT) :]}
+"""Module -> its path below its package, as in `source_digest`."""
+
+
+def parts_of(path: Path) -> tuple[str, ...]:
+    """Return the parts of the dotted name of a module."""
+    root = HOUSE if HOUSE in path.parents else EXPERIMENTS
+    return (root.name, *path.relative_to(root).with_suffix("").parts)
+
+
+BY_NAME = {".".join(parts_of(path)).removesuffix(".__init__"): path for path in MODULES}
 """Dotted name -> module."""
 
 Import = tuple[str, int]
@@ -65,8 +76,8 @@ def imports(nodes: Iterator[ast.AST], package: str = "stiction") -> list[Import]
 
 
 def package_of(path: Path) -> str:
-    """Return the dotted package that holds a module: `stiction.formats`."""
-    return ".".join(("stiction", *path.relative_to(HOUSE).parts[:-1]))
+    """Return the dotted package that holds a module: `stiction.files`."""
+    return ".".join(parts_of(path)[:-1])
 
 
 def all_imports(path: Path) -> list[Import]:
@@ -113,7 +124,7 @@ def loaded(start: Path) -> dict[str, list[str]]:
     while waiting:
         path, chain = waiting.pop()
         for name, _ in imports(imports_at_the_top(tree_of(path)), package_of(path)):
-            if not name.startswith("stiction"):
+            if not name.startswith(("stiction.", "stiction_experiments.")):
                 outside.setdefault(name.split(".")[0], chain)
                 continue
             parts = name.split(".")
@@ -125,11 +136,9 @@ def loaded(start: Path) -> dict[str, list[str]]:
 
 def test_the_rules_find_what_they_forbid() -> None:
     """If this failed, the rules would stand on paper only."""
-    source = (
-        "from ..sim import native\nfrom . import log\nimport numpy\ndef f():\n    from stiction.rma import runner\n"
-    )
-    found = [name for name, _ in imports(ast.walk(ast.parse(source)), "stiction.identify")]
-    assert found == ["stiction.sim.native", "stiction.identify.log", "numpy", "stiction.rma.runner"]
+    source = "from ..sim import native\nfrom . import log\nimport numpy\ndef f():\n    from stiction.task import env\n"
+    found = [name for name, _ in imports(ast.walk(ast.parse(source)), "stiction.identification")]
+    assert found == ["stiction.sim.native", "stiction.identification.log", "numpy", "stiction.task.env"]
     lazy = ast.parse("import rich\nif TYPE_CHECKING:\n    import torch\ndef f():\n    import mujoco\n")
     assert imports(imports_at_the_top(lazy)) == [("rich", 1)]
     assert loaded(HOUSE / "robots/mjcf.py")["mujoco"] == ["robots/mjcf.py"]
@@ -159,17 +168,20 @@ def test_code_that_executes_files_is_found(source: str) -> None:
 
 def test_every_package_imported_is_a_declared_dependency() -> None:
     """If this failed, the program would work here by the accident of what else is installed."""
-    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
-    requirements = sum(project["optional-dependencies"].values(), project["dependencies"])
-    declared = {re.findall(r"^[a-z0-9-]+", text)[0] for text in requirements}
-    packages = {name.split(".")[0] for path in MODULES for name, _ in all_imports(path)}
+    declared: set[str] = set()
     distributions = metadata.packages_distributions()
-    undeclared = [
-        name
-        for name in packages - sys.stdlib_module_names - OF_ROS - {"stiction"}
-        if declared.isdisjoint(dist.lower().replace("_", "-") for dist in distributions.get(name, [name]))
-    ]
-    assert not undeclared, f"add to pyproject.toml: {undeclared}"
+    # The experiments have what the product has, and their own.
+    for folder, modules in ((ROOT, PRODUCT), (ROOT / "experiments", MODULES)):
+        project = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
+        requirements = sum(project["optional-dependencies"].values(), project["dependencies"])
+        declared |= {re.findall(r"^[a-z0-9-]+", text)[0] for text in requirements}
+        packages = {name.split(".")[0] for path in modules for name, _ in all_imports(path)}
+        undeclared = [
+            name
+            for name in packages - sys.stdlib_module_names - OF_ROS - {"stiction", "stiction_experiments"}
+            if declared.isdisjoint(dist.lower().replace("_", "-") for dist in distributions.get(name, [name]))
+        ]
+        assert not undeclared, f"add to {folder.name}/pyproject.toml: {undeclared}"
 
 
 def test_training_on_the_processor_needs_no_gpu_package() -> None:
@@ -184,8 +196,8 @@ def test_verbs_and_studies_load_their_rooms_only_when_called() -> None:
 
     What a verb's flags are made of, configuration without libraries, may be imported at the top.
     """
-    light = sys.stdlib_module_names | {"stiction", "rich", "tyro", "numpy"}
-    early = [path for path in MODULES if NAMES[path].startswith("cli/") or path.name == "study.py"]
+    light = sys.stdlib_module_names | {"stiction", "stiction_experiments", "rich", "tyro", "numpy"}
+    early = [path for path in MODULES if NAMES[path].startswith("cli/") or path.name in ("study.py", "verb.py")]
     assert len(early) > 20
     heavy = {NAMES[path]: set(loaded(path)) - light for path in early}
     assert not {name: packages for name, packages in heavy.items() if packages}

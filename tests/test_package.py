@@ -8,21 +8,28 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 from importlib import metadata
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import stiction
-from stiction.cli.main import ELSEWHERE, NEEDS, VERBS
+from helpers.installs import FURTHER, INSTALLS, make_files, promised
+from stiction.cli.main import NEEDS, VERBS
+from stiction.core import extras
 
 PACKAGE = Path(stiction.__file__).parent
 CHECKOUT = PACKAGE.parents[1]
 POLICIES = sorted(PACKAGE.glob("policies/*/contract.json"))
 
-EXTRAS = ("torch", "rsl_rl", "tensordict", "tensorboard", "safetensors", "onnx", "onnxscript", "mujoco")
-"""What the base install does not have."""
+EXTRAS = tuple(sorted({package for packages in extras.EXTRAS.values() for package in packages} - {"PIL"}))
+"""Packages that the base install lacks; Pillow comes with matplotlib."""
+
+CONTRACTS = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+BASE = ["stiction.api", "stiction.cli"]
+BASE += next(one["source_modules"] for one in CONTRACTS if one["name"].startswith("No simulator on the robot"))
+"""Rooms that the base install imports, but for the identification from walks."""
 
 BLOCKER = f"""
 import importlib.abc, sys
@@ -41,11 +48,16 @@ def base_install(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Return an environment in which the packages of the extras cannot be imported."""
     folder = tmp_path_factory.mktemp("base_install")
     (folder / "sitecustomize.py").write_text(BLOCKER)
-    return dict(os.environ) | {"PYTHONPATH": os.pathsep.join((str(folder), str(PACKAGE.parent)))}
+    return dict(os.environ) | {
+        "PYTHONPATH": os.pathsep.join((str(folder), str(PACKAGE.parent), str(CHECKOUT / "tests")))
+    }
 
 
 EVERY_VERB = """
-import contextlib, importlib, io, json, sys
+import contextlib, importlib, io, json, pkgutil, sys
+import pytest
+from blank_figures import blank_figures
+from excitations import search_little
 from stiction.cli.main import VERBS, main
 
 def call(*words):
@@ -64,25 +76,51 @@ for package in json.loads(sys.argv[1]):
     except ModuleNotFoundError:
         missing.append(package)
 commands = [f"{verb} {word}" for verb in VERBS for word in ("--help", "--no-such-flag-anywhere")]
-print(json.dumps([missing, {command: call(*command.split()) for command in (*commands, *sys.argv[2:])}]))
+with blank_figures(), pytest.MonkeyPatch.context() as patch:
+    search_little(patch)
+    answers = {command: call(*command.split()) for command in (*commands, *sys.argv[3:])}
+broken = {}
+for room in json.loads(sys.argv[2]):
+    for module in pkgutil.walk_packages(importlib.import_module(room).__path__, f"{room}."):
+        try:
+            importlib.import_module(module.name)
+        except ModuleNotFoundError as error:
+            broken[module.name] = error.name
+print(json.dumps([missing, answers, broken]))
 """
-"""Says which packages cannot be imported, and how every verb answers: one process, since each start takes a second."""
+"""Prints the packages that cannot be imported, the answers of every verb, and the modules that cannot be imported.
+
+One process, since each start takes a second.
+"""
 
 WRONG = ("", "identfy", "--nonsense")
 """Words that are no command."""
 
 
 @pytest.fixture(scope="session")
-def answers(base_install: dict[str, str]) -> dict[str, tuple[int, str, str]]:
-    """Return command -> status, output and errors: help of each verb, a flag that it has not, and some more."""
-    verified = [f"verify {path.parent.name}" for path in POLICIES]
-    command = [sys.executable, "-c", EVERY_VERB, json.dumps(EXTRAS), *WRONG, "identify nowhere", *verified]
-    command.append("verify nowhere")
-    done = subprocess.run(command, env=base_install, capture_output=True, text=True, check=False)
+def tried(
+    base_install: dict[str, str], tmp_path_factory: pytest.TempPathFactory
+) -> tuple[dict[str, tuple[int, str, str]], dict[str, str]]:
+    """Return command -> status, output and errors, and module -> package that it lacks, on the base install.
+
+    The commands: help of each verb, a flag that it has not, all that the base install promises, and some more.
+    """
+    folder = tmp_path_factory.mktemp("base")
+    make_files(folder)
+    words = [*WRONG, "demo", "identify nowhere", "verify nowhere", *(f"verify {path.parent.name}" for path in POLICIES)]
+    words += [" ".join(words) for _, *words in promised("")]
+    command = [sys.executable, "-c", EVERY_VERB, json.dumps(EXTRAS), json.dumps(BASE), *words]
+    done = subprocess.run(command, env=base_install, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    missing, found = json.loads(done.stdout)
-    assert missing == list(EXTRAS), "torch or mujoco are in reach of the tests below"
-    return found
+    missing, answers, broken = json.loads(done.stdout)
+    assert missing == list(EXTRAS), "a package of an extra is in reach of the tests below"
+    return answers, broken
+
+
+@pytest.fixture(scope="session")
+def answers(tried: tuple[dict[str, tuple[int, str, str]], dict[str, str]]) -> dict[str, tuple[int, str, str]]:
+    """Return command -> status, output and errors on the base install."""
+    return tried[0]
 
 
 def run(
@@ -93,30 +131,11 @@ def run(
     return subprocess.run(command, env=env, cwd=cwd, capture_output=True, text=True, timeout=120, check=False)
 
 
-def sine_log(path: Path) -> None:
-    """Write a noisy log of one joint, I = 0.02, B = 0.1, Coulomb friction 0.4: torque from the equation of motion."""
-    time = np.arange(0.0, 12.0, 0.002)
-    position = np.zeros_like(time)
-    velocity = np.zeros_like(time)
-    acceleration = np.zeros_like(time)
-    for amplitude, frequency in ((0.5, 0.5), (0.2, 2.0)):
-        omega = 2 * np.pi * frequency
-        position += amplitude * np.sin(omega * time)
-        velocity += amplitude * omega * np.cos(omega * time)
-        acceleration -= amplitude * omega**2 * np.sin(omega * time)
-    noise = np.random.default_rng(0)
-    torque = 0.02 * acceleration + 0.1 * velocity + 0.4 * np.sign(velocity) + 0.02 * noise.standard_normal(time.size)
-    position += 1e-5 * noise.standard_normal(time.size)
-    columns = np.stack([time, position, velocity, torque], axis=1)
-    np.savetxt(path, columns, delimiter=",", header="time,position.knee,velocity.knee,torque.knee", comments="")
-
-
 def test_every_module_with_a_main_is_a_verb() -> None:
     """If this failed, a verb would exist that nobody can call."""
-    elsewhere = {module.rpartition(".")[2].replace("_", "-") for module in ELSEWHERE.values()}
     for path in PACKAGE.glob("cli/*.py"):
         functions = {node.name for node in ast.parse(path.read_text()).body if isinstance(node, ast.FunctionDef)}
-        assert path.stem.replace("_", "-") in {*VERBS, *elsewhere, "main"} or "main" not in functions, (
+        assert path.stem.replace("_", "-") in {*VERBS, "import-policy", "main"} or "main" not in functions, (
             f"cli/{path.name} is not in VERBS"
         )
 
@@ -143,6 +162,14 @@ def test_the_overview_lists_every_verb_and_loads_no_room() -> None:
     }
 
 
+def test_the_overview_names_the_extra_of_each_verb(answers: dict[str, tuple[int, str, str]]) -> None:
+    """So does the answer of a verb whose extra is missing: `stiction`, `--help` and `demo` on the base install."""
+    for verb, extra in NEEDS.items():
+        assert re.search(rf"^  {verb} .* \[{extra}\]$", answers[""][2], re.MULTILINE), verb
+    status, _, errors = answers["demo"]
+    assert status == 1 and errors.count("\n") == 1 and "needs the extra 'sim'" in errors and "pip install" in errors
+
+
 def test_the_version_is_that_of_the_package() -> None:
     """If this failed, a bug report would name the wrong version."""
     assert run("--version").stdout == f"stiction {metadata.version('stiction')}\n"
@@ -165,15 +192,27 @@ def test_an_unknown_flag_ends_with_status_2(answers: dict[str, tuple[int, str, s
         assert "Traceback" not in errors
 
 
-def test_identify_runs_on_the_base_install(base_install: dict[str, str], tmp_path: Path) -> None:
-    """If this failed, an on-board computer would need a simulator to read its own friction."""
-    sine_log(tmp_path / "knee.csv")
-    done = run("identify", "knee.csv", "--out", "found", env=base_install, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    knee = json.loads((tmp_path / "found/joints.json").read_text())["joints"]["knee"]
-    assert knee["inertia"]["value"] == pytest.approx(0.02, rel=0.02)
-    assert knee["viscous_friction"]["value"] == pytest.approx(0.1, rel=0.02)
-    assert knee["coulomb_friction"]["value"] == pytest.approx(0.4, rel=0.02)
+def test_the_base_install_runs_what_it_promises(answers: dict[str, tuple[int, str, str]]) -> None:
+    """README's commands and every verb without an extra succeed while every package of an extra is out of reach."""
+    for _, *words in promised(""):
+        status, _, errors = answers[" ".join(words)]
+        assert status == 0, (words, errors)
+
+
+def test_rooms_of_the_base_install_import_no_extra(
+    tried: tuple[dict[str, tuple[int, str, str]], dict[str, str]],
+) -> None:
+    """Only the identification from walks, which has MuJoCo's model of the robot, lack a package on import."""
+    assert {name: package for name, package in tried[1].items() if ".walking." not in name} == {}
+
+
+def test_every_verb_is_tried_in_the_install_that_promises_it() -> None:
+    """Each verb but those of further extras is tried with the extras that the table of the verbs names, or without."""
+    table = re.findall(r"^\| `stiction ([\w-]+)` .*\|(.*)\|$", (CHECKOUT / "docs/verbs.md").read_text(), re.MULTILINE)
+    tried = {extra: {words[1] for words in promised(extra)} for extra in INSTALLS}
+    for verb, needs in table:
+        for extra in re.findall("`(sim|train)`", needs) or [""]:
+            assert verb in tried[extra] or verb in FURTHER, (verb, extra)
 
 
 @pytest.mark.parametrize("verb", ["identify", "verify"])

@@ -27,13 +27,15 @@ def script(name: str):
     return module
 
 
-SCRIPTS = sorted(path.stem for path in (CHECKOUT / "scripts").glob("*.py"))
+SCRIPTS = sorted(
+    str(path.relative_to(CHECKOUT)) for name in ("scripts", "tools") for path in CHECKOUT.glob(f"{name}/*.py")
+)
 
 
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_no_script_takes_its_words_unchecked(name: str) -> None:
     """`dist.py --help` built a wheel into a folder of that name; without words others ended in an IndexError."""
-    tree = ast.parse((CHECKOUT / "scripts" / f"{name}.py").read_text())
+    tree = ast.parse((CHECKOUT / name).read_text())
     indexed = [node for node in ast.walk(tree) if isinstance(node, ast.Subscript)]
     taken = [node.lineno for node in indexed if ast.unparse(node.value) == "sys.argv"]
     # What was typed, whole, is what a result says of itself.
@@ -41,13 +43,13 @@ def test_no_script_takes_its_words_unchecked(name: str) -> None:
     assert not set(taken) - set(whole) and (not whole or "parse_args" in ast.unparse(tree))
 
 
-@pytest.mark.parametrize("name", ["dist", "lock", "robots", "digests"])
+@pytest.mark.parametrize("name", ["scripts/dist", "scripts/lock", "scripts/robots", "tools/corpus", "tools/counters"])
 def test_a_script_says_how_it_is_used(name: str, tmp_path: Path) -> None:
     """Status 0 for --help, 2 for a flag that there is not, and nothing is made."""
     for flag, status in (("--help", 0), ("--nonsense", 2)):
-        command = [sys.executable, str(CHECKOUT / "scripts" / f"{name}.py"), flag]
+        command = [sys.executable, str(CHECKOUT / f"{name}.py"), flag]
         done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-        assert done.returncode == status and f"usage: {name}.py" in done.stdout + done.stderr
+        assert done.returncode == status and f"usage: {Path(name).name}.py" in done.stdout + done.stderr
     assert not list(tmp_path.iterdir())
 
 
@@ -59,6 +61,9 @@ def test_wheel_and_source_distribution_hold_the_same(tmp_path: Path) -> None:
     source = [path for path in (CHECKOUT / "src/stiction").rglob("*") if path.is_file()]
     expected = {path.relative_to(CHECKOUT / "src").as_posix() for path in source if "__pycache__" not in path.parts}
     assert {name for name in packed if name.startswith("stiction/")} == expected and "stiction/py.typed" in expected
+    assert {name.partition("/")[0] for name in packed} == {"stiction", wheel.name.partition("-py3")[0] + ".dist-info"}
+    more = script("dist").contents(script("dist").experiments(CHECKOUT, tmp_path))
+    assert {name.partition("/")[0].partition("-")[0] for name in more} == {"stiction_experiments"}
     assert any(name.endswith("licenses/LICENSE") for name in packed)
     with tarfile.open(sdist) as file:
         names = {name.partition("/")[2] for name in file.getnames()}

@@ -16,10 +16,10 @@ from stiction.cli.main import main
 from stiction.core.errors import StictionError
 from stiction.engines.engine import Motion
 from stiction.engines.friction import JointFriction
-from stiction.evaluate.evaluate import EvaluationCfg
-from stiction.evaluate.grid import GridCfg, Simulator, Walk
-from stiction.evaluate.run import WalkLedger
-from stiction.formats.contract import read_contract
+from stiction.evaluation.evaluate import EvaluationCfg
+from stiction.evaluation.grid import GridCfg, Simulator, Walk
+from stiction.evaluation.run import WalkLedger
+from stiction.files.contract import read_contract
 from stiction.joints import friction
 from stiction.joints.friction import LAWS, FrictionLaw, Law, LawSpec, Piece, find_law, law_source, register_law
 from stiction.joints.pd import PDGains

@@ -11,10 +11,10 @@ pytest.importorskip("torch", reason="the package torch, of the extra 'train', is
 
 from stiction.cli.main import main
 from stiction.core.errors import StictionError
-from stiction.locomotion.config import TaskCfg
-from stiction.locomotion.env import LocomotionEnv
-from stiction.locomotion.rewards import RewardCfg, Snapshot, fall
 from stiction.robots.catalog import find_robot
+from stiction.task.config import TaskCfg
+from stiction.task.env import LocomotionEnv
+from stiction.task.rewards import RewardCfg, Snapshot, fall
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

@@ -14,11 +14,11 @@ import pytest
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to have a robot walk")
 
 from stiction.deploy.policy import load_policy
-from stiction.evaluate.rollout import Rollout
-from stiction.evaluate.walk_logs import record_motion
+from stiction.evaluation.rollout import Rollout
+from stiction.evaluation.walk_logs import record_motion
 from stiction.robots.catalog import find_robot
 from stiction.robots.model import Robot
-from stiction.studies.flags.trot import (
+from stiction_experiments.flags.trot import (
     ARMATURE,
     DAMPING,
     IMU,

@@ -24,7 +24,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
 from stiction.deploy.transports.dds import _idl_type, domain_settings
-from stiction.formats.unitree import STRUCTURES, Structure
+from stiction.files.unitree import STRUCTURES, Structure
 
 PERIOD = 0.005
 POSES = {"unitree_go": [0.0, 0.9, -1.8] * 4, "unitree_hg": [0.0] * 29}

@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stiction.formats.bundle import Bundle
-from stiction.formats.walk import WalkHeader, WalkLog
+from stiction.files.bundle import Bundle
+from stiction.files.walk import WalkHeader, WalkLog
 from stiction.robots.catalog import find_robot
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to have a robot walk")
 
 from stiction.deploy.check import check_bundle
 from stiction.deploy.policy import load_policy
-from stiction.evaluate.rollout import Rollout
-from stiction.evaluate.walk_logs import LogNoiseCfg, measure_walk, record_motion
+from stiction.evaluation.rollout import Rollout
+from stiction.evaluation.walk_logs import LogNoiseCfg, measure_walk, record_motion
 
 SPEC = find_robot("saturn_lite")
 

@@ -14,21 +14,16 @@ class Refuse:
         if name.split(".")[0] in {blocked}:
             raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
 sys.meta_path.insert(0, Refuse())
-from stiction.cli.main import main
-{blank}
-sys.exit(main({arguments}))
-"""
-
-BLANK = """
 sys.path.append({tests!r})
 from blank_figures import blank_figures
-blank = blank_figures()
-blank.__enter__()
+from stiction.cli.main import main
+with blank_figures():
+    sys.exit(main({arguments}))
 """
 
 
-def run_without(blocked: Collection[str], *arguments: str, figures: bool = True) -> subprocess.CompletedProcess:
-    """Run a verb where importing some packages fails; figures: whether it makes any, which shall not be drawn."""
-    blank = BLANK.format(tests=str(Path(__file__).parent)) if figures else ""
-    code = WITHOUT.format(blocked=set(blocked), arguments=list(arguments), blank=blank)
+def run_without(blocked: Collection[str], *arguments: str) -> subprocess.CompletedProcess:
+    """Run a verb where importing some packages fails, and no figure is drawn."""
+    tests = str(Path(__file__).parent)
+    code = WITHOUT.format(blocked=set(blocked), arguments=list(arguments), tests=tests)
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

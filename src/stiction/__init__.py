@@ -6,7 +6,6 @@ nothing and needs neither torch nor a simulator. Their types are in `__init__.py
 
 import sys
 from importlib import import_module
-from types import ModuleType
 from typing import Any
 
 PUBLIC = {
@@ -30,45 +29,15 @@ PUBLIC = {
 
 __all__ = ["__version__", *PUBLIC]
 
-ROOMS = ("identify", "evaluate")
-"""Names that are both a function and a package: the package can be called."""
-
 
 def _public(name: str) -> Any:
     """Return what a public name means."""
     return getattr(import_module(f"{__name__}.{PUBLIC[name]}"), name)
 
 
-class _Callable(ModuleType):
-    """A package that is called as the public function of its name."""
-
-    def __call__(self, *args: Any, **kwargs: Any) -> Any:
-        """Call the function."""
-        return self.__wrapped__(*args, **kwargs)
-
-    @property
-    def __wrapped__(self) -> Any:
-        """The function; `inspect.signature` and `help` read it."""
-        return _public(self.__name__.rpartition(".")[2])
-
-    @property
-    def __doc__(self) -> Any:  # type: ignore[override]
-        """The function's docstring."""
-        return self.__wrapped__.__doc__
-
-
-class _Root(ModuleType):
-    """The whole package: what Python binds to it when a package of `ROOMS` is imported, can be called."""
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        """Bind a name."""
-        if name in ROOMS and type(value) is ModuleType:
-            value.__class__ = _Callable
-        super().__setattr__(name, value)
-
-    def __dir__(self) -> list[str]:
-        """Return the public names."""
-        return sorted(__all__)
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return sorted(__all__)
 
 
 def __getattr__(name: str) -> Any:
@@ -77,14 +46,9 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         found: Any = version(__name__)
-    elif name in ROOMS:
-        return import_module(f"{__name__}.{name}")
     elif name in PUBLIC:
         found = _public(name)
     else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name, obj=sys.modules[__name__])
     globals()[name] = found
     return found
-
-
-sys.modules[__name__].__class__ = _Root

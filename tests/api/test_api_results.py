@@ -11,8 +11,8 @@ import pytest
 import stiction
 from stiction.api.identification import Identified
 from stiction.cli import identify as verb
-from stiction.formats.log import Log, write_log
-from stiction.identify.example import Excitation, example_log
+from stiction.files.log import Log, write_log
+from stiction.identification.example import Excitation, example_log
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def test_nothing_is_printed_or_written_unasked(
 
 def test_a_policy_is_checked_before_it_is_loaded(tmp_path: Path) -> None:
     """A bundle with one altered byte must not come back as a policy."""
-    from stiction.formats.bundle import find_bundle
+    from stiction.files.bundle import find_bundle
 
     folder = tmp_path / "altered"
     folder.mkdir()

@@ -12,8 +12,8 @@ import pytest
 import stiction
 from stiction.api.training import Trained
 from stiction.core.errors import ConfigurationError, TrainingError
-from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg
-from stiction.rma.presets import preset
+from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg
+from stiction.learning.presets import preset
 
 TINY = replace(
     preset("quick"),

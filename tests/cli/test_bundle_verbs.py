@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from stiction.cli.main import main
-from stiction.formats.bundle import shipped_bundles
-from stiction.formats.results import ResultRow, read_results
+from stiction.files.bundle import shipped_bundles
+from stiction.files.results import ResultRow, read_results
 from stiction.report.terminal import print_rows
 from without import run_without
 from words import but
@@ -62,14 +62,6 @@ def test_verify_takes_the_digest_that_was_published(bundle: Path, capsys: pytest
         assert said in shown and shown.count("\n") == 1
 
 
-def test_verify_needs_neither_torch_nor_a_simulator(bundle: Path) -> None:
-    """It runs on the robot's computer."""
-    missing = {"torch", "mujoco", "onnx", "rsl_rl", "tensordict"}
-    done = run_without(missing, "verify", str(bundle), "--json", figures=False)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert json.loads(done.stdout)["ok"] is True
-
-
 @pytest.mark.parametrize("options", [[], ["--json"]])
 def test_verify_rejects_an_altered_bundle_in_one_line(
     bundle: Path, capsys: pytest.CaptureFixture, options: list[str]
@@ -107,6 +99,31 @@ def test_evaluate_writes_results_without_torch(bundle: Path, tmp_path: Path) -> 
         "walks.jsonl",
         "settings.json",
     }
+
+
+def test_a_policy_record_is_evaluated_with_one_line_of_warning(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """Walks the policies of the results; `verify`, `deploy`, `sign` and `export` refuse them in one line."""
+    (bundle / "golden.npz").unlink()
+    walks = ["--friction-levels", "0", "--commands", "vx=0.5", "--episodes", "1", "--seconds", "3"]
+    assert main(["evaluate", str(bundle), *walks, "--out", str(tmp_path / "walks")]) == 0
+    told = [line for line in capsys.readouterr().err.splitlines() if "nothing proves" in line]
+    assert told == [
+        "stiction evaluate: policy records without golden vectors: nothing proves that the network computes as "
+        f"recorded: {bundle.name}"
+    ]
+    assert len(read_results(tmp_path / "walks" / "results.csv")) == 1
+    out = ["--out", str(tmp_path / "out")]
+    for verb, *words in (
+        ["verify"],
+        ["deploy", *out],
+        ["sign", "--key", "maker.pem"],
+        ["export", "--to", "webots", *out],
+    ):
+        assert main([verb, str(bundle), *words]) == 1, verb
+        error = capsys.readouterr().err
+        assert "golden.npz is missing" in error and error.count("\n") == 1, verb
 
 
 def test_evaluate_feeds_friction_forward_in_every_engine(
@@ -245,7 +262,7 @@ def test_nothing_is_signed_that_came_with_the_package(
     package, own = tmp_path / "package", tmp_path / "own"
     own.mkdir()
     shutil.copytree(shipped_bundles()[SHIPPED], package / SHIPPED)
-    monkeypatch.setattr("stiction.formats.bundle.shipped_folder", lambda: package)
+    monkeypatch.setattr("stiction.files.bundle.shipped_folder", lambda: package)
     monkeypatch.setattr("stiction.cli.sign.shipped_folder", lambda: package)
     monkeypatch.chdir(own)
     Path("mine").symlink_to(package / SHIPPED)

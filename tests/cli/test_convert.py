@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from stiction.cli.main import main
-from stiction.formats.joints import Estimate, JointRecord, JointsFile
+from stiction.files.joints import Estimate, JointRecord, JointsFile
 
 MODEL = '<mujoco><worldbody><body><joint name="FL_calf_joint"/><geom size="1"/></body></worldbody></mujoco>'
 
@@ -61,8 +61,8 @@ def test_a_model_is_patched_into_another_file(folder: Path, capsys: pytest.Captu
         (["--to", "mujoco", "--model", "robot.xml"], "no joint of the model takes the record 'shank'"),
         (["--to", "mujoco", "--joint-map", "shank=*_calf"], "wildcards need a --model"),
         (["--to", "mujoco", "--timestep", "-1"], "timestep -1.0"),
-        (["--to", "mujoco", "--assumed-load", "3"], "--assumed-load is for --to isaaclab"),
-        (["--to", "isaaclab", "--model", "robot.xml"], "--model is for --to mujoco, urdf, webots"),
+        (["--to", "mujoco", "--assumed-load", "3"], "--assumed-load requires --to isaaclab"),
+        (["--to", "isaaclab", "--model", "robot.xml"], "--model requires --to mujoco, urdf or webots"),
         (["--to", "webots", "--model", "robot.xml"], "the model has none with a name"),
         (["--to", "urdf", "--out", "joints.json/where"], "joints.json/where"),
         (["--to", "urdf", "--out", "./joints.json"], "would be overwritten"),

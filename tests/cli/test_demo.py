@@ -12,8 +12,8 @@ import pytest
 from bundles import make_bundle, make_contract
 from stiction.cli import demo
 from stiction.cli.main import main
-from stiction.formats.log import LogSetup, write_log
-from stiction.identify.example import example_log
+from stiction.files.log import LogSetup, write_log
+from stiction.identification.example import example_log
 from stiction.report.demo import DemoClips, render_demo
 from stiction.report.page import marked
 
@@ -101,7 +101,7 @@ def test_warnings_of_an_identification_stand_on_the_page(tmp_path: Path) -> None
 def test_training_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Three quarters of an hour of training must survive an interruption."""
     train = pytest.importorskip("stiction.cli.train", reason="the extra 'train' is needed to train")
-    export = pytest.importorskip("stiction.evaluate.export", reason="the extra 'train' is needed to export")
+    export = pytest.importorskip("stiction.evaluation.export", reason="the extra 'train' is needed to export")
     called: list[list[str]] = []
     monkeypatch.setattr(train, "main", lambda arguments: called.append(arguments))
     monkeypatch.setattr(export, "export_run", lambda run, bundle: bundle.mkdir(parents=True))

@@ -21,11 +21,11 @@ from blank_figures import blank_figures
 from disks import full, read_only
 from excitations import search_little
 from foreign import MJLAB, network, written
-from stiction.evaluate import export
-from stiction.evaluate.export import export_network
-from stiction.formats.log import write_log
-from stiction.formats.walk import write_walk
-from stiction.identify.example import example_log
+from stiction.evaluation import export
+from stiction.evaluation.export import export_network
+from stiction.files.log import write_log
+from stiction.files.walk import write_walk
+from stiction.identification.example import example_log
 
 POLICY = "saturn_lite-flat-none-0.2"
 TRAIN = (
@@ -51,7 +51,7 @@ WEAR = (
 )
 EXCITE = ("--duration", "6", "--rate", "200", "--torque-limit", "45", "--coulomb", "0.44")
 LOAD = ("--parts", "load", "--no-clips", "--jobs", "1")
-DEPLOY = ("--duration", "0.6", "--silence", "5", "--stale", "5", "--stand", "--robot-cell", "sensors")
+DEPLOY = ("--duration", "0.6", "--silence", "5", "--stale", "5", "--gap", "5", "--stand", "--robot-cell", "sensors")
 
 VERBS = {
     "robot": ("robot", "show", "go1", "--out", "{out}"),

@@ -106,7 +106,7 @@ def test_a_name_is_no_markup(capsys: pytest.CaptureFixture) -> None:
 def test_a_policy_has_a_name_that_can_be_shown(name: str) -> None:
     """Matplotlib would take it for a formula, hours after the walks began."""
     from stiction.core.errors import ConfigurationError
-    from stiction.evaluate.summary import check_names
+    from stiction.evaluation.summary import check_names
 
     with pytest.raises(ConfigurationError, match="rename the directory"):
         check_names([POLICY, name])

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from stiction.cli.main import main
-from stiction.formats.settings import SETTINGS
+from stiction.files.settings import SETTINGS
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed")
 
@@ -16,14 +16,14 @@ pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--static-ratio", "2"], "--static-ratio is of --friction-law stribeck, and would have no effect"),
-        (["--robots", "7"], "--robots is of a virtual robot, --engines mujoco+all"),
-        (["--robot-levels", "0.1"], "--robot-levels is of a virtual robot"),
-        (["--forward-by", "error"], "--forward-by is of --forward"),
-        (["--callable-period", "-1"], "--callable-period is of --policy-callable"),
-        (["--log-torque", "output_side"], "--log-torque is of --log"),
-        (["--judge-again", "--episodes", "7"], "--judge-again walks nothing, and a bundle, --episodes would have no"),
-        (["--known-friction", "0.1"], "--known-friction would have no effect: no policy here observes"),
+        (["--static-ratio", "2"], "--static-ratio requires --friction-law stribeck;"),
+        (["--robots", "7"], "--robots requires --engines mujoco+all;"),
+        (["--robot-levels", "0.1"], "--robot-levels requires --engines mujoco+all;"),
+        (["--forward-by", "error"], "--forward-by requires --forward;"),
+        (["--callable-period", "-1"], "--callable-period requires --policy-callable;"),
+        (["--log-torque", "output_side"], "--log-torque requires --log;"),
+        (["--judge-again", "--episodes", "7"], "--judge-again and BUNDLES exclude"),
+        (["--known-friction", "0.1"], "--known-friction requires a policy trained with --task.known-friction;"),
         (["--commands", "vx=1e9"], "expected at most 20 m/s or rad/s along each axis"),
     ],
 )

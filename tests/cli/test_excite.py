@@ -16,10 +16,10 @@ from stiction.cli.excite import run_lines
 from stiction.cli.main import main
 from stiction.core.errors import ConfigurationError
 from stiction.deploy.runtime.motion import Motion
-from stiction.formats.bundle import read_bundle, shipped_bundles
-from stiction.formats.design import load_design
-from stiction.identify.excite.setup import ExciteSetup
-from stiction.identify.logs import open_log
+from stiction.files.bundle import read_bundle, shipped_bundles
+from stiction.files.design import load_design
+from stiction.identification.excite.setup import ExciteSetup
+from stiction.identification.logs import open_log
 
 SHORT = "--duration 6 --rate 200 --torque-limit 45 --coulomb 0.44"
 """A log that is designed quickly."""

@@ -8,7 +8,7 @@ import shlex
 import pytest
 
 from stiction.cli.main import VERBS, main
-from stiction.cli.study import find_study, study_names
+from stiction_experiments.lab.command import find_study, study_names
 
 SCREEN = 48
 """Lines of a terminal that fills a laptop's screen."""

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from stiction.cli.main import main
-from stiction.formats.joints import load_joints
-from stiction.formats.log import Log, write_log
-from stiction.identify.example import SATURN_LITE, example_log
-from without import run_without
+from stiction.files.joints import load_joints
+from stiction.files.log import Log, write_log
+from stiction.identification.example import SATURN_LITE, example_log
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -104,7 +103,7 @@ def test_a_result_never_replaces_a_log_or_its_sidecar(
         (["swing.csv", "--from", "nan"], "swing.csv: from is nan; expected seconds"),
         (["swing.csv", "--to", "inf"], "swing.csv: to is inf; expected seconds"),
         (["swing.csv", "--rate", "-5"], "swing.csv: a rate of -5.0 Hz; expected a positive number"),
-        (["swing.csv", "--init", "--repeat", "swing.csv"], "has no use for --repeat; leave it out"),
+        (["swing.csv", "--init", "--repeat", "swing.csv"], "--init and --repeat exclude each other"),
         (["swing.csv", "swing.csv", "--init"], "--init with 2 logs; expected one"),
         (["swing.csv", "--init", "--joint", "a", "b"], "all joints of a log; leave --joint out"),
         (["bare.csv", "--init", "--joint", "hip"], "its joints are shank, and a sidecar is of all of them"),
@@ -117,10 +116,10 @@ def test_a_result_never_replaces_a_log_or_its_sidecar(
         (["none.csv", "--init"], "no log at none.csv; expected"),
         (["loop.csv"], "no log at loop.csv"),
         (["loop.csv", "--init"], "no log at loop.csv"),
-        (["swing.csv", "--up", "0", "0", "1"], "--up is for a whole limb, whose robot is named; add --robot"),
-        (["swing.csv", "--joint-map", "a=b"], "--joint-map is for a whole limb"),
-        (["swing.csv", "--model-error", "nan"], "--model-error is for a whole limb"),
-        (["swing.csv", "--repeat-columns", "a=b"], "add --repeat LOG"),
+        (["swing.csv", "--up", "0", "0", "1"], "--up requires --robot; add --robot"),
+        (["swing.csv", "--joint-map", "a=b"], "--joint-map requires --robot"),
+        (["swing.csv", "--model-error", "nan"], "--model-error requires --robot"),
+        (["swing.csv", "--repeat-columns", "a=b"], "--repeat-columns requires --repeat"),
         (["swing.csv", "--repeat", "half.csv"], "half.csv cannot be a repeat, leave it out or mend it: half.csv: "),
         (["swing.csv", "--delay", "1e308"], "delay 1e+308: expected at most 1"),
         (["swing.csv", "--velocity-delay", "2"], "velocity delay 2.0: expected at most 1"),
@@ -167,13 +166,6 @@ def test_wrong_usage_is_status_2(log: Path) -> None:
         with pytest.raises(SystemExit) as caught:
             main(["identify", *arguments])
         assert caught.value.code == 2
-
-
-def test_it_needs_neither_torch_nor_mujoco(log: Path, tmp_path: Path) -> None:
-    """The base install has neither: importing either is made an error, and the verb still runs."""
-    done = run_without(["torch", "mujoco", "rsl_rl"], "identify", str(log), "--out", str(tmp_path / "out"), "--json")
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["joints"]
 
 
 def test_every_joint_of_a_log_is_identified(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

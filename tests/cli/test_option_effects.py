@@ -1,20 +1,19 @@
-"""Options that would have no effect: refused in one line that says what they are of, before anything is done."""
+"""Options that require or exclude others: refused in one sentence, which is pinned here, before anything is done."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 import pytest
+import tyro
 
 from stiction.cli.main import main
-from stiction.core.effects import OptionsOf, changed_options, check_effects
+from stiction.core.effects import changed_options, check_effects, excludes, needs
 from stiction.core.errors import ConfigurationError
 
 POLICY = "saturn_lite-flat-deception-0.2"
-OF_VIEWER = "is of the viewer, which --static does not open, and would have no effect; leave one of them out"
-OF_PAGE = "is of the page, which --loop does not make, and would have no effect"
-OF_TRAINING = "is of the measurement of training, which --ground replaces, and would have no effect"
 
 
 @dataclass(frozen=True)
@@ -22,71 +21,104 @@ class Inner:
     """Nested options."""
 
     deep: int = 1
-    other: int = 2
+    shallow: int = 2
 
 
 @dataclass(frozen=True)
-class Own:
+class Verb:
     """Options of a verb."""
 
+    to: str
+    names: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
     log: bool = False
-    log_seconds: float = 1.0
-    inner: Inner = field(default_factory=Inner)
-
-
-TABLE = (
-    OptionsOf(("log_seconds", "inner.deep"), "--log", lambda own: own.log),
-    OptionsOf(("inner",), "a log that is long", lambda own: own.log_seconds > 1, "leave it out"),
-)
-
-
-def test_only_what_was_changed_and_has_no_owner_is_refused() -> None:
-    """A default would be refused, or a changed option without its owner taken."""
-    for taken in (Own(), Own(log=True), Own(True, 2.0), Own(True, 2.0, Inner(5, 6))):
-        check_effects(taken, Own(), TABLE)
-    said = "^--log-seconds is of --log, and would have no effect; leave it out, or add that$"
-    with pytest.raises(ConfigurationError, match=said):
-        check_effects(Own(log_seconds=2.0), Own(), TABLE)
-    with pytest.raises(ConfigurationError, match=r"^--inner\.deep is of --log, "):
-        check_effects(Own(inner=Inner(5)), Own(), TABLE)
-    with pytest.raises(ConfigurationError, match=r"^--inner\.other is of a log that is long, .*; leave it out$"):
-        check_effects(Own(True, inner=Inner(other=5)), Own(), TABLE)
-    assert [*changed_options(Own(True, 1.0, Inner(1, 3)), Own())] == ["log", "inner.other"]
+    log_seconds: float = field(default=1.0, metadata=needs("--log"))
+    inner: Inner = field(
+        default_factory=Inner, metadata=needs("--log-seconds 2", lambda cfg: cfg.log_seconds > 1, "deep")
+    )
+    model: str | None = field(default=None, metadata=needs("--to urdf, mujoco or webots"))
+    loop: bool = field(default=False, metadata=excludes("--log", "--inner"))
+    plan: bool = field(default=False, metadata=needs("--to urdf") | excludes(but=("--model",)))
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    "options",
     [
-        (["view", POLICY, "--static", "OUT", "--port", "99999999"], f"--port {OF_VIEWER}"),
-        (["view", POLICY, "--static", "OUT", "--host", "nowhere.example"], f"--host {OF_VIEWER}"),
-        (["view", POLICY, "--static", "OUT", "--follow"], f"--follow {OF_VIEWER}"),
-        (["view", POLICY, "--static", "OUT", "--out", "logs"], f"--out {OF_VIEWER}"),
-        (["view", POLICY, "--static", "OUT", "--static-ratio", "7"], "--static-ratio is of --friction-law stribeck"),
-        (["view", POLICY, "--seconds", "3"], "--seconds is of --static, and would have no effect"),
-        (["view", POLICY, "--overwrite"], "--overwrite is of --static, and would have no effect"),
-        (["demo", "--out", "OUT", "--loop", "--bundles", POLICY], f"--bundles {OF_PAGE}"),
-        (["demo", "--out", "OUT", "--loop", "--train"], f"--train {OF_PAGE}"),
-        (["demo", "--out", "OUT", "--loop", "--episodes", "2"], f"--episodes {OF_PAGE}"),
-        (["demo", "--out", "OUT", "--loop", "--seconds", "2"], f"--seconds {OF_PAGE}"),
-        (["demo", "--out", "OUT", "--loop", "--preset", "full"], f"--preset {OF_PAGE}"),
+        Verb("isaaclab"),
+        Verb("isaaclab", log=True, log_seconds=2.0, inner=Inner(5, 6)),
+        Verb("isaaclab", inner=Inner(1, 6)),
+        Verb("mujoco", model="robot.xml"),
+        Verb("isaaclab", loop=True, model=None),
+        Verb("urdf", plan=True, model="robot.xml"),
+    ],
+)
+def test_options_with_what_they_require_are_taken(options: Verb) -> None:
+    """Accepts defaults, met requirements, and required options, which have no default to differ from."""
+    check_effects(options)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (Verb("x", log_seconds=2.0), "--log-seconds requires --log; add --log or remove --log-seconds"),
         (
-            ["demo", "--out", "OUT", "--train", "--bundles", POLICY],
-            "--train is of policies of its own, which --bundles",
+            Verb("x", inner=Inner(5)),
+            "--inner.deep requires --log-seconds 2; add --log-seconds 2 or remove --inner.deep",
         ),
-        (["demo", "--out", "OUT", "--preset", "full"], "--preset is of --train, and would have no effect"),
-        (["bench", "--ground", "--method", "none"], f"--method {OF_TRAINING}"),
-        (["bench", "--ground", "--friction-level", "0.1"], f"--friction-level {OF_TRAINING}"),
-        (["bench", "--ground", "--terrain", "stairs"], f"--terrain {OF_TRAINING}"),
-        (["bench", "--ground", "--actuator", "net"], f"--actuator {OF_TRAINING}"),
-        (["bench", "--ground", "--device", "cuda"], f"--device {OF_TRAINING}"),
-        (["bench", "--method", "none", "--friction-level", "0.1"], "--friction-level is of a --method with friction"),
+        (
+            Verb("isaaclab", model="robot.xml"),
+            "--model requires --to urdf, mujoco or webots; add --to urdf, mujoco or webots or remove --model",
+        ),
+        (Verb("x", log=True, loop=True), "--loop and --log exclude each other; remove one of them"),
+        (Verb("x", inner=Inner(1, 5), loop=True), "--loop and --inner.shallow exclude each other; remove one of them"),
+        (Verb("x", plan=True), "--plan requires --to urdf; add --to urdf or remove --plan"),
+        (Verb("urdf", log=True, plan=True), "--plan and --log exclude each other; remove one of them"),
+        (Verb("urdf", ("a",), plan=True), "--plan and NAMES exclude each other; remove one of them"),
+    ],
+)
+def test_the_first_option_without_effect_is_named(options: Verb, message: str) -> None:
+    """Says in one sentence which option it is, what it requires or excludes, and what to do."""
+    with pytest.raises(ConfigurationError) as refused:
+        check_effects(options)
+    assert str(refused.value) == message
+
+
+def test_options_count_as_changed_against_other_defaults() -> None:
+    """Compares with the defaults handed in, and yields nested options with their path."""
+    changed = Verb("x", log=True, inner=Inner(1, 3))
+    assert [*changed_options(changed)] == ["log", "inner.shallow"]
+    assert [*changed_options(changed, Verb("x", log=True))] == ["inner.shallow"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["view", POLICY, "--static", "OUT", "--port", "99999999"], "--static and --port exclude"),
+        (["view", POLICY, "--static", "OUT", "--host", "nowhere.example"], "--static and --host exclude"),
+        (["view", POLICY, "--static", "OUT", "--follow"], "--static and --follow exclude"),
+        (["view", POLICY, "--static", "OUT", "--out", "logs"], "--static and --out exclude"),
+        (["view", POLICY, "--static", "OUT", "--static-ratio", "7"], "--static-ratio requires --friction-law stribeck"),
+        (["view", POLICY, "--seconds", "3"], "--seconds requires --static"),
+        (["view", POLICY, "--overwrite"], "--overwrite requires --static"),
+        (["demo", "--out", "OUT", "--loop", "--bundles", POLICY], "--loop and --bundles exclude"),
+        (["demo", "--out", "OUT", "--loop", "--train"], "--loop and --train exclude"),
+        (["demo", "--out", "OUT", "--loop", "--episodes", "2"], "--loop and --episodes exclude"),
+        (["demo", "--out", "OUT", "--loop", "--seconds", "2"], "--loop and --seconds exclude"),
+        (["demo", "--out", "OUT", "--loop", "--train", "--preset", "full"], "--loop and --train exclude"),
+        (["demo", "--out", "OUT", "--train", "--bundles", POLICY], "--bundles and --train exclude"),
+        (["demo", "--out", "OUT", "--preset", "full"], "--preset requires --train"),
+        (["bench", "--ground", "--method", "none"], "--ground and --method exclude"),
+        (["bench", "--ground", "--friction-level", "0.1"], "--ground and --friction-level exclude"),
+        (["bench", "--ground", "--terrain", "stairs"], "--ground and --terrain exclude"),
+        (["bench", "--ground", "--actuator", "net"], "--ground and --actuator exclude"),
+        (["bench", "--ground", "--device", "cuda"], "--ground and --device exclude"),
+        (["bench", "--method", "none", "--friction-level", "0.1"], "--friction-level requires --method direct or"),
     ],
 )
 def test_what_would_have_no_effect_is_refused(
-    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture
+    words: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
-    """Who asks for it would believe that it was done."""
+    """Refuses in one line, before anything is written."""
     out = tmp_path / "out"
     assert main([str(out) if word == "OUT" else word for word in words]) == 1
     printed = capsys.readouterr().err
-    assert said in printed and printed.count("\n") == 1 and not out.exists()
+    assert message in printed and printed.count("\n") == 1 and not out.exists()

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from stiction.cli.main import main
-from stiction.formats.bundle import shipped_bundles
+from stiction.files.bundle import shipped_bundles
 
 POLICY = "saturn_lite-flat-none-0.2"
 

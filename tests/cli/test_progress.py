@@ -7,9 +7,9 @@ import pytest
 from rich.console import Console
 
 from stiction.cli.progress import Display, RunClock, figures_line, span
-from stiction.locomotion.config import TaskCfg
-from stiction.locomotion.friction import FrictionCfg
-from stiction.rma.config import StudentCfg, TeacherCfg, TrainCfg
+from stiction.learning.config import StudentCfg, TeacherCfg, TrainCfg
+from stiction.task.config import TaskCfg
+from stiction.task.friction import FrictionCfg
 
 CFG = TrainCfg(
     task=TaskCfg(friction=FrictionCfg("deception", level=0.2)),

@@ -9,12 +9,13 @@ import pytest
 
 from stiction.cli.main import main
 from stiction.cli.progress import Display
-from stiction.formats.joints import Estimate, JointRecord, JointsFile, write_training
-from stiction.identify.proposal import propose
-from stiction.locomotion.friction import FrictionCfg
+from stiction.core import gemm
+from stiction.files.joints import Estimate, JointRecord, JointsFile, write_training
+from stiction.identification.proposal import propose
+from stiction.learning.arguments import parse
+from stiction.learning.run import latest_checkpoint, load_checkpoint
 from stiction.report.terminal import stop_requests
-from stiction.rma.arguments import parse
-from stiction.rma.run import latest_checkpoint, load_checkpoint
+from stiction.task.friction import FrictionCfg
 from words import but
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -26,11 +27,17 @@ SMALL = [
 ]
 
 
-def test_a_run_leaves_what_the_design_says(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+def test_a_run_leaves_what_the_design_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
     """Config, metrics, TensorBoard, checkpoints, summary; standard output is JSON and nothing else."""
     out = tmp_path / "run"
+    monkeypatch.delenv(gemm.VARIABLE, raising=False)
+    monkeypatch.setattr(gemm, "processor_obstacle", lambda: None)
     assert main(["train", *SMALL, "--method", "direct", "--friction-level", "0.1", "--out", str(out)]) == 0
-    summary = json.loads(capsys.readouterr().out)
+    captured = capsys.readouterr()
+    assert captured.err.count(f"stiction train: {gemm.VARIABLE}=1 makes updates") == 1
+    summary = json.loads(captured.out)
     assert summary["env_steps"] == 4 * 8 and summary["multiply_adds"]["actor"] > 0
     config = json.loads((out / "config.json").read_text())
     friction = config["config"]["task"]["friction"]

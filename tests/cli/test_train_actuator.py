@@ -13,9 +13,9 @@ import numpy as np
 from actuators import pd_net
 from stiction.cli.main import main
 from stiction.core.errors import StictionError
-from stiction.formats.actuator import FILE, write_actuator
-from stiction.rma.run import RunDirectory, latest_checkpoint, load_checkpoint
-from stiction.rma.runner import PhaseRunner
+from stiction.files.actuator import FILE, write_actuator
+from stiction.learning.run import RunDirectory, latest_checkpoint, load_checkpoint
+from stiction.learning.runner import PhaseRunner
 from words import but
 
 SMALL = [
@@ -52,9 +52,9 @@ def test_a_net_that_is_worse_than_the_law_is_not_the_next_step(
     """It said that the law is the better model, and in the next line to train with the net."""
     rmse = {part: {"net": net, "baseline": 0.006} for part in ("training", "validation")}
     summary = {"rmse": rmse, "inputs": "default", "history": 2}
-    for name in ("rma.actuator.train_actuator", "rma.actuator_data.read_run"):
+    for name in ("learning.actuator.train_actuator", "learning.actuator_data.read_run"):
         monkeypatch.setattr(f"stiction.{name}", lambda *_: SimpleNamespace(summary=summary))
-    monkeypatch.setattr("stiction.rma.actuator.write_trained", lambda *_: None)
+    monkeypatch.setattr("stiction.learning.actuator.write_trained", lambda *_: None)
     monkeypatch.setattr("stiction.report.training.write_actuator_page", lambda out: out / "report.html")
     assert main(["train-actuator", "log.npz", "--out", str(tmp_path)]) == 0
     assert capsys.readouterr().out.splitlines()[-1].startswith(next_line)

@@ -11,9 +11,9 @@ import walks
 from stiction.cli import evaluate
 from stiction.cli.identify import RESULTS
 from stiction.cli.main import main
-from stiction.formats.joints import load_joints, read_training
-from stiction.formats.tables import write_csv
-from stiction.formats.walk import read_walk, write_walk
+from stiction.files.joints import load_joints, read_training
+from stiction.files.tables import write_csv
+from stiction.files.walk import read_walk, write_walk
 from without import run_without
 from words import but
 

@@ -9,15 +9,15 @@ from pathlib import Path
 import pytest
 
 from stiction.core import memory
+from stiction.core.decode import from_plain
 from stiction.core.errors import FileError, StictionError
 from stiction.core.memory import check_memory, free_memory
 from stiction.core.provenance import num_threads, stream_seed
-from stiction.core.records import from_plain
-from stiction.evaluate.evaluate import EvaluationCfg
-from stiction.evaluate.grid import GridCfg
-from stiction.locomotion.config import CommandCfg, RandomizationCfg, TaskCfg
+from stiction.evaluation.evaluate import EvaluationCfg
+from stiction.evaluation.grid import GridCfg
+from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.report.terminal import jobs_of
-from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
+from stiction.task.config import CommandCfg, RandomizationCfg, TaskCfg
 
 NAN, HUGE = float("nan"), 10**400
 
@@ -125,7 +125,7 @@ def test_the_memory_of_a_training_grows_with_what_it_holds() -> None:
 
     robot, needed = find_robot("saturn_lite"), []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("stiction.rma.config.check_memory", lambda size, what, remedy: needed.append(size / 1e6))
+        patch.setattr("stiction.learning.config.check_memory", lambda size, what, remedy: needed.append(size / 1e6))
         for cfg in (TrainCfg(), replace(TrainCfg(), task=TaskCfg(history=51))):
             cfg.check_memory(robot)
     assert needed == [pytest.approx(548, rel=0.15), pytest.approx(1011, rel=0.15)]

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable
-from importlib import import_module
 from pathlib import Path
 
 import pytest
 
-from stiction.cli.main import ELSEWHERE, main
+from stiction.cli.main import find_verb, main
 from stiction.core.errors import (
     BundleError,
     ConfigurationError,
@@ -23,11 +22,11 @@ from stiction.core.errors import (
     check_once,
     unknown_name,
 )
-from stiction.identify.logs.naming import parse_columns
+from stiction.identification.logs.naming import parse_columns
 from stiction.joints.friction import Law
-from stiction.locomotion.friction import FrictionCfg
-from stiction.locomotion.terrain import TerrainCfg
-from stiction.rma.config import TrainCfg
+from stiction.learning.config import TrainCfg
+from stiction.task.friction import FrictionCfg
+from stiction.task.terrain import TerrainCfg
 
 POLICY = "saturn_lite-flat-none-0.2"
 """A shipped policy."""
@@ -88,15 +87,14 @@ def test_a_mistake_at_the_command_line_is_of_its_kind(
         _start_run(Path("unfinished"))
     if "compensating" in rest:
         _compensating(Path("compensating"))
-    module = import_module(ELSEWHERE.get(verb, f"stiction.cli.{verb}"))
     with pytest.raises(StictionError) as caught:
-        module.main(rest)
+        find_verb(verb)(rest)
     assert type(caught.value) is kind
 
 
 def _start_run(path: Path) -> None:
     """Begin a run and train nothing."""
-    from stiction.rma.run import RunDirectory
+    from stiction.learning.run import RunDirectory
 
     RunDirectory.create(path, TrainCfg(), "stiction train", None)
 

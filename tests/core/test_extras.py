@@ -40,6 +40,28 @@ def test_an_extra_comes_from_where_the_package_came(origin: dict | None, command
     assert extras.install_command("sim", origin) == command
 
 
+@pytest.mark.parametrize(
+    ("origin", "command"),
+    [
+        (None, "pip install 'stiction-experiments[cluster]'"),
+        ({}, "pip install './experiments[cluster]', in the folder of stiction's source"),
+        ({"url": "file:///a", "dir_info": {"editable": True}}, "pip install -e '/a/experiments[cluster]'"),
+        (
+            {"url": "file:///w/stiction-1.whl", "archive_info": {}},
+            "pip install './experiments[cluster]', in the folder of stiction's source",
+        ),
+        (
+            {"url": "https://a.b/c", "vcs_info": {"vcs": "git", "commit_id": SHA}},
+            f"pip install 'stiction-experiments[cluster] @ git+https://a.b/c@{SHA}#subdirectory=experiments'",
+        ),
+    ],
+    ids=["index", "nobody knows", "editable", "wheel", "repository"],
+)
+def test_the_experiments_come_from_where_the_package_came(origin: dict | None, command: str) -> None:
+    """A wheel of the product does not hold them, and they are on no index unless it came from there."""
+    assert extras.install_command("cluster", origin, part="experiments") == command
+
+
 def test_what_uvx_runs_is_told_to_run_anew_with_the_extra() -> None:
     """Its environment has no pip, and nothing that is added to it is there the next time."""
     wheel = {"url": "file:///w/stiction-1.whl", "archive_info": {}}
@@ -59,7 +81,9 @@ def test_engines_are_listed_with_the_same_command(monkeypatch: pytest.MonkeyPatc
 def test_the_extras_are_those_of_the_project() -> None:
     """Else a message would send people to an extra that there is not."""
     assert set(extras.EXTRAS) <= set(PROJECT["optional-dependencies"])
-    assert extras.extra_of("yaml") == "sim" and extras.extra_of("torch") == "train" and extras.extra_of("numpy") is None
+    assert (
+        extras.extra_of("mujoco") == "sim" and extras.extra_of("torch") == "train" and extras.extra_of("numpy") is None
+    )
 
 
 @pytest.mark.parametrize("verb", NEEDS)
@@ -67,7 +91,7 @@ def test_what_is_missing_is_said_whole_and_before_any_work(
     verb: str, tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Not the one half now and the other after the next installation, nor after ten seconds of work."""
-    packages = ("cryptography",) if NEEDS[verb] == "sign" else ("mujoco", "yaml")
+    packages = ("cryptography",) if NEEDS[verb] == "sign" else ("mujoco", "PIL")
     for package in packages:
         monkeypatch.setitem(sys.modules, package, None)
     monkeypatch.chdir(tmp_path)

@@ -98,10 +98,10 @@ def test_no_reader_waits_for_a_pipe(name: str, tmp_path: Path) -> None:
     """Each reader of files from others, by the name that leads to it; the test would never end."""
     from stiction.core.cache import Ledger
     from stiction.core.records import read_rows
-    from stiction.formats.plain import read_object
-    from stiction.formats.results import ResultRow, read_metrics, read_results
-    from stiction.formats.walk import read_walk
-    from stiction.identify.logs import open_log
+    from stiction.files.plain import read_object
+    from stiction.files.results import ResultRow, read_metrics, read_results
+    from stiction.files.walk import read_walk
+    from stiction.identification.logs import open_log
 
     file = tmp_path / name
     os.mkfifo(file)

@@ -1,7 +1,8 @@
-"""The fast path of matrix products: where it is opened, that it changes no result beyond rounding, and its switch."""
+"""The fast path of matrix products: who opens it and where, and that it changes no result beyond rounding."""
 
 import json
 import os
+import platform
 import subprocess
 import sys
 from pathlib import Path
@@ -16,8 +17,7 @@ AMD = "vendor_id\t: AuthenticAMD\nflags\t\t: fpu sse4_2 fma avx2 bmi2\n"
 
 @pytest.fixture
 def linux(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An x86-64 Linux without the switch."""
-    monkeypatch.delenv(gemm.VARIABLE, raising=False)
+    """An x86-64 Linux."""
     monkeypatch.setattr("platform.system", lambda: "Linux")
     monkeypatch.setattr("platform.machine", lambda: "x86_64")
 
@@ -38,16 +38,103 @@ def test_it_is_opened_only_where_it_helps(tmp_path: Path, cpuinfo: str | None, w
     file = tmp_path / "cpuinfo"
     if cpuinfo is not None:
         file.write_text(cpuinfo)
-    assert gemm.fast_gemm_obstacle(file) == why
+    assert gemm.processor_obstacle(file) == why
 
 
-@pytest.mark.usefixtures("linux")
 @pytest.mark.parametrize(("system", "machine"), [("Darwin", "arm64"), ("Linux", "aarch64"), ("Windows", "AMD64")])
 def test_it_leaves_other_systems_alone(monkeypatch: pytest.MonkeyPatch, system: str, machine: str) -> None:
     """They could not load the library."""
     monkeypatch.setattr("platform.system", lambda: system)
     monkeypatch.setattr("platform.machine", lambda: machine)
-    assert gemm.fast_gemm_obstacle() == f"nothing to do on {system} {machine}"
+    assert gemm.processor_obstacle() == f"nothing to do on {system} {machine}"
+
+
+@pytest.mark.parametrize("value", [None, "", "0", "yes", "1"])
+def test_only_the_value_1_asks_for_it(monkeypatch: pytest.MonkeyPatch, value: str | None) -> None:
+    """Opens nothing without the user's word, and names why in results."""
+    monkeypatch.setattr(gemm, "processor_obstacle", lambda: None)
+    if value is None:
+        monkeypatch.delenv(gemm.VARIABLE, raising=False)
+    else:
+        monkeypatch.setenv(gemm.VARIABLE, value)
+    assert gemm.fast_gemm_obstacle() == (None if value == "1" else "STICTION_FAST_GEMM is not 1")
+
+
+def test_the_note_of_train(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Names the gain where the processor has it and it is off, and the cause where a request has no effect."""
+    monkeypatch.setattr(gemm, "_opened", [])
+    monkeypatch.delenv(gemm.VARIABLE, raising=False)
+    monkeypatch.setattr(gemm, "processor_obstacle", lambda: None)
+    assert "STICTION_FAST_GEMM=1 makes updates of the networks about 1.1 to 1.7" in (gemm.fast_gemm_note() or "")
+    monkeypatch.setattr(gemm, "processor_obstacle", lambda: "the processor lacks AVX2")
+    assert gemm.fast_gemm_note() is None
+    monkeypatch.setenv(gemm.VARIABLE, "1")
+    assert gemm.fast_gemm_note() == "STICTION_FAST_GEMM=1 has no effect: the processor lacks AVX2"
+    monkeypatch.setattr(gemm, "_opened", [object()])
+    assert gemm.fast_gemm_note() is None
+
+
+IN_VERBS = """
+import contextlib, io, json, sys
+from pathlib import Path
+from stiction.cli.main import main
+from stiction.core import gemm
+gemm.processor_obstacle = lambda: None
+path = {}
+for words in json.loads(sys.argv[1]):
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        try:
+            status = main(words)
+        except SystemExit as stop:
+            status = stop.code
+    loaded = "stiction-gemm" in Path("/proc/self/maps").read_text()
+    path[words[0]] = [status, loaded, gemm.gemm_path() == "fast"]
+print(json.dumps(path))
+"""
+
+
+def run_verbs(lines: list[list[str]], folder: Path, **environment: str) -> dict[str, list]:
+    """Run verbs in one process of their own; return status, library loaded or not, fast path or not, of each."""
+    done = subprocess.run(
+        [sys.executable, "-c", IN_VERBS, json.dumps(lines)],
+        env={**os.environ, "PYTHONPATH": str(Path(gemm.__file__).parents[2]), **environment},
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=folder,
+    )
+    return dict(json.loads(done.stdout))
+
+
+linux_only = pytest.mark.skipif(
+    (platform.system(), platform.machine()) != ("Linux", "x86_64"), reason="the library is for Linux on x86-64"
+)
+
+
+@linux_only
+def test_no_other_verb_opens_it(tmp_path: Path) -> None:
+    """Keeps code made in memory out of all processes but a training's, with the variable set too."""
+    lines = [["verify", "saturn_lite-flat-none-0.2"], ["list"]]
+    verbs = ("deploy", "evaluate", "identify", "export", "train-actuator")
+    seen = run_verbs(lines + [[verb, "missing"] for verb in verbs], tmp_path, **{gemm.VARIABLE: "1"})
+    assert [verb for verb, (_, loaded, fast) in seen.items() if loaded or fast] == []
+    assert seen["verify"][0] == seen["list"][0] == 0 and len(seen) == len(lines) + len(verbs)
+
+
+def test_train_alone_calls_for_it() -> None:
+    """Only `train`, by its two ways in, opens it; workers take the path of the process that started them."""
+    source = Path(gemm.__file__).parents[1]
+    users = {str(file.relative_to(source)) for file in source.rglob("*.py") if "open_fast_gemm" in file.read_text()}
+    assert users == {"core/gemm.py", "core/parallel.py", "cli/train.py", "api/training.py"}
+
+
+@linux_only
+@pytest.mark.parametrize("value", ["1", ""])
+def test_train_opens_it_where_it_is_asked_to(tmp_path: Path, value: str) -> None:
+    """Opens the library for a training with the variable, and without it does not."""
+    pytest.importorskip("torch", reason="the verb train needs the extra train")
+    seen = run_verbs([["train", "--resume", "missing"]], tmp_path, **{gemm.VARIABLE: value})
+    assert seen["train"] == [1, value == "1", value == "1"]
 
 
 PROBE = """
@@ -85,12 +172,12 @@ def probe(**environment: str) -> dict:
 def test_losses_agree_with_and_without_and_the_switch_switches() -> None:
     """Only rounding may differ: 1e-5 of the loss after each of twenty gradient steps."""
     pytest.importorskip("torch", reason="the package torch, of the extra 'train', multiplies the matrices")
-    off, on = probe(**{gemm.VARIABLE: "0"}), probe(**{gemm.VARIABLE: ""})
-    assert off["path"] == f"default ({gemm.VARIABLE}=0)" and off["answer"] is None
+    off, on = probe(**{gemm.VARIABLE: ""}), probe(**{gemm.VARIABLE: "1"})
+    assert off["path"] == f"default ({gemm.processor_obstacle() or 'STICTION_FAST_GEMM is not 1'})"
+    assert off["answer"] is None
     assert on["losses"] == pytest.approx(off["losses"], rel=1e-5)
     assert on["losses"][-1] < on["losses"][0]
-    why = gemm.fast_gemm_obstacle()
-    if os.environ.get(gemm.VARIABLE, "").strip() == "0" or why is not None:
+    if (why := gemm.processor_obstacle()) is not None:
         pytest.skip(f"the fast path is not opened here: {why}")
     assert on["path"] == "fast" and on["answer"] == 1
 
@@ -108,7 +195,7 @@ print(json.dumps([gemm_path(), *(path for _, path in spread(gemm_path, [(), ()],
 @pytest.mark.parametrize("words", [["open"], []])
 def test_workers_take_the_path_of_their_parent(words: list[str]) -> None:
     """The parent's is the one that results name; if this failed, `--jobs 2` would round otherwise than they say."""
-    known = {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(Path(gemm.__file__).parents[2])}
+    known = {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(Path(gemm.__file__).parents[2]), gemm.VARIABLE: "1"}
     done = subprocess.run(
         [sys.executable, "-c", IN_WORKERS, *words],
         env={**os.environ, **known},
@@ -118,7 +205,7 @@ def test_workers_take_the_path_of_their_parent(words: list[str]) -> None:
     )
     parent, *workers = json.loads(done.stdout)
     assert workers == [parent, parent]
-    assert (parent == "fast") == (words == ["open"] and gemm.fast_gemm_obstacle() is None)
+    assert (parent == "fast") == (words == ["open"] and gemm.processor_obstacle() is None)
 
 
 def test_opening_it_too_late_is_recorded(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -98,7 +98,7 @@ def test_library_pools_get_one_thread_unless_the_user_says_otherwise() -> None:
 
 def _checkout(folder: Path) -> Path:
     """Make a repository that holds a copy of the module in a package; return the module's path."""
-    module = folder / "src/stiction/formats/reproducibility.py"
+    module = folder / "src/stiction/files/reproducibility.py"
     module.parent.mkdir(parents=True)
     shutil.copy(reproducibility.__file__, module)
     _git(folder, "init", "-q")

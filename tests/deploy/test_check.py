@@ -8,9 +8,16 @@ import pytest
 
 from bundles import make_bundle, make_contract, make_golden, make_network, make_wear, repair_sums
 from stiction.core.errors import BundleError, FileError, StictionError
-from stiction.deploy.check import TOLERANCE, check_bundle, read_allowed, robot_of
-from stiction.formats.bundle import read_bundle, write_bundle
-from stiction.formats.contract import Contract
+from stiction.deploy.check import (
+    TOLERANCE,
+    check_bundle,
+    check_for_simulation,
+    read_allowed,
+    record_notes,
+    robot_of,
+)
+from stiction.files.bundle import read_bundle, write_bundle
+from stiction.files.contract import Contract
 
 
 @pytest.mark.parametrize("robot", ["saturn_lite", "go1"])
@@ -43,10 +50,45 @@ def test_the_replay_alone_sees_another_policy(tmp_path: Path, contract: Contract
 def test_the_replay_sees_other_numbers_in_the_contract(tmp_path: Path, contract: Contract, change: dict) -> None:
     """What the policy computes is held to the recording, digest or not."""
     model = make_network(contract)
-    forged = make_contract(**change)
+    forged = replace(make_contract(**change), robot="toy")  # of a shipped robot's name it is refused before
     path = write_bundle(tmp_path / "forged", forged, model, make_golden(contract, model), "")
     with pytest.raises(BundleError, match="differs"):
         check_bundle(path)
+
+
+def test_a_bundle_without_golden_vectors_walks_in_simulation_alone(bundle: Path) -> None:
+    """Keeps the digest of the whole bundle, warns by name, and is refused wherever a replay is the proof."""
+    whole = check_for_simulation(bundle)
+    (bundle / "golden.npz").unlink()
+    record = check_for_simulation(bundle)
+    assert (record.digest, record.contract, record.policy) == (whole.digest, whole.contract, whole.policy)
+    assert record_notes([whole]) == [] and bundle.name in record_notes([whole, record])[0]
+    for read in (check_bundle, read_bundle, lambda path: record.golden):
+        with pytest.raises(BundleError, match=r"golden\.npz is missing") as refused:
+            read(bundle)
+        assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("name", ["policy.onnx", "contract.json", "golden.npz"])
+def test_a_record_that_was_altered_is_refused(bundle: Path, contract: Contract, name: str) -> None:
+    """Holds network and contract to SHA256SUMS, which still has to list the golden vectors."""
+    (bundle / "golden.npz").unlink()
+    sums = bundle / "SHA256SUMS"
+    if name == "golden.npz":
+        sums.write_text("".join(line for line in sums.read_text().splitlines(True) if name not in line))
+    else:
+        (bundle / name).write_bytes((bundle / name).read_bytes() + b"\n")
+    with pytest.raises(BundleError, match=f"{name} does not match SHA256SUMS"):
+        check_for_simulation(bundle)
+
+
+def test_the_network_of_a_record_is_run_elsewhere_first(bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Meets a network in the bounded process first, with or without golden vectors."""
+    seen: list[tuple[int, ...]] = []
+    monkeypatch.setattr("stiction.deploy.check.first_run", lambda model, rows: seen.append(rows.shape))
+    (bundle / "golden.npz").unlink()
+    record = check_for_simulation(bundle)
+    assert seen == [(1, record.contract.observation.size)]
 
 
 SEEN = ("command", "quaternion", "angular_velocity", "joint_position", "joint_velocity", "observation", "action")

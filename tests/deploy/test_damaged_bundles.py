@@ -15,6 +15,7 @@ import pytest
 pytest.importorskip("onnx", reason="the package onnx, of the extra 'train', is needed to make test networks")
 
 import bundle_damage
+import contract_mutants
 from counts import count
 
 SOURCES = Path(bundle_damage.__file__).parent
@@ -22,7 +23,7 @@ SOURCES = Path(bundle_damage.__file__).parent
 
 def attacked(folder: Path, *words: str) -> dict:
     """Return what `bundle_damage` says, from a process of its own, bounded in memory and each bundle in time."""
-    path = os.pathsep.join(map(str, (SOURCES, *filter(None, sys.path))))
+    path = os.pathsep.join(filter(None, sys.path))
     done = subprocess.run(
         [sys.executable, str(SOURCES / "bundle_damage.py"), str(folder), *words],
         capture_output=True,
@@ -51,3 +52,12 @@ def test_no_damage_ends_in_a_traceback(tmp_path: Path) -> None:
     found = attacked(tmp_path, "random", str(bundles), "0")
     assert found["wrong"] == []
     assert found["refused"] >= bundles * 2 / 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", contract_mutants.BUNDLES)
+def test_no_field_of_a_contract_can_be_changed_unseen(name: str, tmp_path: Path) -> None:
+    """Accepts mutants in free fields alone: names and records of the training that nothing on the robot reads."""
+    found = contract_mutants.attack_contract(tmp_path / "bundle", *contract_mutants.BUNDLES[name]())
+    assert found.surprising == [] and found.wrong == []
+    assert found.refused >= count(900, 3000)

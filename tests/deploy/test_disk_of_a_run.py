@@ -6,6 +6,7 @@ import json
 import os
 import resource
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -23,14 +24,15 @@ from run_log_attacks import HEADERS
 from stiction.cli import deploy
 from stiction.cli.main import main
 from stiction.core.errors import UnwrittenError
-from stiction.deploy.runtime import runtime
+from stiction.deploy.runtime import processes
 from stiction.deploy.runtime.channel import Channel, row_layout, socket_pair, targets_layout
+from stiction.deploy.runtime.processes import Logger
 from stiction.deploy.runtime.recorder import Rows, record
-from stiction.deploy.runtime.runtime import Logger
-from stiction.formats.run_log import find_run_log, read_part, read_run_header, read_run_log, write_run_header
+from stiction.files.run_log import find_run_log, read_part, read_run_header, read_run_log, write_run_header
 
 POLICY = "saturn_lite-flat-deception-0.2"
-STAND = ("--armed", "--silence", "5", "--stale", "5", "--stand", "--robot-cell", "sensors", "--friction-level", "0")
+PATIENT = ("--armed", "--silence", "5", "--stale", "5", "--gap", "5")
+STAND = (*PATIENT, "--stand", "--robot-cell", "sensors", "--friction-level", "0")
 READINGS, STEPS = row_layout(JOINTS, 6), targets_layout(CONTRACT)
 
 
@@ -74,7 +76,7 @@ def test_a_folder_that_is_gone_is_said_at_once_and_the_stop_too(tmp_path: Path) 
             time.sleep(0.3)
             assert process.poll() is None
             process.terminate()
-    assert process.wait() == 1
+    assert process.wait() == 128 + signal.SIGTERM
     assert "stopped: operator: SIGTERM; its log is not whole: " in said[-1] and "cannot be written" in said[-1], said
     assert json.loads((tmp_path / "run" / "report.json").read_text())["stop"]["rule"] == "operator"
     assert len(read_run_log(tmp_path / "moved").readings["time"]) > 10
@@ -112,7 +114,7 @@ def test_a_read_only_folder_ends_the_logger_in_one_line(tmp_path: Path) -> None:
 
 def test_a_disk_that_hangs_holds_up_neither_the_run_nor_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """The supervisor waits for a logger that waits for a disk, and the robot is stiff meanwhile."""
-    monkeypatch.setattr(runtime, "WRITING_SECONDS", 0.05)
+    monkeypatch.setattr(processes, "WRITING_SECONDS", 0.05)
     ours, theirs = socket_pair()
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         logger = Logger(Rows(Channel(ours, READINGS), READINGS, STEPS), process)

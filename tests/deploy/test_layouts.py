@@ -7,7 +7,7 @@ import pytest
 
 from stiction.core.errors import StictionError
 from stiction.deploy.observation import ObservationBuilder, Sensors
-from stiction.formats.observation import GaitClock, HeightScan, ObservationLayout, Term
+from stiction.files.observation import GaitClock, HeightScan, ObservationLayout, Term
 
 STANDING = np.array([0.5, -1.0])
 

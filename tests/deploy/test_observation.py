@@ -7,7 +7,7 @@ import pytest
 
 from stiction.core.errors import StictionError
 from stiction.deploy.observation import ObservationBuilder, Sensors
-from stiction.formats.observation import SLOW_TERMS, ObservationLayout, Term, proprioception
+from stiction.files.observation import SLOW_TERMS, ObservationLayout, Term, proprioception
 
 STANDING = np.array([0.5, -1.0])
 

@@ -10,8 +10,9 @@ import pytest
 
 from bundles import make_contract
 from stiction.core.errors import StictionError
+from stiction.deploy.control import JointCommand
 from stiction.deploy.observation import Sensors
-from stiction.deploy.pilot import JointCommand, Pilot, Reading
+from stiction.deploy.pilot import Pilot, Reading
 from stiction.deploy.policy import PolicyStep
 from stiction.joints.compensation import Compensation
 
@@ -67,13 +68,6 @@ def test_friction_is_fed_forward_from_the_angle_of_every_reading() -> None:
     for command, share in zip(port.sent, (0.8, 0.6, 0.4, 0.2, 0.0), strict=True):
         np.testing.assert_allclose(command.forward, share * FRICTION, atol=1e-12)
         np.testing.assert_allclose(command.target, 0.04)
-
-
-def test_the_width_is_that_of_the_contract() -> None:
-    """Half the width, twice the torque, up to all of it."""
-    port = Approaching()
-    Pilot(port, policy(compensation_width=0.025), FRICTION).step(np.zeros(3))
-    np.testing.assert_allclose([command.forward[0] for command in port.sent], [1.0, 1.0, 0.8, 0.4, 0.0], atol=1e-12)
 
 
 def test_without_friction_nothing_is_fed_forward() -> None:

@@ -15,8 +15,8 @@ from stiction.core.rotation import about, product
 from stiction.deploy.observation import Sensors
 from stiction.deploy.plausibility import RULES, ReadingGuard, compare_drive
 from stiction.deploy.violation import Violation
-from stiction.formats.contract import Contract
-from stiction.locomotion.config import CommandCfg
+from stiction.files.contract import Contract
+from stiction.task.config import CommandCfg
 
 WALK = np.array([0.5, 0.0, 0.2])
 PERIOD = 0.02
@@ -60,7 +60,7 @@ def test_a_walk_is_plausible(contract: Contract, period: float) -> None:
 
 def test_recordings_of_shipped_policies_are_plausible() -> None:
     """Walks of MuJoCo with the noise of training, 0.5 rad/s at each joint, stairs among them."""
-    from stiction.formats.bundle import read_bundle, shipped_bundles
+    from stiction.files.bundle import read_bundle, shipped_bundles
 
     for path in shipped_bundles().values():
         bundle = read_bundle(path)

@@ -9,8 +9,8 @@ from bundles import linear_network, make_contract, make_network
 from stiction.core.errors import BundleError, PolicyError, StictionError
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import Network, load_policy
-from stiction.formats.contract import Contract
-from stiction.formats.observation import proprioception
+from stiction.files.contract import Contract
+from stiction.files.observation import proprioception
 
 onnx = pytest.importorskip("onnx", reason="the package onnx, of the extra 'train', is needed to make test networks")
 

@@ -14,9 +14,9 @@ from stiction.deploy.observation import Sensors
 from stiction.deploy.plausibility import ImplausibleError
 from stiction.deploy.policy import load_policy
 from stiction.deploy.robot_policy import RobotPolicy, load_robot_policy
-from stiction.formats.bundle import read_bundle, shipped_bundles
-from stiction.formats.contract import Contract
-from stiction.formats.observation import proprioception
+from stiction.files.bundle import read_bundle, shipped_bundles
+from stiction.files.contract import Contract
+from stiction.files.observation import proprioception
 from stiction.robots.catalog import find_robot
 
 onnx = pytest.importorskip("onnx", reason="the package onnx, of the extra 'train', is needed to make test networks")

@@ -15,10 +15,11 @@ import pytest
 import logfiles
 from bundles import make_contract
 from stiction.core.errors import ConfigurationError, RobotError
-from stiction.deploy.pilot import JointCommand
+from stiction.deploy.control import JointCommand
+from stiction.deploy.transports.link import Peers
 from stiction.deploy.transports.ros2 import IMU_TOPIC, STATE_TOPIC, Ros2Link, ros2_link
 from stiction.deploy.transports.ros_messages import joint_vectors, read_command
-from stiction.identify.logs.opening import open_log
+from stiction.identification.logs.opening import open_log
 
 CONTRACT = make_contract()
 JOINTS = CONTRACT.joint_names
@@ -53,6 +54,7 @@ class Memory:
 
     waiting: list[tuple[str, Mapping[str, Any]]] = field(default_factory=list)
     sent: list[Mapping[str, Any]] = field(default_factory=list)
+    there: tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]] = ((), (), ())
 
     def fileno(self) -> int:
         """Nobody waits for it."""
@@ -62,6 +64,10 @@ class Memory:
         """What was put there."""
         waiting, self.waiting = self.waiting, []
         return waiting
+
+    def nodes(self) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+        """Whoever was put there."""
+        return self.there
 
     def publish(self, message: Mapping[str, Any]) -> None:
         """Keep it."""
@@ -163,6 +169,7 @@ class FakeRos:
         self.heard: dict[str, Callable[[Any], None]] = {}
         self.published: list[Any] = []
         self.asked: list[str] = []
+        self.there = {"publishers": ["driver"], "subscriptions": ["driver"]}
 
     def create_node(self, name: str, namespace: str, context: Any) -> FakeRos:
         """The node."""
@@ -172,6 +179,25 @@ class FakeRos:
     def create_subscription(self, kind: type, topic: str, hear: Callable[[Any], None], qos: Any) -> None:
         """Remember who listens."""
         self.heard[topic] = hear
+
+    def get_fully_qualified_name(self) -> str:
+        """The name of the one node."""
+        return "/dog/stiction"
+
+    def _infos(self, kind: str, names: list[str]) -> list[Any]:
+        """Endpoints of nodes."""
+        info = type("Info", (Message,), {"fields": ("node_name", "node_namespace")})
+        return [info(node_name=name, node_namespace="/dog") for name in names]
+
+    def get_publishers_info_by_topic(self, topic: str) -> list[Any]:
+        """Who publishes."""
+        ours = ["stiction"] if topic == "/dog/joint_command" else ["driver"]
+        return self._infos(topic, ours + self.there["publishers"][1:])
+
+    def get_subscriptions_info_by_topic(self, topic: str) -> list[Any]:
+        """Who reads."""
+        assert topic == "/dog/joint_command"
+        return self._infos(topic, self.there["subscriptions"])
 
     def create_publisher(self, kind: type, topic: str, depth: int) -> FakeRos:
         """The publisher."""
@@ -236,6 +262,16 @@ def test_messages_of_rclpy_arrive_and_commands_leave(ros: FakeRos) -> None:
     link.send(JointCommand(*np.ones((4, COUNT))))
     sent = ros.published[0]
     assert sent.layout.dim[0].label == "target kp kd forward" and sent.data == [1.0] * 4 * COUNT
+    assert link.peers() == Peers(("/dog/driver",), ("/dog/driver",), ())
+    link.close()
+
+
+def test_nodes_beside_the_driver_are_named(ros: FakeRos) -> None:
+    """A second driver, a reader of commands and a second publisher of them are known before they say anything."""
+    ros.there = {"publishers": ["driver", "pad"], "subscriptions": ["driver", "bag"]}
+    link = ros2_link("/dog", CONTRACT)
+    peers = link.peers()
+    assert peers == Peers(("/dog/driver", "/dog/pad"), ("/dog/driver", "/dog/bag"), ("/dog/pad",))
     link.close()
 
 

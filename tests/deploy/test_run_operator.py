@@ -1,4 +1,4 @@
-"""Four ways to stop a robot, and velocity commands that are none."""
+"""Four ways to stop a robot, and malformed velocity commands."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import pty
 import signal
 import socket
 import sys
+import termios
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +16,7 @@ import pytest
 
 from stiction.core.errors import ConfigurationError
 from stiction.deploy.runtime.config import OperatorCfg
-from stiction.deploy.runtime.operator import ALIVE, Operator, parse_velocity
+from stiction.deploy.runtime.operator import ALIVE, SIGNALS, Operator, parse_velocity
 
 
 def free_port() -> int:
@@ -30,16 +32,25 @@ def say(data: bytes, port: int) -> None:
         sender.sendto(data, ("127.0.0.1", port))
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_stops_and_is_given_back(number: signal.Signals) -> None:
-    """Ctrl-C leaves the robot stiff, or the program deaf to it afterwards."""
+@pytest.mark.parametrize("number", [*SIGNALS[:20], SIGNALS[-2]])
+def test_a_signal_stops_and_is_given_back(number: int) -> None:
+    """Each signal that can be caught stops the run, the first one is the reason, and its old handler comes back."""
     before = signal.getsignal(number)
     operator = Operator(OperatorCfg(), 0.0)
     with operator.listening():
         assert operator.stop(1.0) == ""
         os.kill(os.getpid(), number)
-        assert operator.stop(1.0) == number.name
+        os.kill(os.getpid(), signal.SIGINT)
+        assert operator.stop(1.0) == getattr(number, "name", f"signal {number}") and operator.signal == number
     assert signal.getsignal(number) == before
+
+
+def test_no_signal_that_would_end_or_halt_the_process_is_left_out() -> None:
+    """Those left out cannot be caught, do nothing by default, or say that the program is broken."""
+    left = {number.name for number in signal.Signals if number not in SIGNALS}
+    assert left >= {"SIGKILL", "SIGSTOP", "SIGCONT", "SIGCHLD", "SIGSEGV"}
+    stops = {"SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP", "SIGUSR1", "SIGUSR2", "SIGABRT", "SIGALRM", "SIGTTOU"}
+    assert not left & stops
 
 
 def test_a_file_stops_and_one_that_is_there_is_refused(tmp_path: Path) -> None:
@@ -86,8 +97,30 @@ def test_a_key_stops(monkeypatch: pytest.MonkeyPatch) -> None:
         with operator.listening():
             os.write(ours, b"x")
             assert operator.stop(0.1) == ""
-            os.write(ours, b" ")
-            assert operator.stop(0.2) == "a key"
+            for key in (b" ", b"\x1a", b"\x1c"):
+                os.write(ours, key)
+                assert operator.stop(0.2) == "a key"
+    os.close(ours)
+
+
+@pytest.mark.parametrize("error", [None, RuntimeError, KeyboardInterrupt, SystemExit])
+def test_the_terminal_s_keys_are_off_while_it_runs_and_come_back(
+    monkeypatch: pytest.MonkeyPatch, error: type[BaseException] | None
+) -> None:
+    """Ctrl-Z and Ctrl-backslash neither halt nor end a run; the terminal is as before on all ways out."""
+    ours, theirs = pty.openpty()
+    with os.fdopen(theirs, "rb", buffering=0) as terminal, suppress(*([error] if error else [])):
+        monkeypatch.setattr(sys, "stdin", terminal)
+        before = termios.tcgetattr(terminal)
+        assert before[6][termios.VSUSP] == b"\x1a"
+        try:
+            with Operator(OperatorCfg(), 0.0).listening():
+                keys = termios.tcgetattr(terminal)[6]
+                assert keys[termios.VSUSP] == keys[termios.VQUIT] == b"\0"
+                if error is not None:
+                    raise error
+        finally:
+            assert termios.tcgetattr(terminal) == before
     os.close(ours)
 
 

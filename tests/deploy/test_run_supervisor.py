@@ -1,4 +1,4 @@
-"""What the supervisor lets through, in which order, and that nothing moves after a stop."""
+"""What the supervisor lets through, in which order, and that a stop is damping until the robot rests."""
 
 from __future__ import annotations
 
@@ -9,11 +9,14 @@ import pytest
 
 from deployed import CONTRACT, JOINTS, PERIOD, SHORT, STANDING, Run, state
 from stiction.core.errors import ConfigurationError
+from stiction.deploy.control import RANGE, SLEW, TORQUE
 from stiction.deploy.runtime.config import SupervisorCfg
-from stiction.deploy.runtime.limits import RANGE, SLEW, TORQUE
 from stiction.deploy.runtime.report import Timing, end_line
-from stiction.deploy.runtime.supervisor import Stage, Stop
+from stiction.deploy.runtime.supervisor import REST_SECONDS, Stage, Stop, Supervisor
+from stiction.deploy.transports.link import Peers
 from stiction.deploy.violation import Violation
+from stiction.files.contract_rules import TARGET_LIMITS
+from stiction.joints.compensation import BY_SPEED
 
 
 def test_a_run_goes_through_its_stages_and_ends_in_damping() -> None:
@@ -58,7 +61,10 @@ def test_who_waits_for_a_slow_policy_and_is_told_to_walk_may_stand_still() -> No
         run.until(Stage.DAMP)
 
 
-@pytest.mark.parametrize(("rule", "hint"), [("stale state", True), ("policy silent", True), ("joint range", False)])
+@pytest.mark.parametrize(
+    ("rule", "hint"),
+    [("stale state", True), ("policy silent", True), ("supervisor halted", True), ("joint range", False)],
+)
 def test_a_run_that_a_busy_machine_ends_says_what_to_do(rule: str, hint: bool) -> None:
     """`stale state: 0.031 s, allowed 0.03 s` left who tried the virtual robot beside a training without a next step."""
     said = end_line(Stop(Violation(rule, None, 0.031, 0.03, "s"), "", 2.0, 1.0), Timing(), None)
@@ -99,7 +105,7 @@ def test_a_pose_far_behind_a_limit_is_not_pulled_back() -> None:
         run.step()
     stop = run.supervisor.stop_record
     assert stop is not None and (stop.violation.rule, stop.violation.joint) == ("first target", CONTRACT.joint_names[2])
-    assert stop.violation.value == pytest.approx(0.15 + SHORT.limits.margin)
+    assert stop.violation.value == pytest.approx(0.15 + TARGET_LIMITS["margin"])
 
 
 def test_a_robot_that_did_not_stand_up_does_not_run() -> None:
@@ -113,18 +119,112 @@ def test_a_robot_that_did_not_stand_up_does_not_run() -> None:
     assert run.supervisor.stop_record.violation.rule == "did not stand up"
 
 
-def test_a_stop_is_one_damping_frame_and_then_nothing() -> None:
-    """A stopped robot gets a second command, or wakes up by itself."""
+def test_a_stop_is_damping_at_the_full_rate_for_the_settling_time_and_then_nothing() -> None:
+    """Every period has a damping frame after a stop, as any of them can be lost; nothing wakes the robot again."""
     run = Run().until(Stage.RUN)
     run.outs.clear()
+    begin = run.now
     stop = run.supervisor.stop(Violation("operator", None, np.nan, np.nan), run.now, "a key")
     assert stop is not None and stop.command is not None and not stop.command.kp.any()
+    run.until(Stage.STOPPED, 1.0)
+    # At rest for 0.2 s, which is longer than the settling time of these runs.
+    assert run.now - begin == pytest.approx(REST_SECONDS, abs=2 * PERIOD)
+    frames = run.frames()
+    assert len(frames) == pytest.approx(REST_SECONDS / PERIOD, abs=2)
+    assert not any(out.command.kp.any() for out in frames)  # type: ignore[union-attr]
+    run.outs.clear()
     for _ in range(2000):
         run.step()
-    assert run.frames() == []
-    assert run.supervisor.stage is Stage.STOPPED
+    assert run.frames() == [] and run.supervisor.stage is Stage.STOPPED
     assert run.supervisor.stop(Violation("tilt", None, 1.0, 0.8), run.now) is None
     assert run.supervisor.stop_record.sentence() == "operator: a key"  # type: ignore[union-attr]
+
+
+def test_damping_goes_on_while_the_robot_moves_and_ends_at_its_limit() -> None:
+    """A robot that falls slowly, or says nothing any more, is damped until it rests, at most for the limit."""
+    cfg = replace(SHORT, settle=0.3, settle_limit=2.0)
+    for falls_for, expected in ((0.7, 0.7 + REST_SECONDS), (9.0, 2.0)):
+        run = Run(cfg).until(Stage.RUN)
+        begin = run.now
+        run.supervisor.stop(Violation("operator", None, np.nan, np.nan), run.now)
+        while not run.supervisor.ended:
+            fallen = STANDING - 0.5 * min(run.now - begin, falls_for)
+            run.step(state(run.number + 1, run.now + PERIOD, joint_position=fallen))
+        assert run.now - begin == pytest.approx(expected, abs=0.05)
+    run = Run(cfg).until(Stage.RUN)
+    run.outs.clear()
+    while not run.supervisor.ended:
+        run.step(silent=True)
+    damped = [out for out in run.frames() if not out.command.kp.any()]  # type: ignore[union-attr]
+    assert len(damped) == pytest.approx(2.0 / PERIOD, abs=3)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_stop_reaches_a_robot_that_loses_three_of_ten_commands(seed: int) -> None:
+    """A stop gets through a network that loses 30 % of the frames, within ten frames, each time."""
+    run, chance = Run().until(Stage.RUN), np.random.default_rng(seed)
+    run.perfect, stiff, frames = False, True, 0
+    outs = [run.supervisor.stop(Violation("operator", None, np.nan, np.nan), run.now)]
+    while not run.supervisor.ended:
+        for out in outs:
+            if out is not None and out.command is not None and chance.random() >= 0.3:
+                stiff = bool(out.command.kp.any())
+            frames += stiff
+        outs = list(run.step())
+    assert not stiff and frames < 10
+
+
+def test_a_supervisor_that_was_halted_stops_in_its_first_turn() -> None:
+    """A halt of 200 ms is a stop before anything that waited is read; turns within the limit are none."""
+    run = Run().until(Stage.RUN)
+    assert run.supervisor.turn(run.now) is None
+    assert run.supervisor.turn(run.now + 0.9 * SHORT.gap) is None
+    out = run.supervisor.turn(run.now + 0.9 * SHORT.gap + 0.2)
+    assert out is not None and out.command is not None and not out.command.kp.any()
+    stop = run.supervisor.stop_record
+    assert stop is not None and stop.violation.rule == "supervisor halted"
+    assert stop.violation.value == pytest.approx(0.2)
+
+
+def test_nobody_stops_for_a_halt_while_nothing_is_stiff() -> None:
+    """Starting the processes takes seconds in which no turn is made, and the robot is damped."""
+    supervisor = Run().supervisor
+    assert supervisor.turn(0.0) is None and supervisor.turn(5.0) is None and supervisor.stop_record is None
+
+
+def test_a_state_is_as_old_as_it_is_and_not_as_late_as_it_is_read() -> None:
+    """After a halt the newest state in a full queue is old: that stops the run, an old one before it does not."""
+    run = Run().until(Stage.RUN)
+    late = state(run.number + 1, run.now + PERIOD, joint_position=run.position.copy(), age=0.05)
+    assert run.supervisor.passed(late, run.now + PERIOD) is None
+    outs = run.step(state(run.number + 2, run.now + 2 * PERIOD, joint_position=run.position.copy(), age=0.031))
+    stop = run.supervisor.stop_record
+    assert stop is not None and (stop.violation.rule, stop.violation.value) == ("stale state", 0.031)
+    assert not any(out.command.kp.any() for out in outs if out.command is not None)
+
+
+@pytest.mark.parametrize(
+    ("peers", "armed", "rule"),
+    [
+        (Peers(("a",), ("a", "log")), True, "further reader"),
+        (Peers(("a",), ("a", "log")), False, ""),
+        (Peers(("a",), ("a",)), True, ""),
+        (Peers(("a", "b")), True, "second robot"),
+        (Peers(("a", "b")), False, "second robot"),
+        (Peers(("a",), ("a",), ("pad",)), True, "second writer"),
+        (Peers(), True, ""),
+    ],
+)
+def test_one_robot_and_nobody_else_at_the_other_end(peers: Peers, armed: bool, rule: str) -> None:
+    """A second robot ends any run; further readers and writers of commands end one that sends them. All are named."""
+    run = Run(replace(SHORT, armed=armed)).until(Stage.RUN)
+    out = run.supervisor.meet(peers, run.now)
+    stop = run.supervisor.stop_record
+    assert (stop is None) == (out is None) == (rule == "")
+    if stop is not None:
+        assert stop.violation.rule == rule and stop.detail in ("a; b", "a; log", "pad")
+    agreed = Run(replace(SHORT, armed=armed, readers=2))
+    assert (agreed.supervisor.meet(peers, 0.0) is None) == (rule in ("", "further reader"))
 
 
 def test_targets_are_clipped_by_slew_range_and_torque_each_by_name() -> None:
@@ -146,7 +246,7 @@ def test_targets_are_clipped_by_slew_range_and_torque_each_by_name() -> None:
         run.step()
     out = run.frames()[-1]
     assert out.limited.by[0] == RANGE and out.command is not None
-    assert out.command.target[0] == pytest.approx(CONTRACT.upper[0] - SHORT.limits.margin)
+    assert out.command.target[0] == pytest.approx(CONTRACT.upper[0] - TARGET_LIMITS["margin"])
     run.perfect = False
     run.target[1] = run.position[1] + 0.35
     for _ in range(20):
@@ -195,9 +295,9 @@ def test_one_bad_state_stops_at_once(rule: str, change: dict) -> None:
     assert run.supervisor.stop_record is not None
     assert run.supervisor.stop_record.violation.rule == rule
     assert run.supervisor.stop_record.time == pytest.approx(run.now)
-    frames = [out for out in outs if out.command is not None]
-    assert len(frames) == 1 and not frames[0].command.kp.any()  # type: ignore[union-attr]
-    assert np.isfinite(frames[0].command.target).all()  # type: ignore[union-attr]
+    frames = [out.command for out in outs if out.command is not None]
+    assert frames and not any(frame.kp.any() for frame in frames)
+    assert all(np.isfinite(frame.target).all() for frame in frames)
 
 
 def test_silence_of_the_robot_and_of_the_policy_stop_within_their_times() -> None:
@@ -261,7 +361,7 @@ def test_lost_velocity_commands_stand_then_stop() -> None:
         run.step()
     stop = run.supervisor.stop_record
     assert stop is not None and stop.violation.rule == "command lost"
-    assert run.now - begin == pytest.approx(cfg.command_stop, abs=3 * PERIOD)
+    assert stop.time - begin == pytest.approx(cfg.command_stop, abs=3 * PERIOD)
     # A command that was typed in is not lost.
     run = Run(replace(cfg, duration=0.5)).until(Stage.RUN)
     run.supervisor.command_velocity(np.array([0.5, 0.0, 0.0]), run.now)
@@ -312,3 +412,16 @@ def test_settings_that_are_none_are_refused(wrong: dict) -> None:
     """A ramp of a second throws the robot up; a timeout of zero stops every run, one of NaN none."""
     with pytest.raises(ConfigurationError, match="expected"):
         SupervisorCfg(**wrong)
+
+
+def test_friction_is_fed_forward_while_the_policy_runs_and_never_else() -> None:
+    """Feeds 75 % of f at 0.05 rad from the target, joints at rest; nothing in standing up and damping."""
+    run, friction = Run(), np.linspace(0.5, 1.5, JOINTS)
+    run.supervisor = Supervisor(CONTRACT, SHORT, PERIOD, 0.0, None, BY_SPEED.controller(friction, PERIOD))
+    run.perfect = False
+    run.until(Stage.DONE)
+    for out in run.frames():
+        assert out.command is not None
+        fed = 0.75 * friction if out.stage is Stage.RUN and out.command.target[0] > STANDING[0] else 0.0 * friction
+        np.testing.assert_allclose(out.command.forward, fed, atol=1e-9)
+    assert any(out.command.forward.any() for out in run.frames())  # type: ignore[union-attr]

@@ -18,12 +18,14 @@ import pytest
 from bundles import make_bundle, make_contract
 from stiction.cli.main import main
 from stiction.core.errors import ConfigurationError
-from stiction.deploy.transports import dds
 from stiction.deploy.transports.dds import DdsBus, check_interface, domain_settings, wire_type
-from stiction.formats.unitree import GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE, STRUCTURES, Structure
+from stiction.deploy.transports.link import Peers
+from stiction.files.unitree import GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE, STRUCTURES, Structure
 from stiction.robots.catalog import find_robot
 
 pytest.importorskip("cyclonedds", reason="the package cyclonedds, of the extra 'unitree', is not installed")
+
+PATIENT = ("--stale", "5", "--silence", "5", "--gap", "5")
 
 ROBOT = Path(__file__).parents[1] / "unitree_robot.py"
 
@@ -37,10 +39,9 @@ IDENTITIES = {
 
 
 @pytest.fixture
-def domain(monkeypatch: pytest.MonkeyPatch) -> int:
+def domain() -> int:
     """A domain of this test's process: tests beside it speak on the same loopback."""
-    monkeypatch.setattr(dds, "DOMAIN", 1 + os.getpid() % 200)
-    return dds.DOMAIN
+    return 1 + os.getpid() % 200
 
 
 @contextmanager
@@ -77,7 +78,7 @@ def test_a_run_from_damping_to_damping(
     contract = make_contract(spec, anatomy=find_robot(spec))
     bundle = make_bundle(tmp_path / "toy", contract)
     words = ["deploy", str(bundle), "--robot", f"{transport}:lo", "--armed", "--duration", "0.5", "--json"]
-    words += ["--out", str(tmp_path / "run"), "--stale", "5", "--silence", "5", "--held.kp", "40", "--held.kd", "2"]
+    words += ["--domain", str(domain), "--out", str(tmp_path / "run"), *PATIENT, "--held.kp", "40", "--held.kd", "2"]
     with robot(family, domain) as process:
         assert main(words) == 0, capfd.readouterr().err
         heard = json.loads(process.communicate("")[0])
@@ -99,10 +100,54 @@ def test_a_gait_controller_that_still_commands_ends_the_run(
     """The maker's own controller and ours pull at the same motors."""
     bundle = make_bundle(tmp_path / "toy", make_contract("go1", anatomy=find_robot("go1")))
     words = ["deploy", str(bundle), "--robot", "unitree-go:lo", "--armed", "--duration", "9", "--json"]
-    words += ["--out", str(tmp_path / "run"), "--stale", "5", "--silence", "5", "--keep-minutes", "0"]
+    words += ["--domain", str(domain), "--out", str(tmp_path / "run"), *PATIENT, "--keep-minutes", "0"]
     with robot("unitree_go", domain, "foreign"):
         assert main(words) == 1
     assert json.loads(capfd.readouterr().out)["stop"]["rule"] == "second writer"
+
+
+def test_two_robots_on_one_domain_are_refused_before_anything_moves(
+    tmp_path: Path, domain: int, capfd: pytest.CaptureFixture
+) -> None:
+    """One run does not move two robots: neither hears a stiff command, and both are named."""
+    bundle = make_bundle(tmp_path / "toy", make_contract("go1", anatomy=find_robot("go1")))
+    words = ["deploy", str(bundle), "--robot", "unitree-go:lo", "--armed", "--duration", "9", "--json"]
+    words += ["--domain", str(domain), "--out", str(tmp_path / "run"), *PATIENT, "--keep-minutes", "0"]
+    with robot("unitree_go", domain) as first, robot("unitree_go", domain) as second:
+        assert main([*words, "--readers", "2"]) == 1
+        heard = [json.loads(each.communicate("")[0]) for each in (first, second)]
+        said = capfd.readouterr().err
+        assert said.startswith("stiction deploy: second robot: got 2 (") and said.count("\n") == 1
+        assert all(f"process {each.pid} on " in said for each in (first, second))
+        assert not any(one["stiff"] for each in heard for one in each)
+
+
+def test_states_are_those_of_the_first_writer_and_a_second_one_is_named(domain: int) -> None:
+    """Two robots' states are not mixed; who joins is counted as robot and as reader of commands, by its process."""
+    bus = DdsBus("lo", GO_STATE, GO_COMMAND, domain)
+
+    def heard_from(count: int) -> Peers:
+        until = time.monotonic() + 60
+        while time.monotonic() < until:
+            received.extend(bus.receive())
+            peers = bus.peers()
+            if len(received) > 20 and len(peers.robots) == len(peers.readers) == count:
+                return peers
+            time.sleep(0.01)
+        raise AssertionError(bus.peers())
+
+    received: list[tuple[int, bytes]] = []
+    with robot("unitree_go", domain) as first:
+        assert str(first.pid) in heard_from(1).robots[0]
+        with robot("unitree_go", domain) as second:
+            received.clear()
+            peers = heard_from(2)
+            assert str(first.pid) in peers.robots[0] and str(second.pid) in peers.robots[1]
+            assert str(second.pid) in " ".join(peers.readers)
+            ticks = [int(GO_STATE.from_wire(data)["tick"]) for _, data in received]
+            # The second one's clock began later.
+            assert (np.diff(ticks) > 0).all()
+    bus.close()
 
 
 FAR = """
@@ -164,8 +209,10 @@ def test_the_maker_s_library_understands_us(family: str, state: Structure, comma
 def test_only_the_named_interface_is_used(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """An environment variable that names another network sends commands there."""
     monkeypatch.setenv("CYCLONEDDS_URI", "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name='nowhere0'/>")
-    bus = DdsBus("lo", GO_STATE, GO_COMMAND)
+    bus = DdsBus("lo", GO_STATE, GO_COMMAND, domain)
     assert bus.receive() == [] and not bus.foreign()
     bus.close()
     with pytest.raises(ConfigurationError, match=r"'lo<x/>'.*it has .*lo"):
         check_interface("lo<x/>")
+    with pytest.raises(ConfigurationError, match="--domain: got 233, expected 0 to 232"):
+        DdsBus("lo", GO_STATE, GO_COMMAND, 233)

@@ -10,10 +10,11 @@ import pytest
 
 from bundles import make_contract
 from stiction.core.errors import ConfigurationError, RobotError
-from stiction.deploy.pilot import JointCommand
+from stiction.deploy.control import JointCommand
 from stiction.deploy.transports.config import HeldCfg
+from stiction.deploy.transports.link import Ages, Peers
 from stiction.deploy.transports.unitree import FOREIGN, HELD_SPEED, Translation, UnitreeLink
-from stiction.formats.unitree import GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE, Structure
+from stiction.files.unitree import GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE, Structure
 from stiction.robots.catalog import find_robot
 from stiction.robots.model import Vendor
 
@@ -32,7 +33,7 @@ class Wires:
         """Begin with nothing on it."""
         self.waiting: list[tuple[int, bytes]] = []
         self.sent: list[bytes] = []
-        self.others = False
+        self.others, self.there = False, Peers()
 
     def fileno(self) -> int:
         """Nobody waits for it."""
@@ -46,6 +47,10 @@ class Wires:
     def foreign(self) -> bool:
         """Whether somebody else commands."""
         return self.others
+
+    def peers(self) -> Peers:
+        """Whoever was put there."""
+        return self.there
 
     def send(self, data: bytes) -> None:
         """Keep it."""
@@ -105,6 +110,17 @@ def test_a_second_writer_is_told_by_the_next_state_that_can_be_believed() -> Non
     assert link.receive()[0].command == FOREIGN
     bus.waiting = [(2, said(GO_STATE))]
     assert np.isnan(link.receive()[0].command)
+
+
+def test_ages_are_by_the_robot_s_stamps_and_forget_drifting_clocks() -> None:
+    """A message that waited is as old as it is late beside the fastest; a clock that drifts makes nothing old."""
+    ages, drift = Ages(), 1e-4
+    for n in range(5000):
+        assert ages.age(1e9 + 0.002 * n * (1 - drift), 5.0 + 0.002 * n) <= 1e-3
+    # Halted for 200 ms, and read at once then: the first came at once, the last just now.
+    read = 5.0 + 0.002 * 5000 + 0.2
+    waited = [ages.age(1e9 + 0.002 * n * (1 - drift), read) for n in range(5000, 5101)]
+    assert waited[0] == pytest.approx(0.2, abs=1e-3) and waited[-1] == pytest.approx(0.0, abs=1e-3)
 
 
 def test_a_command_goes_in_the_maker_s_order_and_sense() -> None:

@@ -11,7 +11,7 @@ import pytest
 from bundles import make_bundle, make_contract, make_golden, make_network
 from stiction.core.errors import StictionError
 from stiction.deploy.vendor import VendorMap, write_maker_targets
-from stiction.formats.bundle import read_bundle
+from stiction.files.bundle import read_bundle
 from stiction.robots.catalog import find_robot
 from stiction.robots.model import Vendor
 
@@ -51,6 +51,6 @@ def test_what_was_not_walked_is_not_played(tmp_path: Path) -> None:
     bundle = read_bundle(make_bundle(tmp_path / "toy", contract))
     walked = np.arange(len(golden)) < 480
     golden.target[480:] = 99.0
-    write_maker_targets(replace(bundle, golden=replace(golden, walked=walked)), tmp_path / "targets.csv")
+    write_maker_targets(replace(bundle, vectors=replace(golden, walked=walked)), tmp_path / "targets.csv")
     lines = (tmp_path / "targets.csv").read_text().splitlines()
     assert len(lines) == 481 and "99.0" not in lines[-1] and lines[-1].startswith("9.58")

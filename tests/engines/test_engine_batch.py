@@ -10,10 +10,10 @@ import pytest
 from stiction.core.errors import StictionError
 from stiction.engines.batch import EngineBatch
 from stiction.engines.catalog import what_is_missing
-from stiction.locomotion.config import RandomizationCfg
-from stiction.rma.arguments import parse
+from stiction.learning.arguments import parse
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
+from stiction.task.config import RandomizationCfg
 
 SPEC = find_robot("saturn_lite")
 NUM = 4

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from stiction.core.rotation import UPRIGHT
-from stiction.engines.conformance.rig import record, still
 from stiction.engines.engine import Body, Motion
 from stiction.engines.ground import flat
 from stiction.engines.mujoco_engine import MujocoEngine
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
+from stiction_experiments.engines.conformance.rig import record, still
 
 SPEC = find_robot("go1")
 SECONDS = 0.1

@@ -10,11 +10,11 @@ import pytest
 from stiction.core.errors import StictionError
 from stiction.core.rotation import matrix
 from stiction.engines.catalog import make_engine, what_is_missing
-from stiction.engines.conformance.rig import record, still
 from stiction.engines.engine import Body
 from stiction.engines.ground import course
 from stiction.robots.catalog import find_robot
 from stiction.robots.terrain import LANDING, RAMP
+from stiction_experiments.engines.conformance.rig import record, still
 
 SPEC = find_robot("saturn_lite")
 

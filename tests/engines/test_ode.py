@@ -15,13 +15,13 @@ import pytest
 from stiction.core.errors import StictionError
 from stiction.core.rotation import UPRIGHT, matrix
 from stiction.engines.catalog import what_is_missing
-from stiction.engines.conformance.rig import HELD, hold, record, still
 from stiction.engines.engine import BlownUp, Body, Motion
 from stiction.engines.ground import Ground, HeightField, flat
 from stiction.engines.ode import engine as ode_module
 from stiction.engines.ode.engine import ACCURATE, WEBOTS, OdeEngine, OdeSettings
 from stiction.robots.catalog import find_robot
 from stiction.robots.model import GRAVITY, Robot
+from stiction_experiments.engines.conformance.rig import HELD, hold, record, still
 
 STEP = 0.002
 SPEC = find_robot("saturn_lite")

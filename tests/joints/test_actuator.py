@@ -92,7 +92,7 @@ def test_a_net_recovers_a_pd_law() -> None:
     the torque of a sample follows by hand: 100 · 0.1 - 2.5 · 2 = 5 N m. The paper's inputs lack the current velocity.
     """
     pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to fit a net")
-    from stiction.rma.actuator import fit_net
+    from stiction.learning.actuator import fit_net
 
     inputs = GENERATOR.uniform(-1, 1, (10_000, 4)) * np.repeat([0.3, 5.0], 2)
     torque = np.clip((100 * inputs[:, 0] - 2.5 * inputs[:, 2]) / 25, -1, 1)

@@ -10,8 +10,8 @@ import pytest
 
 from stiction.core.errors import StictionError
 from stiction.core.records import make_folder, read_rows
-from stiction.evaluate.table import BOTH, Sample
-from stiction.formats.results import ResultRow, read_results
+from stiction.evaluation.table import BOTH, Sample
+from stiction.files.results import ResultRow, read_results
 from stiction.report.evaluation import draw_budget, lead, results_table, write_evaluation
 from stiction.report.following import places_text
 

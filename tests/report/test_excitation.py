@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.formats.design import (
+from stiction.files.design import (
     DesignSignals,
     ExcitationDesign,
     GainPoint,

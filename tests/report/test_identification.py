@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.formats.joints import JointsFile, write_fit
-from stiction.formats.log import LogSetup
-from stiction.identify.example import example_log
-from stiction.identify.pipeline import identify_joint
+from stiction.files.joints import JointsFile, write_fit
+from stiction.files.log import LogSetup
+from stiction.identification.example import example_log
+from stiction.identification.pipeline import identify_joint
 from stiction.report.identification import joint_columns, write_identification_page
 
 

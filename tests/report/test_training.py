@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.formats.results import read_metrics
+from stiction.files.results import read_metrics
 from stiction.report.training import PANELS, draw_training
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.formats.joints import FRICTION_REACHES_ZERO, Estimate, JointRecord, JointsFile, Objection
-from stiction.formats.walk import WalkFit, read_walk_fit, write_walk_fit
+from stiction.files.joints import FRICTION_REACHES_ZERO, Estimate, JointRecord, JointsFile, Objection
+from stiction.files.walk import WalkFit, read_walk_fit, write_walk_fit
 from stiction.report.identification import lead_lines
 from stiction.report.walking import grouped_warnings, span, write_walking_page
 

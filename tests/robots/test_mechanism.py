@@ -9,7 +9,7 @@ import pytest
 from stiction.core.errors import RobotError
 from stiction.robots.catalog import find_mechanism, find_robot
 
-ARMS = Path(__file__).parents[1] / "identify" / "limb"
+ARMS = Path(__file__).parents[1] / "identification" / "limb"
 
 URDF = """<robot name="two"><link name="foot"/>
 <joint name="a" type="revolute"><parent link="foot"/><child link="one"/><axis xyz="0 1 0"/>

@@ -57,5 +57,5 @@ def test_what_is_missing_or_no_json_is_named(tmp_path: Path) -> None:
     with pytest.raises(StictionError, match="no JSON"):
         read_robot(file)
     file.write_text('{"version": 1}')
-    with pytest.raises(StictionError, match="name of Robot is missing"):
+    with pytest.raises(StictionError, match="field 'name' is missing"):
         read_robot(file)

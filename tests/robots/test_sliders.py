@@ -97,7 +97,7 @@ def test_what_the_line_advises_is_enough() -> None:
 
 def test_train_and_doctor_say_it(tmp_path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
     """One line on standard error, before a minute is spent; none for another robot or physics."""
-    monkeypatch.setattr("stiction.locomotion.audit.check_randomization", lambda *_: [])
+    monkeypatch.setattr("stiction.task.audit.check_randomization", lambda *_: [])
     monkeypatch.setattr("stiction.cli.train._run", lambda *_: 0)
     for number, (robot, physics, said) in enumerate((("g1", "plastic", 1), ("g1", "rows", 0), ("go1", "plastic", 0))):
         asked = ["--robot", robot, "--physics", physics, "--friction-level", "0.1"]

@@ -7,7 +7,7 @@ import pytest
 import walks
 from actuators import pd_net
 from stiction.core.errors import StictionError
-from stiction.evaluate.walk_logs import record_motion
+from stiction.evaluation.walk_logs import record_motion
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import BASE_DOFS, Fleet
 from stiction.sim.friction import FrictionMeter

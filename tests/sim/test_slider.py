@@ -6,12 +6,12 @@ import pytest
 
 from stiction.core.errors import StictionError
 from stiction.joints.friction import Law
-from stiction.locomotion.config import TaskCfg
-from stiction.rma.config import TrainCfg
+from stiction.learning.config import TrainCfg
 from stiction.robots.catalog import find_robot
 from stiction.robots.physics import PhysicsCfg
 from stiction.sim.fleet import BASE_DOFS, Fleet
 from stiction.sim.friction import JointFriction
+from stiction.task.config import TaskCfg
 
 LEVEL = 0.2
 PLASTIC = PhysicsCfg("plastic", stiffness=1500.0)

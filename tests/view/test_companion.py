@@ -13,13 +13,13 @@ pytest.importorskip("torch", reason="training needs the extra train")
 from stiction.cli.view import viewed
 from stiction.core.errors import StictionError
 from stiction.deploy.observation import Sensors
-from stiction.evaluate.export import TrainedPolicy
-from stiction.evaluate.newest import NewestPolicy
-from stiction.locomotion.config import TaskCfg
-from stiction.locomotion.friction import FrictionCfg
-from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
-from stiction.rma.run import RunDirectory
-from stiction.rma.runner import load_student, train
+from stiction.evaluation.export import TrainedPolicy
+from stiction.evaluation.newest import NewestPolicy
+from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
+from stiction.learning.run import RunDirectory
+from stiction.learning.runner import load_student, train
+from stiction.task.config import TaskCfg
+from stiction.task.friction import FrictionCfg
 from stiction.view import companion
 from stiction.view.companion import watching
 from stiction.view.simulation import Simulation

@@ -13,8 +13,8 @@ from stiction.engines.catalog import make_engine
 from stiction.engines.engine import Body, Pushable
 from stiction.engines.friction import JointFriction
 from stiction.engines.ground import flat
-from stiction.evaluate.course import START_DISTANCE, parse_course
-from stiction.formats.bundle import read_bundle, shipped_bundles
+from stiction.evaluation.course import START_DISTANCE, parse_course
+from stiction.files.bundle import read_bundle, shipped_bundles
 from stiction.joints.friction import Law
 from stiction.view.history import History, belief_text, believed
 from stiction.view.simulation import LYING, Simulation, ViewedPolicy, Walker, WorldCfg

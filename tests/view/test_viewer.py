@@ -17,8 +17,8 @@ pytest.importorskip("mjviser", reason="the viewer needs the extra view")
 from stiction.cli.main import main
 from stiction.core.errors import StictionError
 from stiction.deploy.check import robot_of
-from stiction.formats.bundle import read_bundle, shipped_bundles
-from stiction.formats.log import by_joint, read_setup, read_table
+from stiction.files.bundle import read_bundle, shipped_bundles
+from stiction.files.log import by_joint, read_setup, read_table
 from stiction.view.plots import top_of
 from stiction.view.scene import MARKS, RobotBody, lanes
 from stiction.view.server import LOOPBACK, resolve, serve

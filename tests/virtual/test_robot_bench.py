@@ -7,12 +7,12 @@ import pytest
 
 from hinges import Hinges
 from stiction.core.errors import StictionError
-from stiction.formats.joints import JointsFile
-from stiction.formats.log import read_setup, write_log
-from stiction.identify.logs import open_log
-from stiction.identify.pipeline import identify_joint
-from stiction.locomotion.randomization import identified_joints
+from stiction.files.joints import JointsFile
+from stiction.files.log import read_setup, write_log
+from stiction.identification.logs import open_log
+from stiction.identification.pipeline import identify_joint
 from stiction.robots.catalog import find_robot
+from stiction.task.randomization import identified_joints
 from stiction.virtual.bench import MOTION, BenchCfg, bench_log
 from stiction.virtual.cases import Case, parse_level
 from stiction.virtual.hidden import draw

@@ -14,16 +14,16 @@ from stiction.core import cache
 from stiction.core.cache import has_entry
 from stiction.core.errors import StictionError
 from stiction.core.records import read_rows
-from stiction.deploy.pilot import JointCommand
+from stiction.deploy.control import JointCommand
 from stiction.engines.catalog import ENGINES, EngineSpec
-from stiction.formats.joints import Estimate, JointRecord, JointsFile, load_joints
+from stiction.files.joints import Estimate, JointRecord, JointsFile, load_joints
 from stiction.robots.catalog import find_robot
-from stiction.studies.bench import robots as bench_study
-from stiction.studies.bench.robots import IdentifiedFriction, LoadMeter, beside_truth, study_benches
 from stiction.virtual import bench as identification
 from stiction.virtual.bench import Bench, BenchCfg, identify_on_bench
 from stiction.virtual.cases import Case, parse_level
 from stiction.virtual.hidden import draw
+from stiction_experiments.bench import robots as bench_study
+from stiction_experiments.bench.robots import IdentifiedFriction, LoadMeter, beside_truth, study_benches
 
 SPEC = find_robot("saturn_lite")
 SHANKS = tuple(name for name in SPEC.joint_names if name.endswith("shank"))

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import MISSING, fields
 
 from stiction.cli.evaluate import EvaluateCfg
-from stiction.evaluate.grid import GridCfg
-from stiction.studies.bench.study import BenchOptions
-from stiction.studies.wear.run import WearCfg
-from stiction.studies.wear.study import WearOptions
+from stiction.evaluation.grid import GridCfg
 from stiction.virtual.cases import reported, warnings_on
+from stiction_experiments.bench.study import BenchOptions
+from stiction_experiments.wear.run import WearCfg
+from stiction_experiments.wear.study import WearOptions
 
 
 def test_robots_for_results_begin_at_a_thousand() -> None:

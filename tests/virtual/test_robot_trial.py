@@ -10,10 +10,10 @@ from bundles import make_bundle, make_contract, make_network
 from stiction.engines.catalog import make_engine, what_is_missing
 from stiction.engines.engine import BlownUp, Motion
 from stiction.engines.ground import course
-from stiction.evaluate.command import parse_command
-from stiction.evaluate.metrics import measure
-from stiction.formats.bundle import read_bundle
-from stiction.formats.walk import read_walk, write_walk
+from stiction.evaluation.metrics import measure
+from stiction.files.bundle import read_bundle
+from stiction.files.velocity import parse_command
+from stiction.files.walk import read_walk, write_walk
 from stiction.robots.catalog import find_robot
 from stiction.virtual.bench import walk_log
 from stiction.virtual.cases import Case, parse_level

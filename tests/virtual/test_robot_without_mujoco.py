@@ -16,7 +16,7 @@ sys.modules["mujoco"] = None  # importing it fails from now on
 from functools import partial
 import numpy as np
 from stiction.engines.catalog import make_engine
-from stiction.formats.bundle import read_bundle, shipped_bundles
+from stiction.files.bundle import read_bundle, shipped_bundles
 from stiction.virtual.cases import Case, parse_level
 from stiction.virtual.trial import World, walk
 import stiction.virtual.bench

@@ -20,10 +20,10 @@ from stiction.deploy.runtime.motion import Motion
 from stiction.deploy.runtime.runtime import row
 from stiction.deploy.runtime.supervisor import Supervisor
 from stiction.deploy.transports.udp import LOOPBACK, UdpLink
-from stiction.formats.bundle import find_bundle, read_bundle
-from stiction.formats.joints import Estimate, JointRecord, JointsFile, Objection
-from stiction.formats.run_log import RunLog, RunLogHeader, joint_log
-from stiction.identify.pipeline import identify_log
+from stiction.files.bundle import find_bundle, read_bundle
+from stiction.files.joints import Estimate, JointRecord, JointsFile, Objection
+from stiction.files.run_log import RunLog, RunLogHeader, joint_log
+from stiction.identification.pipeline import identify_log
 from stiction.robots.catalog import find_robot
 from stiction.virtual.hidden import draw
 from stiction.virtual.robot import PERIOD

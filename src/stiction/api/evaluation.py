@@ -17,10 +17,10 @@ from stiction.core.errors import ConfigurationError
 from stiction.core.lock import output_folder
 from stiction.core.records import header, texts
 from stiction.core.scratch import scratch
-from stiction.formats.results import DIRECTIONS, SCHEMA_VERSION, ResultRow, tell_slowest_walk
+from stiction.files.results import DIRECTIONS, SCHEMA_VERSION, ResultRow, tell_slowest_walk
 
 if TYPE_CHECKING:
-    from stiction.evaluate.grid import GridCfg
+    from stiction.evaluation.grid import GridCfg
 
 OF_WALK = ("settle", "action_delay", "static_ratio", "stribeck_velocity", "known_friction")
 """Fields of `EvaluationCfg` that are options without a parameter of their own."""
@@ -54,7 +54,7 @@ class Evaluated(Result):
 
     def lines(self) -> Sequence[str]:
         """Return a line a policy, or how many there are, and of which level it follows its commands."""
-        from stiction.formats.following import row_pace
+        from stiction.files.following import row_pace
 
         found: list[str] = []
         for policy in dict.fromkeys(row.policy for row in self.rows):
@@ -83,7 +83,7 @@ class Evaluated(Result):
 
     def write(self, folder: Path) -> None:
         """Write results.csv, methods.csv, following.csv, summary.json, the figures and report.html."""
-        from stiction.evaluate.samples import samples_of
+        from stiction.evaluation.samples import samples_of
         from stiction.report.evaluation import write_evaluation
 
         ways = self.summary["ways"]
@@ -138,8 +138,8 @@ def evaluate(
     0.0
 
     """
-    from stiction.evaluate.evaluate import EvaluationCfg
-    from stiction.evaluate.grid import GridCfg
+    from stiction.evaluation.evaluate import EvaluationCfg
+    from stiction.evaluation.grid import GridCfg
     from stiction.report.terminal import jobs_of
 
     if not policies:
@@ -168,7 +168,7 @@ def _walk(
     out: Path | None,
 ) -> Evaluated:
     """Walk the grid, in a folder of which nothing is left where none is asked for; see `evaluate`."""
-    from stiction.evaluate.summary import bundle_of, evaluate_all
+    from stiction.evaluation.summary import bundle_of, evaluate_all
 
     # A bundle that was checked is not read again: what is evaluated is what was hashed.
     given = [one.bundle if isinstance(one, Verified) else one if callable(one) else Path(one) for one in policies]

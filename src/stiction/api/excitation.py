@@ -14,11 +14,11 @@ from stiction.api.options import options_of, public
 from stiction.api.result import Progress, Result, html_table, silent
 from stiction.core.errors import ConfigurationError, RobotError, unknown_name
 from stiction.core.records import header, texts
-from stiction.formats.design import ExcitationDesign, Predicted, percent, write_signals
-from stiction.formats.log import Log, write_log
-from stiction.formats.plain import write_object
-from stiction.identify.excite.plan import Excitation, design_excitation
-from stiction.identify.excite.setup import ExciteSetup
+from stiction.files.design import ExcitationDesign, Predicted, percent, write_signals
+from stiction.files.log import Log, write_log
+from stiction.files.plain import write_object
+from stiction.identification.excite.plan import Excitation, design_excitation
+from stiction.identification.excite.setup import ExciteSetup
 from stiction.robots.model import Joint
 
 
@@ -59,7 +59,7 @@ class Designed(Result):
 
         For trying what follows before there is a robot. seed: of the noise.
         """
-        from stiction.identify.example import Motor, Played, example_log
+        from stiction.identification.example import Motor, Played, example_log
         from stiction.joints.friction import Coulomb
         from stiction.joints.pd import PDGains
         from stiction.joints.simulate import Joint as Simulated

@@ -13,12 +13,12 @@ from stiction.api.logs import Log, as_log
 from stiction.api.options import options_of, public, several
 from stiction.api.result import Progress, Result, html_table, silent
 from stiction.core.errors import ConfigurationError, FileError
-from stiction.formats import joints as files
-from stiction.formats.joints import FitSignals, JointRecord, JointsFile, write_fit
-from stiction.identify.limb.setup import LimbSetup
-from stiction.identify.pipeline import identify_log
-from stiction.identify.proposal import propose, write_proposal
-from stiction.identify.setup import IdentifySetup
+from stiction.files import joints as files
+from stiction.files.joints import FitSignals, JointRecord, JointsFile, write_fit
+from stiction.identification.limb.setup import LimbSetup
+from stiction.identification.pipeline import identify_log
+from stiction.identification.proposal import propose, write_proposal
+from stiction.identification.setup import IdentifySetup
 
 
 @dataclass(frozen=True, repr=False)
@@ -91,7 +91,9 @@ class Identified(Result):
             low, high = found.interval95
             return f"{number(found.value)} ({number(low)} to {number(high)}) {unit(record, name)}"
 
-        shown = ("inertia", "viscous_friction", "coulomb_friction", "friction_ratio")
+        shown = ["inertia", "viscous_friction", "coulomb_friction", "friction_ratio"]
+        if any(record.static_friction is not None for record in self.joints.values()):
+            shown.insert(3, "static_friction")
         rows = [[name, *(cell(record, part) for part in shown)] for name, record in self.joints.items()]
         return html_table(["joint", *(name.replace("_", " ") for name in shown)], rows)
 
@@ -145,7 +147,7 @@ def identify(
 
     Raises `StictionError` with one line that says what the log lacks.
 
-    >>> from stiction.identify.example import Excitation, example_log
+    >>> from stiction.identification.example import Excitation, example_log
     >>> import stiction
     >>> found = stiction.identify(example_log(excitation=Excitation(duration=10.0)), torque_limit=45.0)
     >>> friction = found["shank"].coulomb_friction  # the truth is 0.442 N m
@@ -210,7 +212,7 @@ def identify_limb(
     more: Sequence[Log] = (),
 ) -> Identified:
     """Identify all joints of a leg or an arm at once; see `identify`. Refuses what is for single joints."""
-    from stiction.identify.limb import pipeline
+    from stiction.identification.limb import pipeline
     from stiction.robots.catalog import find_mechanism
 
     for given, what in ((joints, "--joint"), (repeats, "--repeat"), (more, "several runs")):

@@ -12,8 +12,8 @@ import numpy as np
 from stiction.api.options import public, several
 from stiction.core.errors import LogError, unknown_name
 from stiction.core.names import kind_of
-from stiction.formats.log import SIGNALS, UNNAMED, Log, LogSetup, by_joint, setup_from_dict
-from stiction.identify.logs import open_log, parse_columns
+from stiction.files.log import SIGNALS, UNNAMED, Log, LogSetup, by_joint, setup_from_dict
+from stiction.identification.logs import open_log, parse_columns
 
 SOURCE = "the arrays"
 """What messages call a log that came from no file."""

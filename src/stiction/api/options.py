@@ -13,9 +13,9 @@ from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin
 
 import numpy as np
 
+from stiction.core.decode import from_plain
 from stiction.core.errors import ConfigurationError, nearest, unknown_name
 from stiction.core.extras import says_what_is_missing
-from stiction.core.records import from_plain
 
 Options = TypeVar("Options")
 Arguments = ParamSpec("Arguments")

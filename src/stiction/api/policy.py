@@ -17,9 +17,9 @@ from stiction.deploy.check import BundleCheck, check_bundle, read_allowed, robot
 from stiction.deploy.policy import Network, Policy
 from stiction.deploy.policy import load_policy as open_policy
 from stiction.deploy.robot_policy import RobotPolicy
-from stiction.formats.bundle import Bundle, find_bundle, shipped_bundles
-from stiction.formats.contract import Contract
-from stiction.formats.plain import write_object
+from stiction.files.bundle import Bundle, find_bundle, shipped_bundles
+from stiction.files.contract import Contract
+from stiction.files.plain import write_object
 
 
 @dataclass(frozen=True, repr=False)

@@ -14,18 +14,19 @@ from stiction.api.identification import Identified
 from stiction.api.options import public, several
 from stiction.api.policy import LoadedPolicy, load_policy
 from stiction.api.result import Result, html_table
+from stiction.core.effects import exclusion
 from stiction.core.errors import ConfigurationError
 from stiction.core.gemm import open_fast_gemm
 from stiction.core.lock import output_folder, replaced_folder
-from stiction.formats.joints import read_training
-from stiction.locomotion.friction import FrictionMethod
-from stiction.rma.config import TrainCfg
-from stiction.rma.effects import check_effects
-from stiction.rma.presets import PresetName
-from stiction.rma.presets import preset as preset_of
+from stiction.files.joints import read_training
+from stiction.learning.config import TrainCfg
+from stiction.learning.effects import check_effects
+from stiction.learning.presets import PresetName
+from stiction.learning.presets import preset as preset_of
+from stiction.task.friction import FrictionMethod
 
 Watch = Callable[..., Any]
-"""Called after every iteration; see `stiction.rma.phase.Progress`."""
+"""Called after every iteration; see `stiction.learning.phase.Progress`."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -50,7 +51,7 @@ class Trained(Result):
 
     def metrics(self) -> list[dict[str, Any]]:
         """Return the figures of every iteration, in order, as any data frame takes them."""
-        from stiction.formats.results import read_metrics
+        from stiction.files.results import read_metrics
 
         return read_metrics(self.path / "metrics.jsonl")
 
@@ -96,7 +97,8 @@ def train(
         joints: a `joints.json` whose inertia, damping and friction become the robot's nominal ones.
         joint_map: RECORDED=JOINT pairs where its records have other names.
         preset: defaults of everything else: `quick` is 20 to 45 minutes of one core, `full` over twice that.
-        config: everything else, in place of `preset`: `replace(stiction.rma.presets.preset("quick"), num_envs=256)`.
+        config: everything else, in place of `preset`, such as `replace(stiction.learning.presets.preset("quick"),
+            num_envs=256)`.
         seed: of everything random in the run.
         device: where it is simulated.
         say: called with a sentence that you should know.
@@ -112,16 +114,16 @@ def train(
     """
     # Before torch, which these bring in.
     open_fast_gemm()
-    from stiction.rma.begin import begin_run, with_friction
-    from stiction.rma.run import identified_values
-    from stiction.rma.runner import train as run_training
+    from stiction.learning.begin import begin_run, with_friction
+    from stiction.learning.run import identified_values
+    from stiction.learning.runner import train as run_training
 
     given = preset_of(preset, device, method) if config is None else config
     cfg = replace(given, seed=seed, device=device, joints=given.joints if joints is None else str(joints))
     cfg = replace(cfg, task=replace(cfg.task, robot=str(robot)))
     if friction_from is not None:
         if method is not None or friction_level is not None:
-            raise ConfigurationError("friction_from and method or friction_level both set the friction; leave one out")
+            raise ConfigurationError(exclusion("friction_from", "method or friction_level"))
         proposed, where = _proposal(friction_from)
         cfg = with_friction(cfg, proposed, where)
         given = replace(given, task=replace(given.task, friction=cfg.task.friction))
@@ -180,8 +182,8 @@ def export(
     stiction.core.errors.FileError: no run in runs/none; expected a folder that `stiction train` made
 
     """
-    from stiction.evaluate.export import export_run
-    from stiction.rma.run import RunDirectory
+    from stiction.evaluation.export import export_run
+    from stiction.learning.run import RunDirectory
 
     folder = run.path if isinstance(run, Trained) else Path(run)
     RunDirectory(folder).header()  # where there is no run, no folder is made beside it

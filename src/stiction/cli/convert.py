@@ -13,8 +13,8 @@ import tyro
 from stiction.core.files import keep_inputs, write_text
 from stiction.core.options import read_options
 from stiction.exchange.targets import ConvertOptions, convert, convert_training
-from stiction.formats.joints import is_training, load_joints
-from stiction.formats.settings import check_file
+from stiction.files.joints import is_training, load_joints
+from stiction.files.settings import check_file
 
 DESCRIPTION = """Write identified friction, damping and rotor inertia as a simulator reads them (joints.json), or
 the range of friction to train with as a training framework draws it (training.json).

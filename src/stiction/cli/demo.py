@@ -9,19 +9,19 @@ import shlex
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from stiction.core.effects import LEAVE_ONE, OptionsOf, check_effects
+from stiction.core.effects import excludes, needs
 from stiction.core.files import write_text
 from stiction.core.options import read_options
-from stiction.formats.results import DIRECTIONS
+from stiction.files.results import DIRECTIONS
 
 if TYPE_CHECKING:
     from stiction.deploy.check import BundleCheck
-    from stiction.evaluate.evaluate import EvaluationCfg
-    from stiction.formats.results import ResultRow
+    from stiction.evaluation.evaluate import EvaluationCfg
+    from stiction.files.results import ResultRow
     from stiction.report.demo import DemoJoint
 
 COMMANDS = DIRECTIONS
@@ -55,15 +55,15 @@ class DemoCfg:
     train: bool = False
     """Train policies in place of the shipped ones: three runs, each 20 to 45 minutes of one core. One that was
     interrupted goes on where it was."""
-    preset: Literal["quick", "full"] = "quick"
+    preset: Literal["quick", "full"] = field(default="quick", metadata=needs("--train"))
     """Preset of `stiction train`, with --train."""
-    bundles: tuple[Path, ...] = ()
+    bundles: tuple[Path, ...] = field(default=(), metadata=excludes("--train"))
     """Bundles to show in place of those that come with the package, directories or names."""
     episodes: int = 16
     """Episodes per policy, level and command."""
     seconds: float = 12.0
     """Length of an episode [s]."""
-    loop: bool = False
+    loop: bool = field(default=False, metadata=excludes("--train", "--preset", "--bundles", "--episodes", "--seconds"))
     """The loop of a robot in place of the page: motions on a virtual robot's bench, identify, deploy a policy, identify
     its walk; beside what the robot really has. Some four minutes, in real time."""
     overwrite: bool = False
@@ -72,31 +72,12 @@ class DemoCfg:
     """Print the summary as JSON on standard output, and nothing else."""
 
 
-BELONGS = (
-    OptionsOf(
-        ("train", "preset", "bundles", "episodes", "seconds"),
-        "the page, which --loop does not make",
-        lambda cfg: not cfg.loop,
-        LEAVE_ONE,
-    ),
-    OptionsOf(
-        ("train",),
-        "policies of its own, which --bundles replaces",
-        lambda cfg: not cfg.bundles,
-        LEAVE_ONE,
-    ),
-    OptionsOf(("preset",), "--train", lambda cfg: cfg.train),
-)
-"""Which options are of what."""
-
-
 def main(arguments: list[str]) -> None:
     """Run the demo and print where its page is."""
     cfg = read_options(DemoCfg, arguments, "stiction demo", DESCRIPTION)
-    check_effects(cfg, DemoCfg(), BELONGS)
     from stiction.core.extras import require
-    from stiction.formats.results import summary_text
-    from stiction.formats.settings import results_folder
+    from stiction.files.results import summary_text
+    from stiction.files.settings import results_folder
     from stiction.report.demo import RESULTS
 
     if cfg.train:
@@ -117,7 +98,7 @@ def main(arguments: list[str]) -> None:
 def _run(cfg: DemoCfg, arguments: list[str]) -> tuple[Path, dict[str, Any], list[str]]:
     """Run the whole line; return the page, the summary and what was left out."""
     from stiction.deploy.check import check_bundle
-    from stiction.formats.bundle import find_bundle
+    from stiction.files.bundle import find_bundle
 
     _settings(cfg)  # Refused before any work is done.
     start = time.perf_counter()
@@ -136,7 +117,7 @@ def _run(cfg: DemoCfg, arguments: list[str]) -> tuple[Path, dict[str, Any], list
 def _loop(cfg: DemoCfg) -> None:
     """Run the loop on a virtual robot and print what agrees."""
     from stiction.cli.loop import LoopCfg, run_loop, shares, show
-    from stiction.formats.settings import results_folder
+    from stiction.files.settings import results_folder
 
     with results_folder(cfg.out, "demo --loop", cfg, ("loop.json",)):
         rows = run_loop(LoopCfg(cfg.out))
@@ -155,8 +136,8 @@ def _say(text: str) -> None:
 
 def _identify_example(out: Path) -> DemoJoint:
     """Identify the paper's shank motor from a simulated log, written to a file first."""
-    from stiction.formats.log import write_log
-    from stiction.identify.example import SATURN_LITE, example_log
+    from stiction.files.log import write_log
+    from stiction.identification.example import SATURN_LITE, example_log
 
     log = out / "example" / "shank.csv"
     write_log(log, example_log(SATURN_LITE))
@@ -179,7 +160,7 @@ def _identify_record(out: Path, warnings: list[str]) -> list[DemoJoint]:
 def _identify(title: str, arguments: list[str]) -> DemoJoint:
     """Run `stiction identify` and take from its files what the page shows."""
     from stiction.cli import identify
-    from stiction.formats.joints import load_joints, read_fit
+    from stiction.files.joints import load_joints, read_fit
     from stiction.report.demo import DemoJoint
     from stiction.report.identification import joint_sections
 
@@ -195,7 +176,7 @@ def _identify(title: str, arguments: list[str]) -> DemoJoint:
 
 def _find_policies(cfg: DemoCfg, warnings: list[str]) -> list[Path]:
     """Return the bundles to show: those trained now, or the shipped ones."""
-    from stiction.formats.bundle import shipped_bundles
+    from stiction.files.bundle import shipped_bundles
 
     names = [f"{ROBOT}-flat-{method}-{LEVEL:g}" for method in METHODS]
     if cfg.train:
@@ -211,7 +192,7 @@ def _train(cfg: DemoCfg, method: str, bundle: Path) -> Path:
     if bundle.exists():
         return bundle
     from stiction.cli import train
-    from stiction.evaluate.export import export_run
+    from stiction.evaluation.export import export_run
 
     run = cfg.out / "runs" / method
     # config.json is what makes a folder a run.
@@ -260,7 +241,7 @@ def _evaluate(
 
 def _settings(cfg: DemoCfg, levels: tuple[float, ...] = (0.0,)) -> EvaluationCfg:
     """Return how the policies are evaluated; raise `StictionError` for episodes that none can walk."""
-    from stiction.evaluate.evaluate import EvaluationCfg
+    from stiction.evaluation.evaluate import EvaluationCfg
 
     return EvaluationCfg(levels, COMMANDS, episodes=cfg.episodes, seconds=cfg.seconds)
 
@@ -269,8 +250,8 @@ def _walk(cfg: DemoCfg, checks: list[BundleCheck], level: float) -> tuple[list[R
     """Evaluate the policies from no friction to half more than the nominal level."""
     from stiction.core.provenance import num_threads
     from stiction.core.records import make_folder
-    from stiction.evaluate.grid import GridCfg
-    from stiction.evaluate.summary import evaluate_all
+    from stiction.evaluation.grid import GridCfg
+    from stiction.evaluation.summary import evaluate_all
     from stiction.joints.friction import MAX_LEVEL
     from stiction.report.terminal import work_progress
 
@@ -287,8 +268,8 @@ def _render(
     cfg: DemoCfg, bundles: Sequence[Path], names: Sequence[str], level: float, warnings: list[str]
 ) -> Path | None:
     """Render all policies in one scene; where that cannot be, without OpenGL, say so and go on."""
-    from stiction.evaluate.clip import ClipError
-    from stiction.evaluate.side_by_side import record_side_by_side
+    from stiction.evaluation.clip import ClipError
+    from stiction.evaluation.side_by_side import record_side_by_side
     from stiction.report.page import COLORS
 
     if not bundles:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from collections.abc import Callable
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
@@ -12,14 +13,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from stiction.core.effects import LEAVE_ONE, OptionsOf, check_effects
+from stiction.core.effects import excludes, exclusion, needs
 from stiction.core.errors import ConfigurationError, UnwrittenError
 from stiction.core.files import write_text
 from stiction.core.options import read_options
 from stiction.core.records import part_of
 from stiction.deploy.runtime.config import LimitsCfg, OperatorCfg, SafetyCfg
 from stiction.deploy.transports.config import HeldCfg
-from stiction.formats.settings import check_file, results_folder
+from stiction.files.settings import check_file, results_folder
 
 if TYPE_CHECKING:
     import numpy as np
@@ -28,17 +29,21 @@ if TYPE_CHECKING:
     from stiction.deploy.runtime.motion import Motion
     from stiction.deploy.transports.config import Address
     from stiction.deploy.transports.link import Link
-    from stiction.formats.bundle import Bundle
-    from stiction.formats.contract import Contract
+    from stiction.files.bundle import Bundle
+    from stiction.files.contract import Contract
     from stiction.virtual.faults import Fault
     from stiction.virtual.serve import VirtualCfg
 
 DESCRIPTION = """Run a policy bundle on a robot, or play a designed motion on it.
 
 Passive, until robot and policy are there; up to the standing pose, from where the joints are, over --ramp seconds; then
-the policy; then damping. A supervisor judges every reading and clips every target; what it does not like ends the run
-with one damping frame, one line that says which rule, which joint and which value, and exit status 1. Nothing is sent
-without --armed.
+the policy; then damping. A supervisor judges every reading and clips every target; a broken rule ends the run: damping
+for a second at least and while the robot moves (at most 5 s), one line with the rule, the joint and the value, and exit
+status 1. Space, q, Enter, Ctrl-C, Ctrl-Z, Ctrl-\\ and every signal that can be caught stop it too; after a signal N the
+exit status is 128 + N. Nothing is sent without --armed.
+
+One robot, one writer of its states: a second one on the network is refused, or stops the run. Programs beside the robot
+that read the commands are named, and need consent: --readers, or a typed yes.
 
 --robot virtual starts a virtual robot in a process of its own: friction, motors, delays, gears and sensors are those of
 --robot-seed. Try there, with --fault, what your robot must never do. unitree-go:eth0 is a Go2 or B2 at that network
@@ -56,9 +61,21 @@ Examples:
 GROUPS = {
     "usually needed": ("--robot", "--armed", "--command", "--duration", "--out", "--json"),
     "the virtual robot": ("--robot-seed", "--friction-level", "--engine", "--robot-cell", "--stand", "--fault"),
-    "what else": ("--excitation", "--expect-digest", "--realtime"),
+    "what else": ("--forward", "--excitation", "--expect-digest", "--realtime", "--domain", "--readers"),
 }
 """The options that people use."""
+
+
+VIRTUAL = needs("--robot virtual")
+"""Requirement of options of the virtual robot."""
+
+UNITREE = needs("--robot unitree-go:INTERFACE", lambda cfg: cfg.robot.startswith("unitree-"))
+"""Requirement of options of a Unitree robot."""
+
+
+def _has_heartbeat(cfg: DeployCfg) -> bool:
+    """Return whether a second machine sends heartbeats, or a fault plays one."""
+    return cfg.operator.heartbeat is not None or any(text.partition("@")[0] == "heartbeat" for text in cfg.fault)
 
 
 @dataclass(frozen=True)
@@ -69,15 +86,24 @@ class DeployCfg:
     """Directory of the bundle, or the name of one that comes with the package."""
     robot: str = "virtual"
     """How the robot is reached: virtual, unitree-go:INTERFACE, unitree-hg:INTERFACE, ros2:/NAMESPACE."""
-    held: HeldCfg = field(default_factory=HeldCfg)
+    held: HeldCfg = field(default_factory=HeldCfg, metadata=UNITREE)
     """Gains of joints that the robot has and the policy does not move, of a Unitree robot."""
+    domain: int = field(default=0, metadata=UNITREE)
+    """DDS domain of a Unitree robot, 0 to 232; two robots on one network need two."""
+    readers: int = field(default=1, metadata=needs("--robot unitree-go:INTERFACE", lambda cfg: cfg.robot != "virtual"))
+    """Number of programs that may read the commands, the robot's own included; further ones are refused, or stop it."""
     armed: bool = False
     """Send commands. Without it everything runs but nothing is sent: look at the report and the log first."""
     command: str = "stand"
     """Commanded velocity, vx forward, vy sideways [m/s], wz turn [rad/s]: vx=0.5, or vx=0.3,wz=0.2, or stand."""
     duration: float | None = None
     """Seconds of the run after standing up, at most, also of --excitation; without it until somebody stops it."""
-    excitation: Path | None = None
+    forward: Path | None = None
+    """A joints.json of `stiction identify`: 75 % of its friction is fed forward by the measured speed while the policy
+    runs. Too much of it makes joints hunt about their targets: try it with the robot hung up."""
+    excitation: Path | None = field(
+        default=None, metadata=excludes("--command", "--forward", "--operator.command-from", "--silence")
+    )
     """Play this trajectory.csv of `stiction excite` in place of the policy, the robot on a stand."""
     out: Path = Path("stiction-deploy")
     """Folder of the run: log/, report.json."""
@@ -90,28 +116,32 @@ class DeployCfg:
     silence: float = 0.06
     """Seconds after the policy's last answer from which on it hangs."""
     stale: float = 0.03
-    """Age of a state from which on it is stale [s]."""
+    """Maximum age of a robot state [s]."""
+    gap: float = 0.06
+    """Longest time between two turns of the supervisor's own loop [s]."""
     limits: LimitsCfg = field(default_factory=LimitsCfg)
     """Of what goes out."""
     safety: SafetyCfg = field(default_factory=SafetyCfg)
     """Of what the robot may do."""
-    operator: OperatorCfg = field(default_factory=OperatorCfg)
+    operator: OperatorCfg = field(
+        default_factory=OperatorCfg, metadata=needs("--operator.heartbeat", _has_heartbeat, "heartbeat_timeout")
+    )
     """Who may stop or steer the run."""
     realtime: int | None = None
     """Real-time priority (SCHED_FIFO, 1 to 99) of supervisor and policy; what it does to an idle loop is printed."""
     expect_digest: str | None = None
     """Digest that the bundle must have, as `stiction verify` prints it."""
-    robot_seed: int = 1000
+    robot_seed: int = field(default=1000, metadata=VIRTUAL)
     """Which virtual robot."""
-    engine: str = "mujoco"
+    engine: str = field(default="mujoco", metadata=VIRTUAL)
     """Physics engine of the virtual robot."""
-    friction_level: str = "0.1"
+    friction_level: str = field(default="0.1", metadata=VIRTUAL)
     """Dry friction of the virtual robot's joints: a fraction of the torque limit, or bench, or bench+0.02."""
-    robot_cell: str = "all"
+    robot_cell: str = field(default="all", metadata=VIRTUAL)
     """What of the virtual robot is real: all, nominal, or groups such as friction+delays."""
-    stand: bool = False
+    stand: bool = field(default=False, metadata=VIRTUAL)
     """Bolt the virtual robot to a stand, its legs in the air."""
-    fault: tuple[str, ...] = ()
+    fault: tuple[str, ...] = field(default=(), metadata=VIRTUAL)
     """Faults of the virtual robot's run, NAME@SECOND after the policy took over: tilt@3. A wrong name lists them."""
     overwrite: bool = False
     """Write over what a run of other settings left in --out, but for its log: that of a run is never written over; and
@@ -120,29 +150,8 @@ class DeployCfg:
     """Print the report as JSON on standard output, and nothing else."""
 
 
-OF_POLICY = "the policy, which --excitation replaces"
-"""What is said of options that a motion has no use for."""
-
-
-def _hears_heartbeat(cfg: DeployCfg) -> bool:
-    """Whether a second machine says that it is there, or a fault plays one."""
-    return cfg.operator.heartbeat is not None or any(text.partition("@")[0] == "heartbeat" for text in cfg.fault)
-
-
-BELONGS = (
-    OptionsOf(
-        ("robot_seed", "engine", "friction_level", "robot_cell", "stand", "fault"),
-        "the virtual robot alone",
-        lambda cfg: cfg.robot == "virtual",
-        "leave it out, or say --robot virtual",
-    ),
-    OptionsOf(("held",), "a Unitree robot", lambda cfg: cfg.robot.startswith("unitree-"), "leave it out"),
-    OptionsOf(
-        ("command", "operator.command_from", "silence"), OF_POLICY, lambda cfg: cfg.excitation is None, LEAVE_ONE
-    ),
-    OptionsOf(("operator.heartbeat_timeout",), "--operator.heartbeat", _hears_heartbeat),
-)
-"""Which options are of what."""
+SEARCH_SECONDS = 1.0
+"""Time in which other programs on the network are looked for before a person is asked [s]."""
 
 
 @dataclass(frozen=True)
@@ -165,6 +174,8 @@ class Plan:
     """Which virtual robot; None for another one."""
     faults: tuple[Fault, ...]
     """What is to happen to it."""
+    friction: tuple[np.ndarray, np.ndarray] | None
+    """Fed forward: f [N m] and c [1], shapes (J,)."""
 
 
 def main(arguments: list[str]) -> int:
@@ -172,10 +183,9 @@ def main(arguments: list[str]) -> int:
     cfg = read_options(DeployCfg, arguments, "stiction deploy", DESCRIPTION, groups=GROUPS)
     from stiction.deploy.check import check_bundle
     from stiction.deploy.transports.config import parse_address
-    from stiction.formats.bundle import find_bundle
+    from stiction.files.bundle import find_bundle
 
     address = parse_address(cfg.robot)
-    check_effects(cfg, DeployCfg(cfg.bundle), BELONGS)
     folder = find_bundle(cfg.bundle)
     if cfg.report is not None:
         check_file(cfg.report, cfg, "--report")  # before the robot moves
@@ -184,7 +194,8 @@ def main(arguments: list[str]) -> int:
     try:
         # First: what is no bundle would else be called one of other settings than those in the folder.
         plan = _plan(cfg, address, check_bundle(folder, cfg.expect_digest).bundle, folder)
-        written, read = () if cfg.report else ("report.json",), {"bundle": folder, "excitation": cfg.excitation}
+        written: tuple[str, ...] = () if cfg.report else ("report.json",)
+        read = {"bundle": folder, "excitation": cfg.excitation, "forward": cfg.forward}
         with results_folder(cfg.out, "deploy", cfg, written, read):
             report = _run(cfg, plan)
             write_text(cfg.report or cfg.out / "report.json", _text(report))
@@ -198,7 +209,7 @@ def main(arguments: list[str]) -> int:
         said.insert(0, f"its log is not whole: {report['log_end']}")
     if said or report["stop"] is not None:
         print(f"stiction deploy: {'; '.join([report['end'], *said])}", file=sys.stderr)
-        return 1
+        return 128 + report["signal"] if report.get("signal") else 1
     if not cfg.json:
         _show(cfg, report)
     return 0
@@ -215,7 +226,9 @@ def _plan(cfg: DeployCfg, address: Address, bundle: Bundle, folder: Path) -> Pla
 
     from stiction.deploy.runtime.config import RunCfg, SupervisorCfg
     from stiction.deploy.runtime.motion import Motion
-    from stiction.evaluate.command import parse_command, untrained
+    from stiction.evaluation.command import untrained
+    from stiction.files.joints import load_joints
+    from stiction.files.velocity import parse_command
 
     run = part_of(RunCfg, cfg, supervisor=part_of(SupervisorCfg, cfg))
     command = parse_command(cfg.command)
@@ -232,9 +245,16 @@ def _plan(cfg: DeployCfg, address: Address, bundle: Bundle, folder: Path) -> Pla
         virtual = VirtualCfg(cfg.robot_seed, cfg.engine, cfg.friction_level, cfg.robot_cell, cfg.stand)
         faults = tuple(map(parse_fault, cfg.fault))
         if motion is not None and (idle := [fault.name for fault in faults if fault.name in WITH_POLICY]):
-            raise ConfigurationError(f"--fault {idle[0]} is of {OF_POLICY}, and would have no effect; {LEAVE_ONE}")
+            raise ConfigurationError(exclusion("--excitation", f"--fault {idle[0]}"))
         run = replace(run, operator=operated(cfg.operator, faults, cfg.out / "stop"))
-    return Plan(address, bundle, folder, run, np.array(command.velocity), motion, virtual, faults)
+    friction = None
+    if cfg.forward is not None:
+        if bundle.contract.compensation is not None:
+            raise ConfigurationError("--forward: this policy compensates friction in its targets already; leave it out")
+        joints = load_joints(cfg.forward)
+        _, unloaded, load = np.transpose([joints.fed_forward(name) for name in bundle.contract.joint_names])
+        friction = unloaded, load
+    return Plan(address, bundle, folder, run, np.array(command.velocity), motion, virtual, faults, friction)
 
 
 def _run(cfg: DeployCfg, plan: Plan) -> dict[str, Any]:
@@ -246,7 +266,26 @@ def _run(cfg: DeployCfg, plan: Plan) -> dict[str, Any]:
     if plan.virtual is not None:
         return _on_virtual_robot(plan, plan.virtual, say)
     with closing(_link(cfg, plan.address, plan.bundle.contract)) as link:
-        return run(plan.bundle, plan.folder, link, plan.run, plan.velocity, plan.motion, None, say)
+        readers = _consent(cfg, link)
+        agreed = replace(plan.run, supervisor=replace(plan.run.supervisor, readers=readers))
+        return run(plan.bundle, plan.folder, link, agreed, plan.velocity, plan.motion, None, say, plan.friction)
+
+
+def _consent(cfg: DeployCfg, link: Link) -> int:
+    """Return the number of programs that may read the commands, after asking where there are more than --readers."""
+    if not cfg.armed or cfg.json or sys.stdin is None or not sys.stdin.isatty():
+        return cfg.readers
+    until = time.monotonic() + SEARCH_SECONDS
+    while len(readers := link.peers().readers) <= cfg.readers and time.monotonic() < until:
+        link.receive()
+        time.sleep(0.02)
+    if len(readers) <= cfg.readers:
+        return cfg.readers
+    listed = "".join(f"\n  {name}" for name in readers)
+    count = f"{len(readers)} programs read the commands, and each may move by them"
+    print(f"stiction deploy: {count}:{listed}", file=sys.stderr)
+    answer = input(f"Type yes where all but {cfg.readers} only listen: ")
+    return len(readers) if answer.strip().lower() == "yes" else cfg.readers
 
 
 def _link(cfg: DeployCfg, address: Address, contract: Contract) -> Link:
@@ -257,7 +296,7 @@ def _link(cfg: DeployCfg, address: Address, contract: Contract) -> Link:
         return ros2_link(address.place, contract)
     from stiction.deploy.transports.unitree import unitree_link
 
-    return unitree_link(address.transport, address.place, contract, cfg.held)
+    return unitree_link(address.transport, address.place, cfg.domain, contract, cfg.held)
 
 
 def _on_virtual_robot(plan: Plan, virtual: VirtualCfg, say: Callable[[str], None]) -> dict[str, Any]:
@@ -271,7 +310,8 @@ def _on_virtual_robot(plan: Plan, virtual: VirtualCfg, say: Callable[[str], None
         injected = None
         if plan.faults:
             injected = stack.enter_context(Faults(plan.faults, robot.address, operator, joints, plan.velocity))
-        report = run(plan.bundle, plan.folder, robot.link, plan.run, plan.velocity, plan.motion, injected, say)
+        robot_run = (plan.bundle, plan.folder, robot.link, plan.run, plan.velocity, plan.motion, injected, say)
+        report = run(*robot_run, plan.friction)
         return report | {
             "faults": {} if injected is None else injected.times,
             "virtual": robot.said() if plan.run.supervisor.armed else {},

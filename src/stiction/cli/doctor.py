@@ -10,7 +10,7 @@ from typing import Annotated
 import tyro
 
 from stiction.core.options import read_options, refuse
-from stiction.locomotion.config import TaskCfg
+from stiction.task.config import TaskCfg
 
 DESCRIPTION = """Measure that every randomised parameter changes the physics as its own formula says. Without
 --randomization: say what this machine is.
@@ -60,12 +60,12 @@ def main(arguments: list[str]) -> int:
 
     from rich.table import Table
 
-    from stiction.locomotion.audit import check_randomization
+    from stiction.learning.config import TrainCfg
+    from stiction.learning.effects import check_effects
     from stiction.report.terminal import Terminal
-    from stiction.rma.config import TrainCfg
-    from stiction.rma.effects import check_effects
     from stiction.robots.catalog import find_robot
     from stiction.robots.sliders import stiff_sliders
+    from stiction.task.audit import check_randomization
 
     check_effects(TrainCfg(task=options.task), TrainCfg())
     spec = find_robot(options.task.robot)

@@ -4,52 +4,56 @@ from __future__ import annotations
 
 import shlex
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from stiction.core.effects import OptionsOf, changed_options, check_effects, flag_of
+from stiction.core.effects import excludes, needs, requirement
 from stiction.core.errors import ConfigurationError, FileError
 from stiction.core.lock import output_folder
 from stiction.core.options import read_options, refuse
-from stiction.formats.results import DIRECTIONS
-from stiction.formats.settings import results_folder
-from stiction.locomotion.friction import law_choice, law_help
+from stiction.files.results import DIRECTIONS
+from stiction.files.settings import results_folder
 from stiction.report.terminal import RobotSeeds, jobs_of
+from stiction.task.friction import law_choice, law_help
 
 if TYPE_CHECKING:
-    from stiction.formats.results import ResultRow
+    from stiction.files.results import ResultRow
+
+
+VIRTUAL = needs("--engines mujoco+all", lambda cfg: any("+" in engine for engine in cfg.engines))
+"""Requirement of a virtual robot, in any engine."""
 
 
 @dataclass(frozen=True)
 class EvaluateCfg:
     """Drive policy bundles over engines, friction levels, grounds and commands."""
 
-    bundles: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    bundles: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
     """Directories of the bundles."""
     policy_callable: str | None = None
     """A policy of your own in Python, `package.module:FUNCTION`, on --robot, in the engine mujoco alone: called as
-    FUNCTION(sensors, command, fresh), it returns joint targets, see `evaluate/own_policy.py`. For evaluation only."""
-    callable_period: float = 0.02
+    FUNCTION(sensors, command, fresh), it returns joint targets, see `evaluation/own_policy.py`. For evaluation only."""
+    callable_period: float = field(default=0.02, metadata=needs("--policy-callable"))
     """Time between two calls of it [s]."""
     friction_levels: tuple[float, ...] = (0.0, 0.1, 0.2)
     """Dry friction in every joint, as fractions of its torque limit [-]; of the laws load and effort, coefficients."""
     friction_law: Annotated[str, law_choice(), law_help("Law of the dry friction, whatever the training's.")] = (
         "coulomb"
     )
-    static_ratio: float = 1.5
+    static_ratio: float = field(default=1.5, metadata=needs("--friction-law stribeck"))
     """Friction at rest over friction in motion, of the law stribeck."""
-    stribeck_velocity: float = 0.1
+    stribeck_velocity: float = field(default=0.1, metadata=needs("--friction-law stribeck"))
     """Speed at which 63 % of that excess is gone [rad/s], of the law stribeck."""
     engines: tuple[str, ...] = ("mujoco",)
     """Physics engines. mujoco: the simulator of the training, all robots at once; mujoco-alone, physx, ode, ode-webots:
     one robot, steps of 2 ms, motors and friction by us; package.module:ENGINE: the same in an engine of your own (an
     `EngineSpec`). After a +, a virtual robot with joints of its own plays the
     real one: physx+all, or what of it is real: +nominal, +friction, +rest (all but friction), +delays+gears."""
-    robots: RobotSeeds = (1000, 1001, 1002)
-    robot_levels: tuple[str, ...] = ()
+    robots: RobotSeeds = field(default=(1000, 1001, 1002), metadata=VIRTUAL)
+    robot_levels: tuple[str, ...] = field(default=(), metadata=VIRTUAL)
     """Friction of virtual robots: fractions of the torque limit, bench (0.442 N m at Saturn Lite's shank, 0.25 N m at
     hip and thigh), bench+0.02 (and that coefficient of the load); by default as --friction-levels."""
     forward: tuple[str, ...] = ()
@@ -57,7 +61,7 @@ class EvaluateCfg:
     NAME+measured. Of the data sheet's robot that is the friction of the level, of a virtual robot what identify finds
     on that robot's bench, which takes minutes a robot and level, and what it finds to grow with load too, save by
     error. Under the law effort the level grows with the motor's torque, and error cannot feed it."""
-    forward_by: tuple[str, ...] = ("measured",)
+    forward_by: tuple[str, ...] = field(default=("measured",), metadata=needs("--forward"))
     """How: error, all of it in the direction of the position error; reference and measured, 75 % of it by the speed of
     the target or of the joint, and by the error while a joint is stuck, at every reading; reference-motor and
     measured-motor, the same in the motors' controllers. With another share: reference=0.8. Policies are called
@@ -87,18 +91,18 @@ class EvaluateCfg:
     log: Path | None = None
     """Also log the walks as a robot would, for `stiction identify` and `stiction train-actuator`: a folder for one NPZ
     per bundle, level, command and robot. The first --log-robots episodes, at the physics rate."""
-    log_robots: int = 4
+    log_robots: int = field(default=4, metadata=needs("--log"))
     """Robots to log per level and command."""
-    log_seconds: float = 10.0
+    log_seconds: float = field(default=10.0, metadata=needs("--log"))
     """Length of a log [s]; a fall ends it sooner."""
-    log_torque: Literal["motor_side", "output_side"] = "motor_side"
+    log_torque: Literal["motor_side", "output_side"] = field(default="motor_side", metadata=needs("--log"))
     """Torque in the log: `motor_side`, what the motor gave (what `stiction identify` needs), or `output_side`, what
     reached the link, dry and viscous friction of the joint taken off."""
     out: Path = Path("stiction-evaluation")
     """Directory for results.csv, methods.csv (every column over the seeds of one training), summary.json,
     friction_budget.svg and .png, and report.html; for walks.jsonl, by which an interrupted command goes on where it
     was; and for bench, what was identified for --forward and --known-friction."""
-    judge_again: bool = False
+    judge_again: bool = field(default=False, metadata=excludes(but=("--out", "--json")))
     """Walk nothing: read results.csv and summary.json in --out, and draw its page anew. No bundle is needed."""
     overwrite: bool = False
     """Write over results of other settings in --out."""
@@ -106,47 +110,10 @@ class EvaluateCfg:
     """Print the summary as JSON on standard output, and nothing else."""
 
 
-def _on_bench(cfg: EvaluateCfg) -> bool:
-    """Whether a virtual robot plays the real one in some engine."""
-    return any("+" in engine for engine in cfg.engines)
-
-
-BELONGS = (
-    OptionsOf(
-        ("static_ratio", "stribeck_velocity"), "--friction-law stribeck", lambda cfg: cfg.friction_law == "stribeck"
-    ),
-    OptionsOf(("robots", "robot_levels"), "a virtual robot, --engines mujoco+all", _on_bench),
-    OptionsOf(("forward_by",), "--forward", lambda cfg: bool(cfg.forward)),
-    OptionsOf(("callable_period",), "--policy-callable", lambda cfg: cfg.policy_callable is not None),
-    OptionsOf(("log_robots", "log_seconds", "log_torque"), "--log", lambda cfg: cfg.log is not None),
-)
-"""Which options are of what."""
-
-JUDGED = ("out", "judge_again", "json")
-"""Options that --judge-again has."""
-
-
-def check_options(cfg: EvaluateCfg) -> None:
-    """Raise `ConfigurationError` for an option that is not what it is by default, and would have no effect."""
-    if not cfg.judge_again:
-        check_effects(cfg, DEFAULTS, BELONGS)
-        return
-    others = [name for name in changed_options(cfg, DEFAULTS) if name not in JUDGED]
-    if others:
-        # Bundles have no name.
-        said = ", ".join("a bundle" if name == "bundles" else flag_of(name) for name in others)
-        raise ConfigurationError(f"--judge-again walks nothing, and {said} would have no effect; leave it out")
-
-
-DEFAULTS = EvaluateCfg(())
-"""What is not said."""
-
-
 def main(arguments: list[str]) -> int:
     """Check and evaluate the bundles, write the results, print them."""
     cfg = read_options(EvaluateCfg, arguments, "stiction evaluate", DESCRIPTION, groups=GROUPS)
     command = shlex.join(["stiction", "evaluate", *arguments])
-    check_options(cfg)
     if cfg.judge_again:
         check_evaluated(cfg.out)
         with output_folder(cfg.out):
@@ -157,10 +124,10 @@ def main(arguments: list[str]) -> int:
     jobs = jobs_of(cfg.jobs)
     from stiction.core.provenance import num_threads
     from stiction.core.records import part_of
-    from stiction.evaluate.evaluate import EvaluationCfg
-    from stiction.evaluate.grid import GridCfg, parse_simulator
-    from stiction.evaluate.summary import bundle_of, evaluate_all
-    from stiction.evaluate.walk_logs import RecordCfg, log_all
+    from stiction.evaluation.evaluate import EvaluationCfg
+    from stiction.evaluation.grid import GridCfg, parse_simulator
+    from stiction.evaluation.summary import bundle_of, evaluate_all
+    from stiction.evaluation.walk_logs import RecordCfg, log_all
     from stiction.report.evaluation import FILES
     from stiction.report.terminal import print_warnings, work_progress
 
@@ -179,11 +146,8 @@ def main(arguments: list[str]) -> int:
         nullcontext() if cfg.log is None else output_folder(cfg.log, "--log"),
     ):
         listening = any(bundle.contract.observes_friction for bundle in bundles)
-        if cfg.known_friction != DEFAULTS.known_friction and not listening:
-            raise ConfigurationError(
-                "--known-friction would have no effect: no policy here observes its joints' friction, as those do that "
-                "were trained with --task.known-friction; leave it out"
-            )
+        if cfg.known_friction != EvaluateCfg.known_friction and not listening:
+            raise ConfigurationError(requirement("--known-friction", "a policy trained with --task.known-friction"))
         with work_progress() as progress:
             rows, summary = evaluate_all(bundles, settings, cfg.out, cfg.robot, jobs, progress)
             if record is not None and cfg.log is not None:
@@ -207,7 +171,7 @@ def check_evaluated(out: Path) -> None:
 def judge_again(cfg: EvaluateCfg, command: str) -> None:
     """Draw the page of what a folder has; what an older summary lacks is what it was then."""
     from stiction.core.provenance import Origin
-    from stiction.formats.results import read_results, read_summary
+    from stiction.files.results import read_results, read_summary
 
     rows = read_results(cfg.out / "results.csv")
     engines, terrains = ([*dict.fromkeys(getattr(row, name) for row in rows)] for name in ("engine", "terrain"))
@@ -219,7 +183,7 @@ def judge_again(cfg: EvaluateCfg, command: str) -> None:
 def write_and_print(cfg: EvaluateCfg, rows: list[ResultRow], summary: dict[str, Any]) -> None:
     """Write the files and the page; print the rows."""
     from stiction.api.evaluation import Evaluated
-    from stiction.formats.results import summary_text
+    from stiction.files.results import summary_text
     from stiction.report.terminal import print_rows
 
     Evaluated(tuple(rows), summary).write(cfg.out)

@@ -11,10 +11,10 @@ from rich.table import Table
 
 from stiction.core.options import read_options
 from stiction.core.records import header, part_of, texts
-from stiction.formats.design import ExcitationDesign, Predicted, percent, two_digits
-from stiction.formats.plain import object_text
-from stiction.formats.settings import check_settings, results_folder
-from stiction.identify.excite.setup import ExciteSetup
+from stiction.files.design import ExcitationDesign, Predicted, percent, two_digits
+from stiction.files.plain import object_text
+from stiction.files.settings import check_settings, results_folder
+from stiction.identification.excite.setup import ExciteSetup
 
 DESCRIPTION = """Design a log that shows a joint's inertia and friction well: a motion within limits of angle, speed and
 torque, how long to run it, and at which gains. Predicts the standard deviation of each parameter, and shows what a

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal, get_args
 
 import tyro
 
+from stiction.core.effects import needs
 from stiction.core.errors import ConfigurationError, FileError
 from stiction.core.lock import replaced_folder
 from stiction.core.options import read_options
@@ -47,46 +48,32 @@ class ExportCfg:
     out: Path | None = None
     """Directory to make; by default `bundle` within the run, or `webots-NAME`, `rl_sar-NAME` and so on here for the
     bundle NAME."""
-    wear: Path | None = None
+    wear: Path | None = field(default=None, metadata=needs("--to bundle"))
     """Of a bundle: the RUN-wear.json that `stiction study adaptation` wrote for this run; it then also watches for
     wear."""
-    joints: Path | None = None
+    joints: Path | None = field(default=None, metadata=needs("--to bundle"))
     """Of a bundle whose policy is told its joints' friction: the joints.json of the robot that it is for. Without it,
     the policy is told the nominal friction of training."""
-    joint_map: tuple[str, ...] = ()
+    joint_map: tuple[str, ...] = field(default=(), metadata=needs("--to bundle"))
     """RECORDED=JOINT pairs where the records of --joints have other names than the policy's joints."""
-    maker_targets: Path | None = None
+    maker_targets: Path | None = field(default=None, metadata=needs("--to bundle"))
     """Of a bundle: also write the targets of its golden vectors to this CSV, in the order, with the signs and zeros of
     the robot's maker, held joints included: to be played with the robot in the air, and watched joint by joint."""
-    friction_level: float | None = None
+    friction_level: float | None = field(default=None, metadata=needs("--to webots"))
     """Of a Webots project: dry friction of the joints as a fraction of each one's torque limit [-], 0 by default. It
     can be changed in the worlds."""
-    step_height: float | None = None
+    step_height: float | None = field(default=None, metadata=needs("--to webots"))
     """Of a Webots project: height of the stairs' steps [m], 0.1 by default."""
-    robot: str | None = None
+    robot: str | None = field(default=None, metadata=needs("--to bundle or webots"))
     """Of a Webots project: a robot of your own in place of the bundle's, a file or `package.module:NAME`. Of a bundle:
     the robot that the run's config.json names as a module, said again: a module that a file names is not run."""
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 
 
-BELONGS = {
-    "wear": "bundle",
-    "joints": "bundle",
-    "joint_map": "bundle",
-    "maker_targets": "bundle",
-    "friction_level": "webots",
-    "step_height": "webots",
-}
-"""Option -> what it is an option of."""
-
-
 def main(arguments: list[str]) -> None:
     """Export what is asked for, and print where it is."""
     cfg = read_options(ExportCfg, arguments, "stiction export", DESCRIPTION)
-    for name, target in BELONGS.items():
-        if getattr(cfg, name) not in (None, ()) and cfg.to != target:
-            raise ConfigurationError(f"--{name.replace('_', '-')} is for --to {target}; leave it out")
     if cfg.to == "bundle":
         _to_bundle(cfg)
     elif cfg.to == "webots":
@@ -97,9 +84,9 @@ def main(arguments: list[str]) -> None:
 
 def _to_bundle(cfg: ExportCfg) -> None:
     """Export one run as a bundle."""
-    from stiction.evaluate.export import export_run
-    from stiction.formats.bundle import CONTRACT, shipped_bundles
-    from stiction.rma.run import RunDirectory
+    from stiction.evaluation.export import export_run
+    from stiction.files.bundle import CONTRACT, shipped_bundles
+    from stiction.learning.run import RunDirectory
 
     if (cfg.source / CONTRACT).exists() or str(cfg.source) in shipped_bundles():
         _, *others = get_args(Target)
@@ -139,8 +126,6 @@ def _to_others(cfg: ExportCfg, to: Literal["deploy.yaml", "rl_sar", "mjlab"]) ->
     """Export one bundle as another runtime deploys it."""
     from stiction.exchange.policies.exporter import export_to
 
-    if cfg.robot is not None:
-        raise ConfigurationError(f"--robot is for --to bundle and webots, --to {to} takes the bundle's; leave it out")
     source = _bundle(cfg.source)
     out = cfg.out or Path(f"{to.removesuffix('.yaml')}-{_bundle_name(source)}")
     with replaced_folder(out):
@@ -161,7 +146,7 @@ def _bundle_name(folder: Path) -> str:
 
 def _bundle(source: Path) -> Path:
     """Return the bundle that is meant: a directory, a shipped one by its name, or the one within a run."""
-    from stiction.formats.bundle import CONTRACT, find_bundle
+    from stiction.files.bundle import CONTRACT, find_bundle
 
     if (source / "config.json").is_file() and not (source / CONTRACT).exists():
         if not (source / "bundle" / CONTRACT).is_file():

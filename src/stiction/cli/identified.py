@@ -8,12 +8,12 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from stiction.formats.joints import PARAMETERS, JointRecord, JointsFile
+from stiction.files.joints import PARAMETERS, JointRecord, JointsFile
 
 
 def show(console: Console, joints: JointsFile, folder: Path) -> None:
     """Print for a person what was found, and lies in a folder: the verdict in three lines, numbers, and warnings."""
-    from stiction.identify.warnings import repeat_lines
+    from stiction.identification.warnings import repeat_lines
     from stiction.report.identification import lead_lines, own_warnings, remaining_warnings
 
     found = {name: record for name, record in joints.joints.items() if record.diagnostics}
@@ -47,7 +47,7 @@ def _one(name: str, record: JointRecord) -> Table:
 
     other = record.diagnostics.get("output_error") or {}
     table = Table("", "unit", "value", "95 % interval", "output error", title=_title(name, record))
-    for quantity in (*PARAMETERS, *EXTRA, "friction_ratio", "dead_band"):
+    for quantity in (*PARAMETERS, *EXTRA, "friction_ratio", "dynamic_ratio", "dead_band"):
         estimate = getattr(record, quantity)
         if estimate is None:
             if quantity in (*PARAMETERS, "friction_ratio", "dead_band"):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -14,23 +14,23 @@ import tyro
 from rich.console import Console
 
 from stiction.cli.identified import show, show_limb, show_walk
-from stiction.core.effects import changed_options, flag_of
+from stiction.core.effects import excludes, flag_of, needs
 from stiction.core.errors import ConfigurationError, LogError, RobotError, nearest
 from stiction.core.memory import DEFAULT_LIMIT, limit_memory
 from stiction.core.options import read_options, refuse
 from stiction.core.records import part_of
-from stiction.formats.joints import JointsFile
-from stiction.formats.log import Log, LogSetup, sidecar_of
-from stiction.formats.plain import object_text
-from stiction.formats.run_log import is_walk_log
-from stiction.formats.settings import SETTINGS, check_settings, results_folder
-from stiction.identify.limb.setup import LimbSetup
-from stiction.identify.setup import IdentifySetup
-from stiction.identify.walking.setup import RobotLogSetup, WalkSetup
+from stiction.files.joints import JointsFile
+from stiction.files.log import Log, LogSetup, sidecar_of
+from stiction.files.plain import object_text
+from stiction.files.run_log import is_walk_log
+from stiction.files.settings import SETTINGS, check_settings, results_folder
+from stiction.identification.limb.setup import LimbSetup
+from stiction.identification.setup import IdentifySetup
+from stiction.identification.walking.setup import RobotLogSetup, WalkSetup
 from stiction.report.terminal import Terminal
 
 if TYPE_CHECKING:
-    from stiction.formats.inputs import Inputs
+    from stiction.files.inputs import Inputs
 
 DESCRIPTION = """Find the inertia, viscous and dry friction of joints from a log, with intervals; say if it matters, and
 write joints.json, fit.npz, training.json and report.html.
@@ -141,7 +141,10 @@ class IdentifyConfig(WriteOptions, ReadOptions, IdentifySetup, LimbSetup):
     same joints, which are fitted together."""
     join: bool = False
     """The logs are the parts of one log, in their order, not runs."""
-    init: bool = False
+    init: bool = field(
+        default=False,
+        metadata=excludes(but=("--joint", "--memory-limit", *(flag_of(item.name) for item in fields(LogSetup)))),
+    )
     """Write the sidecar to fill in, with what the other flags say and what can be guessed from the log, and identify
     nothing."""
     joint: tuple[str, ...] = ()
@@ -151,7 +154,7 @@ class IdentifyConfig(WriteOptions, ReadOptions, IdentifySetup, LimbSetup):
     shipped one. All joints are then identified together, with the links' torques from the model."""
     repeat: tuple[Path, ...] = ()
     """Further logs of the same joints: repeats, hot and cold, with and without a payload. Each may have a sidecar."""
-    repeat_columns: tuple[str, ...] = ()
+    repeat_columns: tuple[str, ...] = field(default=(), metadata=needs("--repeat"))
     """ROLE=NAME pairs that the repeats have and the log has not: disturbance=pulses, say."""
 
 
@@ -196,7 +199,7 @@ def main(arguments: list[str]) -> int:
 def _identify_joints(config: IdentifyConfig, command: str) -> int:
     """Identify the joints of one log or of several, or of a whole limb; return the exit status. command: as typed."""
     from stiction.api.identification import identify_joints, identify_limb
-    from stiction.identify.logs import join_logs
+    from stiction.identification.logs import join_logs
     from stiction.report.terminal import work_progress
 
     if not config.log:
@@ -204,7 +207,6 @@ def _identify_joints(config: IdentifyConfig, command: str) -> int:
     if config.init:
         print(_start_sidecar(config))
         return 0
-    _refuse_unread(config)
     for log in (*config.log, *config.repeat):
         _keep_inputs(log, config.out)
     # Before anything is read: a folder of other results is refused at once, not after minutes of fitting.
@@ -233,16 +235,11 @@ def _identify_joints(config: IdentifyConfig, command: str) -> int:
 
 
 def _start_sidecar(config: IdentifyConfig) -> str:
-    """Write the sidecar of a log, with what was declared; return what was guessed. Refuses what no sidecar holds."""
-    from stiction.identify.logs import parse_columns
-    from stiction.identify.logs.sidecar import write_sidecar
+    """Write the sidecar of a log, with what was declared; return what was guessed."""
+    from stiction.identification.logs import parse_columns
+    from stiction.identification.logs.sidecar import write_sidecar
 
     kept = {item.name for item in fields(LogSetup)} & {item.name for item in fields(IdentifyConfig)}
-    for name in changed_options(config, IdentifyConfig(log=config.log)):
-        if name not in kept and name not in ("init", "joint", "memory_limit"):
-            raise ConfigurationError(
-                f"--init writes the sidecar of a log, and has no use for {flag_of(name)}; leave it out"
-            )
     if len(config.log) > 1:
         raise ConfigurationError(f"--init with {len(config.log)} logs; expected one: each has a sidecar of its own")
     if len(config.joint) > 1:
@@ -253,20 +250,9 @@ def _start_sidecar(config: IdentifyConfig) -> str:
     return write_sidecar(config.log[0], LogSetup(**declared), *config.joint)
 
 
-def _refuse_unread(config: IdentifyConfig) -> None:
-    """Refuse options that nothing would read, for whoever gave them takes the result for another one."""
-    given = [*changed_options(config, LimbSetup())]
-    if config.robot is None and given:
-        raise ConfigurationError(
-            f"{flag_of(given[0])} is for a whole limb, whose robot is named; add --robot, or leave it out"
-        )
-    if config.repeat_columns and not config.repeat:
-        raise ConfigurationError("--repeat-columns are those of repeats, and there is none; add --repeat LOG")
-
-
 def _open(config: IdentifyConfig, path: Path, repeat: bool = False) -> Log:
     """Open one of the logs; a repeat is whole, and has a sidecar of its own."""
-    from stiction.identify.logs import open_log, parse_columns
+    from stiction.identification.logs import open_log, parse_columns
 
     columns, name = parse_columns(config.columns), config.joint[0] if len(config.joint) == 1 else None
     if repeat:
@@ -290,11 +276,11 @@ def memory_of(limit: float) -> int:
 def _identify_walk(arguments: list[str]) -> int:
     """Identify the log of a walk; return the exit status."""
     options = read_options(WalkOptions, arguments, "stiction identify walk", WALK_DESCRIPTION, groups=WALK_GROUPS)
-    from stiction.formats.run_log import read_walk_log
-    from stiction.formats.walk import write_walk_fit
-    from stiction.identify.proposal import write_proposal
-    from stiction.identify.walking.foreign import foreign_walk
-    from stiction.identify.walking.pipeline import identify_walk
+    from stiction.files.run_log import read_walk_log
+    from stiction.files.walk import write_walk_fit
+    from stiction.identification.proposal import write_proposal
+    from stiction.identification.walking.foreign import foreign_walk
+    from stiction.identification.walking.pipeline import identify_walk
     from stiction.report.walking import write_walking_page
     from stiction.robots.catalog import find_robot
 
@@ -328,7 +314,7 @@ def _identify_walk(arguments: list[str]) -> int:
 
 def _open_walk(options: WalkOptions) -> Log:
     """Open the log of a walk that has columns of its own."""
-    from stiction.identify.logs import open_log, parse_columns
+    from stiction.identification.logs import open_log, parse_columns
 
     return open_log(
         options.log,
@@ -361,7 +347,7 @@ def _verb(options: IdentifyConfig | WalkOptions) -> str:
 
 def _inputs(options: IdentifyConfig | WalkOptions) -> Inputs:
     """Return what is read; a sidecar that is named stands in for that of a log, and not for those of repeats."""
-    from stiction.formats.inputs import with_sidecars
+    from stiction.files.inputs import with_sidecars
 
     logs = [options.log] if isinstance(options, WalkOptions) else [*options.log]
     repeats = () if isinstance(options, WalkOptions) else options.repeat

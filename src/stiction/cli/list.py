@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from stiction.core.extras import install_command, installed_by, installed_from
+from stiction.core.extras import install_command, installed_by, installed_from, is_installed
 from stiction.core.options import read_options
 from stiction.core.records import column, header, texts
 
@@ -110,7 +110,7 @@ def robots() -> list[RobotRow]:
 
 def policies() -> list[PolicyRow]:
     """Return the shipped policies."""
-    from stiction.formats.bundle import read_bundle, shipped_bundles
+    from stiction.files.bundle import read_bundle, shipped_bundles
 
     rows = []
     for name, path in shipped_bundles().items():
@@ -121,14 +121,12 @@ def policies() -> list[PolicyRow]:
 
 def engines() -> list[EngineRow]:
     """Return the shipped engines, and whether each can be used here."""
-    from importlib.util import find_spec
-
     from stiction.engines.catalog import ENGINES
 
     rows, source, program = [], installed_from(), installed_by()
     for spec in ENGINES.values():
         here = all(found is not None for found in spec.binaries().values())
-        here = here and find_spec(PACKAGES.get(spec.name, "stiction")) is not None
+        here = here and is_installed(PACKAGES.get(spec.name, "stiction"))
         missing = spec.extra and not here
         rows.append(EngineRow(spec.name, here, install_command(spec.extra, source, program) if missing else "–"))
     return rows

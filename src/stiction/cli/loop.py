@@ -17,8 +17,8 @@ from stiction.core.errors import FileError, StictionError
 from stiction.core.files import write_text
 from stiction.core.records import column, header, texts
 from stiction.deploy.runtime.ticker import BUSY, LATE, QUIET
-from stiction.formats.joints import load_joints
-from stiction.formats.plain import is_number, read_object
+from stiction.files.joints import load_joints
+from stiction.files.plain import is_number, read_object
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class LoopCfg:
     """How often a run is made on a machine that was too busy for it."""
 
 
-WAITS, WAITS_FOR_POLICY = ("--stale", "0.5"), ("--silence", "2")
+WAITS, WAITS_FOR_POLICY = ("--stale", "0.5", "--gap", "0.5"), ("--silence", "2")
 """How long the supervisor waits for the robot, and for a policy [s]: longer than on a robot of metal, since here
 nothing falls on anybody, and a demo runs on machines that do other work."""
 

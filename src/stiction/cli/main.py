@@ -5,12 +5,14 @@ from __future__ import annotations
 import importlib
 import sys
 import warnings
+from collections.abc import Callable
 
 from stiction import __version__
 from stiction.cli.process import DEBUG, begin, failed, stopped
-from stiction.core.errors import StictionError, unknown_name
-from stiction.core.extras import require
-from stiction.core.gemm import open_fast_gemm
+from stiction.core.errors import ConfigurationError, StictionError, unknown_name
+from stiction.core.extras import EXPERIMENTS, experiments_remedy, require
+from stiction.core.plugins import VERBS as VERB_GROUP
+from stiction.core.plugins import find_installed
 from stiction.core.provenance import limit_library_threads
 
 VERBS = {
@@ -36,11 +38,11 @@ VERBS = {
 }
 """Verb -> what it does, in the order in which the data flows. The module is `stiction.cli.<verb>`, with _ for -."""
 
-ELSEWHERE = {"replicate": "stiction.studies.replication.study", "import": "stiction.cli.import_policy"}
-"""Verbs whose module is called otherwise: a study, and a word of Python."""
+INSTALLED = frozenset({"replicate", "study", "bench"})
+"""Verbs that are entry points of the distribution of the experiments."""
 
 NEEDS = {"demo": "sim", "evaluate": "sim", "replicate": "sim", "import": "sim", "sign": "sign"}
-NEEDS |= dict.fromkeys(("list", "robot"), "sim") | {"view": "view"}
+NEEDS |= {"robot": "sim", "view": "view"}
 NEEDS |= dict.fromkeys(("train", "train-actuator", "bench", "doctor"), "train")
 """Verbs that do nothing without an extra: it is asked for before anything is done, unless they are asked for help."""
 
@@ -49,6 +51,8 @@ HELP = frozenset({"-h", "--help", "--help-all"})
 
 USAGE = "usage: stiction VERB [--help] [options]\n\nverbs:\n"
 EPILOG = """
+Verbs with [sim], [train] and the like need that extra, and print the command that installs it where it is missing.
+
 Examples:
   stiction demo
   stiction identify log.csv --kp 20 --kd 1 --torque-limit 45
@@ -61,7 +65,8 @@ prints the traceback of an error before its line.
 
 def overview() -> str:
     """Return the text of `stiction --help`."""
-    return USAGE + "".join(f"  {verb:<16}{text}\n" for verb, text in VERBS.items()) + EPILOG
+    extras = {verb: f" [{extra}]" for verb, extra in NEEDS.items()}
+    return USAGE + "".join(f"  {verb:<16}{text}{extras.get(verb, '')}\n" for verb, text in VERBS.items()) + EPILOG
 
 
 def main(arguments: list[str]) -> int:
@@ -87,19 +92,18 @@ def main(arguments: list[str]) -> int:
         said = f"{odd!r} is no UTF-8 text, in which results name the command that made them; rename it"
         print(f"stiction {name}: {said}", file=sys.stderr)
         return 1
-    # Both before the verb's module: NumPy and torch read their settings when they are imported.
+    # Before the verb's module: NumPy and torch read their settings when they are imported.
     limit_library_threads()
-    open_fast_gemm()
     try:
         with warnings.catch_warnings():
             # Python's own form is two lines, the second one of our source code.
             warnings.showwarning = lambda message, *_, **__: print(
                 f"stiction {name}: warning: {' '.join(str(message).split())}", file=sys.stderr
             )
+            run = find_verb(verb)
             if verb in NEEDS and not HELP & set(rest):
                 require(NEEDS[verb])
-            module = ELSEWHERE.get(verb, f"stiction.cli.{verb.replace('-', '_')}")
-            status = importlib.import_module(module).main(rest)
+            status = run(rest)
         return int(status or 0)
     except KeyboardInterrupt as stop:
         said, status = stopped(stop)
@@ -107,6 +111,16 @@ def main(arguments: list[str]) -> int:
         return status
     except Exception as error:
         return failed(error, name, debug)
+
+
+def find_verb(verb: str) -> Callable[[list[str]], int | None]:
+    """Return the `main` of a verb. Raises `ConfigurationError` where its distribution is not installed."""
+    if verb in INSTALLED:
+        if (run := find_installed(VERB_GROUP, verb)) is None:
+            raise ConfigurationError(f"this needs {EXPERIMENTS}, which is not installed; {experiments_remedy()}")
+        return run
+    name = "import_policy" if verb == "import" else verb.replace("-", "_")
+    return importlib.import_module(f"stiction.cli.{name}").main
 
 
 def _named(verb: str, words: list[str]) -> str:

@@ -39,7 +39,7 @@ class Stream:
 
     @property
     def rich_proxied_file(self) -> Stream:
-        """Where `rich`, whose own sequences are meant, writes."""
+        """Stream on which `rich` draws: its control sequences reach the terminal unescaped."""
         return Stream(self._file, self._lasting, escapes=False)
 
     def __getattr__(self, name: str) -> Any:
@@ -48,10 +48,8 @@ class Stream:
 
     def write(self, text: str) -> int:
         """Write a text. Raises as `flush`."""
-        # tyro colours its own help; it says nothing that is in a file.
-        own = sys._getframe(1).f_globals.get("__name__", "").startswith("tyro")
         try:
-            return self._file.write(escaped(text) if self._escapes and not own else text)
+            return self._file.write(escaped(text) if self._escapes else text)
         except OSError as error:
             self._fail(error)
             return len(text)

@@ -14,8 +14,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.text import Text
 
 from stiction.core.errors import escaped
+from stiction.learning.config import TrainCfg
 from stiction.report.terminal import Terminal
-from stiction.rma.config import TrainCfg
 
 RECENT = 20
 """Iterations whose times count."""

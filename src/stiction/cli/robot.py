@@ -12,7 +12,7 @@ from tyro.conf import Positional
 from stiction.core.errors import RobotError, unknown_name
 from stiction.core.files import keep_inputs
 from stiction.core.options import HELP, HELP_ALL, read_options, refuse
-from stiction.formats.settings import check_settings, results_folder
+from stiction.files.settings import check_settings, results_folder
 from stiction.robots.catalog import is_file_name
 
 
@@ -167,7 +167,7 @@ def _print(derived: Any) -> None:
 def _list(cfg: ListCfg) -> int:
     """Print the shipped robots, and the names of the policies."""
     from stiction.cli.list import robots, show
-    from stiction.formats.bundle import shipped_bundles
+    from stiction.files.bundle import shipped_bundles
 
     rows, policies = robots(), list(shipped_bundles())
     if cfg.json:

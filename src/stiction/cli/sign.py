@@ -13,7 +13,7 @@ import tyro
 
 from stiction.core.errors import BundleError, ConfigurationError, FileError
 from stiction.core.options import read_options, refuse
-from stiction.formats.bundle import SIGNATURE, shipped_bundles, shipped_folder
+from stiction.files.bundle import SIGNATURE, shipped_bundles, shipped_folder
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ def main(arguments: list[str]) -> None:
     if cfg.new_key is not None:
         if cfg.bundle is not None or cfg.key is not None:
             raise ConfigurationError("--new-key makes a key and signs nothing; sign with it in a second command: --key")
-        from stiction.formats.signature import make_key
+        from stiction.files.signature import make_key
 
         public = make_key(cfg.new_key)
         _say(cfg, {"key": str(cfg.new_key), "public": str(public)}, f"{cfg.new_key}: private; {public}: public")
@@ -59,7 +59,7 @@ def sign_bundle(path: Path, key: Path) -> str:
     """
     from stiction.core.files import write_bytes
     from stiction.deploy.check import check_bundle
-    from stiction.formats.signature import sign
+    from stiction.files.signature import sign
 
     def passphrase() -> str:
         return getpass.getpass(f"passphrase of {key}: ")

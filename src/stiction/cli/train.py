@@ -13,27 +13,27 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stiction.core.effects import exclusion
 from stiction.core.errors import ConfigurationError, StictionError
 from stiction.core.extras import require
-from stiction.rma.arguments import Train, defaults, parse
-from stiction.rma.config import TrainCfg
-from stiction.rma.effects import check_effects
+from stiction.core.gemm import fast_gemm_note, open_fast_gemm
+from stiction.learning.arguments import Train, defaults, parse
+from stiction.learning.config import TrainCfg
+from stiction.learning.effects import check_effects
 
 if TYPE_CHECKING:
-    from stiction.rma.run import RunDirectory
+    from stiction.learning.run import RunDirectory
 
 
 def _friction_from(path: Path, cfg: TrainCfg, arguments: list[str]) -> TrainCfg:
     """Return the configuration with the friction that a `training.json` proposes; refuse flags that say otherwise."""
-    from stiction.formats.joints import read_training
-    from stiction.rma.begin import with_friction
+    from stiction.files.joints import read_training
+    from stiction.learning.begin import with_friction
 
     own = ("--method", "--friction-level", "--friction-law", "--task.friction.")
     given = [flag for word in arguments if (flag := word.partition("=")[0].replace("_", "-")).startswith(own)]
     if given:
-        raise ConfigurationError(
-            f"--friction-from {path} and {', '.join(given)} both set the friction; leave one of them out"
-        )
+        raise ConfigurationError(exclusion("--friction-from", given[0]))
     return with_friction(cfg, read_training(path), path.name)
 
 
@@ -42,22 +42,17 @@ AGAIN = ("--robot", "--task.robot", "--task.rewards.own")
 
 
 def _only_resume(arguments: list[str]) -> None:
-    """Refuse other options beside --resume: the run goes on as its config.json says, and they would have no effect."""
-    flags = [word.partition("=")[0] for word in arguments if word.startswith("--")]
-    others = [
-        flag.replace("_", "-")
-        for flag in flags
-        if flag.replace("_", "-") not in ("--resume", "--json", "--view", *AGAIN)
-    ]
-    if others:
-        raise ConfigurationError(
-            f"--resume continues a run as it was started, and {', '.join(others)} would have no effect; "
-            "leave it out, or start another run with --out"
-        )
+    """Refuse options beside --resume, with their default values too: the run continues as its config.json says."""
+    for word in arguments:
+        flag = word.partition("=")[0].replace("_", "-")
+        if word.startswith("--") and flag not in ("--resume", "--json", "--view", *AGAIN):
+            raise ConfigurationError(exclusion("--resume", flag))
 
 
 def main(arguments: list[str]) -> int:
     """Run the verb."""
+    # Before torch, which is imported after the options are read.
+    open_fast_gemm()
     # Only the first of torchrun's processes prints; the others would say everything again.
     if os.environ.get("RANK", "0") != "0":
         return _follow(arguments)
@@ -71,11 +66,11 @@ def main(arguments: list[str]) -> int:
 
 def _follow(arguments: list[str]) -> int:
     """Train as one of several processes that torchrun has started; the first of them speaks for all."""
+    from stiction.learning.phase import Interrupted
+    from stiction.learning.ranks import PeerGone, named_ranks
+    from stiction.learning.run import RunDirectory, identified_values
+    from stiction.learning.runner import train
     from stiction.report.terminal import stop_requests
-    from stiction.rma.phase import Interrupted
-    from stiction.rma.ranks import PeerGone, named_ranks
-    from stiction.rma.run import RunDirectory, identified_values
-    from stiction.rma.runner import train
 
     try:
         options, ranks = parse(arguments), named_ranks()
@@ -102,8 +97,8 @@ def _follow(arguments: list[str]) -> int:
 
 def _begin(options: Train, arguments: list[str]) -> tuple[RunDirectory, TrainCfg]:
     """Make the folder of a new run."""
-    from stiction.rma.begin import begin_run
-    from stiction.rma.ranks import named_ranks
+    from stiction.learning.begin import begin_run
+    from stiction.learning.ranks import named_ranks
 
     cfg = options.config
     if options.friction_from is not None:
@@ -121,7 +116,7 @@ def _say(line: str) -> None:
 
 def _resume(options: Train, arguments: list[str]) -> int:
     """Go on with a run; say so and do nothing where it is finished."""
-    from stiction.rma.run import RunDirectory
+    from stiction.learning.run import RunDirectory
 
     assert options.resume is not None
     _only_resume(arguments)
@@ -143,12 +138,12 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
     """Train, with progress, clips and an ear for signals; return the exit status."""
     from stiction.cli.progress import training_progress
     from stiction.core.lock import output_folder
-    from stiction.evaluate.film import ClipRecorder
+    from stiction.evaluation.film import ClipRecorder
+    from stiction.learning.phase import Interrupted
+    from stiction.learning.ranks import named_ranks
+    from stiction.learning.run import identified_values
+    from stiction.learning.runner import train
     from stiction.report.terminal import stop_requests
-    from stiction.rma.phase import Interrupted
-    from stiction.rma.ranks import named_ranks
-    from stiction.rma.run import identified_values
-    from stiction.rma.runner import train
 
     ranks = named_ranks()
     run.check_processes(ranks.size)
@@ -175,6 +170,9 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
             return asked.status
         finally:
             crew.abandon()
+    # Behind the training, so that a refusal is one line; on a GPU the networks are there.
+    if cfg.device != "cuda" and (note := fast_gemm_note()):
+        _say(note)
     _report(run, summary, options.json)
     return 0
 

@@ -42,7 +42,7 @@ class TrainActuator:
 
 def _logs_in(path: Path) -> list[Path]:
     """Return the logs that a path names: itself, or those in a folder that is not the log of a run."""
-    from stiction.formats.run_log import find_run_log
+    from stiction.files.run_log import find_run_log
 
     return sorted(path.glob("*.npz")) if path.is_dir() and find_run_log(path) is None else [path]
 
@@ -57,13 +57,13 @@ def main(arguments: list[str]) -> int:
 
     from stiction.core.errors import ConfigurationError
     from stiction.core.provenance import num_threads
-    from stiction.formats.inputs import with_sidecars
-    from stiction.formats.results import summary_text
-    from stiction.formats.settings import results_folder
+    from stiction.files.inputs import with_sidecars
+    from stiction.files.results import summary_text
+    from stiction.files.settings import results_folder
+    from stiction.learning.actuator import train_actuator, write_trained
+    from stiction.learning.actuator_data import read_run
     from stiction.report.terminal import work_progress
     from stiction.report.training import is_worse, lead, write_actuator_page
-    from stiction.rma.actuator import train_actuator, write_trained
-    from stiction.rma.actuator_data import read_run
 
     torch.set_num_threads(num_threads())
     files = [file for path in options.logs for file in _logs_in(path)]

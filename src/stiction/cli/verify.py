@@ -13,7 +13,7 @@ from stiction.core.errors import StictionError
 from stiction.core.options import read_options
 
 if TYPE_CHECKING:
-    from stiction.formats.golden import Exercise
+    from stiction.files.golden import Exercise
 
 
 @dataclass(frozen=True)
@@ -58,9 +58,9 @@ def _print(check, known: str | None) -> None:
     """Print what was checked as a table; `known`: whether its digest was `expected`, or `allowed`."""
     from rich.table import Table
 
-    from stiction.deploy.check import TOLERANCE
-    from stiction.formats.golden import exercise_of
-    from stiction.formats.known_friction import known_friction_text
+    from stiction.deploy.check import TOLERANCE, target_limits_text
+    from stiction.files.golden import exercise_of
+    from stiction.files.known_friction import known_friction_text
     from stiction.report.terminal import Terminal
 
     bundle, contract = check.bundle, check.bundle.contract
@@ -77,6 +77,7 @@ def _print(check, known: str | None) -> None:
         f"{check.action_error:.1e} in the action, {check.target_error:.1e} rad in the target (allowed {TOLERANCE:g})",
     }
     rows["exercised"] = _exercise(exercise_of(bundle.golden, contract))
+    rows["target limits"] = target_limits_text(contract)
     if contract.known_friction is not None:
         file = contract.known_friction_file
         source = "nominal in its training" if file is None else f"as {file['name']} says"

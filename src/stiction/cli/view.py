@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import os
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from stiction.core.effects import LEAVE_ONE, OptionsOf, check_effects
+from stiction.core.effects import excludes, needs
 from stiction.core.errors import ConfigurationError
 from stiction.core.options import read_options
-from stiction.formats.settings import check_file
-from stiction.locomotion.friction import law_choice, law_help
+from stiction.files.settings import check_file
+from stiction.task.friction import law_choice, law_help
 
 if TYPE_CHECKING:
-    from stiction.evaluate.newest import NewestPolicy
+    from stiction.evaluation.newest import NewestPolicy
     from stiction.robots.model import Robot
     from stiction.view.simulation import Simulation, ViewedPolicy
     from stiction.view.viewer import Viewer
@@ -60,9 +60,9 @@ class ViewCfg:
     friction_law: Annotated[str, law_choice(), law_help("Law of the dry friction, whatever the training's.")] = (
         "coulomb"
     )
-    static_ratio: float = 1.5
+    static_ratio: float = field(default=1.5, metadata=needs("--friction-law stribeck"))
     """Friction at rest over friction in motion, of the law stribeck."""
-    stribeck_velocity: float = 0.1
+    stribeck_velocity: float = field(default=0.1, metadata=needs("--friction-law stribeck"))
     """Speed at which 63 % of that excess is gone [rad/s], of the law stribeck."""
     engine: str = "mujoco"
     """Physics engine at the beginning: mujoco, physx, ode, ode-webots, or package.module:ENGINE of your own."""
@@ -76,46 +76,35 @@ class ViewCfg:
     port: int | None = None
     """Port to listen on; by default the first free one from 8080 on."""
     host: str = "127.0.0.1"
-    """Address to listen on; by default this machine's own, which nobody else reaches. There are no passwords."""
+    """Name or address to listen on; by default this machine's own, which nobody else reaches. Browsers have to use the
+    same one, or localhost. There are no passwords."""
     dark: bool = False
     """Draw dark."""
     follow: bool = False
     """Of a training run that goes on: show each new checkpoint, and wait for the first."""
     out: Path = Path("stiction-view")
     """Folder for recordings: canonical logs, NPZ, made when first needed."""
-    static: Path | None = None
+    static: Path | None = field(default=None, metadata=excludes("--port", "--host", "--follow", "--out"))
     """Write an HTML file that needs no server, of --seconds at --command and --friction-level, and end."""
-    overwrite: bool = False
+    overwrite: bool = field(default=False, metadata=needs("--static"))
     """Write over a file that is there."""
-    seconds: float = 10.0
+    seconds: float = field(default=10.0, metadata=needs("--static"))
     """Length of what is written with --static [s]."""
-
-
-BELONGS = (
-    OptionsOf(
-        ("port", "host", "follow", "out"),
-        "the viewer, which --static does not open",
-        lambda cfg: cfg.static is None,
-        LEAVE_ONE,
-    ),
-    OptionsOf(("seconds", "overwrite"), "--static", lambda cfg: cfg.static is not None),
-    OptionsOf(
-        ("static_ratio", "stribeck_velocity"), "--friction-law stribeck", lambda cfg: cfg.friction_law == "stribeck"
-    ),
-)
-"""Which options are of what."""
 
 
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
     cfg = read_options(ViewCfg, arguments, "stiction view", DESCRIPTION)
-    check_effects(cfg, ViewCfg(), BELONGS)
     if not 0 < cfg.seconds <= 120:
         raise ConfigurationError(f"--seconds {cfg.seconds:g}; expected more than 0 and at most 120")
     if cfg.static is not None:
         check_file(cfg.static, cfg, "--static")  # before the robots are made ready
     else:
-        cfg = replace(cfg, host=find_host(cfg))
+        from stiction.view.server import check_port, resolve
+
+        # Before the robots are made ready.
+        check_port(cfg.port)
+        resolve(cfg.host)
     policies, robot, newest = policies_of(cfg)
     simulation = simulation_of(cfg, policies, robot)
     if cfg.static is not None:
@@ -129,18 +118,11 @@ def main(arguments: list[str]) -> int:
         return 0
 
 
-def find_host(cfg: ViewCfg) -> str:
-    """Return the address to listen on; raise `StictionError` where there is none here, or the port is none."""
-    from stiction.view.server import check_port, resolve
-
-    check_port(cfg.port)
-    return resolve(cfg.host)
-
-
 def policies_of(cfg: ViewCfg) -> tuple[list[ViewedPolicy], Robot, dict[int, NewestPolicy]]:
     """Return what is looked at, its robot, and by its number what may be replaced by a newer checkpoint."""
-    from stiction.deploy.check import check_bundle, robot_of
-    from stiction.formats.bundle import find_bundle
+    from stiction.deploy.check import check_for_simulation, record_notes, robot_of
+    from stiction.files.bundle import find_bundle
+    from stiction.report.terminal import print_warnings
     from stiction.view.simulation import ViewedPolicy
 
     policies: list[ViewedPolicy] = []
@@ -149,14 +131,15 @@ def policies_of(cfg: ViewCfg) -> tuple[list[ViewedPolicy], Robot, dict[int, Newe
     newest: dict[int, NewestPolicy] = {}
     for number, path in enumerate(cfg.policies or map(Path, SHIPPED)):
         if (path / "config.json").is_file():
-            from stiction.evaluate.newest import NewestPolicy
+            from stiction.evaluation.newest import NewestPolicy
 
             run = newest[number] = NewestPolicy(path, wait=cfg.follow, robot=cfg.robot)
             policies.append(viewed(run))
             robots.append(run.robot)
             folders.append(path.resolve().name)
         else:
-            bundle = check_bundle(find_bundle(path)).bundle
+            bundle = check_for_simulation(find_bundle(path))
+            print_warnings("view", record_notes([bundle]))
             policies.append(ViewedPolicy.of_bundle(bundle))
             robots.append(robot_of(bundle.contract, cfg.robot))
             folders.append(bundle.name)
@@ -173,8 +156,9 @@ def policies_of(cfg: ViewCfg) -> tuple[list[ViewedPolicy], Robot, dict[int, Newe
 def simulation_of(cfg: ViewCfg, policies: list[ViewedPolicy], robot: Robot) -> Simulation:
     """Return the simulation as it begins."""
     from stiction.core.records import part_of
-    from stiction.evaluate.command import parse_command, untrained
-    from stiction.evaluate.course import parse_course
+    from stiction.evaluation.command import untrained
+    from stiction.evaluation.course import parse_course
+    from stiction.files.velocity import parse_command
     from stiction.joints.friction import MAX_LEVEL, Law
     from stiction.view.simulation import Simulation, WorldCfg
 
@@ -224,11 +208,12 @@ def show(cfg: ViewCfg, simulation: Simulation, newest: dict[int, NewestPolicy]) 
 
     with serve(cfg.port, cfg.host) as server:
         viewer = Viewer(server, simulation, cfg.out, cfg.dark)
-        if cfg.host != LOOPBACK:
+        host = server.get_host()
+        if host != LOOPBACK:
             print(
                 "stiction view: whoever reaches this address can look and steer; there is no password", file=sys.stderr
             )
-        place = f"[{cfg.host}]" if ":" in cfg.host else cfg.host
+        place = f"[{host}]" if ":" in host else host
         print(f"open http://{place}:{server.get_port()} in a browser; Ctrl-C ends it", flush=True)
         watchers = [run.watch(partial(_teach, viewer, number, run)) for number, run in newest.items() if cfg.follow]
         try:

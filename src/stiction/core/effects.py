@@ -1,64 +1,110 @@
-"""Options of one that was not asked for: refused, since they would have no effect.
+"""Options that require or exclude others: declared at the field, checked as options are read, refused in one sentence.
 
-A verb lists in a table which options are of what, and every refusal reads the same.
+log_robots: int = field(default=4, metadata=needs("--log"))                            --log is set
+static_ratio: float = field(default=1.5, metadata=needs("--friction-law stribeck"))    it has this value
+model: Path | None = field(default=None, metadata=needs("--to mujoco or urdf"))        it has one of these values
+loop: bool = field(default=False, metadata=excludes("--train", "--preset"))
+plan: bool = field(default=False, metadata=needs("--preset full") | excludes(but=("--runs",)))
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
+from operator import attrgetter
 from typing import Any
 
 from stiction.core.errors import ConfigurationError
 
-LEAVE_ONE = "leave one of them out"
-"""The remedy where two things were asked for, of which one replaces the other."""
-
 
 @dataclass(frozen=True)
-class OptionsOf:
-    """Options that do something for one thing alone."""
+class Need:
+    """Requirement of an option."""
 
-    options: tuple[str, ...]
-    """As the dataclass has them: `log_robots`, of nested ones `operator.heartbeat_timeout`, or `operator` for all."""
-    owner: str
-    """What they are of, in words: `--log`."""
-    asked: Callable[[Any], bool]
-    """Whether the options of a verb ask for it."""
-    remedy: str = "leave it out, or add that"
-    """What to do."""
+    text: str
+    """Required option, as typed: `--log`, or with values `--to mujoco, urdf or webots`."""
+    met: Callable[[Any], bool] | None
+    """Condition on the options of the verb; by default the option is set, or has one of the values."""
+    part: str
+    """Nested option that has the requirement; by default all of them."""
 
 
-def check_effects(options: Any, defaults: Any, table: Sequence[OptionsOf]) -> None:
-    """Raise `ConfigurationError` for the first option that is not what it is by default, and would have no effect.
+def needs(text: str, met: Callable[[Any], bool] | None = None, part: str = "") -> dict[str, Any]:
+    """Return the metadata of a field that requires another option; the arguments are those of `Need`."""
+    return {"needs": Need(text, met, part)}
 
-    options, defaults: dataclasses of one kind.
+
+def excludes(*flags: str, but: Sequence[str] = ()) -> dict[str, Any]:
+    """Return the metadata of a field that excludes other options: `flags`, or all except `but`."""
+    return {"excludes": lambda flag: flag not in but if but else any(_within(flag, name) for name in flags)}
+
+
+def requirement(option: str, needed: str) -> str:
+    """Return the message for an option without what it requires."""
+    return f"{option} requires {needed}; add {needed} or remove {option}"
+
+
+def exclusion(option: str, other: str) -> str:
+    """Return the message for two options that exclude each other."""
+    return f"{option} and {other} exclude each other; remove one of them"
+
+
+def check_effects(options: Any, defaults: Any = None) -> None:
+    """Raise `ConfigurationError` for the first changed option that lacks another one, or is excluded by it.
+
+    defaults: options of the same dataclass, unchanged; by default those of its fields.
     """
-    changed = list(changed_options(options, defaults))
-    for entry in table:
-        if entry.asked(options):
-            continue
-        for name in changed:
-            if any(name == one or name.startswith(f"{one}.") for one in entry.options):
-                raise ConfigurationError(
-                    f"{flag_of(name)} is of {entry.owner}, and would have no effect; {entry.remedy}"
-                )
+    changed = {flag_of(name): name for name in changed_options(options, defaults)}
+    for field in fields(options):
+        flag, need, excluded = flag_of(field.name), field.metadata.get("needs"), field.metadata.get("excludes")
+        if need is not None:
+            place = flag_of(f"{field.name}.{need.part}" if need.part else field.name)
+            lacking = [name for name in changed if _within(name, place)]
+            if lacking and not (_is_met(options, need.text, changed) if need.met is None else need.met(options)):
+                raise ConfigurationError(requirement(lacking[0], need.text))
+        if excluded is not None and flag in changed:
+            for name in changed:
+                if name != flag and excluded(name):
+                    raise ConfigurationError(exclusion(flag, _typed(options, name)))
 
 
-def check_only(options: Any, defaults: Any, used: Collection[str], owner: str) -> None:
-    """Raise as `check_effects` for every option but those that are used; owner: of what the others are, in words."""
-    others = tuple(field.name for field in fields(defaults) if field.name not in used)
-    check_effects(options, defaults, [OptionsOf(others, owner, lambda _: False, "leave one of the two out")])
+def _within(flag: str, group: str) -> bool:
+    """Return whether a flag is another one, or nested in it."""
+    return flag == group or flag.startswith(f"{group}.")
 
 
-def changed_options(options: Any, defaults: Any, place: str = "") -> Iterator[str]:
-    """Yield the options that are not what they are by default, nested ones with their path; `place`: before it."""
-    for field in fields(defaults):
-        now, before, name = getattr(options, field.name), getattr(defaults, field.name), place + field.name
+def _is_met(options: Any, text: str, changed: dict[str, str]) -> bool:
+    """Return whether a required option is set, or has one of the values named."""
+    flag, _, values = text.partition(" ")
+    if not values:
+        return flag in changed
+    return str(attrgetter(flag[2:].replace("-", "_"))(options)) in re.split(", | or ", values)
+
+
+def _typed(options: Any, flag: str) -> str:
+    """Return an option as it is typed: a positional one, which has no flag, in capitals."""
+    declared = next((field for field in fields(options) if flag_of(field.name) == flag), None)
+    return flag[2:].upper() if declared is not None and "Positional" in str(declared.type) else flag
+
+
+def changed_options(options: Any, defaults: Any = None, place: str = "") -> Iterator[str]:
+    """Yield the options that differ from their defaults, nested ones with their path; required ones have none.
+
+    place: path of the options themselves.
+    """
+    for field in fields(options if defaults is None else defaults):
+        now, name = getattr(options, field.name), place + field.name
+        before = _default(field) if defaults is None else getattr(defaults, field.name)
         if is_dataclass(before):
             yield from changed_options(now, before, f"{name}.")
-        elif now != before:
+        elif before is not MISSING and now != before:
             yield name
+
+
+def _default(field: Field[Any]) -> Any:
+    """Return the default of a field, `MISSING` without one."""
+    return field.default if field.default_factory is MISSING else field.default_factory()
 
 
 def flag_of(name: str) -> str:

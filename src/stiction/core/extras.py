@@ -13,7 +13,7 @@ from urllib.parse import unquote, urlsplit
 
 from stiction.core.errors import ConfigurationError
 
-SIM = ("mujoco", "PIL", "yaml")
+SIM = ("mujoco", "PIL")
 TRAIN = (*SIM, "torch", "rsl_rl", "tensordict", "safetensors", "onnx", "onnxscript", "tensorboard")
 
 EXTRAS = {
@@ -24,10 +24,12 @@ EXTRAS = {
     "logs": ("pyarrow", "mcap", "mcap_ros2", "lz4", "zstandard"),
     "engines": (*SIM, "sapien"),
     "unitree": ("cyclonedds",),
-    "cluster": ("ray",),
     "view": (*SIM, "viser", "mjviser"),
 }
 """Extra -> the packages that it brings, by the names under which they are imported; the smallest that has one first."""
+
+EXPERIMENTS = "stiction-experiments"
+"""Distribution of the experiments and of the methods of other papers."""
 
 
 Arguments = ParamSpec("Arguments")
@@ -41,11 +43,11 @@ def extra_of(package: str) -> str | None:
 
 def missing(extra: str) -> tuple[str, ...]:
     """Return the packages of an extra that are not installed; none of them is imported."""
-    return tuple(package for package in EXTRAS[extra] if not _installed(package))
+    return tuple(package for package in EXTRAS[extra] if not is_installed(package))
 
 
-def _installed(package: str) -> bool:
-    """Tell whether a package can be found."""
+def is_installed(package: str) -> bool:
+    """Return whether a package can be found."""
     try:
         return importlib.util.find_spec(package) is not None
     except (ModuleNotFoundError, ValueError):  # something else forbids it, or it is half loaded
@@ -94,32 +96,41 @@ def installed_from() -> dict[str, Any] | None:
     return found if isinstance(found, dict) else {}
 
 
-def install_command(extra: str, origin: dict[str, Any] | None, installer: str = "pip") -> str:
-    """Return the command that adds an extra.
+def install_command(extra: str, origin: dict[str, Any] | None, installer: str = "pip", part: str = "") -> str:
+    """Return the command that adds an extra; with `part`, another distribution of the same source, such as experiments.
 
     origin: as in `direct_url.json` (a folder, a file, a repository); None: an index; empty: nobody knows, so the
     command is one for the checkout. installer: `pip` or `uv`, whose environments have no pip; to what `uvx` runs in
     nothing can be added, so the command that runs it anew with the extra is told too.
     """
-    option, requirement, where = _requirement(extra, origin)
+    option, requirement, where = _requirement(f"[{extra}]" if extra else "", origin, part)
     if installer == "uv":
-        return f"uv pip install {option}{requirement}{where}; or run it as: uvx --from {requirement} stiction ..."
+        again = "" if part else f"; or run it as: uvx --from {requirement} stiction ..."
+        return f"uv pip install {option}{requirement}{where}{again}"
     return f"pip install {option}{requirement}{where}"
 
 
-def _requirement(extra: str, origin: dict[str, Any] | None) -> tuple[str, str, str]:
+def _requirement(extra: str, origin: dict[str, Any] | None, part: str) -> tuple[str, str, str]:
     """Return an option before what is to be installed, that itself as a word of the shell, and what to say after it."""
+    name = f"stiction-{part}" if part else "stiction"
     if origin is None:
-        return "", shlex.quote(f"stiction[{extra}]"), ""
+        return "", shlex.quote(f"{name}{extra}"), ""
     url = str(origin.get("url", ""))
-    if not url:
-        return "", shlex.quote(f".[{extra}]"), ", in the folder of stiction's source"
+    if not url or (part and "archive_info" in origin):
+        return "", shlex.quote(f"./{part}{extra}" if part else f".{extra}"), ", in the folder of stiction's source"
     if "dir_info" in origin:
         editable = "-e " if origin["dir_info"].get("editable") else ""
-        return editable, shlex.quote(f"{unquote(urlsplit(url).path)}[{extra}]"), ""
+        folder = unquote(urlsplit(url).path) + (f"/{part}" if part else "")
+        return editable, shlex.quote(f"{folder}{extra}"), ""
     if "vcs_info" in origin:
         url = f"{origin['vcs_info'].get('vcs', 'git')}+{url}@{origin['vcs_info'].get('commit_id', 'HEAD')}"
-    return "", shlex.quote(f"stiction[{extra}] @ {url}"), ""
+        url += f"#subdirectory={part}" if part else ""
+    return "", shlex.quote(f"{name}{extra} @ {url}"), ""
+
+
+def experiments_remedy(extra: str = "") -> str:
+    """Return what to do to have the experiments, with an extra of theirs."""
+    return f"install it with: {install_command(extra, installed_from(), installed_by(), 'experiments')}"
 
 
 def missing_extra(error: ModuleNotFoundError, what: str) -> str | None:

@@ -28,6 +28,11 @@ def python_module(module: str, words: Iterable[object] = ()) -> list[str]:
     return [sys.executable, "-P", "-m", module, *map(str, words)]
 
 
+def bare_python(program: str) -> list[str]:
+    """Return the command that runs a program text in a Python without site packages and working folder."""
+    return [sys.executable, "-I", "-S", "-c", program]
+
+
 def isolated_environment(**more: str) -> dict[str, str]:
     """Return this process's environment, and `more`, for a Python that finds this very package and no working folder.
 

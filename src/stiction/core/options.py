@@ -19,6 +19,7 @@ from typing import Any, NoReturn, TypeVar
 
 import tyro
 
+from stiction.core.effects import check_effects
 from stiction.core.errors import escaped, nearest
 
 Options = TypeVar("Options")
@@ -51,6 +52,7 @@ def read_options(
     are taken; groups: options that `--help` shows, all of them without.
 
     Raises:
+        ConfigurationError: an option lacks another one that it requires, or two exclude each other (`core.effects`).
         SystemExit: help was asked for and printed (status 0), or the words are wrong, which one line on standard error
             says (status 2).
 
@@ -78,6 +80,7 @@ def read_options(
     empty = any(not word.partition("=")[2] and word[-1:] in ("", "=") for word in arguments)
     if empty and (name := _empty_path(_parser(kind, program, extra), arguments)):
         refuse(program, f"{name} '': expected a path, and the empty one would be the folder that you are in")
+    check_effects(options, default)
     return options
 
 

@@ -7,12 +7,11 @@ import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
 from stiction.core import lifeline
-from stiction.core.cluster import current_cluster
 from stiction.core.errors import StictionError
 from stiction.core.gemm import gemm_path, open_fast_gemm
 from stiction.core.isolation import isolate_workers, main_unseen
@@ -24,11 +23,26 @@ PROCESS = 150e6
 """Memory that a process at work takes at least: Python with numerical libraries and a simulator [B]."""
 
 
+_elsewhere: Callable[..., Iterator[tuple[int, Any]]] | None = None
+"""Function that takes the place of `spread` in this process, such as a cluster's."""
+
+
+@contextmanager
+def spread_by(workers: Callable[..., Iterator[tuple[int, Any]]]) -> Iterator[None]:
+    """Send the tasks of `spread` to other workers while the context lasts; `workers`: called with its arguments."""
+    global _elsewhere
+    before, _elsewhere = _elsewhere, workers
+    try:
+        yield
+    finally:
+        _elsewhere = before
+
+
 def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: int) -> Iterator[tuple[int, Result]]:
     """Call `work` with the arguments of each task, and yield a task's number and result as it ends.
 
-    jobs: processes at once; with one, or a single task, this process does it. Where the work goes to a cluster
-    (`core.cluster`), its nodes do it in their stead. Raises `StictionError` where a process was killed, and whatever
+    jobs: processes at once; with one, or a single task, this process does it. Within `spread_by` other workers do it in
+    their stead. Raises `StictionError` where a process was killed, and whatever
     `work` raises; what was not begun by then is not done. The processes end with this one, whatever ends it, and at
     once where this process is interrupted or wants no more results.
 
@@ -37,8 +51,8 @@ def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: 
     pool, which may not start processes, does the tasks itself. Workers take this process's path of matrix products,
     which is the one that results name.
     """
-    if (cluster := current_cluster()) is not None and tasks:
-        yield from cluster.spread(work, tasks, jobs)
+    if _elsewhere is not None and tasks:
+        yield from _elsewhere(work, tasks, jobs)
         return
     if jobs == 1 or len(tasks) < 2 or multiprocessing.current_process().daemon:
         for number, task in enumerate(tasks):

@@ -1,11 +1,40 @@
-"""What belongs to a user: found by its name as `package.module:NAME`, anywhere on the Python path."""
+"""Parts from outside the package: named by a user as `package.module:NAME`, or entry points of installed distributions.
+
+A file holds the name of an entry point alone, never of a module: what it can start was installed before.
+"""
 
 from __future__ import annotations
 
 import importlib
+from importlib import metadata
 from typing import Any
 
 from stiction.core.errors import ConfigurationError
+
+VERBS, STUDIES = "stiction.verbs", "stiction.studies"
+"""Groups of entry points: verbs of the program, studies of `stiction study`."""
+
+
+def installed_names(group: str) -> list[str]:
+    """Return the sorted names of the entry points of a group."""
+    return sorted({entry.name for entry in metadata.entry_points(group=group)})
+
+
+def find_installed(group: str, name: str) -> Any | None:
+    """Return the object behind an entry point; None where no installed distribution has one of this name.
+
+    Raises `ConfigurationError` where two distributions have it, or it cannot be imported.
+    """
+    entries = list(metadata.entry_points(group=group, name=name))
+    if not entries:
+        return None
+    if len(entries) > 1:
+        names = " and ".join(sorted(entry.dist.name if entry.dist else "?" for entry in entries))
+        raise ConfigurationError(f"{name!r} of {group}: got one from {names}, expected one; uninstall the other")
+    try:
+        return entries[0].load()
+    except (ImportError, AttributeError) as error:
+        raise ConfigurationError(f"{entries[0].value} failed to load: {error}; reinstall its distribution") from error
 
 
 def find_named(kind: str, name: str) -> Any:

@@ -6,6 +6,7 @@ NumPy is imported where it is used, so that `limit_library_threads` can run befo
 from __future__ import annotations
 
 import hashlib
+import importlib.util
 import os
 import platform
 import re
@@ -106,8 +107,8 @@ def limit_library_threads() -> None:
 
 @cache
 def source_digest(*patterns: str) -> str:
-    """Return the SHA-256 of the package's files that match `patterns` of paths below it, such as `sim/*.py`."""
-    found = {pattern: list(PACKAGE.glob(pattern)) for pattern in patterns}
+    """Return the SHA-256 of the files that match `patterns`, as of `source_files`."""
+    found = {pattern: source_files(pattern) for pattern in patterns}
     if missing := [pattern for pattern, files in found.items() if not files]:
         # A module that was renamed would otherwise silently drop out of what a cached result depends on.
         raise ValueError(f"{', '.join(missing)}: no such module in the package")
@@ -115,24 +116,35 @@ def source_digest(*patterns: str) -> str:
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
+def source_files(pattern: str) -> list[Path]:
+    """Return the files of the package that match a pattern of paths below it, such as `sim/*.py`.
+
+    A pattern of another package has its name in front: `stiction_experiments:wear/*.py`.
+    """
+    name, _, paths = pattern.rpartition(":")
+    spec = importlib.util.find_spec(name) if name else None
+    return list((Path(spec.origin).parent if spec and spec.origin else PACKAGE).glob(paths))
+
+
 def fingerprint(*patterns: str) -> dict[str, Any]:
     """Return the code, by patterns as of `source_digest`, and the packages that a cached result depends on."""
     return {"code": source_digest(*patterns), "packages": _package_versions()}
 
 
-def git_revision() -> str:
-    """Return the short hash of the commit that this code runs from, with `-dirty` where the package differs from it.
+def git_revision(*packages: Path) -> str:
+    """Return the short hash of the commit that this code runs from, with `-dirty` where a package differs from it.
 
+    packages: folders of packages that count beside `stiction`, such as the experiments.
     `unknown` without git, for an installed package, and for one that lies in somebody else's repository.
     """
     here = Path(__file__).resolve()
     if _git("ls-files", "--error-unmatch", here.name, folder=here.parent) is None:
         return "unknown"
     commit = _git("rev-parse", "--short=12", "HEAD", folder=PACKAGE)
-    changes = _git("status", "--porcelain", "--", ".", folder=PACKAGE)
-    if not commit or changes is None:
+    changes = [_git("status", "--porcelain", "--", ".", folder=package) for package in (PACKAGE, *packages)]
+    if not commit or None in changes:
         return "unknown"
-    return f"{commit}-dirty" if changes else commit
+    return f"{commit}-dirty" if any(changes) else commit
 
 
 def _git(*arguments: str, folder: Path) -> str | None:
@@ -158,9 +170,12 @@ def machine() -> dict[str, Any]:
     }
 
 
-def provenance() -> dict[str, Any]:
-    """Return what every summary says of the code and the machine that made it: `revision` and `machine`."""
-    return {"revision": git_revision(), "machine": machine()}
+def provenance(*packages: Path) -> dict[str, Any]:
+    """Return what every summary says of the code and the machine that made it: `revision` and `machine`.
+
+    packages: as of `git_revision`.
+    """
+    return {"revision": git_revision(*packages), "machine": machine()}
 
 
 def _cpu_model(cpuinfo: Path) -> str:
@@ -198,22 +213,24 @@ class Origin:
 
     provenance: dict[str, Any]
     """`revision` and `machine`, for its summary."""
-    code: str
-    """SHA-256 of the package's code."""
+    code: tuple[str, ...]
+    """SHA-256 of each package's code."""
+    packages: tuple[Path, ...] = ()
+    """Folders of packages that count beside `stiction`."""
 
     @classmethod
-    def now(cls) -> Origin:
-        """Return the code on disk and the machine: call it before the work."""
-        return cls(provenance(), code_digest(PACKAGE))
+    def now(cls, *packages: Path) -> Origin:
+        """Return the code on disk and the machine: call it before the work. packages: as of `git_revision`."""
+        return cls(provenance(*packages), tuple(map(code_digest, (PACKAGE, *packages))), packages)
 
     def warnings(self) -> list[str]:
         """Return a sentence where the code on disk is no longer that of the beginning: call it after the work."""
-        if code_digest(PACKAGE) == self.code:
+        if tuple(map(code_digest, (PACKAGE, *self.packages))) == self.code:
             return []
         return [
             f"The code of stiction changed while this command ran: it began with revision {self.provenance['revision']}"
-            f", and {git_revision()} was there at its end. What came from which is not known: let the same command run "
-            "again."
+            f", and {git_revision(*self.packages)} was there at its end. What came from which is not "
+            "known: let the same command run again."
         ]
 
 

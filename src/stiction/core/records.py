@@ -12,10 +12,10 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from pathlib import Path
-from types import UnionType
-from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar, get_args, get_type_hints
 
-from stiction.core.errors import ConfigurationError, FileError, StictionError
+from stiction.core.decode import short
+from stiction.core.errors import ConfigurationError, FileError
 from stiction.core.files import open_text, publish
 
 Row = TypeVar("Row")
@@ -153,68 +153,6 @@ def _value(cell: str, kind: Any) -> str | int | float | None:
 
 T = TypeVar("T")
 
-
-LARGEST = 1e300
-"""Size from which a number of a file counts as none; an integer has its bound where it is used."""
-
-
-def from_plain(kind: type[T], data: Any, where: str = "config", error: type[StictionError] = FileError) -> T:
-    """Build the dataclass `kind` from what `asdict` made of it, perhaps through JSON; a missing field has its default.
-
-    Every value has the type of its field, and numbers are finite. Raises `error` naming the one that is not, or the
-    field that is missing or unknown.
-    """
-    if not isinstance(data, dict):
-        raise error(f"{where} is {_short(data)}; expected the fields of {kind.__name__}")
-    hints = get_type_hints(kind)
-    known = {field.name: field for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
-    none = dataclasses.MISSING
-    for name in data:
-        if name not in known:
-            raise error(f"{where}: {kind.__name__} has no field {name!r}; was it written by another version?")
-    for name, field in known.items():
-        if name not in data and field.default is none and field.default_factory is none:
-            raise error(f"{where}: {name} of {kind.__name__} is missing; was it written by another version?")
-    return kind(**{name: _typed(hints[name], value, f"{where}: {name}", error) for name, value in data.items()})
-
-
-def _typed(kind: Any, value: Any, where: str, error: type[StictionError]) -> Any:
-    """Return a value of JSON as the type of a field; raise `error` naming where it is another."""
-    origin, inner = get_origin(kind), get_args(kind)
-    if dataclasses.is_dataclass(kind):
-        return from_plain(kind, value, where, error)  # type: ignore[arg-type]
-    if origin in (Union, UnionType):
-        if value is None and type(None) in inner:
-            return None
-        return _typed(next(item for item in inner if item is not type(None)), value, where, error)
-    if origin is tuple:
-        if not isinstance(value, list) or (inner[-1] is not Ellipsis and len(value) != len(inner)):
-            wanted = "a list" if inner[-1] is Ellipsis else f"a list of {len(inner)}"
-            raise error(f"{where} is {_short(value)}; expected {wanted}")
-        kinds = [inner[0]] * len(value) if inner[-1] is Ellipsis else inner
-        parts = enumerate(zip(kinds, value, strict=True))
-        return tuple(_typed(item, entry, f"{where}[{number}]", error) for number, (item, entry) in parts)
-    if origin is Literal:
-        if not isinstance(value, str) or value not in inner:
-            raise error(f"{where} is {_short(value)!r}; expected {', '.join(map(str, inner))}")
-        return value
-    if kind is float:
-        # Refuses NaN too, by `not <`; and stands before `float`, which overflows at an integer of thousands of digits.
-        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LARGEST:
-            raise error(f"{where} is {_short(value)}; expected a finite number")
-        return float(value)
-    # To isinstance a bool is an int.
-    if isinstance(value, bool) != (kind is bool) or not isinstance(value, kind):
-        raise error(f"{where} is {_short(value)!r}; expected {kind.__name__}")
-    return value
-
-
-def _short(value: Any) -> str:
-    """Return the begin of a value as text, for messages."""
-    # An integer of thousands of digits has no text.
-    return "a huge integer" if isinstance(value, int) and abs(value) >= LARGEST else str(value)[:60]
-
-
 MOST = 1e12
 """Size from which a setting is a mistake: there is no length, time, gain or count like that."""
 
@@ -228,7 +166,7 @@ def check_numbers(config: Any, name: str = "") -> None:
         for part in config:
             check_numbers(part, name)
     elif isinstance(config, int | float) and not isinstance(config, bool) and not abs(config) < MOST:
-        raise ConfigurationError(f"{name} is {_short(config)}; expected a number, smaller than {MOST:g}")
+        raise ConfigurationError(f"{name} is {short(config)}; expected a number, smaller than {MOST:g}")
 
 
 def part_of(kind: type[T], config: Any, **others: Any) -> T:

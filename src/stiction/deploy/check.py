@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Collection
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Collection, Iterable
+from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 
@@ -13,16 +13,19 @@ import numpy as np
 
 from stiction.core.errors import BundleError, ConfigurationError, FileError, RobotError
 from stiction.core.files import read_bounded
+from stiction.deploy.control import ControlLoop
 from stiction.deploy.first_run import first_run
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import Policy, PolicyStep, check_model, load_policy
 from stiction.deploy.wear import WearMonitor
-from stiction.formats.bundle import Bundle, read_bundle
-from stiction.formats.contract import Contract
-from stiction.formats.golden import Golden, exercise_of
-from stiction.formats.signature import check_signature
+from stiction.files.bundle import GOLDEN, Bundle, read_bundle
+from stiction.files.contract import Contract
+from stiction.files.contract_rules import IMPORTED, TARGET_LIMITS
+from stiction.files.golden import Golden, exercise_of
+from stiction.files.signature import check_signature
 from stiction.robots.catalog import find_robot, is_shipped
-from stiction.robots.model import Robot
+from stiction.robots.model import Body, Robot
+from stiction.robots.named import check_named
 
 
 def robot_of(contract: Contract, robot: str | None = None) -> Robot:
@@ -50,6 +53,37 @@ def robot_of(contract: Contract, robot: str | None = None) -> Robot:
         if not np.allclose(spec.joint_values(field), contract.array(field)):
             raise RobotError(f"robot {spec.name!r} has other {what} than the bundle; name the right one with --robot")
     return spec
+
+
+def check_robot(contract: Contract) -> None:
+    """Reject a robot that no machine can be, or that has a shipped one's name and other numbers.
+
+    A bundle without a robot of its own means the shipped one of its name, and has its joints.
+
+    Raises `StictionError` naming the first field that is wrong.
+    """
+    robot = contract.anatomy
+    if robot is None:
+        if not is_shipped(contract.robot):
+            return
+        names = {name: name for name in (*ALIKE, "lower", "upper")} | {"default_position": "standing"}
+        names |= {} if contract.joints_file else {"armature": "armature", "damping": "damping"}
+        values: dict[str, list[float]] = {name: contract.array(own).tolist() for name, own in names.items()}
+        values["action_scale"] = np.broadcast_to(contract.scale, contract.num_joints).tolist()
+        robot = robot_of(contract)
+        joints = [
+            replace(joint, **{name: value[number] for name, value in values.items()})  # type: ignore[arg-type]
+            for number, joint in enumerate(robot.joints)
+        ]
+        robot = replace(robot, joints=tuple(joints))
+    named: list[tuple[str, Body]] = [("base", robot.base), *((link.name, link) for link in robot.links)]
+    for name, body in named:
+        if not body.is_physical:
+            raise RobotError(
+                f"robot {robot.name!r}: {name} has the mass {body.mass:g} kg and the inertia {body.inertia} kg m²; "
+                "expected those of a body; correct them in the file of the robot"
+            )
+    check_named(robot, elsewhere=contract.method == IMPORTED)
 
 
 ALIKE = {"torque_limit": "torque limits", "kp": "gains kp", "kd": "gains kd"}
@@ -139,19 +173,7 @@ def check_bundle(
             signers.append(check_signature(sums, signature, key))
 
     bundle = read_bundle(path, vouch)
-    contract, golden = bundle.contract, bundle.golden
-    if is_shipped(contract.robot):
-        robot_of(contract)
-    work = check_model(bundle.policy, contract.observation.size, contract.num_joints)
-    if work * len(golden) > MOST_WORK:
-        raise BundleError(
-            f"{path}: {len(golden)} golden steps of {work:.3g} operations each; at most {MOST_WORK:.3g} are replayed"
-        )
-    first_run(bundle.policy, golden.observation)
-    policy = load_policy(contract, bundle.policy)
-    if bundle.wear is not None:
-        # Made for what it refuses: a map of other joints or of another layout.
-        WearMonitor(bundle.contract, bundle.wear)
+    policy = _first_load(path, bundle, bundle.golden.observation)
     replayed = replay(policy, bundle.golden)
     errors = {
         name: float(np.abs(getattr(replayed, name).astype(np.float64) - getattr(bundle.golden, name)).max())
@@ -171,6 +193,51 @@ def check_bundle(
         target_error=errors["target"],
         signer=signers[0] if signers else None,
     )
+
+
+def _first_load(path: Path | str, bundle: Bundle, observations: np.ndarray) -> Policy:
+    """Check robot, network and wear map, run the network on observations, shape (T, size), and return the policy."""
+    contract = bundle.contract
+    check_robot(contract)
+    work = check_model(bundle.policy, contract.observation.size, contract.num_joints)
+    if work * len(observations) > MOST_WORK:
+        raise BundleError(
+            f"{path}: {len(observations)} golden steps of {work:.3g} operations each; at most {MOST_WORK:.3g} are "
+            "replayed"
+        )
+    first_run(bundle.policy, observations)
+    policy = load_policy(contract, bundle.policy)
+    if bundle.wear is not None:
+        # Made for what it refuses: a map of other joints or of another layout.
+        WearMonitor(contract, bundle.wear)
+    return policy
+
+
+def check_for_simulation(path: Path | str) -> Bundle:
+    """Check a bundle, or a policy record, whose policy shall walk in simulation; return it.
+
+    A bundle is checked as `check_bundle` does. A record is checked but for the replay: its network is run on zeros.
+    Tell the user `record_notes`. Raises `StictionError`: see `check_bundle`.
+    """
+    if (Path(path) / GOLDEN).exists():
+        return check_bundle(path).bundle
+    bundle = read_bundle(path, allow_record=True)
+    _first_load(path, bundle, np.zeros((1, bundle.contract.observation.size), np.float32))
+    return bundle
+
+
+def target_limits_text(contract: Contract) -> str:
+    """Return the limits that every control step applies to joint targets, in words."""
+    limits = contract.target_limits or TARGET_LIMITS
+    text = f"{limits['slew']:g} rad/s, {limits['margin']:g} rad within the joints' limits"
+    return text if contract.target_limits else f"none in evaluation; {text} on a robot"
+
+
+def record_notes(bundles: Iterable[Bundle]) -> list[str]:
+    """Return one sentence on the policy records among bundles, or none."""
+    names = [bundle.name for bundle in bundles if bundle.vectors is None]
+    told = "without golden vectors: nothing proves that the network computes as recorded"
+    return [f"policy records {told}: {', '.join(names)}"] if names else []
 
 
 def _expect_digest(path: Path, sums: bytes, digest: str) -> None:
@@ -202,16 +269,16 @@ def read_allowed(path: Path) -> frozenset[str]:
 
 
 def replay(policy: Policy, golden: Golden) -> PolicyStep:
-    """Run the policy over the recorded sensors, step by step; return every step's outputs, shapes (T, ...).
+    """Run the control step over the recorded sensors, step by step; return every step's outputs, shapes (T, ...).
 
     The last action that enters each observation is the recorded one, like every other input: two runtimes that round
     differently would otherwise drift apart over the steps, and the tolerance would have to allow for it.
     """
-    steps = []
+    loop, steps = ControlLoop(policy, policy.contract), []
     recorded = Sensors(**{part.name: getattr(golden, part.name) for part in fields(Sensors)})
     for t in range(len(golden)):
         if golden.reset[t]:
-            policy.reset()
-        steps.append(policy.step(recorded.each(partial(np.take, indices=t, axis=0)), golden.command[t]))
+            loop.reset()
+        steps.append(loop.act(recorded.each(partial(np.take, indices=t, axis=0)), golden.command[t]))
         policy.take_over(golden.action[t])
     return PolicyStep(*(np.stack([getattr(s, name) for s in steps]) for name in ("observation", "action", "target")))

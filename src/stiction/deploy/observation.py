@@ -12,8 +12,8 @@ import numpy as np
 
 from stiction.core.errors import PolicyError
 from stiction.core.rotation import roll_pitch, up_in_frames
-from stiction.formats.known_friction import TERM
-from stiction.formats.observation import CLOCK_TERMS, PLACEHOLDERS, SLOW_TERMS, GaitClock, ObservationLayout
+from stiction.files.known_friction import TERM
+from stiction.files.observation import CLOCK_TERMS, PLACEHOLDERS, SLOW_TERMS, GaitClock, ObservationLayout
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The control loop: reads the sensors through a `Port`, runs the policy, sends joint targets back. No simulator.
+"""A `ControlLoop` on a robot behind a `Port`: reads the sensors, sends joint commands back. No simulator.
 
 What is behind the port is not known here: a virtual robot in the same process (`virtual`), or a real robot behind its
 transport.
@@ -12,29 +12,11 @@ from typing import Protocol
 import numpy as np
 
 from stiction.core.errors import ConfigurationError, PolicyError, RobotError
+from stiction.deploy.control import ControlLoop, Driver, JointCommand
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import PolicyStep
-from stiction.formats.contract import Contract
+from stiction.files.contract import Contract
 from stiction.joints.compensation import BY_ERROR, Compensation
-
-
-@dataclass(frozen=True)
-class JointCommand:
-    """Input of the motor controllers until the next command arrives. Arrays have shape (J,)."""
-
-    target: np.ndarray
-    """a [rad]."""
-    kp: np.ndarray
-    """[N m/rad]."""
-    kd: np.ndarray
-    """[N m s/rad]; the target's velocity is taken as zero."""
-    forward: np.ndarray
-    """Torque that is added to what the gains ask for, τ_ff [N m]."""
-
-    @classmethod
-    def position(cls, target: np.ndarray, kp: np.ndarray, kd: np.ndarray) -> JointCommand:
-        """Return the command of a policy: targets and gains."""
-        return cls(target, kp, kd, np.zeros_like(target))
 
 
 @dataclass(frozen=True)
@@ -66,18 +48,12 @@ class Port(Protocol):
         """Send a command, wait for one period, and return what has come by then."""
 
 
-class DrivingPolicy(Protocol):
+class DrivingPolicy(Driver, Protocol):
     """The policy interface of a pilot: `Policy`, or another implementation of the same computation."""
 
     @property
     def contract(self) -> Contract:
         """What it expects."""
-
-    def reset(self) -> None:
-        """Forget the history and the last action."""
-
-    def step(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
-        """Advance by one control period; see `Policy.step`."""
 
 
 @dataclass(frozen=True)
@@ -108,9 +84,8 @@ class Pilot:
         """Connect a policy, as from `deploy.policy.load_policy`, to a robot.
 
         friction: f that is fed forward [N m], shape (J,): at every reading the joint controllers get a torque beside
-        target and gains. None: they get none. compensation: how; by default by the error, with the contract's
-        `compensation_width`. load: c that is fed beside f, friction per torque that the gains ask for [1], shape (J,);
-        not read without friction, nor by the error.
+        target and gains. None: they get none. compensation: how; by default by the error. load: c that is fed beside f,
+        friction per torque that the gains ask for [1], shape (J,); not read without friction, nor by the error.
 
         Raises:
             StictionError: the robot's joints are not the policy's, its readings do not fit the control period, the
@@ -126,23 +101,20 @@ class Pilot:
                 f"the robot is read every {port.period} s, the policy acts every {contract.control_period} s; expected "
                 "a whole number of readings to an action"
             )
-        if friction is not None and contract.compensation is not None:
-            raise PolicyError("the policy compensates friction in its targets; it cannot be fed forward once more")
-        self._port, self._policy = port, policy
-        self._kp, self._kd = contract.array("kp"), contract.array("kd")
         if compensation.in_motor:
             raise ConfigurationError(
                 f"the compensation {compensation.by!r} runs in the motors' controllers, not in the computer; expected "
                 f"{compensation.by.removesuffix('-motor')!r} here"
             )
-        fed, grows = (np.zeros(contract.num_joints), 0.0) if friction is None else (friction, load)
-        self._against = compensation.controller(fed, port.period, contract.compensation_width, grows)
+        forward = None
+        if friction is not None:
+            forward = compensation.controller(friction, port.period, load=load)
+        self._port, self._loop = port, ControlLoop(policy, contract, forward)
         self._seen: Reading | None = None
 
     def reset(self) -> None:
         """Forget the history: the robot was put in place anew."""
-        self._policy.reset()
-        self._against.reset()
+        self._loop.reset()
         self._seen = None
 
     def step(self, velocity: np.ndarray) -> ControlStep:
@@ -151,13 +123,11 @@ class Pilot:
         Raises `PolicyError`: a sensor or the command is not finite.
         """
         before = self._port.read()
-        step = self._policy.step(before.sensors, velocity)
+        step = self._loop.act(before.sensors, velocity)
         # Noise that is put before the policy alone, and so is in `before`, is not in the joint controllers.
         self._seen, readings = self._seen or before, []
         for _ in range(self._readings):
-            angle, speed = self._seen.sensors.joint_position, self._seen.sensors.joint_velocity
-            asked = self._kp * (step.target - angle) - self._kd * speed
-            forward = self._against.torque(step.target, angle, speed, asked)
-            self._seen = self._port.exchange(JointCommand(step.target, self._kp, self._kd, forward))
+            joints = self._seen.sensors
+            self._seen = self._port.exchange(self._loop.command(joints.joint_position, joints.joint_velocity))
             readings.append(self._seen)
         return ControlStep(velocity, before, step, tuple(readings))

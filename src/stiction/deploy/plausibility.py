@@ -18,8 +18,8 @@ from stiction.core.rotation import up_axis
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import UNIT_ERROR
 from stiction.deploy.violation import Violation
-from stiction.formats.contract import Contract
-from stiction.formats.velocity import COMMANDS, VELOCITY
+from stiction.files.contract import Contract
+from stiction.files.velocity import COMMANDS, VELOCITY
 
 
 @dataclass(frozen=True)

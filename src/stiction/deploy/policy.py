@@ -12,7 +12,7 @@ from stiction.deploy.network_file import FLOAT, Port, read_network
 from stiction.deploy.observation import ObservationBuilder, Sensors
 from stiction.deploy.operators import check_network
 from stiction.deploy.silent import onnxruntime
-from stiction.formats.contract import Contract
+from stiction.files.contract import Contract
 from stiction.joints.compensation import compensated
 
 INPUT, OUTPUT = "observation", "action"
@@ -152,18 +152,6 @@ class Policy:
 
         """
         _check_reading(sensors, command)
-        return self.advance(sensors, command)
-
-    def rehearse(self, sensors: Sensors, command: np.ndarray) -> None:
-        """Compute what a step takes and forget it: the next one finds code and weights in the processor's cache.
-
-        A policy that runs every 20 ms and sleeps in between is several times slower without. Arguments: as of `step`.
-        """
-        self._builder.frame(sensors, command, self._last_action)
-        self._network(np.zeros((math.prod(self._batch), self.contract.observation.size), np.float32))
-
-    def advance(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
-        """Do as `step` does with a reading that was checked."""
         observation = self._builder.step(sensors, command, self._last_action)
         found = self._network(np.atleast_2d(observation)).reshape(self._last_action.shape)
         action = np.minimum(np.maximum(found, -self._clip), self._clip)
@@ -174,6 +162,14 @@ class Policy:
             angle, push = self.contract.array("compensation"), self.contract.push
             target = compensated(target, sensors.joint_position, sensors.joint_velocity, angle, push)
         return PolicyStep(observation, action, target)
+
+    def rehearse(self, sensors: Sensors, command: np.ndarray) -> None:
+        """Compute what a step takes and forget it: the next one finds code and weights in the processor's cache.
+
+        A policy that runs every 20 ms and sleeps in between is several times slower without. Arguments: as of `step`.
+        """
+        self._builder.frame(sensors, command, self._last_action)
+        self._network(np.zeros((math.prod(self._batch), self.contract.observation.size), np.float32))
 
 
 def _check_reading(sensors: Sensors, command: np.ndarray) -> None:

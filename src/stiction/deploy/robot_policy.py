@@ -10,12 +10,13 @@ import numpy as np
 
 from stiction.core.errors import PolicyError, RobotError, unknown_name
 from stiction.deploy.check import check_bundle
+from stiction.deploy.control import ControlLoop
 from stiction.deploy.observation import Sensors
 from stiction.deploy.plausibility import ImplausibleError, ReadingGuard
 from stiction.deploy.policy import Policy, PolicyStep, load_policy
 from stiction.deploy.violation import Violation
-from stiction.formats.bundle import Bundle
-from stiction.formats.contract import Contract
+from stiction.files.bundle import Bundle
+from stiction.files.contract import Contract
 
 Joints = Mapping[str, float] | Sequence[float] | np.ndarray
 """One number for each joint: by name, or in the order that was given at the start."""
@@ -134,12 +135,12 @@ class RobotPolicy:
                 "this policy is told the friction of its joints, and its contract does not say what it is: export its "
                 "bundle again, with --joints for what a bench identified"
             )
-        self._policy = policy
+        self._loop = ControlLoop(policy, contract)
         self.reset()
 
     def reset(self) -> None:
         """Reset to a standing robot: earlier readings and commands no longer count."""
-        self._policy.reset()
+        self._loop.reset()
         self.guard.reset()
         self._time: float | None = None
         self._mean = self.contract.control_period
@@ -197,7 +198,7 @@ class RobotPolicy:
             broken = self._keep_time(time)
         if broken is not None:
             raise ImplausibleError(broken)
-        step = self._policy.advance(sensors, velocity)
+        step = self._loop.act(sensors, velocity)
         return RobotStep(self.order.names, self.order.from_contract(step.target), step)
 
     def _keep_time(self, time: float) -> Violation | None:

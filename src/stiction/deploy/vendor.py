@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from stiction.core.errors import RobotError
-from stiction.formats.bundle import Bundle
-from stiction.formats.contract import Contract
-from stiction.formats.tables import write_csv
+from stiction.files.bundle import Bundle
+from stiction.files.contract import Contract
+from stiction.files.tables import write_csv
 
 
 class VendorMap:

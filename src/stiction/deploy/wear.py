@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from stiction.core.errors import BundleError
-from stiction.formats.contract import Contract
-from stiction.formats.observation import ObservationLayout
-from stiction.formats.wear import WearModel
+from stiction.files.contract import Contract
+from stiction.files.observation import ObservationLayout
+from stiction.files.wear import WearModel
 
 SOFT_SIGN = 0.5
 """Speed at which sign(θ') is taken as tanh(1) [rad/s]: about the noise of the measured velocity."""

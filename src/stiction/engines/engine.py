@@ -6,8 +6,8 @@ used: a constraint that holds a joint with any torque up to a bound, and brakes 
 bound is that of the law (`friction.py`), the same in every engine.
 
 What touches what is the same in every engine, and as in training: on the plane feet and trunk; on boxes and on a height
-field shanks as well; feet touch each other and the trunk; thighs and hips touch nothing. The suite in `conformance/`
-tests all of this.
+field shanks as well; feet touch each other and the trunk; thighs and hips touch nothing. The suite of `stiction
+study engines` tests all of this.
 """
 
 from __future__ import annotations

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stiction.core.errors import FileError
-from stiction.formats.joints import ARMATURE, LOAD_REGRESSORS, Estimate, JointRecord
-from stiction.identify.reference import CONDITIONS
+from stiction.files.joints import ARMATURE, LOAD_REGRESSORS, Estimate, JointRecord
+from stiction.identification.reference import CONDITIONS
 
 
 @dataclass(frozen=True)
@@ -88,6 +88,7 @@ def beyond_coulomb(record: JointRecord, represented: frozenset[str] = frozenset(
     richer = ("static_friction", "stribeck_velocity", "load_coefficient")
     notes = [
         f"{quantity} {number(estimate.value)}{_of_what(record, quantity)} is not represented"
+        + (": at rest the model is held by its friction in motion alone" if quantity == "static_friction" else "")
         for quantity in richer
         if quantity not in represented and (estimate := getattr(record, quantity)) is not None
     ]

@@ -12,10 +12,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
+from stiction.core.effects import requirement
 from stiction.core.errors import ConfigurationError, FileError
 from stiction.exchange.mujoco import SOLIMP
 from stiction.exchange.physics import Conversion, number, one_line
-from stiction.formats.plain import is_number
+from stiction.files.plain import is_number
 
 Framework = Literal["mjlab", "isaaclab", "legged_gym", "mujoco"]
 """Where a range can be written to."""
@@ -86,7 +87,7 @@ def randomization_term(recipe: Recipe, to: Framework, assumed_load: float | None
     Raises `StictionError` for a framework that is none, and where the load would be ignored.
     """
     if assumed_load is not None and to not in ("isaaclab", "legged_gym"):
-        raise ConfigurationError("--assumed-load is for --to isaaclab, legged_gym; leave it out")
+        raise ConfigurationError(requirement("--assumed-load", "--to isaaclab or legged_gym"))
     written: dict[str, Callable[[], tuple[Sequence[str], Sequence[str]]]] = {
         "mjlab": lambda: _mjlab(recipe),
         "isaaclab": lambda: _isaaclab(recipe, assumed_load),

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
 from typing import Literal
 
+from stiction.core.effects import check_effects, flag_of, needs, requirement
 from stiction.core.errors import ConfigurationError, FileError
 from stiction.exchange.isaaclab import isaaclab_snippet
 from stiction.exchange.mujoco import model_joints, mujoco_snippet, patch_mujoco
@@ -15,8 +16,8 @@ from stiction.exchange.physics import Conversion, JointPhysics, joint_physics
 from stiction.exchange.randomization import FRAMEWORKS, randomization_term, recipe_of
 from stiction.exchange.urdf import parse_markup, patch_urdf, read_model, urdf_joints, urdf_snippet
 from stiction.exchange.webots_joints import patch_webots, webots_joints, webots_snippet
-from stiction.formats.joint_map import map_joints, parse_joint_map
-from stiction.formats.joints import JointsFile, load_joints, read_training
+from stiction.files.joint_map import map_joints, parse_joint_map
+from stiction.files.joints import JointsFile, load_joints, read_training
 
 Target = Literal["mujoco", "urdf", "isaaclab", "webots", "mjlab", "legged_gym"]
 
@@ -31,14 +32,14 @@ class ConvertOptions:
     to: Target
     """The simulator, or format. Of a joints.json its values: mujoco, urdf, isaaclab, webots; of a training.json the
     range to train with: mjlab, isaaclab, legged_gym, mujoco."""
-    model: Path | None = None
+    model: Path | None = field(default=None, metadata=needs("--to mujoco, urdf or webots"))
     """A MJCF, URDF, PROTO or world to put the values into; it is not changed itself."""
     joint_map: tuple[str, ...] = ()
     """RECORDED=MODEL pairs, where names differ; MODEL may have wildcards if --model is given. For isaaclab it is a
     regular expression."""
-    timestep: float | None = None
+    timestep: float | None = field(default=None, metadata=needs("--to mujoco"))
     """Physics step [s] that MuJoCo's solver settings are for, where it is not the model's own."""
-    assumed_load: float | None = None
+    assumed_load: float | None = field(default=None, metadata=needs("--to isaaclab or legged_gym"))
     """|F| + |T| on the joint [N + N m], for the coefficient of PhysX before 5.6, which is right at this load: beside
     the values, or in place of the range."""
     robot: str | None = None
@@ -51,14 +52,7 @@ class ConvertOptions:
             value = getattr(self, name)
             if value is not None and not (isfinite(value) and value > 0):
                 raise ConfigurationError(f"{name} {value}: expected a positive number")
-        needed = {
-            "timestep": ("mujoco",),
-            "assumed_load": ("isaaclab", "legged_gym"),
-            "model": ("mujoco", "urdf", "webots"),
-        }
-        for name, targets in needed.items():
-            if getattr(self, name) is not None and self.to not in targets:
-                raise ConfigurationError(f"--{name.replace('_', '-')} is for --to {', '.join(targets)}; leave it out")
+        check_effects(self)
         wild = [pair for pair in self.joint_map if set("*?[") & set(pair)]
         if wild and self.model is None and self.to != "isaaclab":
             raise ConfigurationError(f"--joint-map {wild[0]!r}: wildcards need a --model whose joints they can match")
@@ -76,7 +70,7 @@ def convert(file: JointsFile, options: ConvertOptions) -> Conversion:
             f"{', '.join(NOMINAL)}"
         )
     if options.robot is not None:
-        raise ConfigurationError("--robot is for a training.json; leave it out")
+        raise ConfigurationError(requirement("--robot", "a training.json"))
     to, pairs = options.to, parse_joint_map(options.joint_map)
     if options.model is not None:
         data, where = read_model(options.model), options.model.name
@@ -103,7 +97,7 @@ def convert_training(path: Path, options: ConvertOptions) -> Conversion:
     options.check()
     for name in ("model", "timestep", "joint_map"):
         if getattr(options, name):
-            raise ConfigurationError(f"--{name.replace('_', '-')} is for a joints.json; leave it out")
+            raise ConfigurationError(requirement(flag_of(name), "a joints.json"))
     to = next((name for name in FRAMEWORKS if name == options.to), None)
     if to is None:
         raise ConfigurationError(

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
+from stiction.core.errors import StictionError
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Joint, Trajectory, mean_slope
 
@@ -129,6 +130,8 @@ def vary(joint: Joint, gains: PDGains, cut: Segments, torque: np.ndarray, start:
 
     torque: φ at both ends of each step, shape (2, num_steps, num_changes) [N m per unit]; what it is at rest does not
     matter. start: changes of θ and θ' at the first sample, shape (2, num_changes).
+
+    Raises `StictionError` where the changes are not finite: friction over the angle outweighs the inertia in one step.
     """
     moving = (cut.sign != 0).astype(float)
     spring, slope = 0.0, cut.sign * joint.friction.slope_at_angle(cut.position) / joint.inertia
@@ -170,7 +173,9 @@ def vary(joint: Joint, gains: PDGains, cut: Segments, torque: np.ndarray, start:
     diagonals[2, :-1, 1] = -transition[:, 1, 1]
     diagonals[3, :-1, 0] = early[:, 1] * slope[0] - transition[:, 1, 0]
     size = 2 * len(rest) + 2
-    solved, _ = dtbtrs(np.asfortranarray(diagonals.reshape(4, size)), right.reshape(size, -1), uplo="L")
+    solved, singular = dtbtrs(np.asfortranarray(diagonals.reshape(4, size)), right.reshape(size, -1), uplo="L")
+    if singular or not np.isfinite(solved).all():
+        raise StictionError("the derivatives of the simulated motion are not finite; log with a shorter period")
     return np.moveaxis(solved.reshape(len(rest) + 1, 2, -1)[cut.samples], 1, 0)
 
 

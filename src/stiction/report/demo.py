@@ -9,11 +9,11 @@ from typing import Any
 
 from markupsafe import Markup
 
-from stiction.formats.bundle import Bundle
-from stiction.formats.contract_rules import METHODS
-from stiction.formats.following import BAND, FAST, SLOW, paces, row_pace
-from stiction.formats.joints import JointRecord
-from stiction.formats.results import ResultRow
+from stiction.files.bundle import Bundle
+from stiction.files.contract_rules import METHODS
+from stiction.files.following import BAND, FAST, SLOW, paces, row_pace
+from stiction.files.joints import JointRecord
+from stiction.files.results import ResultRow
 from stiction.joints.friction import level_text
 from stiction.report.evaluation import FILES, budget_picture, definitions_table, draw_budget, results_table, run_blocks
 from stiction.report.following import paces_text

@@ -12,10 +12,10 @@ from markupsafe import Markup
 from stiction.core.files import write_text
 from stiction.core.records import make_folder, write_rows
 from stiction.engines.catalog import TIMESTEP
-from stiction.evaluate.metrics import WINDOW
-from stiction.evaluate.table import BOTH, Sample
-from stiction.formats.following import BAND, DEFINITION, FAST, NOT_KNOWN, SLOW, following, paces, row_pace
-from stiction.formats.results import ResultRow, tell_slowest_walk, write_results, write_summary
+from stiction.evaluation.metrics import WINDOW
+from stiction.evaluation.table import BOTH, Sample
+from stiction.files.following import BAND, DEFINITION, FAST, NOT_KNOWN, SLOW, following, paces, row_pace
+from stiction.files.results import ResultRow, tell_slowest_walk, write_results, write_summary
 from stiction.joints.friction import LAWS, has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
 from stiction.report.following import counts_sheet, judged_text, paces_text, shade_following

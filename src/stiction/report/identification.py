@@ -12,7 +12,7 @@ from markupsafe import Markup
 from stiction.core.files import write_text
 from stiction.core.parallel import spread
 from stiction.core.provenance import num_threads
-from stiction.formats.joints import (
+from stiction.files.joints import (
     ARMATURE,
     PARAMETERS,
     Estimate,
@@ -22,8 +22,8 @@ from stiction.formats.joints import (
     load_joints,
     read_fit,
 )
-from stiction.identify.consistency import COMPARED, REPEAT
-from stiction.report.joint_figures import against_angle, cloud, friction_of, overview, residuals, signals
+from stiction.identification.consistency import COMPARED, REPEAT
+from stiction.report.joint_figures import against_angle, cloud, overview, residuals, signals
 from stiction.report.page import (
     CONDITIONS,
     SOURCES,
@@ -158,7 +158,7 @@ MANY = 4
 MOST_NAMES = 4
 """Joints whose names fit into a title."""
 
-EXTRA = ("gravity_sin", "gravity_cos", "motor_strength", "encoder_bias", "delay")
+EXTRA = ("static_friction", "gravity_sin", "gravity_cos", "motor_strength", "encoder_bias", "delay")
 """Quantities that are shown only where they were found."""
 
 
@@ -294,7 +294,9 @@ def joint_row(record: JointRecord) -> list[str]:
     damping = "(B + k·kd)/k" if record.torque_source is None else "B/k"
     viscous = record.viscous_friction or record.combinations.get(damping)
     inertia = record.inertia or record.combinations.get("I/k") or record.combinations.get(ARMATURE)
-    friction, _, interval = cells(friction_of(record))
+    friction, _, interval = cells(record.moving_friction)
+    if (holding := record.holding_friction) is not None:
+        friction += f" ({number(holding.value)} at rest)"
     ratio = "" if record.friction_ratio is None else f"{record.friction_ratio.value:.2%}"
     numbers = ("" if each is None else number(each.value) for each in (viscous, inertia))
     band = "" if record.dead_band is None else number(record.dead_band.value)
@@ -336,11 +338,17 @@ def gather_warnings(joints: JointsFile) -> dict[str, list[str]]:
 
 def _values(record: JointRecord) -> Markup:
     """Tabulate the parameters."""
-    shown = (*PARAMETERS, *(name for name in EXTRA if getattr(record, name) is not None), "friction_ratio", "dead_band")
-    rows = [[label(record, name), *cells(getattr(record, name))] for name in shown]
-    return table(
-        ["", "value", "std", "95 % interval"], rows, "Viscous and Coulomb friction, the same in both directions"
-    )
+    always = (*PARAMETERS, "friction_ratio", "dead_band")
+    shown = (*PARAMETERS, *EXTRA, "friction_ratio", "dynamic_ratio", "dead_band")
+    rows = [
+        [label(record, name), *cells(getattr(record, name))]
+        for name in shown
+        if name in always or getattr(record, name) is not None
+    ]
+    caption = "Viscous and Coulomb friction, the same in both directions"
+    if record.holding_friction is not None:
+        caption += "; ratio and dead band are those of the friction that holds the joint at rest"
+    return table(["", "value", "std", "95 % interval"], rows, caption)
 
 
 def _combinations(record: JointRecord) -> tuple[Markup, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from markupsafe import Markup
 
-from stiction.formats.joints import Estimate, FitSignals, JointRecord
+from stiction.files.joints import FitSignals, JointRecord
 from stiction.report.page import COLORS, axis_units, figure_block, legend, new_figure
 
 MOST_POINTS = 3000
@@ -117,7 +117,7 @@ def overview(records: dict[str, JointRecord]) -> Markup:
     figure, axes = new_figure(1, 2, (8.0, 0.6 + 0.28 * len(records)))
     names = list(records)
     panels = (
-        ("dry friction f, or f/k", friction_of, 1.0),
+        ("dry friction f, or f/k", lambda record: record.holding_friction or record.moving_friction, 1.0),
         ("f/τ_max [%]", lambda record: record.friction_ratio, 100.0),
     )
     for axis, (label, pick, factor) in zip(axes, panels, strict=True):
@@ -131,12 +131,7 @@ def overview(records: dict[str, JointRecord]) -> Markup:
         axis.set_ylim(len(names) - 0.5, -0.5)
         axis.set_xlim(left=0)
         axis.set_xlabel(label)
-    return figure_block(figure, "Dry friction of each joint with its 95 % interval.")
-
-
-def friction_of(record: JointRecord) -> Estimate | None:
-    """Return dry friction, over k where newton metres are not known; None where it is not known."""
-    return record.coulomb_friction or record.combinations.get("f/k")
+    return figure_block(figure, "Dry friction of each joint with its 95 % interval, at rest where that is more.")
 
 
 def _name(record: JointRecord) -> str:

@@ -26,7 +26,7 @@ from stiction import __version__
 from stiction.core import records
 from stiction.core.errors import escaped
 from stiction.core.files import publish
-from stiction.formats.joints import Estimate, JointRecord
+from stiction.files.joints import Estimate, JointRecord
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -344,12 +344,13 @@ LABELS = {
     "encoder_bias": ("Encoder bias", "rad", "m"),
     "delay": ("Delay of the controller", "s", "s"),
     "friction_ratio": ("Friction over torque limit f/τ_max", "1", "1"),
+    "dynamic_ratio": ("The same in motion alone", "1", "1"),
     "dead_band": ("Dead band f/kp", "rad", "m"),
     "viscous_friction_forward": ("Viscous friction forward", "N m s/rad", "N s/m"),
     "viscous_friction_backward": ("Viscous friction backward", "N m s/rad", "N s/m"),
     "coulomb_friction_forward": ("Dry friction forward", "N m", "N"),
     "coulomb_friction_backward": ("Dry friction backward", "N m", "N"),
-    "static_friction": ("Static friction", "N m", "N"),
+    "static_friction": ("Dry friction at rest (static)", "N m", "N"),
     "stribeck_velocity": ("Stribeck velocity", "rad/s", "m/s"),
     "load_coefficient": ("Friction per load", "1", "1"),
     "position_slope": ("Dry friction per angle from the middle", "N m/rad", "N/m"),

@@ -5,12 +5,14 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
 from types import FrameType
-from typing import Annotated, Any
+from typing import Annotated, Any, TextIO
 
 import tyro
 from rich.console import Console
+from rich.file_proxy import FileProxy
+from rich.live import Live
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
@@ -18,9 +20,22 @@ from rich.text import Text
 from stiction.core.errors import ConfigurationError, escaped
 from stiction.core.provenance import MOST_THREADS, num_threads
 from stiction.core.records import header, texts
-from stiction.formats.following import row_pace
-from stiction.formats.results import ResultRow, tell_slowest_walk
+from stiction.files.following import row_pace
+from stiction.files.results import ResultRow, tell_slowest_walk
 from stiction.joints.friction import level_text
+
+
+class StreamAboveDisplay(FileProxy):
+    """Standard output or error during a live display: lines for a terminal appear above it, escaped."""
+
+    def __init__(self, console: Console, stream: TextIO) -> None:
+        """Write to the console in place of the stream, or through to the stream if that is no terminal."""
+        self._stream = getattr(stream, "rich_proxied_file", stream)
+        super().__init__(console, self._stream)
+
+    def write(self, text: str) -> int:
+        """Write a text."""
+        return super().write(escaped(text)) if self._stream.isatty() else self._stream.write(escaped(text))
 
 
 class Terminal(Console):
@@ -29,6 +44,24 @@ class Terminal(Console):
     def __init__(self, **settings: Any) -> None:
         """Take the settings of `rich`'s console."""
         super().__init__(markup=False, emoji=False, **settings)
+        self._redirected = ExitStack()
+
+    def set_live(self, live: Live) -> bool:
+        """Redirect both streams for a live display that begins.
+
+        `rich` leaves streams alone that are redirected already. Its own redirection obeys the control sequences of a
+        printed text, and takes the output of a command whose errors alone are on a terminal.
+        """
+        topmost = super().set_live(live)
+        if self.is_terminal:
+            self._redirected.enter_context(redirect_stdout(StreamAboveDisplay(self, sys.stdout)))
+            self._redirected.enter_context(redirect_stderr(StreamAboveDisplay(self, sys.stderr)))
+        return topmost
+
+    def clear_live(self) -> None:
+        """Give both streams back after a live display."""
+        self._redirected.close()
+        super().clear_live()
 
     def render_str(self, text: str, **how: Any) -> Text:
         """Return a text as it is shown, in a cell too."""

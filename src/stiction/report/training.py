@@ -10,9 +10,9 @@ from markupsafe import Markup
 
 from stiction.core.errors import FileError
 from stiction.core.files import write_text
-from stiction.formats.actuator import FILE, ActuatorFit, read_actuator, read_actuator_fit
-from stiction.formats.plain import read_object
-from stiction.formats.results import read_metrics
+from stiction.files.actuator import FILE, ActuatorFit, read_actuator, read_actuator_fit
+from stiction.files.plain import read_object
+from stiction.files.results import read_metrics
 from stiction.joints.net import INPUT_SETS, ActuatorNet
 from stiction.report.page import (
     INK,

@@ -10,8 +10,8 @@ from markupsafe import Markup
 
 from stiction.core.files import write_text
 from stiction.core.names import kind_of
-from stiction.formats.joints import Estimate, JointRecord, JointsFile, load_joints
-from stiction.formats.walk import WalkFit, read_walk_fit
+from stiction.files.joints import Estimate, JointRecord, JointsFile, load_joints
+from stiction.files.walk import WalkFit, read_walk_fit
 from stiction.report.identification import gather_warnings, lead_lines
 from stiction.report.page import (
     COLORS,

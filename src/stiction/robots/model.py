@@ -52,6 +52,15 @@ class Body:
         xx, yy, zz, xy, xz, yz = self.inertia
         return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
+    @property
+    def is_physical(self) -> bool:
+        """True if a distribution of mass can have this inertia.
+
+        Mass and principal moments are positive, and no moment exceeds the sum of the other two.
+        """
+        least, middle, most = np.linalg.eigvalsh(self.inertia_matrix)
+        return bool(self.mass > 0 and least > 0 and most <= (least + middle) * (1 + 1e-3) + 1e-12)
+
     def scaled(self, factor: float) -> Self:
         """Return the body with its mass multiplied; inertia follows."""
         xx, yy, zz, xy, xz, yz = (factor * value for value in self.inertia)
@@ -170,7 +179,18 @@ class Vendor:
     sign: tuple[float, ...]
     """+1 or -1 each: maker's angle = sign · angle + offset."""
     offset: tuple[float, ...]
-    """[rad]."""
+    """Between -2π and 2π each [rad]."""
+
+    def __post_init__(self) -> None:
+        """Reject a protocol that maps no angles."""
+        sizes = {len(self.order), len(self.sign), len(self.offset)}
+        if sizes != {len(set(self.order))} or not all(abs(sign) == 1 for sign in self.sign):
+            raise RobotError(
+                f"vendor: got signs {self.sign} of {len(self.order)} joints and {len(self.offset)} offsets; expected "
+                "different joints, and 1 or -1 and an offset for each"
+            )
+        if not all(abs(offset) <= 2 * np.pi for offset in self.offset):
+            raise RobotError(f"vendor: got offsets {self.offset}; expected angles from -2π to 2π")
 
 
 @dataclass(frozen=True)
@@ -202,6 +222,19 @@ class Robot:
             raise RobotError(f"robot {self.name!r}: a link comes before the link that carries it")
         if len(self.feet) < 1 or len(set(self.foot_names)) != len(self.feet):
             raise RobotError(f"robot {self.name!r}: feet {list(self.foot_names)}; expected feet with different names")
+        every = sorted((*names, *(joint.name for joint in self.held)))
+        if self.vendor is not None and sorted(self.vendor.order) != every:
+            raise RobotError(
+                f"robot {self.name!r}: vendor.order is {list(self.vendor.order)}; expected each of {every} once"
+            )
+        axes = {**{link.name: link.axis for link in self.links}, **{joint.name: joint.axis for joint in self.held}}
+        for name, axis in axes.items():
+            if not abs(float(np.linalg.norm(axis)) - 1.0) < 1e-3:
+                raise RobotError(f"robot {self.name!r}: axis of {name!r} is {axis}; expected unit length")
+        if any(not 0 <= foot.link < len(self.links) for foot in self.feet):
+            raise RobotError(
+                f"robot {self.name!r}: a foot belongs to no link; expected numbers below {len(self.links)}"
+            )
         groups = {foot.group for foot in self.feet}
         if groups not in ({None}, {0, 1}):
             raise RobotError(

@@ -11,9 +11,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from stiction.core.decode import from_plain
 from stiction.core.errors import RobotError
 from stiction.core.files import read_bounded, write_text
-from stiction.core.records import from_plain
 from stiction.robots.model import Robot
 
 MOST_BYTES = 8 * 2**20

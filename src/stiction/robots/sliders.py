@@ -16,7 +16,8 @@ import math
 
 import numpy as np
 
-from stiction.core.errors import MOST_NAMES
+from stiction.core.errors import MOST_NAMES, RobotError
+from stiction.core.linear import invert
 from stiction.robots.mjcf import build_model, standing_inertia
 from stiction.robots.model import Robot
 from stiction.robots.physics import PhysicsCfg
@@ -31,12 +32,17 @@ STIFFEST = 1.0 - (2.0 / HOLDS - 1.0) ** -2
 def moved_inertia(robot: Robot, armature: np.ndarray) -> np.ndarray:
     """Return the inertia that each joint moves, the robot in the air and its other joints free [kg m²], (joints,).
 
-    In the standing pose; `armature`: inertia of the rotors [kg m²], shape (joints,).
+    In the standing pose; `armature`: inertia of the rotors [kg m²], shape (joints,). Raises `RobotError` for a joint
+    that moves no inertia.
     """
     model = build_model(robot)
     joints = slice(-robot.num_joints, None)
     model.dof_armature[joints] = armature
-    return 1.0 / np.diag(np.linalg.inv(standing_inertia(model)))[joints]
+    inverse, told = invert(standing_inertia(model))
+    if not told[joints].all():
+        name = robot.joint_names[int(np.argmin(told[joints]))]
+        raise RobotError(f"joint {name!r} moves no inertia; give the bodies behind it a mass, or its rotor an armature")
+    return 1.0 / np.diag(inverse)[joints]
 
 
 def stiffness_ratio(robot: Robot, physics: PhysicsCfg, timestep: float, armature: np.ndarray) -> np.ndarray:

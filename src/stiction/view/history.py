@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stiction.evaluate.command import Command
+from stiction.files.velocity import Command
 from stiction.view.simulation import Simulation, Walker
 
 AVERAGE = 0.5

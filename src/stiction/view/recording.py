@@ -8,8 +8,8 @@ import numpy as np
 
 from stiction.core.errors import LogError
 from stiction.deploy.pilot import ControlStep, Reading
-from stiction.formats.contract import Contract
-from stiction.formats.log import JointSignals, Log, LogSetup, write_log
+from stiction.files.contract import Contract
+from stiction.files.log import JointSignals, Log, LogSetup, write_log
 
 LONGEST = 300.0
 """Longest recording [s]; it ends there by itself."""

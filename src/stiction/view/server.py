@@ -1,4 +1,4 @@
-"""A viser server that listens where it was told to, on the port that it was told, and nowhere else."""
+"""A viser server on one address and port that answers the pages of its own address alone."""
 
 from __future__ import annotations
 
@@ -9,13 +9,27 @@ import logging
 import os
 import socket
 from collections.abc import Iterator
+from typing import Any
 
 import viser
+import websockets.asyncio.server
+from websockets.asyncio.server import ServerConnection
+from websockets.datastructures import Headers
+from websockets.http11 import Request
 
 from stiction.core.errors import ConfigurationError
 
 LOOPBACK = "127.0.0.1"
-"""Where it listens unless another address is named."""
+"""Default address to listen on."""
+
+LOOPBACK_NAMES = ("localhost", LOOPBACK, "[::1]")
+"""Names of this machine in a browser's address line, that no name server of somebody else can give."""
+
+WILDCARDS = ("0.0.0.0", "::")
+"""Addresses that stand for all addresses of this machine."""
+
+HTTP_PORT = 80
+"""Port that browsers leave out."""
 
 FIRST, TRIED = 8080, 100
 """First port that is tried where none is named, and how many."""
@@ -32,10 +46,12 @@ class LocalServer(viser.ViserServer):
 def serve(port: int | None = None, host: str = LOOPBACK) -> Iterator[viser.ViserServer]:
     """Serve on a port, by default the first free one from `FIRST` on.
 
-    Raises `StictionError`: the port is taken or may not be used, or there is no such address here.
+    host: name or address of this machine; browsers may use it, the names of loopback, and for a wildcard the address
+    at which their request arrives. Raises `StictionError`: the port is taken or may not be used, the address is not
+    here, or viser does not listen in the way that can be guarded.
     """
     check_port(port)
-    host = resolve(host)
+    name, host = host, resolve(host)
     chosen = _free(host) if port is None else port
     if (why := _taken(host, chosen)) is not None:
         raise ConfigurationError(
@@ -45,9 +61,13 @@ def serve(port: int | None = None, host: str = LOOPBACK) -> Iterator[viser.Viser
     os.environ.pop("_VISER_PORT_OVERRIDE", None)
     # What a stranger sends to the port is no error of this program; without this its traceback is on our terminal.
     logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
-    with _silence():
+    with _silence(), _guarded(frozenset(map(_authority, (name, host))), chosen) as guards:
         server = LocalServer(host=host, port=chosen, label="stiction view", verbose=False)
     try:
+        if not guards:
+            raise ConfigurationError(
+                f"viser {viser.__version__} listens without a check of Origin and Host; install viser 1.1"
+            )
         if server.get_port() != chosen:
             raise ConfigurationError(f"port {chosen} on {host} was taken just now; choose another --port")
         yield server
@@ -85,6 +105,54 @@ def resolve(host: str) -> str:
                     f"host {host!r} is not here: {place[0]} is another machine's; {what}"
                 ) from error
     return str(place[0])
+
+
+@contextlib.contextmanager
+def _guarded(names: frozenset[str], port: int) -> Iterator[list[int]]:
+    """Let the server that viser opens within refuse foreign requests, HTTP and WebSocket alike; yield its ports.
+
+    viser has no hook for requests, but it opens its server by websockets' public `serve`, which takes one: that
+    function is wrapped while viser starts. The list stays empty where a viser opens its server in another way.
+    """
+    original, guards = websockets.asyncio.server.serve, list[int]()
+
+    def serve(handler: Any, host: str, tried: int, *, process_request: Any = None, **options: Any) -> Any:
+        def check(connection: ServerConnection, request: Request) -> Any:
+            here = {_authority(connection.local_address[0])} if host in WILDCARDS else set()
+            if (why := refusal(request.headers, names | here, port)) is not None:
+                return connection.respond(403, f"{why}\n")
+            return None if process_request is None else process_request(connection, request)
+
+        guards.append(tried)
+        return original(handler, host, tried, process_request=check, **options)
+
+    websockets.asyncio.server.serve = serve  # type: ignore[assignment, misc]
+    try:
+        yield guards
+    finally:
+        websockets.asyncio.server.serve = original  # type: ignore[misc]
+
+
+def refusal(headers: Headers, names: frozenset[str], port: int) -> str | None:
+    """Return why a request is refused, None where it comes from a page of this server or from no page.
+
+    A page of another site that reaches this port is known by its `Origin`; one whose name was pointed at this machine
+    (DNS rebinding) by its `Host`, which is still its own name. names: accepted beside those of loopback.
+    """
+    places = {f"{name}:{port}" for name in (*LOOPBACK_NAMES, *names)}
+    if port == HTTP_PORT:
+        places |= {*LOOPBACK_NAMES, *names}
+    hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
+    if len(hosts) != 1 or hosts[0].lower() not in places:
+        return f"Host is not this viewer; open http://localhost:{port}, or name it by --host"
+    if len(origins) > 1 or any(origin.lower() not in {f"http://{place}" for place in places} for origin in origins):
+        return "Origin is another site"
+    return None
+
+
+def _authority(host: str) -> str:
+    """Return a name or an address as it stands in a URL."""
+    return f"[{host.lower()}]" if ":" in host else host.lower()
 
 
 def _silence() -> contextlib.redirect_stdout[io.StringIO]:

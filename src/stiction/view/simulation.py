@@ -24,13 +24,13 @@ from stiction.engines.catalog import find_engine, make_engine
 from stiction.engines.engine import BlownUp, Body, Engine, Motion, Pushable
 from stiction.engines.friction import JointFriction
 from stiction.engines.ground import Ground, course
-from stiction.evaluate.course import FLAT, START_DISTANCE, Course, straight_on
-from stiction.formats.bundle import Bundle
-from stiction.formats.contract import Contract
-from stiction.formats.wear import WearModel
+from stiction.evaluation.course import FLAT, START_DISTANCE, Course, straight_on
+from stiction.files.bundle import Bundle
+from stiction.files.contract import Contract
+from stiction.files.wear import WearModel
 from stiction.joints.friction import MAX_LEVEL, Law, has_coefficient, level_text
-from stiction.locomotion.config import NoiseCfg
 from stiction.robots.model import Robot
+from stiction.task.config import NoiseCfg
 from stiction.virtual.cases import DataSheet
 from stiction.virtual.hidden import Hidden
 from stiction.virtual.sensors import Noisy

@@ -11,7 +11,7 @@ from pathlib import Path
 import viser
 
 from stiction.core.errors import StictionError
-from stiction.evaluate.course import parse_course
+from stiction.evaluation.course import parse_course
 from stiction.view.history import History
 from stiction.view.panel import Panel
 from stiction.view.plots import Plots

@@ -26,15 +26,16 @@ import numpy as np
 from stiction.core.cache import key_of, publish_entry
 from stiction.core.errors import ConfigurationError, RobotError, StictionError
 from stiction.core.provenance import seed_streams
-from stiction.deploy.pilot import ControlStep, JointCommand, Port, Reading
+from stiction.deploy.control import JointCommand
+from stiction.deploy.pilot import ControlStep, Port, Reading
 from stiction.engines.catalog import binaries, make_engine
-from stiction.formats.bundle import Bundle
-from stiction.formats.joints import JointRecord, JointsFile
-from stiction.formats.log import JointSignals, Log, LogSetup
-from stiction.formats.walk import WalkHeader, WalkLog
-from stiction.identify.excite.task import Pattern
-from stiction.identify.pipeline import REFUSED, identify_log
-from stiction.identify.proposal import write_proposal
+from stiction.files.bundle import Bundle
+from stiction.files.joints import JointRecord, JointsFile
+from stiction.files.log import JointSignals, Log, LogSetup
+from stiction.files.walk import WalkHeader, WalkLog
+from stiction.identification.excite.task import Pattern
+from stiction.identification.pipeline import REFUSED, identify_log
+from stiction.identification.proposal import write_proposal
 from stiction.joints.net import TorqueSource
 from stiction.robots.model import Robot
 from stiction.virtual.cases import Case
@@ -130,15 +131,15 @@ JOINTS = "joints.json"
 BENCH_CODE = (
     *(
         "core/*.py",
-        "identify/*.py",
-        "identify/excite/task.py",
+        "identification/*.py",
+        "identification/excite/task.py",
         "joints/*.py",
         "robots/*.py",
         "robots/shipped/*.py",
         "sim/friction.py",
     ),
-    *("engines/*.py", "engines/ode/*.py", "virtual/*.py", "deploy/pilot.py"),
-    *(f"formats/{name}.py" for name in ("advice", "following", "joints", "log")),
+    *("engines/*.py", "engines/ode/*.py", "virtual/*.py", "deploy/control.py", "deploy/pilot.py"),
+    *(f"files/{name}.py" for name in ("advice", "following", "joints", "log")),
 )
 """Code that decides what a bench finds."""
 

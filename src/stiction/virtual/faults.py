@@ -20,15 +20,16 @@ from typing import Any
 import numpy as np
 
 from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.core.isolation import bare_python
 from stiction.core.rotation import about
-from stiction.deploy.pilot import JointCommand
+from stiction.deploy.control import JointCommand
 from stiction.deploy.runtime.config import OperatorCfg
 from stiction.deploy.runtime.operator import ALIVE
 from stiction.deploy.runtime.policy_process import FAULTS as OF_POLICY
 from stiction.deploy.runtime.runtime import Injected
 from stiction.deploy.transports.link import RobotState, command_layout
 from stiction.deploy.transports.udp import LOOPBACK
-from stiction.formats.velocity import AXES
+from stiction.files.velocity import AXES
 
 OF_ROBOT = {
     "stale": "the robot says nothing any more",
@@ -49,14 +50,26 @@ OF_ROBOT = {
     "motor-lost": "the robot's own bus loses every message of a motor",
     "motor-fault": "a motor says that something is wrong with it",
     "drive-gains": "the drives act with other gains than they were given",
+    "second-robot": "states of a second robot come, from another address",
 }
 """Faults of the robot and of its sensors."""
+
+OF_WAY = {"lost-commands": "three of ten commands are lost on the way"}
+"""Faults of the way to the robot: they break no rule by themselves."""
+
+SIGNALS = {
+    "policy-kill": signal.SIGKILL,
+    "policy-stop": signal.SIGSTOP,
+    **{f"sig{name}": signal.Signals[f"SIG{name.upper()}"] for name in ("term", "int", "hup", "quit", "tstp", "abrt")},
+    **{f"sig{name}": signal.Signals[f"SIG{name.upper()}"] for name in ("usr1", "usr2", "alrm")},
+}
+"""Fault -> its signal, to the policy or to the supervisor."""
 
 OF_MACHINE = {
     "policy-kill": "the policy's process is killed (SIGKILL)",
     "policy-stop": "the policy's process is halted (SIGSTOP)",
-    "sigterm": "SIGTERM comes",
-    "sigint": "Ctrl-C comes",
+    **{name: f"{name.upper()} comes" for name in SIGNALS if name.startswith("sig")},
+    "supervisor-halt": "the supervisor is halted for 200 ms (SIGSTOP, then SIGCONT)",
     "stop-file": "the stop file appears",
     "second-writer": "another process sends a command",
     "heartbeat": "the second machine falls silent",
@@ -72,7 +85,7 @@ POLICY = {
 }
 """Faults of the policy."""
 
-FAULTS = OF_ROBOT | POLICY | OF_MACHINE
+FAULTS = OF_ROBOT | OF_WAY | POLICY | OF_MACHINE
 """Every fault that can be injected, and what it is."""
 
 WITH_POLICY = (*POLICY, "policy-kill", "policy-stop", "command-loss")
@@ -80,6 +93,19 @@ WITH_POLICY = (*POLICY, "policy-kill", "policy-stop", "command-loss")
 
 SAID_EVERY = 0.05
 """Time between two words of somebody elsewhere [s]."""
+
+HALT_SECONDS = 0.2
+"""Time for which the supervisor is halted [s]."""
+
+HALT = f"""
+import os, signal, sys, time
+sys.stdin.readline()
+os.kill(os.getppid(), signal.SIGSTOP)
+time.sleep({HALT_SECONDS})
+print(time.monotonic(), flush=True)
+os.kill(os.getppid(), signal.SIGCONT)
+"""
+"""Program of the process that halts its parent once, and prints when it lets it go on."""
 
 ASK = b"STCNfault "
 """How the robot's process is asked for a fault of its own."""
@@ -174,21 +200,29 @@ class Faults(Injected):
         needed = {fault.name for fault in faults}
         self._speak = {name: place for name, place in places.items() if name in needed}
         self._elsewhere: dict[str, SecondMachine] = {}
-        self._of_policy = 0
+        self._of_policy, self._halts = 0, "supervisor-halt" in needed
+        self._halting: subprocess.Popen[str] | None = None
         self.times: dict[str, float] = {}
-        """Fault -> when it was injected, on the monotonic clock [s]."""
+        """Fault -> when it was injected, on the monotonic clock [s]; of a halt: when the supervisor was let go on."""
 
     def __enter__(self) -> Faults:
         """Start the operator that a fault will silence."""
         for name, (address, words) in self._speak.items():
             assert address is not None, "see operated"
             self._elsewhere[name] = SecondMachine(address, words)
+        if self._halts:
+            pipe = subprocess.PIPE
+            self._halting = subprocess.Popen(bare_python(HALT), stdin=pipe, stdout=pipe, text=True)
         return self
 
     def __exit__(self, *_: object) -> None:
         """Let everybody be silent."""
         for machine in self._elsewhere.values():
             machine.fall_silent()
+        if self._halting is not None:
+            resumed = self._halting.communicate("")[0]
+            if resumed and "supervisor-halt" in self.times:
+                self.times["supervisor-halt"] = float(resumed)
 
     def due(self, elapsed: float, policy: subprocess.Popen[bytes] | None) -> int:
         """Inject what is due; see `Injected.due`."""
@@ -199,7 +233,7 @@ class Faults(Injected):
     def _inject(self, name: str, policy: subprocess.Popen[bytes] | None) -> None:
         """Let one fault happen."""
         self.times[name] = time.monotonic()
-        if name in OF_ROBOT:
+        if name in OF_ROBOT or name in OF_WAY:
             self._tell(ASK + name.encode())
         elif name in POLICY:
             self._of_policy = OF_POLICY.index(name)
@@ -210,6 +244,9 @@ class Faults(Injected):
             self._tell(command_layout(self._joints).pack(1, 0.0, vars(JointCommand(zero, zero, zero, zero))))
         elif name in self._elsewhere:
             self._elsewhere[name].fall_silent()
+        elif name == "supervisor-halt" and self._halting is not None and self._halting.stdin is not None:
+            self._halting.stdin.write("\n")
+            self._halting.stdin.flush()
         elif name == "stop-file" and self._stop_file is not None:
             self._stop_file.touch()
         elif name in SIGNALS and (target := os.getpid() if name.startswith("sig") else policy and policy.pid):
@@ -219,15 +256,6 @@ class Faults(Injected):
         """Send the robot a datagram from a port of its own."""
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
             port.sendto(data, self._robot)
-
-
-SIGNALS = {
-    "policy-kill": signal.SIGKILL,
-    "policy-stop": signal.SIGSTOP,
-    "sigterm": signal.SIGTERM,
-    "sigint": signal.SIGINT,
-}
-"""Fault -> the signal that it is."""
 
 
 class BrokenState:
@@ -291,5 +319,6 @@ CHANGES: dict[str, Change] = {
     "motor-lost": lambda state, first, count: _with(state, lost=_one(state.lost, count)),
     "motor-fault": lambda state, first, count: _with(state, motor_fault=_one(state.motor_fault, 4.0)),
     "drive-gains": lambda state, first, count: _with(state, kp=1.5 * state.kp),
+    "second-robot": lambda state, first, count: state,
 }
 """Fault of the robot -> what it says then."""

@@ -28,7 +28,9 @@ class VirtualProcess:
         """Start it for the robot of a bundle; raise `RobotError` where it does not come up."""
         command = python_module("stiction.virtual.serve", [bundle, json.dumps(asdict(cfg))])
         # What it writes on its standard error is for people, and goes where ours does.
-        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, **tied(isolated_environment()))
+        # Ctrl-C is for the supervisor: a robot does not end by it.
+        tie = tied(isolated_environment()) | {"start_new_session": True}
+        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, **tie)
         assert self._process.stdout is not None
         said = self._read()
         if said is None or "error" in said:

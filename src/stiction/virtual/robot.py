@@ -27,8 +27,9 @@ import numpy as np
 from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.core.names import kind_of
 from stiction.core.rotation import UPRIGHT
+from stiction.deploy.control import JointCommand
 from stiction.deploy.observation import Sensors
-from stiction.deploy.pilot import JointCommand, Reading
+from stiction.deploy.pilot import Reading
 from stiction.engines.engine import Engine, FrictionSensing, Motion
 from stiction.engines.friction import JointFriction
 from stiction.joints.compensation import FrictionController

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stiction.core.rotation import tilted
+from stiction.deploy.control import JointCommand
 from stiction.deploy.observation import Sensors
-from stiction.deploy.pilot import JointCommand, Port, Reading
-from stiction.locomotion.config import NoiseCfg
+from stiction.deploy.pilot import Port, Reading
+from stiction.task.config import NoiseCfg
 
 
 def disturbed(true: Sensors, noise: NoiseCfg, drawn: np.ndarray) -> Sensors:

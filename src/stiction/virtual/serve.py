@@ -14,27 +14,29 @@ import socket
 import sys
 import time
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
+from stiction.core.decode import from_plain
 from stiction.core.errors import EngineError, StictionError
 from stiction.core.lifeline import follow_parent
 from stiction.core.provenance import limit_library_threads, seed_streams, stream_seed
 from stiction.core.rotation import cross, into_frame
 from stiction.deploy.check import robot_of
-from stiction.deploy.pilot import JointCommand, Reading
+from stiction.deploy.control import JointCommand
+from stiction.deploy.pilot import Reading
 from stiction.deploy.runtime.ticker import Ticker
 from stiction.deploy.transports.link import RobotState, command_layout, command_of, state_layout, state_vectors
 from stiction.deploy.transports.udp import HELLO, LOOPBACK
 from stiction.engines.catalog import find_engine, make_engine
 from stiction.engines.engine import BlownUp
-from stiction.formats.bundle import read_bundle
-from stiction.formats.plain import parse_object
+from stiction.files.bundle import read_bundle
+from stiction.files.plain import parse_object
 from stiction.robots.model import GRAVITY, Robot
 from stiction.virtual.cases import Case, parse_level
-from stiction.virtual.faults import ASK, OF_ROBOT, BrokenState
+from stiction.virtual.faults import ASK, OF_ROBOT, OF_WAY, BrokenState
 from stiction.virtual.robot import PERIOD, VirtualRobot
 from stiction.virtual.trial import World, fallen
 
@@ -43,6 +45,12 @@ ROOM_TEMPERATURE = 30.0
 
 NOISE = "deployed, sensors"
 """Name of the random stream of its sensors' noise."""
+
+LOST = "deployed, lost commands"
+"""Name of the random stream of what is lost on the way to it."""
+
+LOSS = 0.3
+"""Share of the commands that are lost on the way, by the fault of that name."""
 
 BATTERY = 48.0
 """Nominal voltage [V]."""
@@ -79,7 +87,8 @@ class RobotProcess:
 
     def __init__(self, spec: Robot, cfg: VirtualCfg, port: socket.socket) -> None:
         """Build the robot; raise `StictionError` where its engine or its friction cannot be."""
-        noise = seed_streams(cfg.seed, [NOISE])[NOISE]
+        streams = seed_streams(cfg.seed, [NOISE, LOST])
+        noise, self._chance = streams[NOISE], streams[LOST]
         world = World(partial(make_engine, cfg.engine))
         build = world.on_bench if cfg.stand else world.robot
         self._robot: VirtualRobot = build(cfg.case, spec, noise)
@@ -92,6 +101,8 @@ class RobotProcess:
         self._taken, self._number = np.nan, 0
         self._velocity = np.zeros(3)
         self._broken: BrokenState | None = None
+        self._loss = 0.0
+        self._second: socket.socket | None = None
         self._last: RobotState | None = None
         self.slow = 0
         """Periods that it was late by."""
@@ -118,14 +129,17 @@ class RobotProcess:
             data = self._states.pack(self._number, state.time, state_vectors(state))
             with suppress(OSError):
                 self._port.sendto(data, self._peer)
+                if self._second is not None:
+                    self._second.sendto(data, self._peer)
 
     def _take(self, data: bytes, sender: tuple[str, int]) -> None:
         """Take one datagram."""
         if data == HELLO:
             self._peer = sender
-        elif data.startswith(ASK) and (name := data[len(ASK) :].decode(errors="replace")) in OF_ROBOT:
-            if self._last is not None:
-                self._broken = BrokenState(name, self._last)
+        elif data.startswith(ASK) and (name := data[len(ASK) :].decode(errors="replace")) in OF_ROBOT | OF_WAY:
+            self._begin_fault(name)
+        elif self._loss and self._chance.random() < self._loss:
+            pass
         elif (message := self._commands.unpack(data)) is not None and np.isfinite(message.values).all():
             command = command_of(self._commands, message)
             if not command.kp.any() and self._command.kp.any():
@@ -133,6 +147,15 @@ class RobotProcess:
             if command.kp.any() and not self._command.kp.any():
                 self._start = (time.monotonic(), self._robot.ground_truth().motion.base_position)
             self._command, self._taken = command, float(message.number)
+
+    def _begin_fault(self, name: str) -> None:
+        """Begin a fault of the robot, or of the way to it."""
+        if name in OF_WAY:
+            self._loss = LOSS
+        elif self._last is not None:
+            self._broken = BrokenState(name, self._last)
+            if name == "second-robot":
+                self._second = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 
     def _say_damped(self) -> None:
         """Print when the first damping frame came, and what the robot had done by then."""
@@ -177,7 +200,7 @@ def main(path: str, settings: str) -> int:
     follow_parent()
     limit_library_threads()
     try:
-        cfg = replace(VirtualCfg(), **parse_object(settings, "settings", "those of a virtual robot"))
+        cfg = from_plain(VirtualCfg, parse_object(settings, "settings", "those of a virtual robot"), "settings")
         spec = robot_of(read_bundle(path).contract)
         port = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         port.bind((LOOPBACK, 0))

@@ -16,12 +16,12 @@ from stiction.deploy.policy import load_policy
 from stiction.engines.engine import BlownUp, Make, Motion
 from stiction.engines.friction import JointFriction
 from stiction.engines.ground import Ground, flat
-from stiction.formats.bundle import Bundle
-from stiction.formats.walk import Recording
+from stiction.files.bundle import Bundle
+from stiction.files.walk import Recording
 from stiction.joints.compensation import BY_ERROR, Compensation
 from stiction.joints.net import TorqueSource
-from stiction.locomotion.config import NoiseCfg
 from stiction.robots.model import Robot, leans_too_far, too_low
+from stiction.task.config import NoiseCfg
 from stiction.virtual.hidden import Hidden, draw
 from stiction.virtual.robot import PERIOD, GroundTruth, VirtualRobot, Wear
 from stiction.virtual.sensors import INITIAL_ANGLE, Noisy

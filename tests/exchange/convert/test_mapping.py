@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.formats.joint_map import map_joints, parse_joint_map
-from stiction.formats.joints import JointRecord, JointsFile
+from stiction.files.joint_map import map_joints, parse_joint_map
+from stiction.files.joints import JointRecord, JointsFile
 
 MODEL = ["FL_hip_joint", "FL_calf_joint", "FR_calf_joint", "FL_shank"]
 FILE = JointsFile({"shank": JointRecord(), "FL_hip": JointRecord()})

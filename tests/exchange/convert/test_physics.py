@@ -7,7 +7,7 @@ import pytest
 from motors import motor, number
 from stiction.core.errors import StictionError
 from stiction.exchange.physics import beyond_coulomb, joint_physics, notes_of, one_line
-from stiction.formats.joints import Estimate, JointRecord
+from stiction.files.joints import Estimate, JointRecord
 
 
 def test_a_bare_motor_gives_everything() -> None:

@@ -16,7 +16,7 @@ import torch
 from stiction.cli.main import main
 from stiction.core.errors import FileError
 from stiction.exchange.randomization import FRAMEWORKS, FrictionRange, randomization_term, recipe_of
-from stiction.formats.joints import JointRecord, JointsFile, write_training
+from stiction.files.joints import JointRecord, JointsFile, write_training
 
 TRAINING = {
     "friction": {"method": "deception", "level": 0.2, "law": "coulomb", "per": "robot"},
@@ -230,12 +230,15 @@ def test_a_user_writes_a_range(folder: Path, capsys: pytest.CaptureFixture, fram
     ("words", "said"),
     [
         (["training.json", "--to", "urdf"], "takes the values of a joints.json"),
-        (["training.json", "--to", "mjlab", "--timestep", "0.002"], "--timestep is for"),
-        (["training.json", "--to", "mjlab", "--assumed-load", "5"], "--assumed-load is for"),
-        (["training.json", "--to", "mujoco", "--joint-map", "a=b"], "--joint-map is for a joints.json"),
+        (["training.json", "--to", "mjlab", "--timestep", "0.002"], "--timestep requires --to mujoco;"),
+        (
+            ["training.json", "--to", "mjlab", "--assumed-load", "5"],
+            "--assumed-load requires --to isaaclab or legged_gym;",
+        ),
+        (["training.json", "--to", "mujoco", "--joint-map", "a=b"], "--joint-map requires a joints.json;"),
         (["training.json", "--to", "mujoco", "--robot", "go3"], "go3"),
         (["joints.json", "--to", "mjlab"], "writes the range of a training.json"),
-        (["joints.json", "--to", "urdf", "--robot", "go2"], "--robot is for a training.json"),
+        (["joints.json", "--to", "urdf", "--robot", "go2"], "--robot requires a training.json;"),
         (["none.json", "--to", "urdf"], "none.json"),
     ],
 )

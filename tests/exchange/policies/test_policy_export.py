@@ -15,9 +15,9 @@ from stiction.deploy.policy import load_policy
 from stiction.exchange.policies.description import contract_of
 from stiction.exchange.policies.exporter import export_to
 from stiction.exchange.policies.importer import read_network, said_of
-from stiction.formats.bundle import read_bundle
-from stiction.formats.contract import Contract
-from stiction.formats.observation import FRAMES, ObservationLayout, Term
+from stiction.files.bundle import read_bundle
+from stiction.files.contract import Contract
+from stiction.files.observation import FRAMES, ObservationLayout, Term
 from stiction.robots.catalog import find_robot
 
 

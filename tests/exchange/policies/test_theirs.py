@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from stiction.core.errors import BundleError
-from stiction.evaluate.evaluate import EvaluationCfg, evaluate_bundle
+from stiction.evaluation.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.exchange.policies.importer import import_policy
 from stiction.exchange.policies.onnx_file import read_foreign
 

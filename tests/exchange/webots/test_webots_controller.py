@@ -16,8 +16,8 @@ import pytest
 from bundles import make_bundle, make_contract
 from stiction.core.errors import StictionError
 from stiction.deploy.check import TOLERANCE, check_bundle
-from stiction.formats.bundle import Bundle, shipped_bundles
-from stiction.formats.golden import Golden
+from stiction.files.bundle import Bundle, shipped_bundles
+from stiction.files.golden import Golden
 from stiction.joints.pd import PDGains, pd_torque
 from webots_files import Read, read_world
 from webots_stand_in import Playback, Robot
@@ -305,7 +305,7 @@ BLOCKED = ["torch", "mujoco", "onnx", "rsl_rl", "tensordict"]
 
 FAKE = """
 from pathlib import Path
-from stiction.formats.bundle import read_bundle
+from stiction.files.bundle import read_bundle
 from webots_files import read_world
 from webots_stand_in import Playback, Robot as StandIn
 

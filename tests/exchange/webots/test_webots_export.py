@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from bundles import make_bundle, make_contract
+from bundles import make_bundle, make_contract, with_limits
 from stiction.cli.main import main
 from stiction.core.errors import StictionError
 from stiction.deploy.check import check_bundle
-from stiction.formats.bundle import shipped_bundles
+from stiction.files.bundle import shipped_bundles
 from webots_files import read_proto, read_world
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to export to Webots")
@@ -117,9 +117,9 @@ def test_what_webots_or_the_robot_cannot_take_is_refused(changes: dict, message:
 
 def test_a_bundle_that_does_not_fit_is_not_exported(tmp_path: Path) -> None:
     """If this failed, nobody would ask whether bundle, robot and Webots fit together."""
-    path = make_bundle(tmp_path / "toy", make_contract(lower=(-3.0,) * 18))
+    path = make_bundle(tmp_path / "toy", make_contract(with_limits(find_robot("saturn_lite"), "wide", -3.0, 3.0)))
     with pytest.raises(StictionError, match="another lower angle"):
-        export_webots(path, tmp_path / "project")
+        export_webots(path, tmp_path / "project", robot="saturn_lite")
     with pytest.raises(StictionError, match="has other joints"):
         export_webots(path, tmp_path / "project", robot="go1")
 
@@ -178,9 +178,9 @@ def test_a_run_is_exported_through_its_bundle(bundle: Path, tmp_path: Path, caps
 @pytest.mark.parametrize(
     ("arguments", "option"),
     [
-        (["--friction-level", "0.1"], "--friction-level is for --to webots"),
-        (["--step-height", "0.1"], "--step-height is for --to webots"),
-        (["--to", "webots", "--wear", "wear.json"], "--wear is for --to bundle"),
+        (["--friction-level", "0.1"], "--friction-level requires --to webots"),
+        (["--step-height", "0.1"], "--step-height requires --to webots"),
+        (["--to", "webots", "--wear", "wear.json"], "--wear requires --to bundle"),
     ],
 )
 def test_an_option_that_would_do_nothing_is_refused(

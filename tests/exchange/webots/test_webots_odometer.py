@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from stiction.deploy.observation import Sensors
-from stiction.evaluate.command import parse_command
 from stiction.exchange.webots.controller import Odometer
+from stiction.files.velocity import parse_command
 
 
 def test_speed_is_measured_along_the_command_in_the_robots_own_frame() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from bundles import make_bundle, make_contract
 from stiction.core.rotation import uprightness
-from stiction.formats.bundle import shipped_bundles
+from stiction.files.bundle import shipped_bundles
 from webots_build import add_headers, load_plugin, needs_compiler
 from webots_files import Read, read_world
 from webots_ode import WebotsOde, ode_or_skip

@@ -8,7 +8,7 @@ from contextlib import suppress
 
 from stiction.deploy.transports.link import MEASURED as SENSORS
 from stiction.deploy.transports.messages import Layout, Message
-from stiction.formats.contract import Contract
+from stiction.files.contract import Contract
 
 SIGHT, TARGETS, ROW, STEP = 16, 17, 18, 19
 """Kinds of messages: supervisor to policy, policy to supervisor, supervisor to logger twice."""
@@ -33,9 +33,10 @@ targets, of the step before; and from having read the sensors to having targets.
 
 
 def targets_layout(contract: Contract) -> Layout:
-    """Return what the policy answers at every deadline: targets, what it saw and did, what it finds of the joints."""
+    """Return what the policy answers at every deadline: targets, what limited them, its input and output, and wear."""
     joints = contract.num_joints
     sizes = {"mode": 1, "skipped": 1, "failed": 1, **dict.fromkeys(TIMES, 1), "target": joints, "action": joints}
+    sizes |= {"requested": joints, "limited_by": joints}
     sizes |= {"frame": contract.observation.frame_size, "wear": joints, "wear_low": joints, "wear_high": joints}
     return Layout(TARGETS, sizes | {"unusual": 1})
 

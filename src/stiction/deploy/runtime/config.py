@@ -4,26 +4,40 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from stiction.core.errors import ConfigurationError
+from stiction.files.contract_rules import TARGET_LIMITS
+
+if TYPE_CHECKING:
+    from stiction.files.contract import Contract
 
 
 @dataclass(frozen=True)
 class LimitsCfg:
     """How far and how fast targets may go."""
 
-    slew: float = 40.0
-    """Largest speed of a joint's target [rad/s]: 0.8 rad in a control period of 20 ms, more than the shipped policies
-    ask for (results/deploy)."""
-    margin: float = 0.02
-    """Distance that targets keep from the joint's limits [rad]."""
+    slew: float | None = None
+    """Largest speed of a joint's target [rad/s]; by default the bundle's, of older bundles 40, more than the shipped
+    policies ask for (results/deploy)."""
+    margin: float | None = None
+    """Distance that targets keep from the joint's limits [rad]; by default the bundle's, of older bundles 0.02."""
 
     def __post_init__(self) -> None:
         """Refuse limits that leave nothing, or are none."""
-        if not (0 < self.slew <= 1000 and 0 <= self.margin <= 1):
+        slew, margin = self.of(None)
+        if not (0 < slew <= 1000 and 0 <= margin <= 1):
             raise ConfigurationError(
-                f"slew {self.slew} rad/s and margin {self.margin} rad: expected up to 1000 rad/s and 0 to 1 rad"
+                f"slew {slew} rad/s and margin {margin} rad: expected up to 1000 rad/s and 0 to 1 rad"
             )
+
+    def of(self, contract: Contract | None) -> tuple[float, float]:
+        """Return slew [rad/s] and margin [rad] for a bundle: these, else its own, else those of new bundles."""
+        usual = (None if contract is None else contract.target_limits) or TARGET_LIMITS
+        return (
+            usual["slew"] if self.slew is None else self.slew,
+            usual["margin"] if self.margin is None else self.margin,
+        )
 
 
 @dataclass(frozen=True)
@@ -77,13 +91,19 @@ class SupervisorCfg:
     hold: float = 0.5
     """Time in the standing pose before the run [s]."""
     settle: float = 1.0
-    """Time that damping goes on after a run that ended as asked [s]."""
+    """Shortest time of damping after a run, however it ended [s]; it goes on while the robot moves."""
+    settle_limit: float = 5.0
+    """Longest time of damping after a run [s]."""
     first_target: float = 0.1
     """Largest distance of the first target from the measured pose [rad]."""
     standing_error: float = 0.5
     """Largest distance of a joint from the standing pose when the run begins [rad]."""
     stale: float = 0.03
-    """Age from which on a state is stale [s]: at 500 Hz fifteen were missed."""
+    """Maximum age of a robot state [s]: at 500 Hz fifteen were missed."""
+    gap: float = 0.06
+    """Longest time between two turns of the supervisor's own loop [s]: three control periods of 20 ms."""
+    readers: int = 1
+    """Number of programs that may read the commands, the robot's own included."""
     frozen: float = 0.03
     """Time from which on an IMU that says the same to the last bit is frozen [s]: as of a stale state."""
     silence: float = 0.06
@@ -108,15 +128,23 @@ class SupervisorCfg:
         for name in (
             "hold",
             "settle",
+            "settle_limit",
             "first_target",
             "standing_error",
             "stale",
+            "gap",
             "frozen",
             "silence",
             "command_timeout",
         ):
             if not 0 < getattr(self, name) <= 10:
                 raise ConfigurationError(f"{name} of {getattr(self, name)}: expected a positive number of at most 10")
+        if self.settle_limit < self.settle:
+            raise ConfigurationError(
+                f"settle_limit of {self.settle_limit} s: expected {self.settle} s (settle) or more"
+            )
+        if not 1 <= self.readers <= 1000:
+            raise ConfigurationError(f"--readers: got {self.readers}, expected 1 to 1000; count the robot's own")
         if not self.command_timeout < self.command_stop <= 600:
             raise ConfigurationError(
                 f"command_stop of {self.command_stop} s: expected more than command_timeout, {self.command_timeout} s"

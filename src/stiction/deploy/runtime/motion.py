@@ -8,8 +8,8 @@ import numpy as np
 
 from stiction.core.errors import LogError, unknown_name
 from stiction.core.files import near_file
-from stiction.formats.contract import Contract
-from stiction.formats.log import by_joint, read_setup, read_table
+from stiction.files.contract import Contract
+from stiction.files.log import by_joint, read_setup, read_table
 
 LONGEST = 1800.0
 """Longest motion [s]."""

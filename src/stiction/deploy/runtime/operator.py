@@ -1,7 +1,7 @@
-"""What a person, or a second machine, says to a run: stop, by four ways, and the velocity that is wanted.
+"""Stop, by four ways, and the wanted velocity, from a person or a second machine.
 
-* a key: space, q, or Enter, where standard input is a terminal;
-* a signal: SIGINT (Ctrl-C), SIGTERM, SIGHUP;
+* a key: space, q, Enter, Ctrl-Z or Ctrl-backslash, where standard input is a terminal;
+* a signal: every one that can be caught and would end or halt the process, SIGINT (Ctrl-C) and SIGTERM among them;
 * a file that appears;
 * a second machine that no longer says that it is there.
 """
@@ -16,20 +16,26 @@ import sys
 import termios
 import tty
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from types import FrameType
-from typing import Any
 
 import numpy as np
 
 from stiction.core.errors import ConfigurationError
 from stiction.deploy.runtime.config import OperatorCfg
-from stiction.formats.velocity import AXES
+from stiction.files.velocity import AXES
 
-KEYS = b" q\r\n"
-"""Keys that stop the robot."""
+KEYS = b" q\r\n\x1a\x1c"
+"""Keys that stop the robot; the last two are Ctrl-Z and Ctrl-backslash, which halt or end a process elsewhere."""
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+NO_STOP = {"KILL", "STOP", "CONT", "CHLD", "WINCH", "URG", "PIPE", "XFSZ", "INFO", "SEGV", "BUS", "FPE", "ILL"}
+"""Signals that are no stop: two that no program can catch, some that end no process or that Python ignores, and four
+that say that the program itself is broken: after them it could not send anything."""
+
+SIGNALS = tuple(
+    number for number in signal.valid_signals() if getattr(number, "name", "").removeprefix("SIG") not in NO_STOP
+)
+"""Every signal that stops the robot."""
 
 ALIVE = b"alive"
 """What a second machine sends, some ten times a second."""
@@ -51,7 +57,10 @@ class Operator:
         self._commands = None if cfg.command_from is None else _listen(cfg.command_from, "--command-from")
         self.complaint = ""
         """What was wrong with the last velocity command that was none; empty: nothing."""
-        self._terminal = sys.stdin.fileno() if sys.stdin is not None and sys.stdin.isatty() else None
+        self.signal: int | None = None
+        """Number of the signal that came first; None: none did."""
+        terminal = sys.stdin.fileno() if sys.stdin is not None and sys.stdin.isatty() else None
+        self._terminal = terminal if terminal is not None and _in_foreground(terminal) else None
         if cfg.stop_file is not None and cfg.stop_file.exists():
             raise ConfigurationError(f"{cfg.stop_file} is there already, and would stop the run; remove it first")
 
@@ -63,22 +72,15 @@ class Operator:
     @contextmanager
     def listening(self) -> Iterator[None]:
         """Take signals and keys while the run lasts; close everything then."""
-        before: dict[int, Any] = {number: signal.signal(number, self._signal) for number in SIGNALS}
-        modes = None
-        if self._terminal is not None:
-            modes = termios.tcgetattr(self._terminal)
-            # At once: by default a key that was pressed already would be thrown away.
-            tty.setcbreak(self._terminal, termios.TCSANOW)
-        try:
-            yield
-        finally:
-            if self._terminal is not None and modes is not None:
-                termios.tcsetattr(self._terminal, termios.TCSANOW, modes)
-            for number, handler in before.items():
-                signal.signal(number, handler)
+        with ExitStack() as stack:
             for port in (self._heartbeat, self._commands):
                 if port is not None:
-                    port.close()
+                    stack.callback(port.close)
+            for number in SIGNALS:
+                stack.callback(signal.signal, number, signal.signal(number, self._signal) or signal.SIG_DFL)
+            if self._terminal is not None:
+                stack.enter_context(_keys_alone(self._terminal))
+            yield
 
     def files(self) -> list[int]:
         """Return the files that become readable when an operator sends something."""
@@ -113,8 +115,10 @@ class Operator:
         return found
 
     def _signal(self, number: int, _: FrameType | None) -> None:
-        """Take a signal."""
-        self._asked = signal.Signals(number).name
+        """Take a signal; the first one is the reason of the stop."""
+        if self.signal is None:
+            named = number in set(signal.Signals)
+            self.signal, self._asked = number, signal.Signals(number).name if named else f"signal {number}"
 
 
 def parse_velocity(data: bytes) -> np.ndarray:
@@ -158,6 +162,36 @@ def _datagrams(port: socket.socket) -> Iterator[bytes]:
             yield port.recv(LARGEST_COMMAND)
         except OSError:
             return
+
+
+def _in_foreground(terminal: int) -> bool:
+    """Return whether this process may read and set up a terminal: in the background it would be halted for that."""
+    try:
+        return os.tcgetpgrp(terminal) == os.getpgrp()
+    except OSError:
+        return True  # Not the terminal that controls this process, which sends it no signals.
+
+
+@contextmanager
+def _keys_alone(terminal: int) -> Iterator[None]:
+    """Let a terminal hand over each key at once, Ctrl-Z and Ctrl-backslash too; put everything back on the way out."""
+    before = termios.tcgetattr(terminal)
+    try:
+        # At once: by default a key that was pressed already would be thrown away.
+        tty.setcbreak(terminal, termios.TCSANOW)
+        modes, nobody = termios.tcgetattr(terminal), bytes([os.fpathconf(terminal, "PC_VDISABLE")])
+        for key in (termios.VSUSP, termios.VQUIT, *([termios.VDSUSP] if hasattr(termios, "VDSUSP") else [])):
+            modes[6][key] = nobody
+        termios.tcsetattr(terminal, termios.TCSANOW, modes)
+        yield
+    finally:
+        # Who was sent to the background meanwhile is halted for this, or refused, unless the signal is blocked.
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTTOU})
+        try:
+            with suppress(termios.error):  # A terminal that has gone needs nothing.
+                termios.tcsetattr(terminal, termios.TCSANOW, before)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
 
 
 def _key(terminal: int) -> bool:

@@ -16,12 +16,13 @@ import numpy as np
 
 from stiction.core.lifeline import follow_parent
 from stiction.core.provenance import limit_library_threads
+from stiction.deploy.control import ControlLoop
 from stiction.deploy.observation import Sensors
-from stiction.deploy.policy import Policy, PolicyStep, load_policy
+from stiction.deploy.policy import PolicyStep, load_policy
 from stiction.deploy.runtime.channel import IDLE, RUNNING, SENSORS, Channel, sight_layout, targets_layout
 from stiction.deploy.runtime.ticker import Ticker
 from stiction.deploy.wear import WearMonitor
-from stiction.formats.bundle import Bundle, read_bundle
+from stiction.files.bundle import Bundle, read_bundle
 
 WARM_UP = 50
 """Steps over recorded sensors before the first real one: afterwards nothing is compiled or allocated anew."""
@@ -43,7 +44,8 @@ class PolicyProcess:
         self._running, self._sent = False, 0.0
         self._estimate: dict[str, object] = {}
         self._seen: tuple[Sensors, np.ndarray] | None = None
-        _warm_up(self._policy, bundle)
+        self._loop = ControlLoop(self._policy, contract)
+        _warm_up(self._loop, bundle)
 
     def rehearse(self) -> None:
         """Repeat the last step and discard the result, to warm up the next one; see `Policy.rehearse`."""
@@ -85,7 +87,7 @@ class PolicyProcess:
     def _act(self, inputs: dict[str, np.ndarray]) -> tuple[PolicyStep, dict[str, object]]:
         """Return the policy's step on what it sees, and the answer."""
         if not self._running:
-            self._policy.reset()
+            self._loop.reset()
             if self._wear is not None:
                 self._wear.reset()
             self._running, self._estimate = True, {}
@@ -97,20 +99,21 @@ class PolicyProcess:
         if fault == "policy-exception":
             raise RuntimeError("injected")
         self._seen = Sensors(*(inputs[name] for name in SENSORS)), inputs["velocity"]
-        step = self._policy.step(*self._seen)
+        step = self._loop.act(*self._seen)
         target = step.target if fault != "policy-nan" else np.full_like(step.target, np.nan)
         frame = step.observation[self._newest]
         answer = {"mode": RUNNING, "failed": 0.0, "target": target, "action": step.action, "frame": frame}
-        return step, answer | self._estimate
+        limits = {"requested": self._loop.requested, "limited_by": self._loop.limited.by}
+        return step, answer | limits | self._estimate
 
 
-def _warm_up(policy: Policy, bundle: Bundle) -> None:
+def _warm_up(loop: ControlLoop, bundle: Bundle) -> None:
     """Take some steps over the recording, then forget them."""
     golden = bundle.golden
     for t in range(min(WARM_UP, len(golden))):
         sensors = Sensors(*(getattr(golden, name)[t] for name in SENSORS))
-        policy.step(sensors, golden.command[t])
-    policy.reset()
+        loop.act(sensors, golden.command[t])
+    loop.reset()
 
 
 def main(path: str, number: str, digest: str, faults: str) -> int:

@@ -20,9 +20,9 @@ from stiction.core.errors import StictionError
 from stiction.core.lifeline import follow_parent
 from stiction.deploy.runtime.channel import Channel, row_layout, targets_layout
 from stiction.deploy.transports.messages import HEAD, Layout
-from stiction.formats.bundle import read_bundle
-from stiction.formats.run_log import READINGS, RUN, STEPS, part_name, parts_of, read_part, read_run_header
-from stiction.formats.tables import Columns, publish_npz
+from stiction.files.bundle import read_bundle
+from stiction.files.run_log import READINGS, RUN, STEPS, part_name, parts_of, read_part, read_run_header
+from stiction.files.tables import Columns, publish_npz
 
 PART_SECONDS = 0.5
 """Length of a part [s]."""

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from stiction.deploy.control import LIMITED_BY
 from stiction.deploy.runtime.channel import TIMES
-from stiction.deploy.runtime.limits import LIMITED_BY
 from stiction.deploy.runtime.supervisor import Stop, Supervisor
 from stiction.deploy.runtime.ticker import BUSY, LATE, QUIET, Histogram
 

@@ -11,45 +11,30 @@ from __future__ import annotations
 
 import gc
 import os
-import secrets
 import select
-import socket
 import subprocess
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from stiction.core.errors import ConfigurationError, PolicyError
-from stiction.core.isolation import isolated_environment, python_module
-from stiction.core.lifeline import tied
+from stiction.core.errors import ConfigurationError, PolicyError, RobotError
 from stiction.core.lock import one_writer
 from stiction.core.provenance import limit_library_threads
-from stiction.core.records import make_folder
-from stiction.deploy.runtime.channel import (
-    IDLE,
-    RUNNING,
-    SENSORS,
-    TIMES,
-    Channel,
-    row_layout,
-    sight_layout,
-    socket_pair,
-    targets_layout,
-)
+from stiction.deploy.runtime.channel import IDLE, RUNNING, SENSORS, TIMES, Channel, sight_layout, targets_layout
 from stiction.deploy.runtime.config import RunCfg
 from stiction.deploy.runtime.operator import Operator
-from stiction.deploy.runtime.recorder import PART_SECONDS, Rows
+from stiction.deploy.runtime.processes import Death, Logger, beside, last_line, logging_process
 from stiction.deploy.runtime.report import Timing, summary
-from stiction.deploy.runtime.supervisor import Out, Source, Stage, Supervisor
+from stiction.deploy.runtime.supervisor import Out, Source, Stage, Supervisor, check_peers
 from stiction.deploy.runtime.ticker import Ticker
 from stiction.deploy.transports.link import Link, RobotState
 from stiction.deploy.violation import Violation
-from stiction.formats.bundle import Bundle
-from stiction.formats.run_log import LOG, RunLogHeader, check_empty, write_run_header
+from stiction.files.bundle import Bundle
+from stiction.joints.compensation import BY_SPEED
 
 TICK = 0.002
 """How often the supervisor looks at what did not come [s]."""
@@ -59,12 +44,6 @@ PROBE_SECONDS = 1.0
 
 DRAIN_SECONDS = 0.1
 """Longest time for old states [s]."""
-
-WRITING_SECONDS = 10.0
-"""Longest time in which the rest of the log is written, after the robot was damped [s]."""
-
-LAST_WORDS = 2000
-"""Characters of a process's errors that are kept."""
 
 
 class Injected:
@@ -87,6 +66,7 @@ def run(
     source: Source | None = None,
     injected: Injected | None = None,
     say: Callable[[str], None] = lambda text: None,
+    friction: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> dict[str, Any]:
     """Run a policy, or a motion, on a robot until it ends; return the report.
 
@@ -99,9 +79,11 @@ def run(
         source: what gives targets in place of the policy.
         injected: faults, for tests.
         say: takes a line for people.
+        friction: fed forward by the measured speed, f [N m] and c [1], shapes (J,); see `joints.compensation`.
 
     Raises:
-        StictionError: another process drives this robot, or the run cannot begin.
+        StictionError: another process drives this robot, more than one robot or reader is there, or the run cannot
+            begin.
 
     """
     limit_library_threads()
@@ -118,17 +100,19 @@ def run(
         if source is None:
             layouts = sight_layout(contract.num_joints), targets_layout(contract)
             words = [folder, bundle.digest, int(injected.obeyed)]
-            end, policy = stack.enter_context(_beside("policy_process", words, 1))
+            end, policy = stack.enter_context(beside("policy_process", words, 1))
             channel = Channel(end, *layouts)
-        logger = stack.enter_context(_logger(bundle, folder, link, cfg, source))
+        logger = stack.enter_context(logging_process(bundle, folder, link, cfg, source))
         _probe(timing)
         if cfg.realtime is not None:
             effect = _realtime(cfg.realtime, policy, timing)
             say(effect)
-        supervisor = Supervisor(contract, cfg.supervisor, link.period, time.monotonic(), source)
+        forward = None if friction is None else BY_SPEED.controller(friction[0], link.period, load=friction[1])
+        supervisor = Supervisor(contract, cfg.supervisor, link.period, time.monotonic(), source, forward)
         if not cfg.supervisor.armed:
             say("a dry run: nothing is sent to the robot; --armed moves it")
         loop = _Loop(supervisor, link, channel, policy, logger, operator, timing, injected, say)
+        stack.callback(loop.close)
         loop.run(velocity)
         if operator.complaint:
             say(f"the last velocity command was none: {operator.complaint}")
@@ -137,6 +121,7 @@ def run(
     of_bundle = {"bundle": bundle.name, "digest": bundle.digest, "robot": contract.robot}
     log = {"log": None, "log_lost": 0, "log_end": None} if logger is None else logger.summary()
     of_run = {"armed": cfg.supervisor.armed, "stage": supervisor.stage.name.lower(), "sent": loop.sent_at}
+    of_run |= {"signal": loop.signal, "damped_seconds": loop.damped_seconds}
     of_link = {"states": loop.states, "malformed": link.malformed, "realtime": effect or None}
     return summary(supervisor, timing, of_run | of_link | log | of_bundle)
 
@@ -161,13 +146,19 @@ class _Loop:
         self._logger, self._rows = logger, None if logger is None else logger.rows
         self._operator, self._timing, self._injected, self._say = operator, timing, injected, say
         self._answers = targets_layout(supervisor.contract)
+        self._death = None if policy is None else Death(policy)
         self._files = [link.fileno(), *operator.files()] + ([channel.end.fileno()] if channel else [])
         self._stage, self._ran_since = Stage.PASSIVE, 0.0
+        self._damped_at = 0.0
         self._last: tuple[float, RobotState, Out] | None = None
         self.states = 0
         """States that have come."""
         self.sent_at: float | None = None
-        """When the damping frame of a stop was sent [s]."""
+        """When the first damping frame of a stop was sent [s]."""
+        self.damped_seconds = 0.0
+        """Time from the first damping frame of the end to the last [s]."""
+        self.signal: int | None = None
+        """Number of the signal that stopped the run; None: another reason, or none."""
 
     def run(self, velocity: np.ndarray) -> None:
         """Go on until the run has ended, however it does; velocity: commanded at first."""
@@ -180,8 +171,7 @@ class _Loop:
                 self._run_once()
         except BaseException as error:
             self._fail(error)
-            # An error has become the reason of the stop, for log and report; an interruption goes on to who asked for
-            # it.
+            # An error has become the reason of the stop, for log and report; an interruption is raised again.
             if not isinstance(error, Exception):
                 raise
         finally:
@@ -189,10 +179,19 @@ class _Loop:
         self._end()
 
     def _begin(self, velocity: np.ndarray) -> None:
-        """Take the first velocity command; what the robot said while the processes started is old, and dropped."""
+        """Take the first velocity command; what the robot said while the processes started is old, and dropped.
+
+        Raises `RobotError` where more than one robot, or a reader to whom nobody agreed, is there: nothing was sent.
+        """
         until = time.monotonic() + DRAIN_SECONDS
         while self._link.receive() and time.monotonic() < until:
             pass
+        if (broken := check_peers(self._link.peers(), self._supervisor.cfg)) is not None:
+            rule, names = broken
+            raise RobotError(
+                f"{rule.rule}: got {rule.value:g} ({names}), expected at most {rule.limit:g}; switch the others off, "
+                "choose the robot's own --domain, or raise --readers for programs that only listen"
+            )
         remote = self._operator.remote
         self._supervisor.command_velocity(velocity, time.monotonic(), remote)
 
@@ -200,9 +199,13 @@ class _Loop:
         """Wait for something to come, at most one tick, and do what follows from it."""
         select.select(self._files, [], [], TICK)
         now = time.monotonic()
+        # First: after a halt the robot still obeys the last command, and all that waits here is old.
+        self._emit(self._supervisor.turn(now), None)
         self._obey(now)
         self._answered()  # Before anything is sent: Linux drops what a process that is gone had said last.
-        if not self._supervisor.ended and (states := self._link.receive()):
+        states = self._link.receive()
+        self._emit(self._supervisor.meet(self._link.peers(), now), None)
+        if not self._supervisor.ended and states:
             self.states += len(states)
             *older, state = states
             for passed in older:
@@ -218,16 +221,27 @@ class _Loop:
         self._announce()
 
     def _fail(self, error: BaseException) -> None:
-        """Damp the robot after an error in this program; the error is the reason of the stop."""
+        """Damp the robot after an error in this program, as long as after any stop; the error is its reason."""
         said = f"{type(error).__name__}: {' '.join(str(error).split())}"
         violation = Violation("policy failed", None, np.nan, np.nan)
         self._emit(self._supervisor.stop(violation, time.monotonic(), f"the supervisor itself: {said}"), None)
+        until = time.monotonic() + self._supervisor.cfg.settle_limit
+        while not self._supervisor.ended and time.monotonic() < until:
+            time.sleep(TICK)
+            # Each by itself: if the error comes again in one, the other is done all the same.
+            with suppress(Exception):
+                for state in self._link.receive():
+                    self._supervisor.state(state, time.monotonic())
+            with suppress(Exception):
+                self._emit(self._supervisor.repeat(time.monotonic()), None)
 
     def _obey(self, now: float) -> None:
         """Obey the operator."""
         who = self._operator.stop(now)
         if who:
-            self._emit(self._supervisor.stop(Violation("operator", None, np.nan, np.nan), now, who), None)
+            out = self._supervisor.stop(Violation("operator", None, np.nan, np.nan), now, who)
+            self.signal = self._operator.signal if out is not None else self.signal
+            self._emit(out, None)
         velocity = self._operator.velocity()
         if velocity is not None:
             self._supervisor.command_velocity(velocity, now, remote=True)
@@ -258,7 +272,8 @@ class _Loop:
             if answer["failed"][0]:
                 self._emit(self._supervisor.policy_failed("policy failed", self._last_words(), now), None)
             elif answer["mode"][0] == RUNNING:
-                self._emit(self._supervisor.policy_targets(answer["target"], now), None)
+                target, asked, by = (answer[name] for name in ("target", "requested", "limited_by"))
+                self._emit(self._supervisor.policy_targets(target, now, asked, by), None)
                 times = {name: float(answer[name][0]) for name in TIMES}
                 if self._supervisor.stage is Stage.RUN:
                     self._timing.answer(now, times, int(answer["skipped"][0]))
@@ -266,15 +281,15 @@ class _Loop:
                     self._rows.step(message.data)
             else:
                 self._supervisor.policy_waits(now)
-        if self._policy is not None and self._policy.poll() is not None:
+        if self._death is not None and self._death.seen():
             self._emit(self._supervisor.policy_failed("policy gone", self._last_words(), time.monotonic()), None)
 
     def _last_words(self) -> str:
         """Return what the policy's process said last."""
         if self._policy is None:
             return ""
-        said, status = _last_line(self._policy), self._policy.poll()
-        ended = "its channel is closed" if status is None else f"its process ended with status {status}"
+        said, status = last_line(self._policy), self._policy.poll()
+        ended = "its process is gone" if status is None else f"its process ended with status {status}"
         return "; ".join(text for text in (said, ended) if text)
 
     def _emit(self, out: Out | None, state: RobotState | None) -> None:
@@ -283,8 +298,12 @@ class _Loop:
             return
         if out.command is not None and self._supervisor.cfg.armed:
             self._supervisor.sent(self._link.send(out.command))
-        if out.stage is Stage.STOPPED and self.sent_at is None:
-            self.sent_at = time.monotonic()
+        if out.stage >= Stage.DAMP and out.command is not None:
+            now = time.monotonic()
+            self._damped_at = self._damped_at or now
+            self.damped_seconds = now - self._damped_at
+            if self._supervisor.stop_record is not None:
+                self.sent_at = self.sent_at or now
         if state is not None and self._rows is not None:
             self._log(state, out)
 
@@ -312,6 +331,11 @@ class _Loop:
                 )
             self._rows.end()
 
+    def close(self) -> None:
+        """Watch the policy's process no longer."""
+        if self._death is not None:
+            self._death.close()
+
     def _announce(self) -> None:
         """Say which stage begins."""
         if self._supervisor.stage is not self._stage:
@@ -321,8 +345,8 @@ class _Loop:
 
 
 STAGES = {
-    Stage.STAND: "standing up; space, q, Enter or Ctrl-C stops",
-    Stage.RUN: "running; space, q, Enter or Ctrl-C stops",
+    Stage.STAND: "standing up; space, q, Enter, Ctrl-C or Ctrl-Z stops",
+    Stage.RUN: "running; space, q, Enter, Ctrl-C or Ctrl-Z stops",
     Stage.DAMP: "damping",
 }
 """Stage -> what people are told when it begins."""
@@ -348,114 +372,6 @@ def row(state: RobotState, torque: np.ndarray, out: Out, velocity: np.ndarray) -
         "battery": state.battery,
         "velocity_command": velocity,
     }
-
-
-@contextmanager
-def _beside(module: str, words: list[object], place: int) -> Iterator[tuple[socket.socket, subprocess.Popen[bytes]]]:
-    """Start one of our processes with one end of a socket pair; its arguments get the socket's file descriptor."""
-    own, other = socket_pair()
-    words = [*words[:place], other.fileno(), *words[place:]]
-    command = python_module(f"stiction.deploy.runtime.{module}", words)
-    process = subprocess.Popen(
-        command,
-        pass_fds=[other.fileno()],
-        stderr=subprocess.PIPE,
-        # Ctrl-C stops the robot by way of the supervisor; it must not end the policy or the log first.
-        start_new_session=True,
-        **tied(isolated_environment()),
-    )
-    # As long as we held it too, to send to a process that is gone would not fail.
-    other.close()
-    try:
-        yield own, process
-    finally:
-        # First: that is how the process learns that it is over.
-        own.close()
-        _end(process)
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    """Wait a little for a process to end by itself, then end it."""
-    try:
-        process.wait(timeout=0.2)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
-    if process.stderr is not None:
-        process.stderr.close()
-
-
-class Logger:
-    """The logger's process, as the supervisor sees it: takes rows, and may end before the run does."""
-
-    def __init__(self, rows: Rows, process: subprocess.Popen[bytes]) -> None:
-        """`rows`: to the process."""
-        self.rows, self._process = rows, process
-        self.end: str | None = None
-        """Why the log ended before the run did, in words; None where it did not."""
-
-    def ended_now(self) -> bool:
-        """Return True once: when the logger is first found to have ended. Never waits."""
-        if self.rows.alive or self.end is not None:
-            return False
-        self.end = _last_line(self._process) or "the logger has ended"
-        return True
-
-    def finish(self) -> None:
-        """Wait until all is written, at most `WRITING_SECONDS`; note where it was not."""
-        try:
-            if self._process.wait(timeout=WRITING_SECONDS) != 0 and self.end is None:
-                self.end = _last_line(self._process) or f"the logger ended with status {self._process.returncode}"
-        except subprocess.TimeoutExpired:
-            self.end = f"the disk did not take the rest within {WRITING_SECONDS:g} s"
-
-    def summary(self) -> dict[str, Any]:
-        """Return what the report has of the log."""
-        return {"log": LOG, "log_lost": self.rows.lost + (self.end is not None), "log_end": self.end}
-
-
-def _last_line(process: subprocess.Popen[bytes]) -> str:
-    """Return what a process said last on its standard error; empty: nothing. Never waits."""
-    if process.stderr is None:
-        return ""
-    os.set_blocking(process.stderr.fileno(), False)
-    lines = (process.stderr.read() or b"").decode(errors="replace").strip().splitlines()
-    return lines[-1][:LAST_WORDS] if lines else ""
-
-
-@contextmanager
-def _logger(bundle: Bundle, folder: Path, link: Link, cfg: RunCfg, source: Source | None) -> Iterator[Logger | None]:
-    """Start the logger, if a log is wanted; at the end wait until all of it is written."""
-    if cfg.keep_minutes == 0:
-        yield None
-        return
-    contract, log = bundle.contract, cfg.out / LOG
-    check_empty(log)
-    make_folder(log, "--out")
-    kp, kd = (contract.kp, contract.kd) if source is None else (tuple(source.kp), tuple(source.kd))
-    header = RunLogHeader(
-        robot=contract.robot,
-        joint_names=contract.joint_names,
-        foot_names=link.foot_names,
-        period=link.period,
-        control_period=contract.control_period,
-        kp=tuple(map(float, kp)),
-        kd=tuple(map(float, kd)),
-        torque_limit=contract.torque_limit,
-        policy=bundle.name if source is None else "",
-        digest=bundle.digest if source is None else "",
-        armed=cfg.supervisor.armed,
-        run=secrets.token_hex(8),
-    )
-    write_run_header(log, header)
-    keep = round(60 * cfg.keep_minutes / PART_SECONDS)
-    words = [log, keep, len(link.foot_names), folder]
-    with _beside("recorder", words, 1) as (end, process):
-        feet, steps = len(link.foot_names), targets_layout(contract)
-        readings = row_layout(contract.num_joints, feet)
-        logger = Logger(Rows(Channel(end, readings), readings, steps), process)
-        yield logger
-        logger.finish()
 
 
 def _probe(timing: Timing) -> None:

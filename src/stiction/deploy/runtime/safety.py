@@ -14,7 +14,7 @@ from stiction.core.rotation import cross, up_in_frames
 from stiction.deploy.runtime.config import SafetyCfg
 from stiction.deploy.transports.link import RobotState
 from stiction.deploy.violation import Violation
-from stiction.formats.contract import Contract
+from stiction.files.contract import Contract
 
 RULES = {
     "tilt": "the robot leans further than it can come back from",

@@ -1,10 +1,11 @@
 """The supervisor: decides at every reading what goes to the robot. No process, no socket, no clock of its own.
 
-    passive ──ready──▶ stand up ──ramp done──▶ run ──duration or motion over──▶ damping ──▶ done
-       │                  │                     │
-       └──────────────────┴── a broken rule ────┴──▶ stopped: one damping frame, then nothing
+    passive ──ready──▶ stand up ──ramp done──▶ run ──duration or motion over──▶ damping ──▶ done, or stopped
+       │                  │                     │                                  ▲
+       └──────────────────┴── a broken rule ────┴──────────────────────────────────┘
 
-In every stage the reading is judged first. A stop is latched: nothing but a person who starts anew ends it.
+In every stage the reading is judged first. A stop is latched: nothing but a person who starts anew ends it. Damping is
+sent again and again, since a frame can be lost: for the settling time, and while the robot moves, up to a limit.
 """
 
 from __future__ import annotations
@@ -16,19 +17,23 @@ from typing import Protocol
 
 import numpy as np
 
-from stiction.deploy.pilot import JointCommand
+from stiction.deploy.control import FREE, JointCommand, Limited, Limits
 from stiction.deploy.plausibility import RULES as PLAUSIBLE
 from stiction.deploy.plausibility import ReadingGuard, compare_drive
 from stiction.deploy.runtime.config import SupervisorCfg
-from stiction.deploy.runtime.limits import FREE, Limited, Limits
 from stiction.deploy.runtime.safety import Safety
-from stiction.deploy.transports.link import RobotState
+from stiction.deploy.transports.link import Peers, RobotState
 from stiction.deploy.violation import Violation
-from stiction.formats.contract import Contract
-from stiction.formats.run_log import RUN_STAGE
+from stiction.files.contract import Contract
+from stiction.files.run_log import RUN_STAGE
+from stiction.joints.compensation import FrictionController
 
 GAINS_AFTER = 0.5
 """Time after the first command with gains at which a robot that says its gains says ours [s]."""
+
+REST_ANGLE, REST_TURN, REST_SECONDS = 0.02, 0.5, 0.2
+"""A robot rests when no joint has moved by that angle [rad] and the base turns slower than that [rad/s] for so long
+[s]: angles, since velocities are noisy at rest."""
 
 
 class Stage(IntEnum):
@@ -44,7 +49,10 @@ class Stage(IntEnum):
 
 RULES = {
     "stale state": "no state of the robot came in time",
-    "second writer": "the robot acts on a command that is not ours",
+    "supervisor halted": "the supervisor itself was halted, or had no processor, for too long",
+    "second writer": "the robot acts on a command that is not ours, or another program is about to write one",
+    "second robot": "states come from a second robot: both would move by the same commands",
+    "further reader": "a program beside the robot reads the commands, and nobody has agreed: it may be a second robot",
     "first target": "the first target is too far from where the joint is",
     "did not stand up": "a joint is not where it should be when the run begins",
     "policy silent": "the policy hangs or is too slow",
@@ -98,6 +106,17 @@ class Stop:
         return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in found.items()}
 
 
+def check_peers(peers: Peers, cfg: SupervisorCfg) -> tuple[Violation, str] | None:
+    """Return the rule that who is at the other end of the link breaks, and their names; None: none is broken."""
+    if (count := len(peers.robots)) > 1:
+        return Violation("second robot", None, count, 1), "; ".join(peers.robots)
+    if cfg.armed and (count := len(peers.writers)) > 0:
+        return Violation("second writer", None, count, 0), "; ".join(peers.writers)
+    if cfg.armed and (count := len(peers.readers)) > cfg.readers:
+        return Violation("further reader", None, count, cfg.readers), "; ".join(peers.readers)
+    return None
+
+
 class Source(Protocol):
     """What gives targets in a run without a policy: a designed motion."""
 
@@ -124,11 +143,12 @@ class Supervisor:
         period: float,
         now: float,
         source: Source | None = None,
+        forward: FrictionController | None = None,
     ) -> None:
         """Begin passive.
 
         contract: what the joints may do; period: between two readings [s]; now: on the caller's clock [s]; source:
-        gives the targets in place of a policy.
+        gives the targets in place of a policy; forward: what is added against friction while a policy runs.
         """
         self.contract, self.cfg, self.stage = contract, cfg, Stage.PASSIVE
         self.stop_record: Stop | None = None
@@ -149,7 +169,8 @@ class Supervisor:
         self._standing, self._kp, self._kd = (
             (standing, kp, kd) if source is None else (source.start, source.kp, source.kd)
         )
-        self._limits = Limits(contract, cfg.limits, self._kp, self._kd)
+        slew, margin = cfg.limits.of(contract)
+        self._limits, self._forward = Limits(contract, slew, margin, self._kp, self._kd), forward
         self._damping = kd
         self._began, self._since, self._seen = now, now, math.nan
         self._from: np.ndarray | None = None
@@ -159,6 +180,9 @@ class Supervisor:
         self._ours: tuple[float, float] = (math.nan, math.nan)
         self._ran = 0.0
         self._position = standing
+        self._period = period
+        self._turned = self._heard = math.nan
+        self._framed, self._resting_since, self._resting_at = now, now, np.full_like(standing, math.nan)
 
     @property
     def ended(self) -> bool:
@@ -186,18 +210,24 @@ class Supervisor:
         """Note that the policy's process is there and waits for a reading."""
         self.policy_ready, self._answered = True, now
 
-    def policy_targets(self, target: np.ndarray, now: float) -> Out | None:
-        """Take the policy's targets [rad], shape (J,)."""
+    def policy_targets(
+        self, target: np.ndarray, now: float, requested: np.ndarray | None = None, by: np.ndarray | None = None
+    ) -> Out | None:
+        """Take the targets of a control step [rad], shape (J,).
+
+        requested: the policy's own, before the contract's limits [rad]; by: what limited them, see `LIMITED_BY`.
+        """
         elapsed, self._answered = now - self._answered, now
         if not np.isfinite(target).all():
             joint = self.contract.joint_names[int(np.argmin(np.isfinite(target)))]
             return self.stop(Violation("target not finite", joint, math.nan, math.nan), now, f"target of {joint}")
         if self.stage is Stage.RUN and self._source is None:
-            requested = np.array(target, float)
             # As in training a target acts at once; so the slew is of one answer to the next, not of readings. Of a gap
             # two periods count at most, else the first target after it could jump.
-            within = self._limits.step(requested, min(elapsed, 2.0 * self.contract.control_period))
-            self._answer = requested, within
+            within = self._limits.step(np.array(target, float), min(elapsed, 2.0 * self.contract.control_period))
+            if by is not None:
+                within = Limited(within.target, np.where(within.by == FREE, by.astype(int), within.by))
+            self._answer = np.array(target if requested is None else requested, float), within
         return None
 
     def policy_failed(self, rule: str, detail: str, now: float) -> Out | None:
@@ -205,21 +235,43 @@ class Supervisor:
         return self.stop(Violation(rule, None, math.nan, math.nan), now, detail)
 
     def stop(self, violation: Violation, now: float, detail: str = "") -> Out | None:
-        """Stop for good; return the one damping frame, or None where all had ended before."""
-        return None if self.ended else self._stop(violation, now, detail)
+        """Stop for good; return the first damping frame, or None where the run was stopped, or had ended, before."""
+        return None if self.ended or self.stop_record is not None else self._stop(violation, now, detail)
 
     def _stop(self, violation: Violation, now: float, detail: str = "") -> Out:
-        """Stop a run that has not ended; return the one damping frame."""
+        """Stop a run that has not ended; return the first damping frame."""
         self.stop_record = Stop(violation, detail, now, self._seen)
-        self.stage = Stage.STOPPED
-        return self._out(self._damp())
+        self.stage, self._since = Stage.DAMP, now
+        return self._settle(now)
 
     # What time does.
 
+    def turn(self, now: float) -> Out | None:
+        """Judge the time since the last turn of the caller's loop; to be called first in each turn."""
+        gap, self._turned = now - self._turned, now
+        if self.stage in (Stage.STAND, Stage.RUN) and gap > self.cfg.gap:
+            return self.stop(Violation("supervisor halted", None, gap, self.cfg.gap, "s"), now)
+        return None
+
+    def meet(self, peers: Peers, now: float) -> Out | None:
+        """Judge who is at the other end of the link."""
+        broken = check_peers(peers, self.cfg)
+        return None if broken is None else self.stop(broken[0], now, broken[1])
+
     def tick(self, now: float) -> Out | None:
-        """Judge what did not come in time; to be asked every 2 ms or so."""
+        """Judge what did not come in time, and repeat the damping frame; to be asked every 2 ms or so."""
         if self.ended:
             return None
+        return (None if self.stop_record is not None else self._late(now)) or self.repeat(now)
+
+    def repeat(self, now: float) -> Out | None:
+        """Return the next damping frame where one is due: without states to answer, too, since none may come."""
+        if self.stage is Stage.DAMP and now - self._framed >= 0.9 * self._period:
+            return self._settle(now)
+        return None
+
+    def _late(self, now: float) -> Out | None:
+        """Judge what did not come in time."""
         # Until both have come, nothing can be stale or silent.
         if self.stage is Stage.PASSIVE and (math.isnan(self._seen) or not self.policy_ready):
             if now - self._began > self.cfg.ready_timeout:
@@ -243,29 +295,31 @@ class Supervisor:
         """Judge a state and return what goes to the robot."""
         if self.ended:
             return self._out(None)
-        broken = self._judge(state, now)
-        if broken is not None:
-            return self._stop(broken, now)
-        self._seen = now
-        self._position = state.sensors.joint_position
+        if self.stop_record is None:
+            broken = self._judge(state, now)
+            # By when it came: after a halt the queue is full of old states, and the newest may be lost.
+            if broken is None and self.stage is not Stage.PASSIVE and state.age > self.cfg.stale:
+                broken = Violation("stale state", None, state.age, self.cfg.stale, "s")
+            if broken is not None:
+                return self._stop(broken, now)
+            self._seen, self._position = now - state.age, state.sensors.joint_position
         if self.stage is Stage.PASSIVE:
             return self._passive(now)
         if self.stage is Stage.STAND:
             return self._stand(state, now)
         if self.stage is Stage.RUN:
             return self._run(state, now)
-        if now - self._since > self.cfg.settle:
-            self.stage = Stage.DONE
-        return self._out(self._damp())
+        self._rest(state, now)
+        return self._settle(now)
 
     def passed(self, state: RobotState, now: float) -> Out | None:
         """Judge a state behind which a newer one has come already; it decides nothing but a stop."""
-        if self.ended:
+        if self.ended or self.stop_record is not None:
             return None
         broken = self._judge(state, now)
         if broken is not None:
             return self.stop(broken, now)
-        self._seen = now
+        self._seen = now - state.age
         return None
 
     # The stages.
@@ -282,7 +336,7 @@ class Supervisor:
         broken = self._far("first target", first.target, self.cfg.first_target)
         if broken is not None:
             return self._stop(broken, now, "move it by hand to within its limits, then start again")
-        return self._out(self._hold(first.target), self._from, first)
+        return self._out(JointCommand.position(first.target, self._kp, self._kd), self._from, first)
 
     def _stand(self, state: RobotState, now: float) -> Out:
         """Go from where the robot was to the standing pose."""
@@ -309,7 +363,7 @@ class Supervisor:
         self._ran = elapsed
         if elapsed >= self._length:
             self.stage, self._since = Stage.DAMP, now
-            return self._out(self._damp())
+            return self._settle(now)
         if self._source is not None:
             out = self._limit(self._source.target(elapsed), state, now)
         elif self._answer is None:
@@ -318,6 +372,23 @@ class Supervisor:
             out = self._within_torque(*self._answer, state)
         self.limited_counts[np.arange(len(out.limited.by)), out.limited.by] += 1
         return out
+
+    def _rest(self, state: RobotState, now: float) -> None:
+        """Note whether the robot has moved since it was last looked at; a comparison with NaN counts as moved."""
+        position, turn = state.sensors.joint_position, state.sensors.angular_velocity
+        still = np.abs(position - self._resting_at).max() <= REST_ANGLE and np.abs(turn).max() <= REST_TURN
+        if not still:
+            self._resting_at, self._resting_since = np.array(position), now
+        self._heard = now
+
+    def _settle(self, now: float) -> Out:
+        """Return a damping frame, the last one where the robot has come to rest."""
+        elapsed, self._framed = now - self._since, now
+        # A robot that says nothing any more may move; one that never said anything is waited for no longer.
+        rests = now - self._resting_since >= REST_SECONDS and now - self._heard <= self.cfg.stale
+        if elapsed >= (self.cfg.settle if rests or math.isnan(self._seen) else self.cfg.settle_limit):
+            self.stage = Stage.DONE if self.stop_record is None else Stage.STOPPED
+        return self._out(self._damp())
 
     def _far(self, rule: str, pose: np.ndarray, limit: float) -> Violation | None:
         """Return that a joint is further than a limit from a pose [rad], None where none is."""
@@ -339,11 +410,10 @@ class Supervisor:
         """Return the command for targets that are within slew and range."""
         sensors = state.sensors
         limited = self._limits.apply_torque(limited, sensors.joint_position, sensors.joint_velocity)
-        return self._out(self._hold(limited.target), requested, limited)
-
-    def _hold(self, target: np.ndarray) -> JointCommand:
-        """Return the command to hold targets."""
-        return JointCommand.position(target, self._kp, self._kd)
+        forward = self._forward if self.stage is Stage.RUN and self._source is None else None
+        angle, speed = sensors.joint_position, sensors.joint_velocity
+        command = JointCommand.against_friction(limited.target, self._kp, self._kd, angle, speed, forward)
+        return self._out(command, requested, limited)
 
     def _damp(self) -> JointCommand:
         """Return the damping frame: no stiffness, the controllers' own damping, where the joints are."""

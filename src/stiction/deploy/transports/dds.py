@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import socket
 import threading
+import time
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -20,12 +21,13 @@ import numpy as np
 from stiction.core.errors import ConfigurationError, RobotError
 from stiction.core.extras import remedy
 from stiction.deploy.transports.bell import Bell
-from stiction.formats.unitree import Structure
+from stiction.deploy.transports.link import Peers
+from stiction.files.unitree import Structure
 
 STATE_TOPIC, COMMAND_TOPIC = "rt/lowstate", "rt/lowcmd"
 
-DOMAIN = 0
-"""DDS domain of the robots."""
+MOST_DOMAIN = 232
+"""Largest number of a DDS domain: beyond it there are no ports."""
 
 LOOPBACK_INTERFACE = "lo"
 
@@ -34,6 +36,15 @@ MOST_WAITING = 64
 
 WAKE_MS = 100
 """How often the watching thread looks whether it is still wanted [ms]."""
+
+PEERS_SECONDS = 0.01
+"""Time after which Cyclone is asked again who is there [s]; that costs 50 µs."""
+
+MOST_PARTICIPANTS = 256
+"""Programs of a domain that are looked at for a name."""
+
+HANDLE = 2**64 - 1
+"""Mask of a handle: some of Cyclone's functions return it with a sign, some without."""
 
 
 class Bus(Protocol):
@@ -47,6 +58,9 @@ class Bus(Protocol):
 
     def foreign(self) -> bool:
         """Return whether another writer has sent a command since the last call."""
+
+    def peers(self) -> Peers:
+        """Return who writes states and reads commands; never waits."""
 
     def send(self, data: bytes) -> None:
         """Send a command; never waits."""
@@ -80,19 +94,25 @@ def domain_settings(interface: str) -> str:
 
 
 class DdsBus:
-    """`Bus` over Cyclone DDS on one network interface, and no other."""
+    """`Bus` over Cyclone DDS on one network interface, and no other.
 
-    def __init__(self, interface: str, state: Structure, command: Structure) -> None:
-        """Join the domain; nothing is sent.
+    The writer of the first state is pinned: states of any other are not believed, but counted.
+    """
 
-        Raises `ConfigurationError`: no such interface; `RobotError`: cyclonedds is not there, or cannot use it.
+    def __init__(self, interface: str, state: Structure, command: Structure, domain: int = 0) -> None:
+        """Join a domain; nothing is sent.
+
+        Raises `ConfigurationError`: no such interface or domain; `RobotError`: cyclonedds is not there, or cannot use
+        it.
         """
         check_interface(interface)
+        if not 0 <= domain <= MOST_DOMAIN:
+            raise ConfigurationError(f"--domain: got {domain}, expected 0 to {MOST_DOMAIN}; choose the robot's own")
         dds = _cyclone()
         try:
             # Settings that are given so are the only ones: an environment variable that names others does nothing.
-            self._domain = dds.domain.Domain(DOMAIN, domain_settings(interface))
-            participant = dds.domain.DomainParticipant(DOMAIN)
+            self._domain = dds.domain.Domain(domain, domain_settings(interface))
+            participant = dds.domain.DomainParticipant(domain)
             states = dds.topic.Topic(participant, STATE_TOPIC, wire_type(state))
             commands = dds.topic.Topic(participant, COMMAND_TOPIC, wire_type(command))
             policy = dds.qos.Policy
@@ -105,6 +125,8 @@ class DdsBus:
             self._states = dds.sub.DataReader(participant, states, reader_qos)
             self._others = dds.sub.DataReader(participant, commands, dds.qos.Qos(*fresh, policy.History.KeepLast(1)))
             self._writer = dds.pub.DataWriter(participant, commands, writer_qos)
+            everybody = dds.builtin.BuiltinTopicDcpsParticipant
+            self._participants = dds.builtin.BuiltinDataReader(participant, everybody)
             come = dds.core.ReadCondition(
                 self._states, dds.core.SampleState.NotRead | dds.core.ViewState.Any | dds.core.InstanceState.Any
             )
@@ -113,7 +135,10 @@ class DdsBus:
         except dds.core.DDSException as error:
             raise RobotError(f"DDS cannot use the network interface {interface!r}: {error}") from error
         self._error, self._wire = dds.core.DDSException, wire_type(command)
-        self._entities: list[Any] = [come, self._writer, self._others, self._states, states, commands, participant]
+        self._entities: list[Any] = [come, self._writer, self._others, self._states, self._participants]
+        self._entities += [states, commands, participant]
+        self._pinned, self._writers = 0, dict[int, str]()
+        self._peers, self._asked, self._counts = Peers(), -PEERS_SECONDS, (-1, -1)
         self._bell, self._heard, self._closed = Bell(), threading.Event(), False
         self._watcher = threading.Thread(target=self._watch, daemon=True, name="rt/lowstate")
         self._watcher.start()
@@ -137,12 +162,47 @@ class DdsBus:
         self._bell.silence()
         found = self._states.take(MOST_WAITING)
         self._heard.set()
-        # A writer that leaves gives samples without data.
-        return [(sample.sample_info.source_timestamp, sample.data) for sample in found if hasattr(sample, "data")]
+        came = []
+        for sample in found:
+            if not hasattr(sample, "data"):
+                continue  # A writer that leaves gives samples without data.
+            writer = sample.sample_info.publication_handle & HANDLE
+            self._pinned = self._pinned or writer
+            if writer == self._pinned:
+                came.append((sample.sample_info.source_timestamp, sample.data))
+            if writer not in self._writers:
+                self._asked = -PEERS_SECONDS  # A new one: to be named at once, and kept though it may leave.
+                self._writers[writer] = f"writer {writer:x}"
+        return came
 
     def foreign(self) -> bool:
         """Return whether another participant has sent a command."""
         return any(hasattr(sample, "data") for sample in self._others.take(1))
+
+    def peers(self) -> Peers:
+        """Return every writer of states that was heard or announced, and the readers of commands."""
+        if (now := time.monotonic()) - self._asked < PEERS_SECONDS:
+            return self._peers
+        self._asked = now
+        counts = (
+            self._states.get_subscription_matched_status().total_count + len(self._writers),
+            self._writer.get_publication_matched_status().current_count,
+        )
+        if counts == self._counts:
+            return self._peers
+        self._counts = counts
+        names = {str(known.key): _program(known) for known in self._participants.read(MOST_PARTICIPANTS)}
+        for handle in self._states.get_matched_publications():
+            if (writer := self._states.get_matched_publication_data(handle)) is not None:
+                self._writers[handle & HANDLE] = names.get(str(writer.participant_key), str(writer.participant_key))
+        readers = map(self._writer.get_matched_subscription_data, self._writer.get_matched_subscriptions())
+        read_by = [str(reader.participant_key) for reader in readers if reader is not None]
+        # The pinned one first; before any state has come, in the order of their announcement.
+        robots = sorted(self._writers, key=lambda handle: handle != self._pinned)
+        self._peers = Peers(
+            tuple(self._writers[handle] for handle in robots), tuple(names.get(key, key) for key in read_by)
+        )
+        return self._peers
 
     def send(self, data: bytes) -> None:
         """Send a command; what cannot be sent at once is lost."""
@@ -155,7 +215,7 @@ class DdsBus:
         self._heard.set()
         self._watcher.join()
         self._bell.close()
-        del self._waits, self._states, self._others, self._writer
+        del self._waits, self._states, self._others, self._writer, self._participants
         while self._entities:
             self._entities.pop(0)  # Cyclone deletes an entity with its last reference, and parts before their whole
         del self._domain
@@ -164,6 +224,7 @@ class DdsBus:
 def _cyclone() -> Any:
     """Return cyclonedds with the modules that are used of it; raise `RobotError` where it is not installed."""
     try:
+        import cyclonedds.builtin
         import cyclonedds.core
         import cyclonedds.domain
         import cyclonedds.pub
@@ -173,6 +234,15 @@ def _cyclone() -> Any:
     except ImportError as error:
         raise RobotError(f"cyclonedds is not installed ({error}); {remedy('unitree')}") from error
     return cyclonedds
+
+
+def _program(participant: Any) -> str:
+    """Return a participant's program, process and machine, as it announces them; else its identifier."""
+    said = {getattr(part, "key", ""): getattr(part, "value", "") for part in participant.qos}
+    if "__ProcessName" not in said:
+        return str(participant.key)
+    where = f"{said.get('__Hostname', '?')}, {said.get('__NetworkAddresses', '?')}"
+    return f"{said['__ProcessName']} (process {said.get('__Pid', '?')} on {where})"
 
 
 @cache

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 from typing import Protocol
 
 import numpy as np
 
+from stiction.deploy.control import JointCommand
 from stiction.deploy.observation import Sensors
-from stiction.deploy.pilot import JointCommand
 from stiction.deploy.transports.messages import Layout, Message
 
 STATE, COMMAND = 1, 2
@@ -50,6 +51,41 @@ class RobotState:
     """[N m], shape (J,)."""
     command: float
     """Number of the last command that the robot took, of whoever sent it."""
+    age: float = 0.0
+    """Time for which the message waited before it was read [s]; 0 where the transport cannot tell."""
+
+
+@dataclass(frozen=True)
+class Peers:
+    """Programs at the other end of a link, in words, as far as the transport tells."""
+
+    robots: tuple[str, ...] = ()
+    """Writers of states; the first one is the robot, whose states alone are believed."""
+    readers: tuple[str, ...] = ()
+    """Readers of commands, the robot's own included: each of them may move by them."""
+    writers: tuple[str, ...] = ()
+    """Other writers of commands."""
+
+
+AGES_WINDOW = 1.0
+"""Time within which one message at least is read without delay [s]."""
+
+
+class Ages:
+    """Ages of messages by their sender's clock: how much longer each one took than the fastest within a window."""
+
+    def __init__(self) -> None:
+        """Begin before the first message."""
+        self._least, self._since = (math.inf, math.inf), -math.inf
+
+    def age(self, stamp: float, now: float) -> float:
+        """Return for how long a message waited [s]; stamp: on the sender's clock, now: on the reader's [s]."""
+        offset, (before, current) = now - stamp, self._least
+        # Two windows, not one minimum for good: clocks drift apart.
+        if now - self._since > AGES_WINDOW:
+            before, current, self._since = current, math.inf, now
+        self._least = before, min(current, offset)
+        return offset - min(self._least)
 
 
 class Link(Protocol):
@@ -74,6 +110,9 @@ class Link(Protocol):
 
     def receive(self) -> list[RobotState]:
         """Return the states that have come, oldest first; never waits."""
+
+    def peers(self) -> Peers:
+        """Return who is at the other end, as far as is known by now; never waits."""
 
     def send(self, command: JointCommand) -> int:
         """Send a command; return its number. Never waits."""
@@ -101,13 +140,13 @@ def state_vectors(state: RobotState) -> dict[str, np.ndarray | float]:
     return own | {name: getattr(state.sensors, name) for name in MEASURED}
 
 
-def state_of(layout: Layout, message: Message) -> RobotState:
-    """Return the state that a message says."""
+def state_of(layout: Layout, message: Message, age: float = 0.0) -> RobotState:
+    """Return the state in a message that waited for `age` [s]."""
     vectors = layout.vectors(message)
     sensors = Sensors(*(vectors[name] for name in MEASURED))
     arrays = {name: vectors[name] for name in STATE_FIELDS if name not in ("battery", "command")}
     battery, command = float(vectors["battery"][0]), float(vectors["command"][0])
-    return RobotState(message.number, message.time, sensors, **arrays, battery=battery, command=command)
+    return RobotState(message.number, message.time, sensors, **arrays, battery=battery, command=command, age=age)
 
 
 def command_of(layout: Layout, message: Message) -> JointCommand:
@@ -115,5 +154,5 @@ def command_of(layout: Layout, message: Message) -> JointCommand:
     return JointCommand(**layout.vectors(message))
 
 
-STATE_FIELDS = tuple(part.name for part in fields(RobotState) if part.name not in ("number", "time", "sensors"))
-"""Fields of a state beside the sensors that a policy needs."""
+STATE_FIELDS = tuple(part.name for part in fields(RobotState) if part.name not in ("number", "time", "sensors", "age"))
+"""Fields of a robot's message beside the sensors that a policy needs."""

@@ -7,16 +7,18 @@ in one message: a driver that takes targets alone cannot be damped, and is no ro
 from __future__ import annotations
 
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, Protocol
 
 from stiction.core.errors import ConfigurationError, RobotError
-from stiction.deploy.pilot import JointCommand
+from stiction.deploy.control import JointCommand
 from stiction.deploy.transports.bell import Bell
-from stiction.deploy.transports.link import RobotState
+from stiction.deploy.transports.link import Ages, Peers, RobotState
 from stiction.deploy.transports.ros_messages import command_message, robot_state, stamp_of
-from stiction.formats.contract import Contract
+from stiction.files.contract import Contract
 
 STATE_TOPIC, IMU_TOPIC, COMMAND_TOPIC = "joint_states", "imu/data", "joint_command"
 
@@ -25,6 +27,9 @@ PERIOD = 0.002
 
 MOST_WAITING = 64
 """Messages that may wait; more are lost, the oldest first."""
+
+PEERS_SECONDS = 0.1
+"""Time after which ROS is asked again who is there [s]."""
 
 APART = 0.02
 """Longest that an IMU's message may be older than the joints' [s]: one control period at 50 Hz."""
@@ -38,6 +43,9 @@ class Node(Protocol):
 
     def receive(self) -> list[tuple[str, Mapping[str, Any]]]:
         """Return topics and messages that have come, oldest first; never waits."""
+
+    def nodes(self) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+        """Return the nodes that publish joint states, that read commands, and that publish commands beside ours."""
 
     def publish(self, message: Mapping[str, Any]) -> None:
         """Send a command."""
@@ -57,6 +65,7 @@ class Ros2Link:
         self._imu: Mapping[str, Any] | None = None
         self._first: float | None = None
         self._states = self._number = 0
+        self._ages, self._peers, self._asked = Ages(), Peers(), -PEERS_SECONDS
         self.malformed, self.complaint = 0, ""
 
     def fileno(self) -> int:
@@ -80,13 +89,19 @@ class Ros2Link:
         """Return the state of a message of the joints; raise `ValueError` where there is none."""
         if self._imu is None:
             raise ValueError(f"no message on {IMU_TOPIC} yet")
-        time = stamp_of(message)
-        if not abs(lag := time - stamp_of(self._imu)) <= APART:
+        at = stamp_of(message)
+        if not abs(lag := at - stamp_of(self._imu)) <= APART:
             raise ValueError(f"the IMU's message is {lag:.3f} s older than the joints'; at most {APART} s")
-        first = time if self._first is None else self._first
+        first = at if self._first is None else self._first
         state = robot_state(message, self._imu, self.joint_names, len(self.foot_names), self._states + 1, first)
         self._first, self._states = first, self._states + 1
-        return state
+        return replace(state, age=self._ages.age(state.time, time.monotonic()))
+
+    def peers(self) -> Peers:
+        """Return the nodes at the topics. A message does not say whose it is: they are counted, not told apart."""
+        if (now := time.monotonic()) - self._asked >= PEERS_SECONDS:
+            self._asked, self._peers = now, Peers(*self._node.nodes())
+        return self._peers
 
     def send(self, command: JointCommand) -> int:
         """Send a command; return its number."""
@@ -130,6 +145,7 @@ class RclpyNode:
             self._node.create_subscription(kind, topic, self._hear(topic), qos_profile_sensor_data)
         self._kinds = Float64MultiArray, MultiArrayLayout, MultiArrayDimension
         self._publisher = self._node.create_publisher(Float64MultiArray, COMMAND_TOPIC, 1)
+        self._topics = tuple(f"{namespace.rstrip('/')}/{topic}" for topic in (STATE_TOPIC, COMMAND_TOPIC))
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._thread = threading.Thread(target=self._executor.spin, daemon=True, name="ros2")
@@ -155,6 +171,18 @@ class RclpyNode:
         self._bell.silence()
         # As many as there are now: the other thread goes on adding to them.
         return [self._waiting.popleft() for _ in range(len(self._waiting))]
+
+    def nodes(self) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+        """Return the nodes at the topics."""
+        states, commands = self._topics
+        ask_writers, ask_readers = self._node.get_publishers_info_by_topic, self._node.get_subscriptions_info_by_topic
+        robots, readers, writers = (
+            [f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in ask(topic)]
+            for ask, topic in ((ask_writers, states), (ask_readers, commands), (ask_writers, commands))
+        )
+        if (ours := self._node.get_fully_qualified_name()) in writers:
+            writers.remove(ours)
+        return tuple(robots), tuple(readers), tuple(writers)
 
     def publish(self, message: Mapping[str, Any]) -> None:
         """Send a command."""

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from stiction.deploy.control import JointCommand
 from stiction.deploy.observation import Sensors
-from stiction.deploy.pilot import JointCommand
 from stiction.deploy.transports.link import RobotState
 
 ROWS = ("target", "kp", "kd", "forward")
@@ -75,7 +75,6 @@ def robot_state(
     vectors, body = joint_vectors(joint_state, joints), imu_vectors(imu)
     unknown = np.full(len(joints), np.nan)
     sensors = Sensors(body["quaternion"], body["angular_velocity"], vectors["position"], vectors["velocity"])
-    names = ("temperature", "lost", "motor_fault", "kp", "kd", "torque_limit")
     return RobotState(
         number=number,
         time=stamp_of(joint_state) - first,
@@ -85,7 +84,12 @@ def robot_state(
         foot_contact=np.full(feet, np.nan),
         battery=np.nan,
         command=np.nan,
-        **dict.fromkeys(names, unknown),
+        temperature=unknown,
+        lost=unknown,
+        motor_fault=unknown,
+        kp=unknown,
+        kd=unknown,
+        torque_limit=unknown,
     )
 
 

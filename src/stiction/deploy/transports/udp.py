@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import secrets
 import socket
+import struct
+import sys
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 
 from stiction.core.errors import RobotError
-from stiction.deploy.pilot import JointCommand
-from stiction.deploy.transports.link import RobotState, command_layout, state_layout, state_of
+from stiction.deploy.control import JointCommand
+from stiction.deploy.transports.link import Peers, RobotState, command_layout, state_layout, state_of
 
 LOOPBACK = "127.0.0.1"
 
@@ -19,9 +22,21 @@ HELLO = b"STCN?"
 MOST_AT_ONCE = 256
 """Datagrams that are read in one go; whoever floods the port does not hold up the supervisor."""
 
+STRANGERS_AT_ONCE = 8
+"""Datagrams of other addresses that are looked at in one go."""
+
+ARRIVAL = 35
+"""Linux: SO_TIMESTAMPNS and its message, the time of arrival as seconds and nanoseconds since 1970."""
+
+TIMESPEC = struct.Struct("@ll")
+
 
 class UdpLink:
-    """`Link` over UDP. Only datagrams of the robot's own address are read; the rest never reach this process."""
+    """`Link` over UDP to one address, pinned from the begin: states of any other are not believed, but counted.
+
+    The system sorts the datagrams, into a socket for that address and one for all others: a flood from elsewhere cannot
+    push out the robot's states.
+    """
 
     def __init__(
         self, address: tuple[str, int], joint_names: Sequence[str], foot_names: Sequence[str], period: float
@@ -41,12 +56,19 @@ class UdpLink:
         """Datagrams that were no whole state."""
         self.complaint = ""
         """What was wrong with the last of them."""
+        self._strangers = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._robots = [f"{address[0]}:{address[1]}"]
         try:
+            for port in (self._socket, self._strangers):
+                port.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+                port.setblocking(False)
+            if sys.platform == "linux":
+                self._socket.setsockopt(socket.SOL_SOCKET, ARRIVAL, 1)
             self._socket.connect(address)
+            self._strangers.bind(self._socket.getsockname())
         except OSError as error:
-            self._socket.close()
+            self.close()
             raise RobotError(f"no way to a robot at {address[0]}:{address[1]}: {error.strerror or error}") from error
-        self._socket.setblocking(False)
 
     def hello(self) -> None:
         """Ask the robot for its states; it moves nothing."""
@@ -62,7 +84,7 @@ class UdpLink:
         found = []
         for _ in range(MOST_AT_ONCE):
             try:
-                data = self._socket.recv(self._states.bytes + 1)
+                data, extra, _, _ = self._socket.recvmsg(self._states.bytes + 1, 64)
             except OSError:  # Nothing there, or nobody at the other end: the state will be found stale.
                 break
             message = self._states.unpack(data)
@@ -70,8 +92,19 @@ class UdpLink:
                 self.malformed += 1
                 self.complaint = f"{len(data)} bytes that are no whole state of this robot"
             else:
-                found.append(state_of(self._states, message))
+                found.append(state_of(self._states, message, _age(extra)))
         return found
+
+    def peers(self) -> Peers:
+        """Return the robot, and other addresses from which whole states have come; commands reach the robot alone."""
+        for _ in range(STRANGERS_AT_ONCE):
+            try:
+                data, (host, port) = self._strangers.recvfrom(self._states.bytes + 1)
+            except OSError:
+                break
+            if self._states.unpack(data) is not None and len(self._robots) < 2:
+                self._robots.append(f"{host}:{port}")
+        return Peers(tuple(self._robots))
 
     def send(self, command: JointCommand) -> int:
         """Send a command; return its number. What cannot be sent is lost, as a datagram is."""
@@ -84,3 +117,13 @@ class UdpLink:
     def close(self) -> None:
         """Close the port."""
         self._socket.close()
+        self._strangers.close()
+
+
+def _age(extra: list[tuple[int, int, bytes]]) -> float:
+    """Return for how long a datagram waited [s], by what the system says of it; 0 where it says nothing."""
+    for level, kind, data in extra:
+        if (level, kind) == (socket.SOL_SOCKET, ARRIVAL) and len(data) >= TIMESPEC.size:
+            seconds, nanoseconds = TIMESPEC.unpack_from(data)
+            return max(0.0, 1e-9 * (time.time_ns() - 1_000_000_000 * seconds - nanoseconds))
+    return 0.0

@@ -9,19 +9,20 @@ they go to their angles slowly, and they are damped when the others are.
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 
 import numpy as np
 
 from stiction.core.errors import ConfigurationError, RobotError
+from stiction.deploy.control import JointCommand
 from stiction.deploy.observation import Sensors
-from stiction.deploy.pilot import JointCommand
 from stiction.deploy.transports.config import HeldCfg
 from stiction.deploy.transports.dds import Bus, DdsBus
-from stiction.deploy.transports.link import RobotState
+from stiction.deploy.transports.link import Ages, Peers, RobotState
 from stiction.deploy.vendor import VendorMap
-from stiction.formats.contract import Contract
-from stiction.formats.unitree import GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE, Structure
+from stiction.files.contract import Contract
+from stiction.files.unitree import GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE, Structure
 
 PERIOD = 0.002
 """Time between two states [s]."""
@@ -104,8 +105,8 @@ class Translation:
         """Return the angles of all joints, in the maker's numbers [rad], shape (M,)."""
         return message["motor_state"]["q"][: len(self._maker.order)].astype(float)
 
-    def state(self, message: np.ndarray, number: int, time: float, command: float) -> RobotState:
-        """Return the state in a message; number, time [s], command: as of `RobotState`."""
+    def state(self, message: np.ndarray, number: int, at: float, command: float, age: float) -> RobotState:
+        """Return the state in a message; number, at: its time [s], command, age [s]: as of `RobotState`."""
         motors, imu = message["motor_state"][: len(self._maker.order)], message["imu_state"]
         unknown = np.full(len(self.joint_names), np.nan)
         sensors = Sensors(
@@ -123,7 +124,7 @@ class Translation:
             fault, battery = motors["motorstate"].astype(float), np.nan
         return RobotState(
             number=number,
-            time=time,
+            time=at,
             sensors=sensors,
             acceleration=imu["accelerometer"].astype(float),
             joint_torque=self._maker.rates_from_maker(motors["tau_est"].astype(float)),
@@ -137,6 +138,7 @@ class Translation:
             kd=unknown,
             torque_limit=unknown,
             command=command,
+            age=age,
         )
 
     def message(self, command: JointCommand, held: np.ndarray, mode_machine: int) -> np.ndarray:
@@ -175,7 +177,7 @@ class UnitreeLink:
         self._first: int | None = None
         self._time = self._held_at = 0.0
         self._states = self._number = 0
-        self._commanded = False
+        self._commanded, self._ages = False, Ages()
         self.malformed = 0
         """States that were not whole, had another checksum, or another meaning."""
         self.complaint = ""
@@ -191,6 +193,7 @@ class UnitreeLink:
         # Kept until a state carries it: the bus tells it once, and this call may bring no state that can be believed.
         self._commanded = self._bus.foreign() or self._commanded
         command = FOREIGN if self._commanded else np.nan
+        now = time.monotonic()
         for stamp, data in came:
             try:
                 message = self._translation.read(data)
@@ -201,9 +204,14 @@ class UnitreeLink:
             # Subtracted as integers: nanoseconds since 1970 have more digits than a double.
             self._newest, self._time = message, (stamp - self._first) * 1e-9
             self._states += 1
-            found.append(self._translation.state(message, self._states, self._time, command))
+            age = self._ages.age(self._time, now)
+            found.append(self._translation.state(message, self._states, self._time, command, age))
         self._commanded = self._commanded and not found
         return found
+
+    def peers(self) -> Peers:
+        """Return who writes the robot's states and reads its commands."""
+        return self._bus.peers()
 
     def send(self, command: JointCommand) -> int:
         """Send a command; return its number."""
@@ -233,8 +241,8 @@ class UnitreeLink:
         self._bus.close()
 
 
-def unitree_link(transport: str, interface: str, contract: Contract, held: HeldCfg) -> UnitreeLink:
-    """Return the link to the robot at a network interface; errors as of `Translation` and `DdsBus`."""
+def unitree_link(transport: str, interface: str, domain: int, contract: Contract, held: HeldCfg) -> UnitreeLink:
+    """Return the link to the robot at a network interface, on a DDS domain; errors as of `Translation` and `DdsBus`."""
     translation = Translation(transport, contract, held)
-    bus = DdsBus(interface, translation.family.state, translation.family.command)
-    return UnitreeLink(translation, bus, f"unitree-{interface}")
+    bus = DdsBus(interface, translation.family.state, translation.family.command, domain)
+    return UnitreeLink(translation, bus, f"unitree-{interface}-{domain}")

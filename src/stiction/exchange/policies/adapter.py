@@ -23,9 +23,9 @@ from stiction.deploy.network_file import FLOAT, NetworkFile, Node, Port
 from stiction.deploy.policy import INPUT, OUTPUT
 from stiction.exchange.policies.description import UNBOUNDED
 from stiction.exchange.policies.onnx_file import constant
-from stiction.formats.contract import Contract
-from stiction.formats.known_friction import TERM
-from stiction.formats.observation import FRAMES, NO_CLIP, PLACEHOLDERS, SLOW_TERMS, ObservationLayout, Term
+from stiction.files.contract import Contract
+from stiction.files.known_friction import TERM
+from stiction.files.observation import FRAMES, NO_CLIP, PLACEHOLDERS, SLOW_TERMS, ObservationLayout, Term
 
 PLAIN = {
     "angular_velocity": "angular_velocity",

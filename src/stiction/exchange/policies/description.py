@@ -15,8 +15,8 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from stiction.core.errors import ConfigurationError, unknown_name
-from stiction.formats.contract import Contract, contract_of_others
-from stiction.formats.observation import (
+from stiction.files.contract import Contract, contract_of_others
+from stiction.files.observation import (
     CLOCK_TERMS,
     FRAMES,
     NO_CLIP,
@@ -25,7 +25,9 @@ from stiction.formats.observation import (
     ObservationLayout,
     Term,
 )
+from stiction.robots.catalog import is_shipped
 from stiction.robots.model import Robot, on_its_feet
+from stiction.robots.named import raised
 from stiction.robots.order import reordered
 
 PerJoint = float | tuple[float, ...] | Mapping[str, float]
@@ -213,7 +215,10 @@ def layout_of(said: Said, num_joints: int) -> ObservationLayout:
 
 
 def robot_for(said: Said, robot: Robot) -> Robot:
-    """Return the robot of a policy: its joints in the policy's order, with its gains, pose and scale of the action."""
+    """Return the robot of a policy: its joints in the policy's order, with its gains, pose and scale of the action.
+
+    A shipped robot whose gains or limits the policy raises gets another name, `go2_imported`.
+    """
     names = said.joint_names or ()
     robot = reordered(robot, names)
     given: dict[str, Any] = {"kp": said.kp, "kd": said.kd, "default_position": said.default_position}
@@ -223,7 +228,10 @@ def robot_for(said: Said, robot: Robot) -> Robot:
         replace(joint, **{name: value[number] for name, value in values.items()})
         for number, joint in enumerate(robot.joints)
     )
-    return on_its_feet(replace(robot, joints=joints))
+    varied = on_its_feet(replace(robot, joints=joints))
+    if is_shipped(robot.name) and any(raised(varied, robot)):
+        return replace(varied, name=f"{robot.name}_imported")
+    return varied
 
 
 def contract_of(said: Said, robot: Robot, network: tuple[str, bytes], revision: str, command: str) -> Contract:

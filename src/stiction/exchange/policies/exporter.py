@@ -24,9 +24,9 @@ from stiction.exchange.policies import mjlab, rl_sar, unitree
 from stiction.exchange.policies.adapter import adapted, clipped, plain_contract, with_names
 from stiction.exchange.policies.description import UNBOUNDED
 from stiction.exchange.policies.onnx_file import ForeignNetwork, read_foreign, write_network
-from stiction.formats.bundle import Bundle
-from stiction.formats.contract import Contract
-from stiction.formats.observation import ObservationLayout
+from stiction.files.bundle import Bundle
+from stiction.files.contract import Contract
+from stiction.files.observation import ObservationLayout
 
 Target = Literal["deploy.yaml", "rl_sar", "mjlab"]
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 from stiction.exchange.policies import values as take
 from stiction.exchange.policies.description import Said
-from stiction.formats.plain import parse_object
+from stiction.files.plain import parse_object
 
 
 def is_holosoma(metadata: Mapping[str, str]) -> bool:

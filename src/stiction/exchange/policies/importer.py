@@ -12,7 +12,7 @@ from stiction.core.provenance import git_revision
 from stiction.deploy.check import BundleCheck, check_bundle
 from stiction.deploy.network_file import MOST_BYTES
 from stiction.deploy.policy import check_model, load_policy
-from stiction.evaluate.golden import record_golden
+from stiction.evaluation.golden import record_golden
 from stiction.exchange.policies.description import Said, contract_of, merged, require
 from stiction.exchange.policies.holosoma import is_holosoma, said_by_holosoma
 from stiction.exchange.policies.mjlab import is_mjlab, said_by_mjlab
@@ -21,10 +21,11 @@ from stiction.exchange.policies.rl_sar import entries_of, is_rl_sar, said_by_rl_
 from stiction.exchange.policies.settings import said_in_settings
 from stiction.exchange.policies.unitree import is_deploy, said_in_deploy
 from stiction.exchange.policies.values import read_settings
-from stiction.formats.bundle import write_bundle
-from stiction.formats.contract import Contract
+from stiction.files.bundle import write_bundle
+from stiction.files.contract import Contract
 from stiction.robots.catalog import find_robot
 from stiction.robots.model import Robot
+from stiction.robots.named import check_named
 
 CARD = """\
 # {name}, imported
@@ -120,10 +121,14 @@ def import_policy(
         raise BundleError(f"{out} exists already; choose another --out or remove it")
     data, network = read_network(path)
     spec = find_robot(robot)
+    check_named(spec)
     said = said_of(network, path.name, settings, spec)
     for note in said.notes:
         say(note)
     contract = contract_of(said, spec, (path.name, data), git_revision(), command)
+    if contract.robot != spec.name:
+        say(f"gains or torque limits of the policy exceed those of {spec.name}; the bundle calls its robot "
+            f"{contract.robot}")  # fmt: skip
     sizes = contract.observation.size, contract.num_joints
     if sizes != (network.observation_size, network.num_actions):
         raise ConfigurationError(

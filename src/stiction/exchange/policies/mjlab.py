@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from stiction.core.errors import ConfigurationError, FileError, unknown_name
 from stiction.exchange.policies import values as take
 from stiction.exchange.policies.description import Said, SaidTerm, unlike
-from stiction.formats.contract import Contract
-from stiction.formats.observation import NO_CLIP, ObservationLayout, Term
+from stiction.files.contract import Contract
+from stiction.files.observation import NO_CLIP, ObservationLayout, Term
 
 TERMS = {
     "base_lin_vel": "base_linear_velocity",

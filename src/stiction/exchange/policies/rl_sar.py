@@ -17,8 +17,8 @@ import numpy as np
 from stiction.core.errors import ConfigurationError, FileError, unknown_name
 from stiction.exchange.policies import values as take
 from stiction.exchange.policies.description import UNBOUNDED, Said, SaidTerm, unlike
-from stiction.formats.contract import Contract
-from stiction.formats.observation import NO_CLIP, GaitClock, ObservationLayout
+from stiction.files.contract import Contract
+from stiction.files.observation import NO_CLIP, GaitClock, ObservationLayout
 
 TERMS = {
     "lin_vel": "base_linear_velocity",

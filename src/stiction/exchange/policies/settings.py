@@ -22,7 +22,7 @@ from typing import Any
 from stiction.core.errors import FileError, unknown_name
 from stiction.exchange.policies import values as take
 from stiction.exchange.policies.description import Said, SaidTerm
-from stiction.formats.observation import GaitClock, HeightScan
+from stiction.files.observation import GaitClock, HeightScan
 
 FIELDS = (
     *("joints", "control_period", "physics_timestep", "kp", "kd", "default_position", "action_scale", "torque_limit"),

@@ -15,8 +15,8 @@ from typing import Any
 from stiction.core.errors import ConfigurationError, FileError, RobotError, unknown_name
 from stiction.exchange.policies import values as take
 from stiction.exchange.policies.description import Said, SaidTerm, unlike
-from stiction.formats.contract import Contract
-from stiction.formats.observation import NO_CLIP, GaitClock, ObservationLayout, Term
+from stiction.files.contract import Contract
+from stiction.files.observation import NO_CLIP, GaitClock, ObservationLayout, Term
 
 TERMS = {
     "base_ang_vel": "angular_velocity",

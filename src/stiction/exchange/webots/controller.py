@@ -34,13 +34,15 @@ import tyro
 from stiction.core.errors import EngineError, PolicyError, StictionError
 from stiction.core.rotation import yaw
 from stiction.deploy.check import check_bundle
+from stiction.deploy.control import ControlLoop
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import Policy, load_policy
-from stiction.evaluate.command import SETTLE, Command, parse_command
-from stiction.formats.bundle import Bundle
-from stiction.formats.contract import Contract
-from stiction.locomotion.terrain import TerrainCfg, hold_heading
+from stiction.evaluation.command import SETTLE
+from stiction.files.bundle import Bundle
+from stiction.files.contract import Contract
+from stiction.files.velocity import Command, parse_command
 from stiction.robots.model import leans_too_far, too_low
+from stiction.task.terrain import TerrainCfg, hold_heading
 
 
 class Odometer:
@@ -191,7 +193,7 @@ class PolicyLoop:
     def __init__(self, contract: Contract, policy: Policy) -> None:
         """Start with the policy due."""
         self.contract, self.policy = contract, policy
-        self._kp, self._kd, self._limit = (contract.array(name) for name in ("kp", "kd", "torque_limit"))
+        self._loop, self._limit = ControlLoop(policy, contract), contract.array("torque_limit")
         self.target = contract.array("standing")
         """Joint targets, held over the control period [rad], shape (J,)."""
         self.steps = 0
@@ -209,9 +211,11 @@ class PolicyLoop:
         not finite.
         """
         if self.due:
-            self.target = self.policy.step(sensors, command).target
+            self.target = self._loop.act(sensors, command).target
         self.steps += 1
-        wanted = self._kp * (self.target - sensors.joint_position) - self._kd * sensors.joint_velocity
+        angle, speed = sensors.joint_position, sensors.joint_velocity
+        asked = self._loop.command(angle, speed)
+        wanted = asked.kp * (asked.target - angle) - asked.kd * speed + asked.forward
         if not np.isfinite(wanted).all():
             raise PolicyError("a joint's angle is not finite (NaN or infinite); did the simulation blow up?")
         return np.clip(wanted, -self._limit, self._limit)

@@ -37,8 +37,8 @@ from stiction.deploy.check import check_bundle, robot_of
 from stiction.exchange.webots.controller import CHANNEL, PLUGIN
 from stiction.exchange.webots.proto import FARTHEST, friction_fields, number, proto_name, solid_name, stops, write_proto
 from stiction.exchange.webots.world import ROBOT, joint_friction, milliseconds, write_world
-from stiction.formats.bundle import Bundle, read_bundle
-from stiction.formats.contract import Contract
+from stiction.files.bundle import Bundle, read_bundle
+from stiction.files.contract import Contract
 from stiction.joints.friction import MAX_LEVEL, level_text
 from stiction.robots.model import Robot
 from stiction.robots.terrain import STEEPEST

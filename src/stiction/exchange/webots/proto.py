@@ -33,7 +33,7 @@ import numpy as np
 
 from stiction.engines.ode.contact import outward
 from stiction.exchange.webots.controller import CHANNEL, GPS, GYRO, IMU, RECEIVER, SENSOR
-from stiction.formats.contract import Contract
+from stiction.files.contract import Contract
 from stiction.robots.mjcf import PLAIN
 from stiction.robots.model import Body, Joint, Robot
 from stiction.robots.shapes import Shape

@@ -28,10 +28,10 @@ from stiction.exchange.webots.proto import (
     vector,
     write,
 )
-from stiction.locomotion.terrain import START
 from stiction.robots.mjcf import STONES
 from stiction.robots.model import Robot
 from stiction.robots.terrain import KINDS, REACH, SLABS, STEEPEST, Terrain
+from stiction.task.terrain import START
 
 ROBOT = "ROBOT"
 """Name by which the physics plugin finds the robot."""

@@ -1,0 +1,393 @@
+"""Mistakes with the log of a walk: `identify walk LOG --robot FILE`, and logs of our own form.
+
+A Go2 trots in simulation and is logged as strangers do (`trot`); a hexapod walks under a shipped policy and is logged
+as `evaluate --log` does. Joints of one kind have the same friction, so that what is said of a kind is right or wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stiction.files.joints import JointRecord
+from stiction.files.walk import WalkLog
+from stiction.identification.setup import IdentifySetup
+from stiction.identification.walking.foreign import foreign_walk
+from stiction.identification.walking.pipeline import identify_walk
+from stiction.identification.walking.setup import RobotLogSetup
+from stiction.robots.catalog import find_robot
+from stiction.robots.model import Robot
+from stiction_experiments.flags import RIGHT
+from stiction_experiments.flags.cases import Case, all_right, case
+from stiction_experiments.flags.trot import ARMATURE, DAMPING, IMU, KD, KP, ROBOT, limits, opened, sampled, trot
+
+SHARES = (0.04, 0.035, 0.04)
+"""Dry friction of the Go2's hips, thighs and calves over their torque limits [1]."""
+
+SECONDS, SEED = 6.0, 3
+"""Length of a walk [s], and its seed."""
+
+POLICY, LEVEL, COMMAND = "saturn_lite-flat-deception-0.2", 0.1, "vx=0.3,vy=0.2,wz=0.3"
+"""The hexapod's policy, the dry friction of its joints over their torque limits [1], and what it is told."""
+
+BY_TARGETS = "motors are taken to give what they are asked for to a fifth, and an error of the gains adds to it"
+"""Why small errors of gains need not show where no torque was logged."""
+
+BY_WEIGHT = "the robot's weight tells the scale of all torques together, and not that of each joint's"
+"""Why a single joint's torque in another unit need not show."""
+
+Raw = dict[str, np.ndarray]
+"""Signal -> samples, as `trot.sampled` returns them."""
+
+
+@dataclass(frozen=True)
+class GivenTrot:
+    """A log with columns of its own, and the robot and flags that somebody gives with it."""
+
+    raw: Raw
+    """The signals, and `time`; a signal that was not logged is missing."""
+    spec: Robot
+    """The robot."""
+    declared: IdentifySetup = field(default_factory=lambda: IdentifySetup(torque_source="motor_side", kp=KP, kd=KD))
+    """The flags."""
+
+    @property
+    def level(self) -> float:
+        """Friction of the first joint [N m]."""
+        return float(friction_of_trot()[0])
+
+    def identified(self) -> list[tuple[str, float, JointRecord]]:
+        """Return name, right friction and record of each joint or kind that the walk tells something about.
+
+        Raises `StictionError` where all of it is refused.
+        """
+        known = find_robot(ROBOT)
+        log = opened(known, self.raw)
+        walk = foreign_walk(log, self.spec, self.declared, RobotLogSetup(imu_position=IMU))
+        found = identify_walk(walk.log, self.spec, None, walk.notes, True, walk.unplaced)
+        return _beside_truth(found.joints.joints, known, friction_of_trot())
+
+    def changed(self, **signals: np.ndarray) -> GivenTrot:
+        """Return the same with other signals."""
+        return replace(self, raw=self.raw | signals)
+
+    def without(self, *signals: str) -> GivenTrot:
+        """Return the same without some signals."""
+        return replace(self, raw={name: values for name, values in self.raw.items() if name not in signals})
+
+
+@dataclass(frozen=True)
+class GivenLog:
+    """A walking log of our own form."""
+
+    log: WalkLog
+    """The log."""
+    spec: Robot
+    """The robot."""
+    friction: np.ndarray
+    """[N m], shape (J,)."""
+
+    @property
+    def level(self) -> float:
+        """Friction of the first joint [N m]."""
+        return float(self.friction[0])
+
+    def identified(self) -> list[tuple[str, float, JointRecord]]:
+        """Return what `GivenTrot.identified` does."""
+        return _beside_truth(identify_walk(self.log, self.spec).joints.joints, self.spec, self.friction)
+
+    def changed(self, **signals: Any) -> GivenLog:
+        """Return the same with other signals."""
+        return replace(self, log=replace(self.log, **signals))
+
+
+def _beside_truth(
+    records: dict[str, JointRecord], spec: Robot, friction: np.ndarray
+) -> list[tuple[str, float, JointRecord]]:
+    """Return name, right friction [N m] and record where there is one."""
+    right = dict(zip(spec.joint_names, friction.tolist(), strict=True))
+    right |= {kind: float(friction[spec.joints_of(kind)[0]]) for kind in spec.joint_kinds}
+    return [
+        (name, right[name], record)
+        for name, record in records.items()
+        if record.coulomb_friction is not None or "f/k" in record.combinations
+    ]
+
+
+def friction_of_trot() -> np.ndarray:
+    """Return the Go2's dry friction [N m], shape (12,)."""
+    spec = find_robot(ROBOT)
+    return limits(spec) * np.tile(SHARES, spec.num_joints // len(SHARES))
+
+
+@cache
+def trotting() -> GivenTrot:
+    """Return the trot with all that is logged of it, and the right flags."""
+    spec = find_robot(ROBOT)
+    return GivenTrot(sampled(spec, trot(friction_of_trot(), SECONDS, SEED)), spec)
+
+
+def without_feet() -> GivenTrot:
+    """Return the trot without forces of its feet: contact follows from how high they are."""
+    return trotting().without("foot_force")
+
+
+def by_targets() -> GivenTrot:
+    """Return the trot without torque: what the gains make of the targets stands in."""
+    return trotting().without("torque")
+
+
+def without_orientation() -> GivenTrot:
+    """Return the trot of a robot whose IMU gives no orientation."""
+    return trotting().without("quaternion")
+
+
+@cache
+def hexapod() -> GivenLog:
+    """Return the walk of a hexapod as `evaluate --log` writes it."""
+    from stiction.evaluation.evaluate import EvaluationCfg
+    from stiction.evaluation.walk_logs import RecordCfg, record_walks
+    from stiction.files.bundle import find_bundle, read_bundle
+
+    bundle = read_bundle(find_bundle(Path(POLICY)))
+    evaluation = EvaluationCfg(friction_levels=(LEVEL,), commands=(COMMAND,))
+    (walk,) = record_walks(bundle, evaluation, RecordCfg(robots=1, seconds=10.0))
+    assert walk.log is not None
+    return GivenLog(walk.log, find_robot(bundle.contract.robot), LEVEL * bundle.contract.array("torque_limit"))
+
+
+# Mistakes with a trot
+
+
+def scaled(name: str, factor: float, joints: slice = slice(None)) -> Callable[[GivenTrot], GivenTrot]:
+    """Return the mistake of a signal in other units, or of another sign, of some joints."""
+
+    def mistaken(given: GivenTrot) -> GivenTrot:
+        values = given.raw[name].copy()
+        values[:, joints] *= factor
+        return given.changed(**{name: values})
+
+    return mistaken
+
+
+def angles(factor: float, joints: slice = slice(None)) -> Callable[[GivenTrot], GivenTrot]:
+    """Return the mistake of angles, velocities and targets in other units."""
+
+    def mistaken(given: GivenTrot) -> GivenTrot:
+        for name in ("position", "velocity", "target"):
+            given = scaled(name, factor, joints)(given)
+        return given
+
+    return mistaken
+
+
+def turned(given: GivenTrot) -> GivenTrot:
+    """Log a thigh, angle and torque, the other way round than the model has it."""
+    return scaled("torque", -1.0, slice(1, 2))(angles(-1.0, slice(1, 2))(given))
+
+
+def moved_zero(given: GivenTrot) -> GivenTrot:
+    """Take the calves' zero half a radian off."""
+    shift = np.tile([0.0, 0.0, 0.5], 4)
+    return given.changed(**{name: given.raw[name] + shift for name in ("position", "target")})
+
+
+def ordered(order: list[int], *names: str) -> Callable[[GivenTrot], GivenTrot]:
+    """Return the mistake of joints in another order, of all their signals or of those named."""
+    signals = names or ("position", "velocity", "target", "torque")
+    return lambda given: given.changed(**{name: given.raw[name][:, order] for name in signals})
+
+
+def legs(*order: int) -> list[int]:
+    """Return the order of joints in which legs come in another order."""
+    return [3 * leg + joint for leg in order for joint in range(3)]
+
+
+def clipped(given: GivenTrot) -> GivenTrot:
+    """Log no more than half of each joint's largest torque."""
+    most = np.abs(given.raw["torque"]).max(axis=0) / 2
+    return given.changed(torque=np.clip(given.raw["torque"], -most, most))
+
+
+def stamps(factor: float) -> Callable[[GivenTrot], GivenTrot]:
+    """Return the mistake of stamps, or of --rate, that make the log `factor` times as long."""
+    return lambda given: given.changed(time=factor * given.raw["time"])
+
+
+def late(name: str, seconds: float) -> Callable[[GivenTrot], GivenTrot]:
+    """Return the mistake of a signal that is logged so much later [s]."""
+
+    def mistaken(given: GivenTrot) -> GivenTrot:
+        samples = round(seconds / (given.raw["time"][1] - given.raw["time"][0]))
+        return given.changed(**{name: np.roll(given.raw[name], samples, axis=0)})
+
+    return mistaken
+
+
+def heavier(factor: float) -> Callable[[GivenTrot], GivenTrot]:
+    """Return the mistake of a model that weighs so many times what the robot does."""
+
+    def mistaken(given: GivenTrot) -> GivenTrot:
+        links = tuple(link.scaled(factor) for link in given.spec.links)
+        return replace(given, spec=replace(given.spec, base=given.spec.base.scaled(factor), links=links))
+
+    return mistaken
+
+
+def of_robot(name: str) -> Callable[[GivenTrot], GivenTrot]:
+    """Return the mistake of another robot whose joints have the same names."""
+    return lambda given: replace(given, spec=find_robot(name))
+
+
+def gains(factor: float) -> Callable[[GivenTrot], GivenTrot]:
+    """Return the mistake of gains that are so many times the true ones."""
+    return lambda given: replace(given, declared=replace(given.declared, kp=factor * KP, kd=factor * KD))
+
+
+def imu_turned(given: GivenTrot) -> GivenTrot:
+    """Mount the IMU with its x axis backward, and say nothing."""
+    # k q k⁻¹, a half turn about z on both sides: its world turns with the IMU, which changes the heading alone.
+    half, round_z = np.array([1.0, -1.0, -1.0, 1.0]), np.array([-1.0, -1.0, 1.0])
+    raw = given.raw
+    return given.changed(
+        quaternion=raw["quaternion"] * half,
+        gyroscope=raw["gyroscope"] * round_z,
+        accelerometer=raw["accelerometer"] * round_z,
+    )
+
+
+def on_output_side(given: GivenTrot) -> GivenTrot:
+    """Log torque behind the gear, without the joints' friction, as if it were the motors'."""
+    rate = np.gradient(given.raw["position"], given.raw["time"], axis=0)
+    own = DAMPING * rate + ARMATURE * np.gradient(rate, given.raw["time"], axis=0)
+    return given.changed(torque=given.raw["torque"] - own - friction_of_trot() * np.sign(rate))
+
+
+# Mistakes with a log of our own form
+
+
+def contacts(change: Callable[[np.ndarray], np.ndarray]) -> Callable[[GivenLog], GivenLog]:
+    """Return the mistake of contacts that are other ones."""
+
+    def mistaken(given: GivenLog) -> GivenLog:
+        assert given.log.foot_contact is not None
+        return given.changed(foot_contact=change(given.log.foot_contact))
+
+    return mistaken
+
+
+def walk_cases() -> list[Case]:
+    """Return mistakes with walks, all simulated."""
+    right: tuple[tuple[str, Callable[[], Any], Callable[[Any], Any]], ...] = (
+        ("trot", trotting, all_right),
+        ("trot, no feet", without_feet, all_right),
+        ("trot by targets", by_targets, all_right),
+        ("trot, no orientation", without_orientation, all_right),
+        ("hexapod", hexapod, all_right),
+    )
+    return [*(case(RIGHT, *one) for one in right), *_model_cases(), *_torque_cases(), *_time_cases(), *_foot_cases()]
+
+
+def _model_cases() -> list[Case]:
+    """Return mistakes about the robot, its masses, and the order and signs of its joints."""
+    trot_, feet = ("trot", trotting), ("trot, no feet", without_feet)
+    degrees = angles(float(np.rad2deg(1.0)))
+    swapped = [joint for leg in range(4) for joint in (3 * leg, 3 * leg + 2, 3 * leg + 1)]
+    return [
+        case("masses twice as large in the model", *trot_, heavier(2.0)),
+        case("masses half as large in the model", *trot_, heavier(0.5)),
+        case("masses a third larger in the model", *trot_, heavier(4 / 3)),
+        case("masses a fifth smaller in the model", *trot_, heavier(0.8)),
+        case("a Go1 for a Go2", *trot_, of_robot("go1")),
+        case("a Go1 for a Go2", *feet, of_robot("go1")),
+        case("degrees", *trot_, degrees),
+        case("degrees", *feet, degrees),
+        case("target in degrees", "trot by targets", by_targets, scaled("target", float(np.rad2deg(1.0)))),
+        case("one joint the other way round", *trot_, turned),
+        case("one joint the other way round", *feet, turned),
+        case("zero of the calves off by half a radian", *trot_, moved_zero),
+        case("zero of the calves off by half a radian", *feet, moved_zero),
+        case("thigh and calf exchanged", *trot_, ordered(swapped)),
+        case("thigh and calf exchanged", *feet, ordered(swapped)),
+        case("left and right exchanged", *trot_, ordered(legs(1, 0, 3, 2))),
+        case("left and right exchanged", *feet, ordered(legs(1, 0, 3, 2))),
+        case("front and rear exchanged", *feet, ordered(legs(2, 3, 0, 1))),
+        case("IMU turned round", *trot_, imu_turned),
+        case("IMU turned round", *feet, imu_turned),
+    ]
+
+
+def _torque_cases() -> list[Case]:
+    """Return mistakes about torques and gains."""
+    trot_, targets = ("trot", trotting), ("trot by targets", by_targets)
+    mirrored, single = ordered(legs(1, 0, 3, 2), "torque"), (BY_WEIGHT, "--torque-scale")
+    swapped = [joint for leg in range(4) for joint in (3 * leg, 3 * leg + 2, 3 * leg + 1)]
+    return [
+        *(case(f"torque {said}", *trot_, scaled("torque", factor)) for said, factor in FACTORS.items()),
+        case("sign of the torque", *trot_, scaled("torque", -1.0)),
+        case("sign of one torque", *trot_, scaled("torque", -1.0, slice(1, 2))),
+        case("torque of one hip half as large again", *trot_, scaled("torque", 1.5, slice(0, 1)), *single),
+        case("torque of one calf half as large", *trot_, scaled("torque", 0.5, slice(2, 3)), *single),
+        case("torque of the hips twice as large", *trot_, scaled("torque", 2.0, slice(0, None, 3)), *single),
+        case("torque of the calves twice as large", *trot_, scaled("torque", 2.0, slice(2, None, 3))),
+        case("torque of the other side", *trot_, mirrored),
+        case("torque of the other side", "trot, no feet", without_feet, mirrored),
+        case("torque of thigh for calf", *trot_, ordered(swapped, "torque")),
+        case("torque cut off at half", *trot_, clipped),
+        case("torque behind the gear", *trot_, on_output_side),
+        case("torque 20 ms late", *trot_, late("torque", 0.02)),
+        case("torque 6 ms late", *trot_, late("torque", 0.006)),
+        case("target 20 ms late", *trot_, late("target", 0.02)),
+        case("target 20 ms late", *targets, late("target", 0.02)),
+        case("kp and kd twice as large", *trot_, gains(2.0)),
+        case("kp and kd twice as large", *targets, gains(2.0)),
+        case("kp and kd half as large", *targets, gains(0.5)),
+        case("kp and kd a third too large", *targets, gains(4 / 3), BY_TARGETS, "--kp"),
+    ]
+
+
+FACTORS = {
+    "twice as large": 2.0,
+    "half as large": 0.5,
+    "a third too large": 4 / 3,
+    "a fifth too large": 1.2,
+    "a fifth too small": 0.8,
+}
+"""Mistake of the torque's scale -> its factor."""
+
+
+def _time_cases() -> list[Case]:
+    """Return mistakes about time, and about the IMU's units."""
+    trot_, no_orientation = ("trot", trotting), ("trot, no orientation", without_orientation)
+    return [
+        case("half the rate", *trot_, stamps(2.0)),
+        case("twice the rate", *trot_, stamps(0.5)),
+        case("half the rate", *no_orientation, stamps(2.0)),
+        case("twice the rate", *no_orientation, stamps(0.5)),
+        case("gyroscope in degrees", *trot_, scaled("gyroscope", float(np.rad2deg(1.0)))),
+        case("gyroscope in degrees", *no_orientation, scaled("gyroscope", float(np.rad2deg(1.0)))),
+        case("gyroscope half as large", *no_orientation, scaled("gyroscope", 0.5)),
+        case("no accelerometer", *trot_, lambda given: given.without("accelerometer")),
+        case("no IMU", *trot_, lambda given: given.without("quaternion", "gyroscope", "accelerometer")),
+    ]
+
+
+def _foot_cases() -> list[Case]:
+    """Return mistakes about contact."""
+    trot_ = ("trot", trotting)
+    in_log = partial(case, record="hexapod", right=hexapod)
+    return [
+        case("feet in another order", *trot_, lambda given: given.changed(foot_force=given.raw["foot_force"][:, ::-1])),
+        case("contact 60 ms late", *trot_, late("foot_force", 0.06)),
+        case("contact 30 ms late", *trot_, late("foot_force", 0.03)),
+        in_log("contact never", change=contacts(np.zeros_like)),
+        in_log("contact where there is none", change=contacts(np.logical_not)),
+        in_log("feet in another order", change=contacts(lambda down: down[:, ::-1])),
+        in_log("contact 60 ms late", change=contacts(lambda down: np.roll(down, 12, axis=0))),
+        in_log("contact not logged", change=lambda given: given.changed(foot_contact=None)),
+    ]

@@ -1,0 +1,62 @@
+"""`stiction study`: the experiments behind the results, each one command and one page; and studies of your own."""
+
+from __future__ import annotations
+
+import sys
+
+from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.core.options import refuse
+from stiction.core.plugins import STUDIES, find_installed, find_named, installed_names
+from stiction_experiments.lab.study import Study
+
+USAGE = "usage: stiction study NAME [--help] [options]\n\nstudies:\n"
+EPILOG = """
+Example:
+  stiction study gait saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out gait
+
+One of your own is `package.module:STUDY`, anywhere on the Python path.
+"""
+
+
+ALSO = {"training": "friction"}
+"""Another name that people look for -> the study, whose question says so too."""
+
+
+def study_names() -> list[str]:
+    """Return the names of the studies: the entry points of the group `stiction.studies`."""
+    return installed_names(STUDIES)
+
+
+def find_study(name: str) -> Study:
+    """Return the study called `name`, or also so, or the one at `package.module:VARIABLE`.
+
+    Raises:
+        ConfigurationError: there is no such module, or it holds no study.
+
+    """
+    study = find_named("study", name) if ":" in name else find_installed(STUDIES, ALSO.get(name, name))
+    if not isinstance(study, Study):
+        raise ConfigurationError(f"study {name!r} is a {type(study).__name__}; expected a Study")
+    return study
+
+
+def overview() -> str:
+    """Return the text of `stiction study --help`."""
+    width = 2 + max(map(len, study_names()))
+    return USAGE + "".join(f"  {name:<{width}}{find_study(name).question}\n" for name in study_names()) + EPILOG
+
+
+def main(arguments: list[str]) -> int:
+    """Run one study; return its exit status."""
+    name = arguments[0] if arguments else ""
+    if name in ("-h", "--help"):
+        print(overview(), end="")
+        return 0
+    names = sorted([*study_names(), *ALSO])
+    if name not in names and ":" not in name:
+        if name:
+            refuse("stiction study", unknown_name("study", name, names))
+        print(overview().rstrip(), file=sys.stderr)
+        return 2
+    # Its results are those of the one name: a folder that was written under the other goes on.
+    return find_study(name).main(arguments[1:], f"study {ALSO.get(name, name)}")

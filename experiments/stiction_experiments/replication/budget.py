@@ -1,0 +1,141 @@
+"""The friction budget: how speed falls with friction for each training method, and where a robot becomes too slow."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stiction.core.statistics import t_interval
+from stiction.evaluation.methods import FED, FED_BY
+from stiction.evaluation.samples import Condition, Evidence
+from stiction.files.advice import SHARES, FrictionEffect
+from stiction.files.results import FOLLOWS
+from stiction.joints.friction import has_coefficient
+from stiction.robots.model import Robot
+from stiction_experiments.friction.evaluation import onset_level
+from stiction_experiments.lab.claims import differences
+from stiction_experiments.replication.plan import FRICTION_CELL, NOMINAL_CELL, REST_CELL, VIRTUAL_ROBOT
+from stiction_experiments.replication.records import (
+    CAUSES,
+    FEWEST_LEVELS,
+    BudgetPoint,
+    ForwardPoint,
+    Onset,
+    Replication,
+)
+
+BESIDE = ("none", *FED_BY.values(), "deception")
+"""Friction fed forward between the methods that it is held against."""
+
+BARE = {VIRTUAL_ROBOT: REST_CELL, FRICTION_CELL: NOMINAL_CELL}
+"""Cell with friction -> the same robot without."""
+
+
+def budget(evidence: Evidence) -> list[BudgetPoint]:
+    """Return the slower direction's speed ratio of every method, engine and law at every level on flat ground."""
+    asked = [
+        (method, Condition(engine, level, law))
+        for method, engine, law in _curves(evidence)
+        for level in evidence.levels(method, engine, law)
+    ]
+    return [point for method, condition in asked if (point := _point(evidence, method, condition)) is not None]
+
+
+def beside_forward(evidence: Evidence) -> list[ForwardPoint]:
+    """Return the same where friction was fed forward, of that and of what it is held against, over the same robots."""
+    found = []
+    for method, engine, law in _curves(evidence):
+        for level in evidence.levels(method, engine, law) if method == FED else ():
+            condition = Condition(engine, level, law)
+            robots, left_out = evidence.robots(condition, *BESIDE)
+            shared = evidence.on_shared_robots(condition, *BESIDE)
+            points = [point for own in BESIDE if (point := _point(shared, own, condition)) is not None]
+            found += [ForwardPoint(**vars(point), robots=len(robots), left_out=len(left_out)) for point in points]
+    return found
+
+
+def _point(evidence: Evidence, method: str, condition: Condition) -> BudgetPoint | None:
+    """Return the slower direction's speed ratio of a method; None where it was not walked both ways."""
+    points = list(evidence.slower(method, condition).seeds.values())
+    if not points:
+        return None
+    low, high = t_interval(points) or (None, None)
+    each = " ".join(f"{point:.4g}" for point in points)
+    where = method, condition.engine, condition.law, condition.level
+    return BudgetPoint(*where, len(points), float(np.mean(points)), low, high, each)
+
+
+def onsets(evidence: Evidence, spec: Robot) -> list[Onset]:
+    """Return where every method becomes too slow. `spec`: the robot, for the dead band of its shank.
+
+    The onset is found for each seed and then averaged: a mean of curves has another one. A seed that stays above counts
+    with the highest level that it was tested at itself, which is less than the truth; there is no interval then. A
+    virtual robot without friction is the cell that has everything else; without friction nothing is fed forward.
+    """
+    found = []
+    for method, engine, law in _curves(evidence):
+        curves = [curve for curve in _by_seed(evidence, method, engine, law).values() if len(curve) >= FEWEST_LEVELS]
+        if not curves:
+            continue
+        each = [(onset_level([*curve], [*curve.values()]), max(curve)) for curve in curves]
+        above = [level is None for level, _ in each]
+        ends = [last if level is None else level for level, last in each]
+        level = None if all(above) else float(np.mean(ends))
+        low, high = (None if any(above) else t_interval(ends)) or (None, None)
+        words = " ".join(f">{last:g}" if one is None else f"{one:.3g}" for one, last in each)
+        unit = spec.dead_band
+        band = None if level is None or has_coefficient(law) else level * unit
+        tested = min(last for _, last in each)
+        found.append(Onset(method, engine, law, len(each), level, low, high, tested, words, band))
+    return found
+
+
+def _curves(evidence: Evidence) -> list[tuple[str, str, str]]:
+    """Return method, engine and law of every curve, in the order of the rows."""
+    return list(dict.fromkeys((method, engine, law) for method, engine, law, *_ in evidence.cells))
+
+
+def _by_seed(evidence: Evidence, method: str, engine: str, law: str) -> dict[int, dict[float, float]]:
+    """Return the slower direction's ratio of every seed at every level, from 0 on."""
+    conditions = [Condition(engine, level, law) for level in evidence.levels(method, engine, law)]
+    if engine in BARE and law != "coulomb":
+        conditions = [Condition(BARE[engine], 0.0), *conditions]
+    curves: dict[int, dict[float, float]] = {}
+    for condition in conditions:
+        ratios = evidence.slower(method, condition).seeds
+        if not ratios and condition.level == 0.0:
+            # Without friction there is nothing to feed forward: the policy walks as it is.
+            ratios = evidence.slower(method.partition("+")[0], condition).seeds
+        for seed, ratio in ratios.items():
+            curves.setdefault(seed, {})[condition.level] = ratio
+    return {seed: curve for seed, curve in curves.items() if 0.0 in curve}
+
+
+def friction_effects(result: Replication) -> tuple[FrictionEffect, ...]:
+    """Return what friction did to the conventional policies in every engine, and on the virtual robots, where its level
+    is a share of the torque limit: the evidence behind the verdicts of `stiction identify`.
+    """
+    evidence = Evidence.of(row for part in result.parts for row in part.details)
+    unit = result.summary["dead_band"]
+    own = (onset for onset in result.onsets if onset.method == "none" and onset.friction_law in SHARES)
+    return tuple(_effect(evidence, onset, unit) for onset in own if onset.engine not in CAUSES)
+
+
+def _effect(evidence: Evidence, onset: Onset, unit: float) -> FrictionEffect:
+    """Return the effect in one engine. unit: dead band per level [rad]."""
+    method, engine, law = onset.method, onset.engine, onset.friction_law
+    bare = evidence.slower(method, Condition(BARE.get(engine, engine), 0.0)).seeds
+    levels = [level for level in evidence.levels(method, engine, law) if level > 0]
+    speeds = {level: evidence.slower(method, Condition(engine, level, law)).seeds for level in levels}
+    losses = {level: list(differences(bare, own).values()) for level, own in speeds.items()}
+    noticeable = next((level for level in levels if (ends := t_interval(losses[level])) and ends[0] > 0), None)
+    severe = (level for level, own in speeds.items() if own and max(own.values()) < FOLLOWS[0])
+    return FrictionEffect(
+        engine=engine,
+        seeds=onset.seeds,
+        frictionless_speed=float(np.mean(list(bare.values()))),
+        noticeable=noticeable,
+        speed_loss=None if noticeable is None else float(np.mean(losses[noticeable])),
+        dead_band=None if noticeable is None else round(noticeable * unit, 9),
+        onset=onset.level,
+        severe=next(severe, None),
+    )

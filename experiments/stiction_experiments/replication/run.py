@@ -1,0 +1,401 @@
+"""Walks the comparison, part by part, and puts together what it came to."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from stiction.core.errors import ConfigurationError, EngineError, FileError
+from stiction.core.records import make_folder
+from stiction.deploy.check import robot_of
+from stiction.engines.catalog import what_is_missing
+from stiction.evaluation.benches import (
+    all_identified,
+    bench_of,
+    benches_of,
+    forward_notes,
+    forward_walks,
+    unidentified_notes,
+    with_known_friction,
+)
+from stiction.evaluation.grid import GridCfg, Walk, plan, plan_forward
+from stiction.evaluation.methods import FED_BY, METHODS, method_of
+from stiction.evaluation.run import BENCHES, LEDGER, WalkLedger, walk_grid
+from stiction.evaluation.samples import Evidence, samples
+from stiction.evaluation.summary import check_names, describe
+from stiction.evaluation.table import law_label, number, rows_of
+from stiction.files.advice import Source, TrainedWith
+from stiction.files.bundle import Bundle
+from stiction.files.contract import Contract
+from stiction.files.following import following
+from stiction.files.results import read_summary
+from stiction.learning.identity import difference
+from stiction.robots.catalog import find_robot, robot_in_file
+from stiction.robots.model import Robot
+from stiction_experiments.lab.claims import Verdict, rejudged_summary
+from stiction_experiments.replication.budget import beside_forward, budget, friction_effects, onsets
+from stiction_experiments.replication.claims import judge_all
+from stiction_experiments.replication.plan import Part, conventional
+from stiction_experiments.replication.records import SUMMARY, PartRecord, Replication, read_parts
+
+Progress = Callable[[str, float], None]
+"""Called with part and engine, and the share of its walks that is done."""
+
+Key = tuple[Any, ...]
+"""By what a row is known: policy, engine, friction law and level, terrain, command."""
+
+
+def walk_part(part: Part, bundles: Sequence[Bundle], out: Path, jobs: int, progress: Progress) -> PartRecord:
+    """Walk one grid, resumable. bundles: those that the part takes. out: folder of its ledger."""
+    make_folder(out)
+    grid = _grid(part, bundles)
+    done = walk_grid(bundles, grid, out, jobs, None, lambda name, share: progress(f"{part.name}, {name}", share))
+    _, details = rows_of(done, bundles)
+    return PartRecord(part.name, part.title, details, warnings=_unidentified(done, bundles, grid, out))
+
+
+def part_from_ledger(part: Part, bundles: Sequence[Bundle], out: Path) -> PartRecord | None:
+    """Return the rows of a grid that were walked before, those all of whose walks are in its ledger; walk nothing.
+
+    None where there are none. Arguments as of `walk_part`; raises as `WalkLedger`.
+    """
+    if not bundles or not (out / LEDGER).exists():
+        return None
+    grid = _grid(part, bundles)
+    ledger = WalkLedger(out / LEDGER, grid, {bundle.name: bundle.digest for bundle in bundles})
+    walks = _planned(grid, bundles, out)
+    done = {walk: found for walk in walks if (found := ledger.find(walk)) is not None}
+    missing = {walk.cell for walk in walks if walk not in done}
+    whole = {walk: found for walk, found in done.items() if walk.cell not in missing}
+    _, details = rows_of(whole, bundles)
+    earlier = f"not asked for: {len(details)} of {len({walk.cell for walk in walks})} rows, from walks that were there"
+    notes = _unidentified(walks, bundles, grid, out)
+    return PartRecord(part.name, part.title, details, earlier, notes) if details else None
+
+
+def check_nothing_lost(now: Sequence[Mapping[Key, int]], report: Path, asked: Collection[str]) -> None:
+    """Raise `StictionError` where a report has rows, or more walks in a row, that would not be written in their place.
+
+    They are of another preset, of other policies or robots, or of a part that is not walked anew, by other code.
+
+    Args:
+        now: row -> walks that will be in it, of every part in their order; the first part that has a row counts.
+        report: the report's summary.json.
+        asked: names of the parts that are walked anew.
+
+    """
+    walks: dict[Key, int] = {}
+    for rows in reversed(now):
+        walks |= rows
+    for name, before in read_parts(report).items():
+        if lost := sum(row["episodes"] > walks.get(key_of(row), 0) for row in before):
+            add = "" if name in asked else f"add {name} to --parts, or "
+            raise ConfigurationError(
+                f"{report.parent}: the report there has {lost} rows of the part {name!r} that this preset, these "
+                f"policies and this code do not have, and would be replaced; {add}give another --out"
+            )
+
+
+def planned_rows(part: Part, bundles: Sequence[Bundle]) -> dict[Key, int]:
+    """Return the rows that walking a part comes to, and how many walks are in each. Arguments as of `walk_part`."""
+    if not bundles:
+        return {}
+    grid = _grid(part, bundles)
+    # Fed with nothing yet: a row is named by the way in which friction is fed forward, and not by its values.
+    fed = [replace(walk, forward=()) for walk in plan_forward(grid)]
+    walks = [*plan([bundle.name for bundle in bundles], grid), *fed]
+    counts = Counter(walk.cell for walk in walks)
+    cells = {walk.cell: walk for walk in walks}
+    contracts = {bundle.name: bundle.contract for bundle in bundles}
+    return {row_key(walk, contracts[walk.policy]): counts[cell] for cell, walk in cells.items()}
+
+
+def rows_in(details: Iterable[Mapping[str, Any]]) -> dict[Key, int]:
+    """Return rows of summary.json, and how many walks are in each."""
+    return {key_of(row): row["episodes"] for row in details}
+
+
+def key_of(row: Mapping[str, Any]) -> Key:
+    """Return by what a row of summary.json is known: one of every policy in every cell."""
+    columns = ("policy", "engine", "friction_law", "friction_level", "terrain", "command")
+    return tuple(row[name] for name in columns)
+
+
+def row_key(walk: Walk, contract: Contract) -> Key:
+    """Return the same of the row that a walk will be in. contract: its policy's."""
+    law = walk.law if walk.robot is None else law_label(walk)
+    level = number(walk, contract.array("torque_limit"), robot_of(contract))
+    return walk.name, walk.simulator.label, law, level, walk.terrain, walk.command
+
+
+TOLD = (
+    "Policies of the method `told` are given, on each virtual robot, the friction that identification found in the log "
+    "of that robot's own bench, as by `stiction evaluate --known-friction bench`; on the robot of the data sheet, that "
+    "of the walk. What a bench does not tell is the nominal one of training, and stands among the warnings."
+)
+"""What policies were told that observe their joints' friction; for the page."""
+
+
+def _grid(part: Part, bundles: Sequence[Bundle]) -> GridCfg:
+    """Return a part's grid, with the policies that walk with friction fed forward too, in every way.
+
+    Policies that observe their joints' friction are told what each robot's bench found: see `TOLD`.
+    """
+    grid = replace(part.grid, base=replace(part.grid.base, known_friction="bench"))
+    if not part.forward:
+        return grid
+    fed = tuple(bundle.name for bundle in bundles if conventional(bundle.contract))
+    return replace(grid, forward=fed, forward_by=tuple(FED_BY))
+
+
+def _planned(grid: GridCfg, bundles: Sequence[Bundle], out: Path) -> list[Walk]:
+    """Return every walk of a grid; those with friction fed forward only where every robot was on its bench."""
+    specs = {bundle.name: robot_of(bundle.contract) for bundle in bundles}
+    walks = plan(list(specs), grid)
+    benches = [bench for walk in plan_forward(grid) if (bench := bench_of(walk, specs[walk.policy])) is not None]
+    if all_identified(benches, out / BENCHES):
+        walks += forward_walks(bundles, grid, out / BENCHES)
+    if all_identified(benches_of(walks, bundles, grid), out / BENCHES):
+        return with_known_friction(walks, bundles, grid, out / BENCHES)
+    return walks
+
+
+def _unidentified(walks: Collection[Walk], bundles: Sequence[Bundle], grid: GridCfg, out: Path) -> list[str]:
+    """Return sentences for friction that the benches did not identify: it is not fed forward, or given otherwise."""
+    benches = out / BENCHES
+    return [*forward_notes(bundles, grid, benches), *unidentified_notes(walks, bundles, grid, benches)]
+
+
+def replicate(
+    bundles: Sequence[Bundle],
+    parts: Sequence[Part],
+    out: Path,
+    jobs: int = 1,
+    progress: Progress = lambda name, share: None,
+    summary: dict[str, Any] | None = None,
+    asked: Collection[str] | None = None,
+) -> Replication:
+    """Walk every part that has policies, resumable, and judge the paper's sentences.
+
+    Args:
+        bundles: checked policies of one robot, each of another name.
+        parts: the grids; the ledger of each is in a folder of its name in `out`.
+        out: folder of the results; it exists.
+        jobs: processes at once.
+        progress: see `Progress`.
+        summary: what the summary begins with: the command, and what `Origin` says.
+        asked: names of the parts to walk, by default all; of the others what was walked before in `out` is judged too.
+
+    Raises:
+        StictionError: two bundles have one name, they are of several robots, none fits a part, as `walk_grid`, as
+            `check_methods`, or as `check_nothing_lost`.
+
+    """
+    check_names([bundle.name for bundle in bundles])
+    if len(robots := {bundle.contract.robot for bundle in bundles}) != 1:
+        raise ConfigurationError(
+            f"policies of {len(robots)} robots ({', '.join(sorted(robots))}); expected those of one"
+        )
+    check_methods(bundles)
+    asked = [part.name for part in parts] if asked is None else asked
+    check_engines([part for part in parts if part.name in asked], robot_of(bundles[0].contract))
+    start = time.perf_counter()
+    records = _records(bundles, parts, out, jobs, progress, asked)
+    by_name = {part.name: part for part in parts}
+    spec = robot_of(bundles[0].contract)
+    found = {
+        **(summary or {}),
+        "dead_band": spec.dead_band,
+        "grids": {record.name: _settings(by_name[record.name], record) for record in records},
+        **({"told": TOLD} if any("known_friction" in row for one in records for row in one.details) else {}),
+        "seconds": time.perf_counter() - start,
+        "policies": {bundle.name: describe(bundle) | {"way": method_of(bundle.contract)} for bundle in bundles},
+    }
+    return judged(records, spec, found)
+
+
+def judged(records: Sequence[PartRecord], spec: Robot, summary: dict[str, Any]) -> Replication:
+    """Return what rows come to. records: no row twice; spec: the policies' robot; summary: how the rows were made."""
+    evidence = Evidence.of(row for record in records for row in record.details)
+    verdicts, read = judge_all(evidence)
+    return Replication(
+        records,
+        samples(evidence),
+        budget(evidence),
+        beside_forward(evidence),
+        onsets(evidence, spec),
+        following((row for record in records for row in record.rows), lambda row: row.method),
+        verdicts,
+        read,
+        {method: text for method, text in METHODS.items() if method in evidence.methods()},
+        summary,
+    )
+
+
+def _records(
+    bundles: Sequence[Bundle], parts: Sequence[Part], out: Path, jobs: int, progress: Progress, asked: Collection[str]
+) -> list[PartRecord]:
+    """Return the parts that have rows, those that are not asked for as they were; arguments as of `replicate`."""
+    takes = {part.name: [bundle for bundle in bundles if part.takes(bundle.contract)] for part in parts}
+    if not any(takes[part.name] for part in parts if part.name in asked):
+        raise ConfigurationError(
+            "no policy fits any part of the comparison; give policies for flat ground or for stairs"
+        )
+    found: dict[str, PartRecord | None] = {}
+    planned: list[dict[Key, int]] = []
+    for part in parts:
+        if part.name in asked:
+            planned.append(planned_rows(part, takes[part.name]))
+        else:
+            found[part.name] = record = part_from_ledger(part, takes[part.name], out / part.name)
+            planned.append(rows_in(record.details) if record else {})
+    check_nothing_lost(planned, out / SUMMARY, asked)
+    for part in parts:
+        if part.name in asked and takes[part.name]:
+            found[part.name] = walk_part(part, takes[part.name], out / part.name, jobs, progress)
+    return _once([record for part in parts if (record := found.get(part.name)) is not None])
+
+
+def _once(records: Sequence[PartRecord]) -> list[PartRecord]:
+    """Return the parts without rows that a part before has: a cell that several parts walk is one row."""
+    seen: set[Key] = set()
+    once = []
+    for record in records:
+        new = [row for row in record.details if key_of(row) not in seen]
+        seen.update(map(key_of, new))
+        once.append(replace(record, details=new))
+    return once
+
+
+def check_methods(bundles: Sequence[Bundle]) -> None:
+    """Raise `StictionError` where policies of one method are no seeds of one training: they would count as its samples.
+
+    On flat ground and over stairs apart, they must be of one robot, ground and friction, of the same settings as far as
+    those are recorded, and of a seed each.
+    """
+    groups: dict[tuple[str, bool], list[Bundle]] = {}
+    for bundle in bundles:
+        groups.setdefault((method_of(bundle.contract), bundle.contract.terrain == "flat"), []).append(bundle)
+    for (method, _), members in groups.items():
+        _check_settings(method, [bundle for bundle in members if bundle.contract.settings is not None])
+        first, *others = members
+        seeds = {first.contract.seed: first.name}
+        for other in others:
+            if (one := _trained(first.contract)) != (two := _trained(other.contract)):
+                raise ConfigurationError(
+                    f"{first.name} and {other.name} are both of the method {method!r}, trained as {one} and as {two}; "
+                    "expected seeds of one training: leave one of them out"
+                )
+            if (seed := other.contract.seed) in seeds:
+                raise ConfigurationError(
+                    f"{seeds[seed]} and {other.name} are both of the method {method!r}, for {other.contract.terrain}, "
+                    f"seed {seed}; expected one policy a method and seed"
+                )
+            seeds[seed] = other.name
+
+
+def _check_settings(method: str, bundles: Sequence[Bundle]) -> None:
+    """Raise `StictionError` where the settings of two trainings of a method differ. bundles: those that have them."""
+    for other in bundles[1:]:
+        if found := difference(bundles[0].contract.settings, other.contract.settings):
+            raise ConfigurationError(
+                f"{bundles[0].name} and {other.name} are both of the method {method!r}, trained with {found[0]} and "
+                f"with {found[1]}; expected seeds of one training: leave one of them out"
+            )
+
+
+def unrecorded(bundles: Sequence[Bundle]) -> list[str]:
+    """Return the names of the policies that count as seeds of a method although their settings are not recorded."""
+    groups = Counter((method_of(bundle.contract), bundle.contract.terrain) for bundle in bundles)
+    return [
+        bundle.name
+        for bundle in bundles
+        if bundle.contract.settings is None and groups[method_of(bundle.contract), bundle.contract.terrain] > 1
+    ]
+
+
+def _trained(contract: Contract) -> str:
+    """Return what the seeds of one training share: robot, ground, friction and the range of it."""
+    low, high = contract.friction_range
+    friction = f"{contract.friction_law} friction {contract.friction_level:.6g} from {low:.6g} to {high:.6g}"
+    more = {"spread": contract.friction_spread, "load": contract.friction_load}
+    friction += "".join(f", {name} {span[0]:g} to {span[1]:g}" for name, span in more.items() if span is not None)
+    return f"{contract.robot} on {contract.terrain} with {friction}"
+
+
+def check_engines(parts: Sequence[Part], spec: Robot) -> None:
+    """Raise `StictionError` where an engine of a part is not installed: before anything walks, or is trained."""
+    for name in dict.fromkeys(one.spec.name for part in parts for one in part.grid.simulators if not one.is_batch):
+        if why := what_is_missing(name, spec):
+            raise EngineError(why)
+
+
+def _settings(part: Part, record: PartRecord) -> dict[str, Any]:
+    """Return what a part asks, as plain data."""
+    grid, base = part.grid, asdict(part.grid.base)
+    asked = ("friction_levels", "friction_law", "commands", "episodes", "seconds", "seed")
+    return {
+        "title": part.title,
+        **({"kept": record.earlier} if record.earlier else {}),
+        **({"warnings": list(record.warnings)} if record.warnings else {}),
+        "engines": list(grid.engines),
+        "terrains": list(grid.terrains),
+        "robots": grid.used_robots,
+        "robot_levels": list(grid.levels_of_robots) if grid.used_robots else [],
+        **{name: base[name] for name in asked},
+    }
+
+
+def source_of(result: Replication) -> Source:
+    """Return which methods follow at shares of the torque limit that a user's robot may have."""
+    methods: dict[str, TrainedWith] = {}
+    for policy in result.summary["policies"].values():
+        level = 0.0 if policy["method"] == "none" else policy["friction_level"]
+        low, high = (round(end / level, 6) if level else 0.0 for end in policy["friction_range"])
+        methods.setdefault(policy["way"], TrainedWith(policy["method"], level, low, high))
+    summary, policies = result.summary, result.summary["policies"]
+    (robot,) = {policy["robot"] for policy in policies.values()}
+    return Source(
+        summary["command"],
+        summary["revision"],
+        robot,
+        len(find_robot(robot).feet),
+        tuple(sorted(policies)),
+        methods,
+        result.needs,
+        friction_effects(result),
+    )
+
+
+def judge_again(out: Path, provenance: dict[str, Any]) -> Replication:
+    """Return the comparison that a folder has, judged anew; its summary says so, and which verdicts changed.
+
+    provenance: by what it is judged now: the command, and what `Origin` says.
+
+    Raises:
+        StictionError: the folder has no summary of a comparison.
+
+    """
+    before = read_summary(out / SUMMARY)
+    try:
+        records = [_record(name, part, before["grids"][name]) for name, part in before["parts"].items()]
+        verdicts = [Verdict(**one) for one in before["verdicts"]]
+        (robot,) = {policy["robot"] for policy in before["policies"].values()}
+    except (KeyError, TypeError, ValueError) as error:
+        raise FileError(
+            f"{out / SUMMARY} is no summary of `stiction replicate` ({error!r}); expected one that it wrote"
+        ) from error
+    found = judged(records, find_robot(robot_in_file(robot, str(out / SUMMARY), "walk it again")), {})
+    summary = rejudged_summary(before, verdicts, found.verdicts, provenance, own=("ways", "warnings"))
+    return replace(found, summary=summary)
+
+
+def _record(name: str, part: dict[str, Any], grid: dict[str, Any]) -> PartRecord:
+    """Return one part as it was walked."""
+    record = PartRecord(name, part["title"], part["rows"], grid.get("kept", ""), grid.get("warnings", ()))
+    _ = record.rows  # Raises `KeyError` here, where the file is named, if a row lacks a column.
+    return record

@@ -1,0 +1,1 @@
+"""`stiction bench`: how much of the simulator's speed the training keeps."""

@@ -1,0 +1,48 @@
+"""Normal equations that may leave unknowns open: which unknowns they tell, and the inverse for those alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+LARGEST_CONDITION = 1e12
+"""Condition number, with ones on the diagonal, from which on rounding decides what an inverse says."""
+
+SMALLEST_DIAGONAL = 1e-200
+"""Sum of squares of a column under which the squares of its inverse are no numbers: the column counts as empty."""
+
+MIN_SHARE = 1e-3
+"""Share of an unknown in a direction that the equations leave open, from which on the unknown is open too."""
+
+
+def invert(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the inverse of the normal equations of P unknowns, and which unknowns they tell.
+
+    matrix: A = ZᵀW, shape (P, P). The inverse, shape (P, P), is that of the largest part of A that has one, with zeros
+    elsewhere. Told, bool, shape (P,): False for every unknown with a share in a direction that A leaves open, and for
+    all where A is not finite.
+    """
+    told = np.full(len(matrix), bool(np.isfinite(matrix).all()))
+    # With ones on the diagonal, or units would decide what counts as singular.
+    scale = np.sqrt(np.abs(np.diag(matrix)))
+    told &= np.abs(np.diag(matrix)) > SMALLEST_DIAGONAL
+    kept = np.flatnonzero(told)
+    while len(kept):
+        unit = matrix[np.ix_(kept, kept)] / np.outer(scale[kept], scale[kept])
+        _, sizes, directions = np.linalg.svd(unit)
+        if sizes[-1] * LARGEST_CONDITION > sizes[0]:
+            break
+        # Of the unknowns in the open direction the one with the largest part goes, and the others are looked at again.
+        parts = np.abs(directions[-1])
+        told[kept[parts > MIN_SHARE]] = False
+        kept = np.delete(kept, np.argmax(parts))
+    inverse = np.zeros(matrix.shape)
+    if len(kept):
+        inverse[np.ix_(kept, kept)] = np.linalg.inv(unit) / np.outer(scale[kept], scale[kept])
+    return inverse, told
+
+
+def check_condition(matrices: np.ndarray) -> None:
+    """Raise `numpy.linalg.LinAlgError` where a matrix, or one of a stack, shape (..., P, P), is near singular."""
+    scale = np.sqrt(np.abs(np.diagonal(matrices, axis1=-2, axis2=-1))).clip(1e-300)
+    if not (np.linalg.cond(matrices / scale[..., :, None] / scale[..., None, :]) < LARGEST_CONDITION).all():
+        raise np.linalg.LinAlgError("the equations do not tell all unknowns apart")

@@ -1,0 +1,198 @@
+"""The one control step: sensors and command in, joint command out, for one robot or a batch.
+
+    sensors ─▶ observation ─▶ policy ─▶ slew, range ─▶ torque ─▶ friction fed forward ─▶ joint command
+               └── once in a control period: `act` ──┘ └─ at every reading or physics step: `command` ─┘
+
+Evaluation, golden vectors, virtual robots, the viewer, the policy's process on a robot and the Webots controller all
+call it: what is evaluated is what runs. The limits are the contract's `target_limits`, each joint by itself:
+
+1. slew: the target moves at most `slew` [rad/s] times the control period from one action to the next;
+2. range: it stays within the joint's limits less a margin;
+3. torque: kp (a − θ) − kd θ' stays within the motor's limit. A motor that limits by itself gives the same torque.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError, PolicyError
+from stiction.deploy.observation import Sensors
+from stiction.deploy.policy import PolicyStep
+from stiction.files.contract import Contract
+from stiction.joints.compensation import FrictionController
+
+FREE, SLEW, RANGE, TORQUE = 0, 1, 2, 3
+LIMITED_BY = ("", "slew", "range", "torque")
+"""What limited a joint's target, the last rule that changed it, by its code in the log."""
+
+LEAST_CHANGE = 1e-9
+"""Change of a target that counts as one [rad]: of two limiters in a row, whose clocks round differently, one acts."""
+
+
+@dataclass(frozen=True)
+class JointCommand:
+    """Input of the motor controllers until the next command arrives. Arrays have shape (*batch, J), gains (J,)."""
+
+    target: np.ndarray
+    """a [rad]."""
+    kp: np.ndarray
+    """[N m/rad]."""
+    kd: np.ndarray
+    """[N m s/rad]; the target's velocity is taken as zero."""
+    forward: np.ndarray
+    """Torque that is added to what the gains ask for, τ_ff [N m]."""
+
+    @classmethod
+    def position(cls, target: np.ndarray, kp: np.ndarray, kd: np.ndarray) -> JointCommand:
+        """Return targets and gains without any torque beside them."""
+        return cls(target, kp, kd, np.zeros_like(target))
+
+    @classmethod
+    def against_friction(
+        cls,
+        target: np.ndarray,
+        kp: np.ndarray,
+        kd: np.ndarray,
+        position: np.ndarray,
+        velocity: np.ndarray,
+        forward: FrictionController | None,
+    ) -> JointCommand:
+        """Return targets, gains and the friction that is fed forward at a measured angle [rad] and speed [rad/s]."""
+        if forward is None:
+            return cls.position(target, kp, kd)
+        asked = kp * (target - position) - kd * velocity
+        return cls(target, kp, kd, forward.torque(target, position, velocity, asked))
+
+
+@dataclass(frozen=True)
+class Limited:
+    """Targets as they go out. Arrays have shape (*batch, J)."""
+
+    target: np.ndarray
+    """[rad]."""
+    by: np.ndarray
+    """Code of what limited each joint, int, see `LIMITED_BY`."""
+
+
+class Limits:
+    """Slew, range and torque limits of one robot or a batch; holds what was let through last."""
+
+    def __init__(self, contract: Contract, slew: float, margin: float, kp: np.ndarray, kd: np.ndarray) -> None:
+        """Take the joints' limits from the contract, and begin in the standing pose.
+
+        slew: [rad/s]; margin: [rad]; kp, kd: of the run [N m/rad, N m s/rad], shape (J,). Raises `ConfigurationError`:
+        the margin leaves a joint no room.
+        """
+        self._slew, self._limit, self._kp, self._kd = slew, contract.array("torque_limit"), kp, kd
+        self._lower, self._upper = contract.array("lower") + margin, contract.array("upper") - margin
+        self._last = contract.array("standing")
+        if (self._lower >= self._upper).any():
+            joint = contract.joint_names[int(np.argmax(self._lower >= self._upper))]
+            raise ConfigurationError(f"a margin of {margin} rad leaves {joint} no room between its limits")
+
+    def begin(self, position: np.ndarray, mask: np.ndarray | None = None) -> None:
+        """Begin anew from targets [rad], shape (J,), of the robots in `mask` (bool, the batch's shape), or of all."""
+        position = np.array(position, dtype=np.float64)
+        self._last = position if mask is None else np.where(mask[..., None], position, self._last)
+
+    def step(self, requested: np.ndarray, elapsed: float) -> Limited:
+        """Return what may be asked for, by slew and range; what of it the torque allows, `apply_torque` says.
+
+        requested: finite [rad], shape (*batch, J); elapsed: since what was asked for changed last [s].
+        """
+        most = self._slew * max(elapsed, 0.0)
+        slow = np.clip(requested, self._last - most, self._last + most)
+        by = np.where(np.abs(slow - requested) > LEAST_CHANGE, SLEW, FREE)
+        slow = np.where(by == FREE, requested, slow)
+        inside = np.clip(slow, self._lower, self._upper)
+        by = np.where(np.abs(inside - slow) > LEAST_CHANGE, RANGE, by)
+        # Without the torque's limit: it follows the joint, as a motor that limits by itself, and has no memory.
+        self._last = inside
+        return Limited(inside, by)
+
+    def apply_torque(self, limited: Limited, position: np.ndarray, velocity: np.ndarray) -> Limited:
+        """Return targets whose torque is within the motors' limits at a measured angle [rad] and velocity [rad/s]."""
+        torque = self._kp * (limited.target - position) - self._kd * velocity
+        within = np.clip(torque, -self._limit, self._limit)
+        # What is within stays as it is: the way to the torque and back would round it.
+        target = np.where(within == torque, limited.target, position + (within + self._kd * velocity) / self._kp)
+        # A joint that is thrown far behind its limit must not be asked to go on.
+        inside = np.clip(target, self._lower, self._upper)
+        return Limited(inside, np.where(np.abs(inside - limited.target) > LEAST_CHANGE, TORQUE, limited.by))
+
+
+class Driver(Protocol):
+    """Turns sensors into joint targets: `Policy`, its twin in torch, or a function."""
+
+    @property
+    def reset(self) -> Callable[..., None]:
+        """Called with nothing, or of a batch with a mask (bool, (N,)): forgets the history and the last action."""
+
+    def step(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
+        """Advance by one control period under commanded velocities, shape (*batch, 3); see `Policy.step`."""
+
+
+class ControlLoop:
+    """One policy on one robot, or on a batch: `act` once in a control period, `command` at every reading."""
+
+    def __init__(self, policy: Driver, contract: Contract, forward: FrictionController | None = None) -> None:
+        """Begin in the standing pose.
+
+        forward: what is added against friction; its period is that between two calls of `command`.
+
+        Raises:
+            StictionError: the policy compensates friction itself and shall be helped once more, or the contract's
+                margin leaves a joint no room.
+
+        """
+        if forward is not None and contract.compensation is not None:
+            raise PolicyError("the policy compensates friction in its targets; it cannot be fed forward once more")
+        self._policy, self._contract, self._forward = policy, contract, forward
+        self._kp, self._kd, limits = contract.array("kp"), contract.array("kd"), contract.target_limits
+        self._limits = (
+            None if limits is None else Limits(contract, limits["slew"], limits["margin"], self._kp, self._kd)
+        )
+        standing = contract.array("standing")
+        self.requested = standing
+        """Targets that the policy asked for last [rad], shape (*batch, J)."""
+        self.limited = Limited(standing, np.full(len(standing), FREE))
+        """What of them slew and range let through."""
+
+    @property
+    def holds(self) -> bool:
+        """True if the command is the same from one action to the next."""
+        return self._limits is None and self._forward is None
+
+    def reset(self, mask: np.ndarray | None = None) -> None:
+        """Forget history, last action and last targets of the robots in `mask` (bool, (N,)), of all without."""
+        if mask is None:
+            self._policy.reset()
+        else:
+            self._policy.reset(mask)
+        if self._forward is not None:
+            self._forward.reset(None if mask is None else np.flatnonzero(mask))
+        if self._limits is not None:
+            self._limits.begin(self._contract.array("standing"), mask)
+
+    def act(self, sensors: Sensors, velocity: np.ndarray) -> PolicyStep:
+        """Advance by one control period; return the policy's step, its targets within slew and range.
+
+        Arguments and errors as of `Policy.step`.
+        """
+        step = self._policy.step(sensors, velocity)
+        self.requested, self.limited = step.target, Limited(step.target, np.full(step.target.shape, FREE))
+        if self._limits is None:
+            return step
+        self.limited = self._limits.step(step.target, self._contract.control_period)
+        return replace(step, target=self.limited.target)
+
+    def command(self, position: np.ndarray, velocity: np.ndarray) -> JointCommand:
+        """Return what the joint controllers get at a measured angle [rad] and velocity [rad/s], shape (*batch, J)."""
+        limited = self.limited
+        if self._limits is not None:
+            limited = self._limits.apply_torque(limited, position, velocity)
+        return JointCommand.against_friction(limited.target, self._kp, self._kd, position, velocity, self._forward)

@@ -1,0 +1,176 @@
+"""The ground of an evaluation: flat, or a course of the training that a policy crosses blind.
+
+Over a course the command holds the robot's heading, as in training, and corrects nothing else. A robot that is upright
+beyond the end of the course has crossed it; of stairs it must have climbed all steps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.core.provenance import seed_streams
+from stiction.core.rotation import about
+from stiction.files.velocity import Command
+from stiction.robots.terrain import KINDS, REACH, SLABS, STEEPEST, STEPS, Terrain, stair_height
+from stiction.task.terrain import (
+    FINISH_MARGIN,
+    HEADING_ERROR,
+    LENGTH,
+    SCAN_POINTS,
+    START,
+    UNDER,
+    TerrainCfg,
+    hold_heading,
+)
+
+if TYPE_CHECKING:  # Webots runs a policy by what is here, where there may be no MuJoCo.
+    from stiction.sim.fleet import Fleet
+
+UNITS = {"slope": "its angle [rad]", "rough": "its highest slab [m]", "stairs": "the height of a step [m]"}
+"""Kind of course -> what its size is."""
+
+START_HALF_WIDTH = 0.5
+"""Half-width of the start, across the course [m]: the whole trunk is before the landing, whose half-width is 0.9 m."""
+
+START_DISTANCE = REACH + START
+"""Distance from the middle of a course back to where robots start [m]."""
+
+PATIENCE = 2.0
+"""A crossing may take this many times what the commanded speed takes."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """The ground of an evaluation."""
+
+    kind: str = "flat"
+    """One of `stiction.robots.terrain.KINDS`."""
+    size: float = 0.0
+    """Height of a step [m], angle of the slope [rad], height of the highest slab [m]; of flat ground 0."""
+
+    def __post_init__(self) -> None:
+        """Refuse a course that does not exist."""
+        if self.kind not in KINDS:
+            raise ConfigurationError(unknown_name("terrain", self.kind, KINDS))
+        steepest = STEEPEST.get(self.kind, 0.0)
+        if not (0 < self.size <= steepest or (self.kind == "flat" and self.size == 0)):
+            limits = ", ".join(f"{kind}=SIZE with a size up to {limit:g}" for kind, limit in STEEPEST.items())
+            raise ConfigurationError(
+                f"terrain {self.label!r}: expected flat, {limits} (height of a step [m], angle [rad], highest slab [m])"
+            )
+
+    @property
+    def label(self) -> str:
+        """As it stands in results: `flat`, `stairs=0.1`."""
+        return self.kind if self.is_flat else f"{self.kind}={self.size:g}"
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether there is nothing to cross."""
+        return self.kind == "flat"
+
+    def takes(self, command: Command) -> bool:
+        """Say whether a command can be walked here: over a course only straight forward."""
+        forward, *rest = command.velocity
+        return self.is_flat or (forward > 0 and not any(rest))
+
+    def seconds(self, command: Command, flat: float) -> float:
+        """Return how long a walk lasts [s]: `flat` on flat ground, else as long as it takes, `PATIENCE` times over."""
+        return flat if self.is_flat else PATIENCE * LENGTH / command.speed
+
+    def terrain(self, num: int, seed: int = 0) -> Terrain | None:
+        """Return the ground of `num` robots, the same for each, None where it is flat; `seed`: of rough ground."""
+        if self.is_flat:
+            return None
+        terrain = Terrain(np.full(num, KINDS.index(self.kind)))
+        slabs = np.random.default_rng(seed).uniform(size=(1, SLABS, 4))
+        terrain.place(np.arange(num), np.full(num, self.size / STEEPEST[self.kind]), np.repeat(slabs, num, axis=0))
+        return terrain
+
+    def judge(self, position: np.ndarray, upright: np.ndarray) -> tuple[float | None, float | None]:
+        """Return the mean number of steps passed, None where there are none, and the share of robots that crossed.
+
+        position: of the base, shape (T, N, 2) [m]; upright: bool, shape (T, N).
+        """
+        if self.is_flat:
+            return None, None
+        over = crossed(position, upright, self.kind == "stairs").any(axis=0).mean()
+        if self.kind != "stairs":
+            return None, float(over)
+        up, down = steps_passed(position, upright)
+        return float((up[-1] + down[-1]).mean()), float(over)
+
+
+FLAT = Course()
+"""The plane."""
+
+
+def parse_course(text: str) -> Course:
+    """Return the course that a text names: `flat`, `stairs=0.1`; raise `StictionError` where there is none such."""
+    kind, equals, number = text.strip().partition("=")
+    if kind in STEEPEST and not equals:
+        expected = f"{kind}=SIZE, {UNITS[kind]} up to {STEEPEST[kind]:g}"
+        raise ConfigurationError(f"terrain {kind!r} has no size; expected {expected}")
+    try:
+        size = float(number) if equals else 0.0
+    except ValueError:
+        size = math.nan
+    return Course(kind, size)
+
+
+def starts(seed: int, count: int) -> np.ndarray:
+    """Return where walks over a course begin: aside of its middle [m] and askew [rad], shape (count, 2).
+
+    A walk's start is that of its number alone, however many there are.
+    """
+    return seed_streams(seed, ["start"])["start"].uniform(-1.0, 1.0, (count, 2)) * (START_HALF_WIDTH, HEADING_ERROR)
+
+
+def line_up(fleet: Fleet, start: np.ndarray) -> None:
+    """Put robots before their courses; start: as from `starts`, shape (k, 2): robot i gets row i modulo k."""
+    fleet.show_terrain(np.arange(fleet.num_envs))
+    aside, askew = np.tile(start, (fleet.num_envs // len(start), 1)).T
+    fleet.base_position[:, 0], fleet.base_position[:, 1] = -START_DISTANCE, aside
+    fleet.base_quaternion[:] = about(2, askew)
+
+
+def course_commands(speed: np.ndarray) -> Callable[[Fleet], np.ndarray]:
+    """Return what commands a fleet along its courses at speeds (N,) [m/s]: fleet -> velocities, shape (N, 3)."""
+
+    def commands(fleet: Fleet) -> np.ndarray:
+        fleet.ground[:] = fleet.ground_around(SCAN_POINTS[UNDER]).mean(-1)
+        return np.stack((speed, np.zeros_like(speed), straight_on(fleet.yaw)), -1)
+
+    return commands
+
+
+def straight_on(yaw: np.ndarray | float) -> np.ndarray:
+    """Return the turn rate that brings a robot with that yaw [rad] back to the direction x [rad/s]."""
+    return hold_heading(-np.asarray(yaw), TerrainCfg.heading_gain)
+
+
+def crossed(position: np.ndarray, upright: np.ndarray, stairs: bool) -> np.ndarray:
+    """Return whether each robot is beyond its course upright at each step, (T, N); `stairs`: after the landing.
+
+    Arguments as of `steps_passed`.
+    """
+    over = (position[..., 0] > REACH + FINISH_MARGIN) & upright
+    return over & (steps_passed(position, upright)[0] == STEPS) if stairs else over
+
+
+def steps_passed(position: np.ndarray, upright: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return how many steps each robot has passed upright until each moment, up, and down on the other side; (T, N).
+
+    position: of the base, (T, N, 2) [m]; upright: bool, (T, N).
+    """
+    level = stair_height(position, np.ones((1, 1)))
+    up = np.maximum.accumulate(level * upright)
+    # On the far side the level falls again: what it lacks of the highest that was reached are the steps down.
+    down = np.maximum.accumulate((up - level) * (upright & (position[..., 0] > 0.0)))
+    return up, down

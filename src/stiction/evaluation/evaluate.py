@@ -1,0 +1,301 @@
+"""Drives a policy bundle over friction levels and commands in MuJoCo.
+
+Every (level, command, episode) of a policy is one robot of one fleet, so that a policy costs one batched rollout.
+Episode e meets the same initial state and the same sensor noise at every level and command: rows differ by friction and
+command, not by luck.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError, check_once
+from stiction.core.provenance import seed_streams
+from stiction.deploy.check import robot_of
+from stiction.deploy.control import Driver
+from stiction.deploy.policy import load_policy
+from stiction.evaluation.command import SETTLE
+from stiction.evaluation.course import Course, course_commands, line_up, parse_course, starts
+from stiction.evaluation.known_friction import known_to, parse_source
+from stiction.evaluation.methods import method_of
+from stiction.evaluation.metrics import Metrics, measure
+from stiction.evaluation.own_policy import FunctionDriver, OwnPolicy
+from stiction.evaluation.rollout import Rollout, friction_at, record
+from stiction.files.bundle import Bundle
+from stiction.files.contract import Contract
+from stiction.files.results import DIRECTIONS, ResultRow, slowest_of
+from stiction.files.velocity import Command, parse_command
+from stiction.files.walk import Recording
+from stiction.joints.compensation import FrictionController
+from stiction.joints.friction import MAX_LEVEL, Law, has_coefficient
+from stiction.robots.model import Robot
+from stiction.sim.fleet import Fleet
+from stiction.task.config import NoiseCfg
+
+ENGINE = "mujoco"
+"""Where robots walk here, as it stands in results.csv."""
+
+MAX_ROBOT_SECONDS = 400_000.0
+"""Most robots at once times seconds: at 50 Hz the recording of these fills some 700 MB [s]."""
+
+
+@dataclass(frozen=True)
+class EvaluationCfg:
+    """What a policy is put through."""
+
+    friction_levels: tuple[float, ...] = (0.0, 0.1, 0.2)
+    """Dry friction as fractions of each joint's torque limit [-]; of `load` and `effort` their coefficients."""
+    commands: tuple[str, ...] = DIRECTIONS
+    """Commanded velocities: vx, vy [m/s], wz [rad/s], or `stand`."""
+    episodes: int = 32
+    """Episodes per level and command."""
+    seconds: float = 20.0
+    """Length of an episode [s]."""
+    settle: float = SETTLE
+    """What is not measured at the start of an episode [s]: the robot gets up to speed."""
+    seed: int = 0
+    """Seed of initial states and sensor noise."""
+    noise: NoiseCfg = field(default_factory=NoiseCfg)
+    """Sensor noise, as in training."""
+    action_delay: float = 0.0
+    """Delay between target and motor [s], in whole physics steps; at most what the robot's model holds."""
+    friction_law: str = "coulomb"
+    """Law of the dry friction, whatever the policy was trained with."""
+    static_ratio: float = 1.5
+    """Friction at rest over friction in motion, of the law `stribeck`."""
+    stribeck_velocity: float = 0.1
+    """Speed at which 63 % of that excess is gone [rad/s], of the law `stribeck`."""
+    terrain: str = "flat"
+    """Ground: `flat`, `stairs=0.1`, `slope=0.2`, `rough=0.05`; what is not flat is crossed at one speed forward."""
+    known_friction: str = "contract"
+    """Friction given to policies that observe it, see `parse_source`: `contract`, `true`, `true*0.7`."""
+    first_episode: int = 0
+    """Number of the first episode: its start and noise are those of its number."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be evaluated."""
+        unit = "coefficients" if has_coefficient(self.law.name) else "fractions of the torque limit"
+        for level in self.friction_levels:
+            if not 0.0 <= level <= MAX_LEVEL:
+                raise ConfigurationError(f"friction level {level} is outside [0, {MAX_LEVEL}], {unit}")
+        check_once("friction levels", self.friction_levels)
+        check_once("commands", [command.label for command in self.parsed_commands])
+        if self.episodes * self.seconds > MAX_ROBOT_SECONDS:
+            raise ConfigurationError(
+                f"{self.episodes} episodes of {self.seconds:g} s are more than {MAX_ROBOT_SECONDS:g} robot-seconds, "
+                "whose recording fills the memory; ask for fewer or shorter ones"
+            )
+        if not (self.episodes >= 1 and self.settle >= 0.0 and self.settle + 1.0 <= self.seconds <= 3600.0):
+            raise ConfigurationError(
+                f"{self.episodes} episodes of {self.seconds} s, {self.settle} s of it to settle; "
+                "expected at least one episode, at least 1 s measured, and at most an hour"
+            )
+        if refused := [command.label for command in self.parsed_commands if not self.course.takes(command)]:
+            raise ConfigurationError(
+                f"command {refused[0]!r} on {self.terrain}: a course is crossed straight on; expected such as vx=0.4"
+            )
+        if not 0.0 <= self.action_delay < math.inf:
+            raise ConfigurationError(f"action delay {self.action_delay} s; expected a time of 0 s or more")
+        parse_source(self.known_friction)
+        # Raises where the seed is none.
+        seed_streams(self.seed, ["episode"])
+
+    @property
+    def law(self) -> Law:
+        """The law with its own numbers. Raises `StictionError` where they make none."""
+        return Law(self.friction_law, self.static_ratio, self.stribeck_velocity)
+
+    @property
+    def parsed_commands(self) -> tuple[Command, ...]:
+        """The commands as velocities."""
+        return tuple(parse_command(text) for text in self.commands)
+
+    @property
+    def course(self) -> Course:
+        """The terrain. Raises `StictionError` where there is none of that name."""
+        return parse_course(self.terrain)
+
+    @property
+    def duration(self) -> float:
+        """Length of every episode [s]: `seconds` on flat ground, else what the slowest crossing may take."""
+        return max(self.course.seconds(command, self.seconds) for command in self.parsed_commands)
+
+    @property
+    def conditions(self) -> dict[str, float]:
+        """What evaluation holds fixed and training randomises."""
+        fixed = {"encoder_offset": 0.0, "ground_friction": 1.0, "push_velocity": 0.0, "payload": 0.0}
+        return {"action_delay": self.action_delay, **fixed}
+
+    @property
+    def numbers(self) -> range:
+        """Numbers of the episodes."""
+        return range(self.first_episode, self.first_episode + self.episodes)
+
+    @property
+    def num_robots(self) -> int:
+        """Robots in the batch."""
+        return len(self.friction_levels) * len(self.commands) * self.episodes
+
+    @property
+    def robot_levels(self) -> np.ndarray:
+        """Friction level of every robot of the batch, shape (N,): by level, then by command, then by episode."""
+        return np.repeat(self.friction_levels, len(self.commands) * self.episodes)
+
+    @property
+    def robot_commands(self) -> np.ndarray:
+        """Commanded velocity of every robot of the batch, shape (N, 3), in the same order."""
+        block = np.repeat([command.velocity for command in self.parsed_commands], self.episodes, axis=0)
+        return np.tile(block, (len(self.friction_levels), 1))
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What one policy reached."""
+
+    rows: tuple[ResultRow, ...]
+    """One row per level and command."""
+    metrics: tuple[Metrics, ...]
+    """Of each row, all that was measured."""
+    episodes: tuple[tuple[Metrics, ...], ...]
+    """Of each row, each of its episodes alone."""
+
+
+def evaluate_bundle(
+    bundle: Bundle,
+    cfg: EvaluationCfg,
+    robot: str | None = None,
+    threads: int = 1,
+    compensation: FrictionController | None = None,
+) -> Evaluation:
+    """Evaluate one bundle; arguments and errors as of `drive_bundle`."""
+    driven = drive_bundle(bundle, cfg, robot, threads, compensation=compensation)
+    return judge(driven, bundle.contract, bundle.name, cfg)
+
+
+@dataclass(frozen=True)
+class Driven:
+    """What a policy's robots did."""
+
+    spec: Robot
+    """The robot."""
+    weight: float
+    """Its weight [N]."""
+    parts: tuple[tuple[float, Command, Recording], ...]
+    """Of every friction level and command, in the order of the rows: level, command, measured part of the episodes."""
+
+
+def judge(driven: Driven, contract: Contract, name: str, cfg: EvaluationCfg) -> Evaluation:
+    """Return the metrics of the robots' walks; `name` is what the rows call the policy."""
+    rows, measured, each = [], [], []
+    robots = (slice(0, cfg.episodes), *(slice(e, e + 1) for e in range(cfg.episodes)))
+    for level, command, part in driven.parts:
+        groups, weight = driven.spec.groups(), driven.weight
+        metrics, *episodes = (measure(part.of(some), command, groups, weight, cfg.course) for some in robots)
+        row = ResultRow(
+            policy=name,
+            method=method_of(contract),
+            seed=contract.seed,
+            engine=ENGINE,
+            friction_law=cfg.friction_law,
+            friction_level=level,
+            terrain=cfg.course.label,
+            command=command.label,
+            episodes=cfg.episodes,
+            slowest_walk=slowest_of(command, (one.mean_velocity for one in episodes)),
+            **metrics.columns,
+        )
+        rows.append(row)
+        measured.append(metrics)
+        each.append(tuple(episodes))
+    return Evaluation(tuple(rows), tuple(measured), tuple(each))
+
+
+def drive_bundle(
+    bundle: Bundle,
+    cfg: EvaluationCfg,
+    robot: str | None = None,
+    threads: int = 1,
+    progress: Callable[[float], None] = lambda share: None,
+    compensation: FrictionController | None = None,
+) -> Driven:
+    """Drive a bundle, as checked by `check_bundle`, over levels and commands and return what its robots did.
+
+    robot: see `robot_of`; other arguments and errors as of `drive`.
+    """
+    spec = robot_of(bundle.contract, robot)
+    policy = batch_policy(bundle, spec, cfg, friction_at(bundle.contract, cfg.robot_levels, cfg.law))
+    return drive(policy, bundle.contract, spec, cfg, threads, progress, compensation)
+
+
+def batch_policy(bundle: Bundle, spec: Robot, cfg: EvaluationCfg, friction: np.ndarray) -> Driver:
+    """Return a bundle's policy for N robots; friction: of their joints, as from `friction_at`, shape (N, J)."""
+    if isinstance(bundle, OwnPolicy):
+        return FunctionDriver(bundle, len(friction))
+    known = known_to(bundle.contract, spec, parse_source(cfg.known_friction), cfg.law, friction)
+    return load_policy(bundle.contract, bundle.policy, (len(friction),), known_friction=known)
+
+
+def drive(
+    policy: Driver,
+    contract: Contract,
+    spec: Robot,
+    cfg: EvaluationCfg,
+    threads: int = 1,
+    progress: Callable[[float], None] = lambda share: None,
+    compensation: FrictionController | None = None,
+) -> Driven:
+    """Drive robots over levels and commands and return what they did.
+
+    Args:
+        policy: the driver, its batch (cfg.num_robots,): robot i is at level i of `cfg.robot_levels`.
+        contract: what it expects of the robot.
+        spec: the robot, as from `robot_of`.
+        cfg: levels, commands, episodes.
+        threads: threads of the simulator; they do not change the result.
+        progress: called with the share that is done [-].
+        compensation: see `Rollout`.
+
+    Raises:
+        StictionError: the robot does not fit, the delay is longer than its model holds, or there are too many at once.
+
+    """
+    if cfg.num_robots * cfg.duration > MAX_ROBOT_SECONDS:
+        raise ConfigurationError(
+            f"{cfg.num_robots} robots at once for {cfg.duration:g} s each are more than {MAX_ROBOT_SECONDS:g} "
+            "robot-seconds; give fewer levels, commands or episodes, or shorter ones"
+        )
+    streams = seed_streams(cfg.seed, [f"episode {number}" for number in cfg.numbers])
+    rollout = Rollout(
+        contract,
+        policy,
+        spec,
+        friction_at(contract, cfg.robot_levels, cfg.law),
+        list(streams.values()),
+        threads,
+        cfg.noise,
+        cfg.action_delay,
+        cfg.course.terrain(cfg.num_robots, cfg.seed),
+        cfg.law,
+        compensation=compensation,
+    )
+    velocity = cfg.robot_commands
+    along_course = course_commands(velocity[:, 0])
+
+    def commands(fleet: Fleet) -> np.ndarray:
+        return velocity if cfg.course.is_flat else along_course(fleet)
+
+    if not cfg.course.is_flat:
+        line_up(rollout.fleet, starts(cfg.seed, cfg.numbers.stop)[cfg.first_episode :])
+    recording, _ = record(rollout, commands, round(cfg.duration / contract.control_period), progress)
+    first = round(cfg.settle / contract.control_period)
+    weight = spec.mass * float(np.linalg.norm(rollout.fleet.model.opt.gravity))
+    parts = tuple(
+        (level, command, recording.of(slice(index * cfg.episodes, (index + 1) * cfg.episodes), first))
+        for index, (level, command) in enumerate(product(cfg.friction_levels, cfg.parsed_commands))
+    )
+    return Driven(spec, weight, parts)

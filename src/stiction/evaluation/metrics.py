@@ -1,0 +1,237 @@
+"""The columns of results.csv as pure functions of a recording.
+
+A robot that falls ends its episode: from then on its speed counts as zero, so that a policy gains nothing by running
+fast and falling.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from stiction.evaluation.course import FLAT, Course
+from stiction.files.results import COLUMNS
+from stiction.files.velocity import Command
+from stiction.files.walk import Recording
+
+WINDOW = 1.0
+"""Windows over which velocity is averaged before it is compared with the command [s]: sway within a stride is no
+error."""
+
+MOVING_SPEED = 0.1
+"""A step is a moving one if the base is faster than this [m/s], or turns faster than this [rad/s] in a pure turn."""
+
+SHORTEST_DISTANCE = 0.1
+"""Smallest mean displacement for which a cost of transport is given [m]."""
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """The measured columns of one row of results.csv, and what stands beside them in summary.json."""
+
+    speed_ratio: float | None
+    tracking_error: float
+    fall_rate: float
+    distance: float
+    cost_of_transport: float | None
+    joint_jitter: float
+    tripod_share: float | None
+    flight_share: float | None
+    group_share: tuple[float, float] | None
+    """Share of moving steps in which exactly contact group 0, and exactly group 1, is on the ground [-]."""
+    moving_share: float | None
+    """Share of all steps that are moving ones, what the shares above are of [-]; None where no motion is commanded."""
+    mean_vx: float
+    """Mean forward velocity in the base's frame, zero after a fall [m/s]."""
+    mean_vy: float
+    """Mean sideways velocity [m/s]."""
+    mean_wz: float
+    """Mean yaw rate [rad/s]."""
+    mean_friction: float | None = None
+    """Mean bound of the joints' dry friction, falls included [N m]; None where not recorded."""
+    steps_climbed: float | None = None
+    """Mean number of stairs passed, up and down; None where there are none."""
+    crossed: float | None = None
+    """Share of episodes in which the robot crossed its course; None on flat ground."""
+
+    @property
+    def mean_velocity(self) -> tuple[float, float, float]:
+        """Mean vx, vy [m/s] and wz [rad/s]."""
+        return self.mean_vx, self.mean_vy, self.mean_wz
+
+    @property
+    def columns(self) -> dict[str, Any]:
+        """What stands in results.csv: column -> value."""
+        return {name: value for name, value in vars(self).items() if name in COLUMNS}
+
+    @property
+    def beside(self) -> dict[str, Any]:
+        """What results.csv has no column for, and summary.json has."""
+        return {name: value for name, value in vars(self).items() if name not in COLUMNS}
+
+
+def measure(
+    recording: Recording, command: Command, groups: np.ndarray | None, weight: float, course: Course = FLAT
+) -> Metrics:
+    """Return the metrics of one row, over all its episodes.
+
+    Args:
+        recording: the measured part of the episodes, after settling.
+        command: what was commanded.
+        groups: contact group (0 or 1) of each foot, shape (L,); None where there are none.
+        weight: weight of the robot [N].
+        course: the ground.
+
+    """
+    steps_climbed, crossed = course.judge(recording.position, recording.upright)
+    distance = displacement(recording)
+    moving = moving_steps(recording, command)
+    flight, groups_share = gait_shares(recording, moving, groups)
+    vx, vy, wz = _velocity(recording).mean(axis=(0, 1), dtype=float).tolist()
+    return Metrics(
+        speed_ratio=speed_ratio(recording, command),
+        tracking_error=tracking_error(recording, command),
+        fall_rate=float(1.0 - recording.upright[-1].mean()),
+        distance=distance,
+        cost_of_transport=cost_of_transport(recording, distance, weight),
+        joint_jitter=joint_jitter(recording),
+        tripod_share=None if groups_share is None else sum(groups_share),
+        flight_share=flight,
+        group_share=groups_share,
+        moving_share=None if moving is None else float(moving.mean()),
+        mean_vx=vx,
+        mean_vy=vy,
+        mean_wz=wz,
+        mean_friction=None if recording.friction is None else float(recording.friction.mean()),
+        steps_climbed=steps_climbed,
+        crossed=crossed,
+    )
+
+
+def combine(episodes: Sequence[Metrics]) -> Metrics:
+    """Return the metrics of a row from those of its episodes, each measured alone.
+
+    A share of moving steps is weighted by the number of moving steps, a cost of transport by distance; jitter is a root
+    mean square. `measure` gives the same over all episodes at once, but for the jitter of robots that fell and the
+    energy of robots that got nowhere.
+    """
+
+    def mean(name: str, weight: str | None = None) -> float | None:
+        values = [getattr(one, name) for one in episodes]
+        weights = [1.0 if weight is None else getattr(one, weight) or 0.0 for one in episodes]
+        known = [(value, by) for value, by in zip(values, weights, strict=True) if value is not None and by > 0.0]
+        return sum(value * by for value, by in known) / sum(by for _, by in known) if known else None
+
+    def plain_mean(name: str) -> float:
+        return float(np.mean([getattr(one, name) for one in episodes]))
+
+    # A robot that had fallen before the measured part has a jitter of zero, which means none.
+    jitter = [one.joint_jitter**2 for one in episodes if one.joint_jitter or not one.fall_rate]
+    groups = [(one.group_share, one.moving_share or 0.0) for one in episodes if one.group_share is not None]
+    moved = sum(by for _, by in groups)
+    first, second = (sum(share[side] * by for share, by in groups) / moved if moved else None for side in (0, 1))
+    return Metrics(
+        speed_ratio=mean("speed_ratio"),
+        tracking_error=plain_mean("tracking_error"),
+        fall_rate=plain_mean("fall_rate"),
+        distance=plain_mean("distance"),
+        cost_of_transport=mean("cost_of_transport", "distance"),
+        joint_jitter=float(np.sqrt(np.mean(jitter))) if jitter else 0.0,
+        tripod_share=mean("tripod_share", "moving_share"),
+        flight_share=mean("flight_share", "moving_share"),
+        group_share=None if first is None or second is None else (first, second),
+        moving_share=mean("moving_share"),
+        mean_vx=plain_mean("mean_vx"),
+        mean_vy=plain_mean("mean_vy"),
+        mean_wz=plain_mean("mean_wz"),
+        mean_friction=mean("mean_friction"),
+        steps_climbed=mean("steps_climbed"),
+        crossed=mean("crossed"),
+    )
+
+
+def _velocity(recording: Recording) -> np.ndarray:
+    """Return the velocity with zeros after a fall, shape (T, N, 3)."""
+    return recording.velocity * recording.upright[..., None]
+
+
+def speed_ratio(recording: Recording, command: Command) -> float | None:
+    """Return the mean speed along the command over the commanded speed; None where none is commanded."""
+    if command.direction is None:
+        return None
+    return float((_velocity(recording) @ command.direction).mean() / command.speed)
+
+
+def tracking_error(recording: Recording, command: Command) -> float:
+    """Return the mean distance between velocity and command [m/s]; for a pure turn, of the yaw rate [rad/s]."""
+    width = max(1, round(WINDOW / recording.period))
+    velocity = _velocity(recording)
+    count = max(1, len(velocity) // width)
+    # Windows of nearly that width, so that no rest of the recording is left out.
+    windows = np.stack([part.mean(axis=0) for part in np.array_split(velocity, count)])
+    difference = windows - np.array(command.velocity)
+    axes = slice(2, 3) if command.is_turn else slice(0, 2)
+    return float(np.linalg.norm(difference[..., axes], axis=-1).mean())
+
+
+def displacement(recording: Recording) -> float:
+    """Return the mean distance from the first position to the last one before a fall [m]."""
+    # Upright is true up to a fall and false ever after: its sum counts the steps before.
+    last = np.maximum(recording.upright.sum(axis=0) - 1, 0)
+    end = recording.position[last, np.arange(recording.position.shape[1])]
+    return float(np.linalg.norm(end - recording.position[0], axis=-1).mean())
+
+
+def cost_of_transport(recording: Recording, distance: float, weight: float) -> float | None:
+    """Return the mechanical energy over weight times displacement, means over episodes [-]; None if it got nowhere."""
+    if distance < SHORTEST_DISTANCE:
+        return None
+    energy = (recording.power * recording.upright).sum(axis=0).mean() * recording.period
+    return float(energy / (weight * distance))
+
+
+def joint_jitter(recording: Recording) -> float:
+    """Return the root mean square joint acceleration of robots that have not fallen [rad/s²]; 0 where all have.
+
+    The acceleration is the change of joint velocity over one control period, divided by it: motion faster than half the
+    control rate aliases.
+    """
+    if not recording.upright.any():
+        return 0.0
+    return float(np.sqrt(recording.square_acceleration[recording.upright].mean()))
+
+
+def moving_steps(recording: Recording, command: Command) -> np.ndarray | None:
+    """Return which steps are moving ones (see `MOVING_SPEED`), bool, shape (T, N); None where none is commanded."""
+    if command.direction is None:
+        return None
+    velocity = recording.velocity
+    speed = np.abs(velocity[..., 2]) if command.is_turn else np.hypot(velocity[..., 0], velocity[..., 1])
+    return recording.upright & (speed > MOVING_SPEED)
+
+
+def gait_shares(
+    recording: Recording, moving: np.ndarray | None, groups: np.ndarray | None
+) -> tuple[float | None, tuple[float, float] | None]:
+    """Return the shares of moving steps in flight, and on exactly group 0 and group 1; None without moving steps.
+
+    The feet on the ground must equal the group as a set, as in r_trot of the paper.
+    """
+    if moving is None or not moving.any():
+        return None, None
+    contact = recording.contact[moving]
+    flight = set_share(contact, np.zeros(contact.shape[-1], dtype=bool))
+    if groups is None:
+        return flight, None
+    return flight, (set_share(contact, groups == 0), set_share(contact, groups == 1))
+
+
+def set_share(contact: np.ndarray, feet: np.ndarray) -> float:
+    """Return the share of steps in which the feet on the ground are exactly `feet`, as a set [-].
+
+    contact: bool, shape (num_steps, L), at least one step; feet: bool, shape (L,).
+    """
+    return float((contact == feet).all(axis=-1).mean())

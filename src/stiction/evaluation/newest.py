@@ -1,0 +1,138 @@
+"""The newest checkpoint of a training run, finished or not, as a policy of one robot. Needs torch.
+
+A student, and a teacher of one phase, walk on their history. The teacher of two phases is told the friction of its
+robot; here that is what its training called nominal, whatever the robot has.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from stiction.core.errors import StictionError, TrainingError
+from stiction.deploy.check import robot_of
+from stiction.deploy.observation import Sensors
+from stiction.deploy.policy import PolicyStep
+from stiction.evaluation.export import TrainedPolicy, contract_of
+from stiction.evaluation.trained import LatentPolicy, privileged_of
+from stiction.files.contract import Contract
+from stiction.learning.run import RunDirectory, latest_checkpoint
+from stiction.learning.runner import load_actor
+
+LOOK_EVERY = 2.0
+"""Time between two looks for a newer checkpoint [s]."""
+
+
+class Standing:
+    """The policy that there is before the first checkpoint: it asks for the standing pose."""
+
+    def __init__(self, contract: Contract) -> None:
+        """contract: of the policy to come."""
+        self.contract = contract
+
+    def reset(self) -> None:
+        """Do nothing: there is no history."""
+
+    def step(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
+        """Return the standing pose as target, and zeros."""
+        zero = np.zeros(self.contract.num_joints, np.float32)
+        return PolicyStep(np.zeros(self.contract.observation.size, np.float32), zero, self.contract.array("standing"))
+
+
+class OneTrained:
+    """A policy as training computes it, for one robot without a batch: what a `Pilot` drives."""
+
+    def __init__(self, module: torch.nn.Module, contract: Contract) -> None:
+        """module: observations (1, size) -> actions (1, J)."""
+        self.contract, self._driver = contract, TrainedPolicy(module, contract)
+
+    def reset(self) -> None:
+        """Forget the history and the last action."""
+        self._driver.reset()
+
+    def step(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
+        """Advance by one control period; see `Policy.step`."""
+        step = self._driver.step(sensors.each(lambda value: value[None]), np.asarray(command, float)[None])
+        return PolicyStep(step.observation[0], step.action[0], step.target[0])
+
+
+class NewestPolicy:
+    """The policy of a run that may still go on."""
+
+    def __init__(self, run: Path, wait: bool = False, robot: str | None = None) -> None:
+        """Read a run.
+
+        run: its directory; wait: let the robot stand until there is a checkpoint; robot: the run's own, where its
+        config.json names it as a module; see `RunDirectory.adopt`.
+
+        Raises `StictionError`: not a run, or one without a checkpoint and nobody to wait for it, or a teacher that sees
+        the ground.
+        """
+        torch.set_num_threads(1)
+        self._directory = RunDirectory(run)
+        if robot is not None:
+            self._directory.adopt(robot)
+        self.contract = contract_of(self._directory.config(), self._directory.header())
+        self.robot = robot_of(self.contract)
+        self._file: Path | None = None
+        self._module: torch.nn.Module | None = None
+        if not self.refresh() and not wait:
+            raise TrainingError(f"{run} has no checkpoint yet; wait for it with --follow")
+
+    @property
+    def name(self) -> str:
+        """The run, and how far it had come."""
+        run = self._directory.path.resolve().name
+        return f"{run}: {'no checkpoint yet, standing' if self._file is None else self._file.stem.replace('_', ' ')}"
+
+    def load(self) -> OneTrained | Standing:
+        """Return the newest policy that was read, its history empty."""
+        return Standing(self.contract) if self._module is None else OneTrained(self._module, self.contract)
+
+    def refresh(self) -> bool:
+        """Read the newest checkpoint; say whether there is a newer one than before. Raises `StictionError`."""
+        directory = self._directory
+        for phase in ("student", "teacher"):
+            file = latest_checkpoint(directory.checkpoints, phase)
+            if file is not None:
+                break
+        else:
+            return False
+        if file == self._file:
+            return False
+        self._module, self._file = self._read(phase, file), file
+        return True
+
+    def watch(self, use: Callable[[], None]) -> Callable[[], None]:
+        """Call `use` from a thread of its own after each newer checkpoint was read; return what ends that."""
+        ended = threading.Event()
+
+        def look() -> None:
+            while not ended.wait(LOOK_EVERY):
+                try:
+                    newer = self.refresh()
+                except (StictionError, OSError):
+                    # The training deletes old checkpoints: the next look finds the one that took its place.
+                    continue
+                if newer:
+                    use()
+
+        thread = threading.Thread(target=look, name="newest checkpoint", daemon=True)
+        thread.start()
+
+        def stop() -> None:
+            ended.set()
+            thread.join(LOOK_EVERY)
+
+        return stop
+
+    def _read(self, phase: str, file: Path) -> torch.nn.Module:
+        """Return the network of a checkpoint, observations (1, size) -> actions (1, J)."""
+        actor = load_actor(self._directory, phase, file)
+        if actor.blind:
+            return LatentPolicy(actor)
+        return LatentPolicy(actor, privileged_of(self._directory, actor, self.contract, self.robot))

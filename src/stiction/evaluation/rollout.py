@@ -1,0 +1,209 @@
+"""A bundle driving a fleet of MuJoCo robots: sensors with noise in, joint targets out. No torch.
+
+Evaluation, golden vectors and clips are loops over `Rollout.step`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError
+from stiction.deploy.control import ControlLoop, Driver
+from stiction.deploy.observation import Sensors
+from stiction.deploy.policy import PolicyStep
+from stiction.files.contract import Contract
+from stiction.files.walk import Recording
+from stiction.joints.compensation import FrictionController
+from stiction.joints.friction import Law, has_coefficient
+from stiction.robots.model import DELAY_SAMPLES, Robot
+from stiction.robots.physics import EXACT, PhysicsCfg
+from stiction.robots.terrain import Terrain
+from stiction.sim.fleet import Fleet
+from stiction.sim.friction import JointFriction
+from stiction.task.config import NoiseCfg
+from stiction.virtual.sensors import INITIAL_ANGLE, disturbed, drawn_width
+
+COULOMB = Law("coulomb")
+"""The law where none is named."""
+
+
+@dataclass(frozen=True)
+class RolloutStep:
+    """What happened in one control period."""
+
+    sensors: Sensors
+    """What the robots measured at its start, noise included, shapes (N, ...)."""
+    policy: PolicyStep
+    """What the policy computed, shapes (N, ...)."""
+    blown_up: np.ndarray
+    """Robots whose simulation became unstable and was put back to standing, ids."""
+
+
+def friction_at(contract: Contract, level: np.ndarray, law: Law = COULOMB) -> np.ndarray:
+    """Return what a law gives every joint at levels of shape (N,): torques [N m] or coefficients [-], shape (N, J)."""
+    unit = np.ones(contract.num_joints) if has_coefficient(law.name) else contract.array("torque_limit")
+    return np.asarray(level)[:, None] * unit
+
+
+class Rollout:
+    """N robots with the gains, inertias and viscous friction of the contract, driven by one policy."""
+
+    def __init__(
+        self,
+        contract: Contract,
+        policy: Driver,
+        spec: Robot,
+        friction: np.ndarray,
+        generators: Sequence[np.random.Generator],
+        threads: int = 1,
+        noise: NoiseCfg | None = None,
+        action_delay: float = 0.0,
+        terrain: Terrain | None = None,
+        law: Law = COULOMB,
+        physics: PhysicsCfg = EXACT,
+        timestep: float | None = None,
+        compensation: FrictionController | None = None,
+    ) -> None:
+        """Put the robots into their standing pose.
+
+        Args:
+            contract: what the policy expects.
+            policy: what drives the robots, its batch (N,).
+            spec: the robot, as from `robot_of`.
+            friction: of each robot's joints, as from `friction_at`, shape (N, J).
+            generators: of noise; robot i uses number i modulo their count.
+            threads: threads of the simulator.
+            noise: sensor noise, by default as in training.
+            action_delay: delay between target and motor [s], in whole physics steps.
+            terrain: courses of the robots, flat ground by default.
+            law: law of the dry friction.
+            physics: how dry friction is simulated.
+            timestep: physics step [s], a part of the control period; by default the contract's.
+            compensation: what the joint controllers add at every physics step; its period is `timestep`.
+
+        Raises:
+            StictionError: the delay is longer than the model holds, or delays what is fed forward too.
+
+        """
+        num = len(friction)
+        timestep = contract.physics_timestep if timestep is None else timestep
+        decimation = round(contract.physics_timestep * contract.decimation / timestep)
+        longest = DELAY_SAMPLES * timestep
+        if not 0.0 <= action_delay <= longest:
+            raise ConfigurationError(
+                f"action delay {action_delay} s; expected 0 to {longest:g} s, what the model holds"
+            )
+        if compensation is not None and action_delay:
+            raise ConfigurationError(
+                f"friction fed forward with an action delay of {action_delay} s: joint controllers feed it without; "
+                "give one of the two, or a virtual robot, which has both"
+            )
+        loaded = law.spec.loaded
+        self.fleet = Fleet(
+            spec, num, timestep, decimation, threads, terrain=terrain, joint_sensors=loaded, physics=physics
+        )
+        self.fleet.set_gains(contract.array("kp"), contract.array("kd"))
+        JointFriction(self.fleet, law).set_level(friction)
+        self.fleet.damping[:] = contract.array("damping")
+        self.fleet.armature[:] = contract.array("armature")
+        self.fleet.delay[:] = round(action_delay / timestep) * timestep
+        self.fleet.set_const(np.arange(num))
+        self._contract, self._noise = contract, noise or NoiseCfg()
+        self.loop = ControlLoop(policy, contract, compensation)
+        """What drives them."""
+        if not self.loop.holds:
+            self.fleet.before_step.append(self._command)
+        self._generators, self._robots_per_generator = generators, num // len(generators)
+        self.reset(np.arange(num))
+
+    def _command(self, fleet: Fleet) -> None:
+        """Set the command of a physics step: kp (a + τ_ff/kp − θ) is the controllers' torque with τ_ff beside it."""
+        command = self.loop.command(fleet.joint_position, fleet.joint_velocity)
+        fleet.set_targets(command.target + command.forward / command.kp)
+
+    def _uniform(self, width: int) -> np.ndarray:
+        """Return numbers in [-1, 1), one row per robot, shape (N, width)."""
+        drawn = np.stack([generator.uniform(-1.0, 1.0, width) for generator in self._generators])
+        return np.tile(drawn, (self._robots_per_generator, 1))
+
+    def reset(self, ids: np.ndarray) -> None:
+        """Stand the robots `ids` on the ground, joints slightly off the standing pose, the policy's history empty."""
+        standing = self._contract.array("standing")
+        position = standing + INITIAL_ANGLE * self._uniform(len(standing))
+        position = np.clip(position, self._contract.array("lower"), self._contract.array("upper"))
+        self.fleet.reset(ids, joint_position=position[ids])
+        self.loop.reset(np.isin(np.arange(self.fleet.num_envs), ids))
+
+    def sense(self) -> Sensors:
+        """Return what the robots measure now; roll and pitch are disturbed by a small rotation of the base."""
+        fleet, layout = self.fleet, self._contract.observation
+        true = Sensors(fleet.base_quaternion, fleet.base_angular_velocity, fleet.joint_position, fleet.joint_velocity)
+        if layout.has("base_linear_velocity"):
+            true = replace(true, base_linear_velocity=fleet.base_linear_velocity)
+        if (scan := layout.heights) is not None:
+            ground = fleet.ground_around(np.array(scan.points))
+            true = replace(true, heights=fleet.base_position[:, 2:3] - ground)
+        return disturbed(true, self._noise, self._uniform(drawn_width(self._contract.num_joints)))
+
+    def act(self, command: np.ndarray) -> tuple[Sensors, PolicyStep]:
+        """Sense, and set the policy's joint targets under the commanded velocities, shape (N, 3); no time passes."""
+        sensors = self.sense()
+        step = self.loop.act(sensors, command)
+        self.fleet.set_targets(step.target)
+        return sensors, step
+
+    def step(self, command: np.ndarray) -> RolloutStep:
+        """Advance by one control period under the commanded velocities, shape (N, 3)."""
+        sensors, step = self.act(command)
+        blown_up = self.fleet.step()
+        # The fleet has put them back to standing itself: a start drawn here would shift the noise of robots that share
+        # a stream.
+        self.loop.reset(np.isin(np.arange(self.fleet.num_envs), blown_up))
+        return RolloutStep(sensors, step, blown_up)
+
+
+def record(
+    rollout: Rollout, commands: Callable[[Fleet], np.ndarray], steps: int, progress: Callable[[float], None]
+) -> tuple[Recording, int]:
+    """Run the batch and record what the metrics need; return it and the number of simulations that blew up.
+
+    commands: returns those of every robot before each control step: forward, sideways [m/s], turn [rad/s], (N, 3).
+    """
+    fleet = rollout.fleet
+    num, period = fleet.num_envs, fleet.control_period
+
+    def zeros(*shape: int, dtype: type = np.float32) -> np.ndarray:
+        return np.zeros((steps, num, *shape), dtype)
+
+    recording = Recording(
+        period,
+        velocity=zeros(3),
+        position=zeros(2),
+        contact=zeros(len(fleet.spec.feet), dtype=bool),
+        power=zeros(),
+        square_acceleration=zeros(),
+        upright=zeros(dtype=bool),
+        friction=(friction := zeros()),
+    )
+    upright, blown_up = np.ones(num, dtype=bool), 0
+    last_velocity = fleet.joint_velocity.copy()
+    for t in range(steps):
+        step = rollout.step(commands(fleet))
+        blown_up += len(step.blown_up)
+        upright = upright & ~fleet.fallen()
+        # By now it stands again, and would pass for one that never fell.
+        upright[step.blown_up] = False
+        recording.velocity[t, :, :2] = fleet.base_linear_velocity[:, :2]
+        recording.velocity[t, :, 2] = fleet.base_angular_velocity[:, 2]
+        recording.position[t] = fleet.base_position[:, :2]
+        recording.contact[t] = fleet.foot_contact
+        recording.power[t] = np.abs(fleet.torque * fleet.joint_velocity).sum(axis=1)
+        recording.square_acceleration[t] = (((fleet.joint_velocity - last_velocity) / period) ** 2).mean(axis=1)
+        recording.upright[t] = upright
+        friction[t] = fleet.friction.mean(axis=1)
+        last_velocity = fleet.joint_velocity.copy()
+        progress((t + 1) / steps)
+    return recording, blown_up

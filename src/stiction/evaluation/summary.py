@@ -1,0 +1,146 @@
+"""Evaluates several bundles under the same conditions, and summarises what was run on what."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from stiction.core.errors import UNSAFE, ConfigurationError
+from stiction.core.provenance import Origin
+from stiction.deploy.check import check_for_simulation, record_notes
+from stiction.evaluation.benches import forward_notes, unidentified_notes
+from stiction.evaluation.command import untrained
+from stiction.evaluation.grid import GridCfg
+from stiction.evaluation.methods import method_of
+from stiction.evaluation.own_policy import OwnPolicy, own_policy
+from stiction.evaluation.run import BENCHES, Progress, walk_grid
+from stiction.evaluation.table import methods_of, rows_of, sample_names
+from stiction.files.bundle import Bundle, find_bundle
+from stiction.files.contract_rules import TARGET_LIMITS
+from stiction.files.results import ResultRow
+from stiction.learning.identity import unrecorded_note
+from stiction.virtual.cases import warnings_on
+
+
+def bundle_of(
+    policy: Bundle | Path | str | Callable[..., Any], cfg: GridCfg, robot: str | None, callable_period: float
+) -> Bundle:
+    """Return a policy as `evaluate_all` takes it.
+
+    policy: a bundle; a path (of a policy record too) or the name of a shipped bundle as one, which is checked first; or
+    a function, or its name as text, see `own_policy`, which needs a robot and has a period [s].
+
+    Raises `StictionError`: the bundle is damaged, or there is no such function or robot, or it walks elsewhere than in
+    the engine mujoco.
+    """
+    if isinstance(policy, Bundle):
+        return policy
+    if isinstance(policy, Path):
+        return check_for_simulation(find_bundle(policy))
+    if robot is None:
+        raise ConfigurationError("a function in a policy's place needs the robot whose joints it moves: --robot")
+    if not all(simulator.is_batch for simulator in cfg.simulators):
+        raise ConfigurationError("a function in a policy's place walks in the engine mujoco alone; leave --engines out")
+    return own_policy(policy, robot, callable_period)
+
+
+def evaluate_all(
+    bundles: Sequence[Bundle],
+    cfg: GridCfg,
+    out: Path,
+    robot: str | None = None,
+    jobs: int = 1,
+    progress: Progress = lambda name, share: None,
+) -> tuple[list[ResultRow], dict[str, Any]]:
+    """Walk a grid; return its rows and the summary. Arguments and errors as of `walk_grid` and `check_names`."""
+    check_names([bundle.name for bundle in bundles])
+    origin, start = Origin.now(), time.perf_counter()
+    done = walk_grid(bundles, cfg, out, jobs, robot, progress)
+    rows, details = rows_of(done, bundles, robot)
+    summary = {
+        "evaluation": asdict(cfg.base),
+        "engines": list(cfg.engines),
+        "terrains": list(cfg.terrains),
+        "robots": cfg.used_robots,
+        "warnings": [
+            *origin.warnings(),
+            *_untrained_notes(bundles, cfg),
+            *record_notes(bundle for bundle in bundles if not isinstance(bundle, OwnPolicy)),
+            *unlimited_note(bundles),
+            *unrecorded_note(taken_together(bundles)),
+            *warnings_on(cfg.used_robots),
+            *forward_notes(bundles, cfg, out / BENCHES, robot),
+            *unidentified_notes(done, bundles, cfg, out / BENCHES, robot),
+        ],
+        "forward": list(cfg.forward),
+        "forward_by": list(cfg.forward_by),
+        "conditions": cfg.base.conditions,
+        "robot": robot,
+        "seconds": time.perf_counter() - start,
+        **origin.provenance,
+        "policies": {bundle.name: describe(bundle) for bundle in bundles},
+        "ways": methods_of(rows, bundles),
+        "rows": details,
+    }
+    return rows, summary
+
+
+def unlimited_note(bundles: Sequence[Bundle]) -> list[str]:
+    """Return one sentence on bundles whose targets a robot limits and an evaluation does not, or none."""
+    # A function runs on no robot.
+    names = [b.name for b in bundles if b.contract.target_limits is None and not isinstance(b, OwnPolicy)]
+    limits = f"{TARGET_LIMITS['slew']:g} rad/s and {TARGET_LIMITS['margin']:g} rad within the joints' limits"
+    return [f"targets are not limited here, and on a robot to {limits}: {', '.join(names)}"] if names else []
+
+
+def _untrained_notes(bundles: Sequence[Bundle], cfg: GridCfg) -> list[str]:
+    """Return a sentence for each policy that is given commands beyond those that it was trained for."""
+    return [
+        f"{bundle.name}: {said}; its rows beyond that judge what nobody trained"
+        for bundle in bundles
+        # A function was trained for nothing.
+        if not isinstance(bundle, OwnPolicy) and (said := untrained(cfg.base.parsed_commands, bundle.contract))
+    ]
+
+
+def taken_together(bundles: Sequence[Bundle]) -> list[str]:
+    """Return the names of bundles without recorded settings that count as seeds of one training with others."""
+    contracts = {bundle.name: bundle.contract for bundle in bundles if bundle.contract.settings is None}
+    suffixes = sample_names({bundle.name: bundle.contract for bundle in bundles})
+    groups = {name: method_of(contract) + suffixes[name] for name, contract in contracts.items()}
+    shared = Counter(groups.values())
+    return [name for name, group in groups.items() if shared[group] > 1]
+
+
+LONGEST_NAME = 120
+"""Characters in the name of a bundle: files of walks are called after it."""
+
+
+def check_names(names: Sequence[str], kind: str = "bundles") -> None:
+    """Raise `StictionError` where two of a kind have the same name, or one has a name that figures cannot show."""
+    for name in names:
+        if "$" in name or UNSAFE.search(name) or len(name) > LONGEST_NAME:
+            raise ConfigurationError(
+                f"{kind} called {name[:LONGEST_NAME]!r}: expected at most {LONGEST_NAME} characters, without $ and "
+                "control characters; rename the directory"
+            )
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise ConfigurationError(
+            f"two {kind} are called {twice[0]!r}; rename one directory, results tell them apart by name"
+        )
+
+
+DESCRIBED = (
+    *("robot", "method", "friction_law", "friction_level", "friction_range", "joints_file", "actuator"),
+    *("known_friction", "seed", "phases", "settings", "revision", "command"),
+)
+"""Fields of the contract in a summary."""
+
+
+def describe(bundle: Bundle) -> dict[str, Any]:
+    """Return what identifies a policy: its digest, and how it was made."""
+    return {"digest": bundle.digest} | {name: getattr(bundle.contract, name) for name in DESCRIBED}

@@ -1,0 +1,212 @@
+"""Evaluates a training run's teacher and student as bundles are evaluated, without exporting them first.
+
+A teacher needs o_priv, which only training knows; an evaluation sets its robots itself, so that o_priv is a known
+constant of each robot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+import torch
+from torch import nn
+
+from stiction.core.errors import ConfigurationError
+from stiction.deploy.check import robot_of
+from stiction.evaluation.evaluate import Evaluation, EvaluationCfg, drive, judge
+from stiction.evaluation.export import TrainedPolicy, contract_of
+from stiction.evaluation.known_friction import known_to, parse_source
+from stiction.evaluation.rollout import friction_at
+from stiction.files.contract import Contract
+from stiction.learning.models import RMAActor, StudentPolicy
+from stiction.learning.run import RunDirectory
+from stiction.learning.runner import load_actor
+from stiction.robots.model import Robot
+from stiction.task.friction import FrictionCfg, friction_share
+from stiction.task.randomization import nominal_privileged
+
+Latent = Literal["own", "mean", "swapped", "peer"]
+"""Where the latent comes from: the robot's own; frozen at its mean over robots and time; that of a robot with another
+friction level; that of another robot with the same level. The last is the control of the one before: it is not of the
+robot's own gait and noise either, but of the right friction."""
+
+LATENTS: tuple[Latent, ...] = get_args(Latent)
+
+
+def latent_sources(latent: Latent, levels: int, commands: int, episodes: int) -> np.ndarray:
+    """Return the robot whose latent each robot is given, shape (levels * commands * episodes,): a permutation.
+
+    Robots are ordered by level, then by command, then by episode. `swapped` moves on by half of the levels, `peer` by
+    one episode. Raises `StictionError` where there are too few of them to leave no robot its own.
+    """
+    own = np.arange(levels * commands * episodes).reshape(levels, commands, episodes)
+    if latent == "swapped" and levels < 2:
+        raise ConfigurationError("swapped latents need robots of two friction levels or more; name another level")
+    if latent == "peer" and episodes < 2:
+        raise ConfigurationError("latents of peers need two episodes or more per level and command")
+    if latent == "swapped":
+        own = np.roll(own, -(levels // 2), axis=0)
+    elif latent == "peer":
+        own = np.roll(own, -1, axis=2)
+    return own.ravel()
+
+
+class LatentMean:
+    """The mean of latents over robots and time, in float64."""
+
+    def __init__(self, skip: int = 0) -> None:
+        """Start empty; the first `skip` steps will not count."""
+        self.skip, self.count, self.total = skip, 0, torch.zeros((), dtype=torch.float64)
+
+    def __call__(self, latent: torch.Tensor) -> None:
+        """Count the latents of one step, (N, latent)."""
+        if self.skip > 0:
+            self.skip -= 1
+            return
+        self.total = self.total + latent.double().sum(0)
+        self.count += len(latent)
+
+    @property
+    def value(self) -> torch.Tensor:
+        """The mean, shape (latent,), float32."""
+        return (self.total / self.count).float()
+
+
+Who = Literal["teacher", "student"]
+"""Which of a run's two policies: the teacher walks on z = f_ada_tea(o_priv), the student on z* = f_ada_stu(o_H)."""
+
+
+class LatentPolicy(nn.Module):
+    """The mean action of an actor: observations (N, size), flattened histories, to actions (N, joints)."""
+
+    def __init__(
+        self,
+        actor: RMAActor,
+        privileged: torch.Tensor | None = None,
+        sources: torch.Tensor | None = None,
+        frozen: torch.Tensor | None = None,
+        watch: Callable[[torch.Tensor], None] = lambda latent: None,
+    ) -> None:
+        """Choose where the latent comes from.
+
+        Args:
+            actor: teacher or student.
+            privileged: o_priv of each robot, (N, size): the latent is z. None: it is z*, from the history.
+            sources: robot whose latent each robot is given, (N,); None: its own.
+            frozen: one latent for all robots and all time, (latent,), in place of z or z*.
+            watch: called with z or z* of every robot at every step, (N, latent), before it is replaced.
+
+        """
+        super().__init__()
+        self.policy, self.sources, self.frozen, self.watch = StudentPolicy(actor), sources, frozen, watch
+        self.constant = None if privileged is None else actor.privileged_encoder(privileged).detach()
+
+    def forward(self, observation: torch.Tensor) -> torch.Tensor:
+        """Return the mean actions, (N, joints)."""
+        latent = self.policy.adaptation(observation) if self.constant is None else self.constant
+        if len(latent) != len(observation):
+            raise ConfigurationError(
+                f"o_priv of {len(latent)} robots for {len(observation)} observations; expected as many"
+            )
+        self.watch(latent)
+        if self.frozen is not None:
+            latent = self.frozen.expand_as(latent)
+        elif self.sources is not None:
+            latent = latent[self.sources]
+        return self.policy.act(observation, latent)
+
+
+CALIBRATION_SEED = 1_000_003
+"""Added to the evaluation's seed for the walk from which the mean latent is taken: other noise, same conditions."""
+
+
+def walk_run(
+    run: Path,
+    who: Who,
+    cfg: EvaluationCfg,
+    latent: Latent = "own",
+    threads: int = 1,
+) -> Evaluation:
+    """Evaluate a run's teacher or student as `evaluate_bundle` does a bundle.
+
+    Its rows call the policy `RUN/teacher` or `RUN/student`, with `+LATENT` behind it where the latent is not its own.
+
+    Args:
+        run: directory of the run, as `stiction train` made it.
+        who: see `Who`.
+        cfg: levels, commands, episodes.
+        latent: what the actor is given. `mean` is the mean over all robots and all measured steps of the same
+            evaluation with another seed, walked on the policy's own latents.
+        threads: threads of the simulator; they do not change the result.
+
+    Raises:
+        StictionError: not a run, a phase that is not finished, a teacher that sees the ground, or too few levels or
+            episodes to swap latents.
+
+    """
+    directory = RunDirectory(run)
+    header, train = directory.header(), directory.config()
+    directory.check_finished(who)
+    if who == "teacher" and train.teacher.latent == "history":
+        raise ConfigurationError(
+            f"{run} has one phase and no teacher; evaluate its student, or train with --preset two-phase"
+        )
+    contract = contract_of(train, header)
+    spec, actor = robot_of(contract), load_actor(directory, who)
+    privileged, friction = None, friction_at(contract, cfg.robot_levels, cfg.law)
+    known = known_to(contract, spec, parse_source(cfg.known_friction), cfg.law, friction)
+    if who == "teacher":
+        privileged = privileged_of(directory, actor, contract, spec, friction_share(cfg.law.name, friction, spec))
+
+    def walk(module: LatentPolicy, name: str, cfg: EvaluationCfg) -> Evaluation:
+        driver = TrainedPolicy(module, contract, cfg.num_robots, known)
+        return judge(drive(driver, contract, spec, cfg, threads), contract, name, cfg)
+
+    name = f"{run.resolve().name}/{who}" + ("" if latent == "own" else f"+{latent}")
+    if latent == "mean":
+        mean = LatentMean(skip=round(cfg.settle / contract.control_period))
+        other = replace(cfg, seed=cfg.seed + CALIBRATION_SEED)
+        walk(LatentPolicy(actor, privileged, watch=mean), name, other)
+        frozen = LatentPolicy(actor, privileged, frozen=mean.value)
+        return walk(frozen, name, cfg)
+    sources = latent_sources(latent, len(cfg.friction_levels), len(cfg.commands), cfg.episodes)
+    return walk(LatentPolicy(actor, privileged, torch.from_numpy(sources)), name, cfg)
+
+
+def privileged_of(
+    run: RunDirectory, teacher: RMAActor, contract: Contract, robot: Robot, present: np.ndarray | None = None
+) -> torch.Tensor:
+    """Return o_priv of the robots that a teacher drives, (N, size): nominal, but for the friction of their joints.
+
+    present: that friction as fractions of the torque limit, shape (N, joints); None: one robot, its friction nominal.
+    Raises `ConfigurationError` for a teacher that sees the ground, which no evaluation tells it.
+    """
+    if teacher.sees_terrain:
+        raise ConfigurationError(
+            f"{run.path}: its teacher sees the ground, which is not told to it here; take its student"
+        )
+    nominal = friction_share(contract.friction_law, contract.array("friction"), robot)
+    present = nominal[None] if present is None else present
+    return nominal_privileged(observed_friction(run.config().task.friction, nominal, present))
+
+
+def observed_friction(friction: FrictionCfg, nominal: np.ndarray, present: np.ndarray) -> np.ndarray:
+    """Return the friction in o_priv of a teacher, fractions of the torque limit, shape (N, joints).
+
+    It is the true one, unless training never varied it (`none`, or a range without width): weights of an entry that
+    never moved are those of initialisation, so the entry then stays at its value in training.
+
+    Args:
+        friction: friction in the run's training.
+        nominal: nominal friction of its joints, fractions of the torque limit, shape (joints,).
+        present: friction of the robots to evaluate, in the same unit, shape (N, joints).
+
+    """
+    ends = [end for stage in friction.schedule for end in stage.range]
+    if min(ends) == max(ends):
+        return np.tile(ends[0] * nominal, (len(present), 1))
+    return present

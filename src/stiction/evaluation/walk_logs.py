@@ -1,0 +1,287 @@
+"""Logs of walking robots in simulation: what their encoders, motors and IMU would have measured, at the physics rate.
+
+Robot e of a level and a command is episode e of the evaluation, step for step; the noise of its observation and the
+errors of the log (`LogNoiseCfg`) are independent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError
+from stiction.core.provenance import seed_streams
+from stiction.core.rotation import into_frames, tilted
+from stiction.deploy.check import robot_of
+from stiction.evaluation.evaluate import ENGINE, EvaluationCfg, batch_policy
+from stiction.evaluation.rollout import Rollout, friction_at
+from stiction.files.bundle import Bundle
+from stiction.files.walk import WalkHeader, WalkLog, has_walk, write_walk
+from stiction.joints.net import TORQUE_SOURCES
+from stiction.sim.fleet import BASE_DOFS, Fleet
+from stiction.sim.friction import FrictionMeter
+
+SHORTEST = 1.0
+"""Shortest walk before a fall that is still a log [s]."""
+
+
+@dataclass(frozen=True)
+class LogNoiseCfg:
+    """Errors of the logged sensors. White unless stated otherwise; zero is none."""
+
+    encoder_resolution: float = 2 * np.pi / 2**15
+    """Step of the measured angle [rad]: 15 bits at the joint, as 12 bits at a motor behind a gear of 8."""
+    joint_velocity: float = 0.02
+    """Standard deviation of the motor controller's velocity [rad/s]."""
+    joint_torque: float = 0.005
+    """Standard deviation of the torque over the motor's limit [1], without errors of the torque constant."""
+    joint_torque_zero: float = 0.005
+    """Half-width of each motor's constant torque error over its limit [1]: the zero of the current sensor."""
+    angular_velocity: float = 0.003
+    """Standard deviation of the gyroscope [rad/s]: 0.01 °/s/√Hz over 200 Hz."""
+    specific_force: float = 0.05
+    """Standard deviation of the accelerometer [m/s²]: some 400 µg/√Hz over 200 Hz, a cheap one."""
+    specific_force_bias: float = 0.05
+    """Half-width of the accelerometer's constant error along each axis [m/s²]: 5 mg is common after calibration."""
+    roll_pitch: float = 0.005
+    """Half-width of the orientation filter's constant error in roll and pitch [rad]."""
+
+    def __post_init__(self) -> None:
+        """Refuse negative sizes."""
+        for name, value in asdict(self).items():
+            if not 0 <= value < 1e3:
+                raise ConfigurationError(f"log noise {name} is {value}; expected a size of at least 0")
+
+
+@dataclass(frozen=True)
+class RecordCfg:
+    """Which walks to log."""
+
+    robots: int = 4
+    """Robots per level and command."""
+    seconds: float = 10.0
+    """Length of a log [s]; a fall ends it sooner."""
+    noise: LogNoiseCfg = field(default_factory=LogNoiseCfg)
+    """Errors of the sensors."""
+    torque: Literal["motor_side", "output_side"] = "motor_side"
+    """Logged torque. `motor_side`: that of the motor. `output_side`: that behind the gear, less the solver's dry
+    friction and B q', with the rotor's I q'' put back."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be recorded."""
+        if self.torque not in TORQUE_SOURCES:
+            raise ConfigurationError(f"torque logged on {self.torque!r}; expected {' or '.join(TORQUE_SOURCES)}")
+        if not (1 <= self.robots <= 1000 and SHORTEST <= self.seconds <= 3600):
+            raise ConfigurationError(
+                f"logs of {self.robots} robots over {self.seconds} s; expected 1 to 1000 and {SHORTEST:g} to 3600 s"
+            )
+
+
+@dataclass(frozen=True)
+class RecordedWalk:
+    """A log and where it belongs."""
+
+    law: str
+    """Law of the joints' dry friction."""
+    level: float
+    """Dry friction of the joints as a fraction of the torque limit, or the law's coefficient [-]."""
+    command: str
+    """Label of the command."""
+    robot: int
+    """Number of the robot, the evaluation's episode."""
+    log: WalkLog | None
+    """The log; None where the robot fell within `SHORTEST`."""
+
+    @property
+    def file_name(self) -> str:
+        """Name for the log's file, without the bundle: `0.1--vx=0.5--0.npz`, `load-0.1--...` of another law."""
+        law = "" if self.law == "coulomb" else f"{self.law}-"
+        return f"{law}{self.level:g}--{self.command}--{self.robot}.npz"
+
+
+def log_all(
+    bundles: Sequence[Bundle],
+    evaluation: EvaluationCfg,
+    cfg: RecordCfg,
+    folder: Path,
+    robot: str | None = None,
+    threads: int = 1,
+    progress: Callable[[str, float], None] = lambda name, share: None,
+    overwrite: bool = False,
+) -> list[str]:
+    """Walk several bundles and write their logs into `folder`, `<bundle>--<level>--<command>--<robot>.npz`.
+
+    Returns the names of the files: a robot that fell within `SHORTEST` has none. Raises `StictionError` where one is
+    there of another walk, unless `overwrite`: it stays, and no log of that bundle is written.
+    """
+    written: list[str] = []
+    for bundle in bundles:
+        walks = record_walks(bundle, evaluation, cfg, robot, threads, partial(progress, f"{bundle.name}, logs"))
+        logs = {f"{bundle.name}--{walk.file_name}": walk.log for walk in walks if walk.log is not None}
+        for name, log in logs.items():
+            if not overwrite and (folder / name).exists() and not has_walk(folder / name, log):
+                raise ConfigurationError(
+                    f"{folder / name} is there, of another walk; choose another --log, or add --overwrite"
+                )
+        for name, log in logs.items():
+            write_walk(folder / name, log)
+        written += logs
+    return written
+
+
+def record_walks(
+    bundle: Bundle,
+    evaluation: EvaluationCfg,
+    cfg: RecordCfg,
+    robot: str | None = None,
+    threads: int = 1,
+    progress: Callable[[float], None] = lambda share: None,
+) -> list[RecordedWalk]:
+    """Walk a bundle's robots at every level and command and return their logs, in that order.
+
+    Raises `StictionError`: the bundle does not fit the robot.
+    """
+    contract, spec = bundle.contract, robot_of(bundle.contract, robot)
+    evaluation = replace(evaluation, episodes=cfg.robots, first_episode=0)
+    commands, number, level = evaluation.parsed_commands, cfg.robots, evaluation.robot_levels
+    streams = seed_streams(evaluation.seed, [f"episode {index}" for index in evaluation.numbers])
+    friction = friction_at(contract, level, evaluation.law)
+    rollout = Rollout(
+        contract,
+        batch_policy(bundle, spec, evaluation, friction),
+        spec,
+        friction,
+        list(streams.values()),
+        threads,
+        evaluation.noise,
+        evaluation.action_delay,
+        law=evaluation.law,
+    )
+    steps = round(cfg.seconds / contract.control_period)
+    meter = FrictionMeter(rollout.fleet) if cfg.torque == "output_side" else None
+    truths = record_motion(rollout, contract.array("kd"), evaluation.robot_commands, steps, progress, meter)
+    sensors = seed_streams(evaluation.seed, [f"log {index}" for index in range(len(level))])
+    walks = []
+    for index, (truth, generator) in enumerate(zip(truths, sensors.values(), strict=True)):
+        command = commands[index // number % len(commands)].label
+        header = WalkHeader(
+            robot=contract.robot,
+            joint_names=contract.joint_names,
+            foot_names=spec.foot_names,
+            period=contract.physics_timestep,
+            kp=contract.kp,
+            kd=contract.kd,
+            torque_limit=contract.torque_limit,
+            torque_source=cfg.torque,
+            recorded_in=ENGINE,
+            policy=bundle.name,
+            command=command,
+            noise=asdict(cfg.noise),
+        )
+        measured = None if truth is None else measure_walk(WalkLog(header, **truth), cfg.noise, generator)
+        walks.append(RecordedWalk(evaluation.friction_law, float(level[index]), command, index % number, measured))
+    return walks
+
+
+def record_motion(
+    rollout: Rollout,
+    kd: np.ndarray,
+    velocity: np.ndarray,
+    steps: int,
+    progress: Callable[[float], None] = lambda share: None,
+    meter: FrictionMeter | None = None,
+) -> list[dict[str, np.ndarray] | None]:
+    """Walk a batch for `steps` control periods and return the true signals of each robot, as the fields of `WalkLog`.
+
+    A fall or a blow-up ends a robot's signals; None where that leaves less than `SHORTEST`. kd: gains of the
+    joint controllers [N m s/rad], shape (J,); velocity: commands, shape (N, 3).
+
+    The torque is the motor's mean over the physics step; with a `meter` that behind the gear, less dry friction as the
+    solver applied it and B θ' at the end of the step, where the integrator takes it.
+    """
+    fleet = rollout.fleet
+    if meter is not None:
+        fleet.before_step.append(meter)
+    upright, alive = np.ones(fleet.num_envs, bool), np.full(fleet.num_envs, steps * fleet.decimation)
+    samples: list[dict[str, np.ndarray]] = []
+    for index in range(steps):
+        rollout.act(velocity)
+        for _ in range(fleet.decimation):
+            state, before = _state(fleet, velocity), fleet.qvel.copy()
+            blown_up = fleet.substep()
+            forces = _forces(fleet, state["quaternion"], kd, fleet.qvel - before)
+            if meter is not None:
+                forces["joint_torque"] += meter.torque - fleet.damping * fleet.joint_velocity
+            samples.append(state | forces)
+            upright[blown_up] = False
+            fleet.reset(blown_up)
+            upright &= ~fleet.fallen()
+            # Without the step in which it fell; the minimum keeps the first fall.
+            alive[~upright] = np.minimum(alive[~upright], len(samples) - 1)
+        progress((index + 1) / steps)
+    stacked = {name: np.stack([sample[name] for sample in samples], axis=1) for name in samples[0]}
+    shortest = round(SHORTEST / fleet.timestep)
+    return [
+        {"time": np.arange(end) * fleet.timestep} | {name: array[env, :end] for name, array in stacked.items()}
+        if (end := alive[env]) >= shortest
+        else None
+        for env in range(fleet.num_envs)
+    ]
+
+
+def _state(fleet: Fleet, velocity: np.ndarray) -> dict[str, np.ndarray]:
+    """Return copies of the state at the start of a physics step, shapes (N, ...)."""
+    return {
+        "joint_position": fleet.joint_position.copy(),
+        "joint_velocity": fleet.joint_velocity.copy(),
+        "joint_target": fleet.targets.copy(),
+        "angular_velocity": fleet.base_angular_velocity.copy(),
+        "quaternion": fleet.base_quaternion.copy(),
+        "velocity_command": np.asarray(velocity, float),
+    }
+
+
+def _forces(fleet: Fleet, quaternion: np.ndarray, kd: np.ndarray, change: np.ndarray) -> dict[str, np.ndarray]:
+    """Return torques, forces and contacts of the last physics step, shapes (N, ...).
+
+    quaternion: orientation of the base at its start, shape (N, 4); change: of the velocities over it, shape (N, 6 + J).
+    The simulator's own accelerations are not used: they leave out what its integrator does implicitly.
+    """
+    # MuJoCo's implicit integrator takes -kd θ' at the end of the step, unless the motor is at its limit, and reports
+    # the one at the start. The difference, kd θ'' Δt, is as large as the rotor's inertial torque.
+    free = np.abs(fleet.torque) < fleet.torque_limit * (1 - 1e-9)
+    acceleration = change[:, :3] / fleet.timestep
+    return {
+        "joint_torque": fleet.torque - free * kd * change[:, BASE_DOFS:],
+        "specific_force": into_frames(quaternion, acceleration - fleet.model.opt.gravity),
+        "foot_contact": fleet.foot_contact,
+    }
+
+
+def measure_walk(truth: WalkLog, noise: LogNoiseCfg, generator: np.random.Generator) -> WalkLog:
+    """Return a true log with the errors of its sensors."""
+
+    def white(array: np.ndarray, size: float | np.ndarray) -> np.ndarray:
+        return array + size * generator.standard_normal(array.shape)
+
+    step = noise.encoder_resolution
+    position = np.round(truth.joint_position / step) * step if step else truth.joint_position
+    bias = noise.specific_force_bias * generator.uniform(-1, 1, 3)
+    tilt = np.array([[1.0, *(noise.roll_pitch / 2 * generator.uniform(-1, 1, 2))]])
+    limit = np.array(truth.header.torque_limit)
+    zero = noise.joint_torque_zero * limit * generator.uniform(-1, 1, len(limit))
+    assert truth.joint_torque is not None and truth.specific_force is not None
+    return replace(
+        truth,
+        joint_position=position,
+        joint_velocity=white(truth.joint_velocity, noise.joint_velocity),
+        joint_torque=white(truth.joint_torque, noise.joint_torque * limit) + zero,
+        angular_velocity=white(truth.angular_velocity, noise.angular_velocity),
+        quaternion=tilted(truth.quaternion, np.repeat(tilt, len(truth), axis=0)),
+        specific_force=white(truth.specific_force, noise.specific_force) + bias,
+    )

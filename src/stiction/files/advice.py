@@ -1,0 +1,153 @@
+"""What `stiction identify` advises by: who follows after which training, a part from each study that looked.
+
+A study writes its own part, from its rows, with the command, the revision and the policies that they are of.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from stiction.core.decode import from_plain
+from stiction.core.errors import FileError
+from stiction.core.files import write_text
+from stiction.files.following import Following
+from stiction.files.plain import read_object, take_version
+
+SCHEMA_VERSION = 2
+"""Version of the file."""
+
+TRAINING, TRANSFER = "friction-training", "replication"
+"""Names of the parts: in the simulator of the training, and elsewhere."""
+
+SHARES = ("coulomb", "real")
+"""Laws under which a level is a share of the torque limit and nothing else, as a user knows it of a joint."""
+
+KINDS = {2: "biped", 4: "quadruped", 6: "hexapod"}
+"""Number of feet -> what such a robot is called."""
+
+
+@dataclass(frozen=True)
+class TrainedWith:
+    """How one training method was trained."""
+
+    method: str
+    """`--method`."""
+    level: float
+    """`--friction-level` [-]; 0 without friction."""
+    low: float
+    """Least friction in training, over that level [-]."""
+    high: float
+    """Most of it [-]."""
+
+
+@dataclass(frozen=True)
+class FrictionEffect:
+    """What friction did in one engine to policies that were trained without it; levels are over the torque limit [-].
+
+    Speed is that of the slower direction on flat ground over the commanded one [-], mean over the training seeds.
+    """
+
+    engine: str
+    """Engine, and what of a virtual robot is real in it."""
+    seeds: int
+    """Training seeds."""
+    frictionless_speed: float
+    """Speed without friction."""
+    noticeable: float | None
+    """Lowest tested level that cost speed, by a paired 95 % t-interval over the seeds; None where none did."""
+    speed_loss: float | None
+    """Speed lost there; None with `noticeable`."""
+    dead_band: float | None
+    """That level as the largest f/kp of the robot's joints [rad]; None with `noticeable`."""
+    onset: float | None
+    """Level at which the speed falls under that of following, interpolated; None where it does not."""
+    severe: float | None
+    """Lowest tested level at which every seed was too slow to follow; None where none was."""
+
+
+@dataclass(frozen=True)
+class CommandCount:
+    """Commands of the command set that the policies of one training follow, in one place under one friction."""
+
+    method: str
+    """Training method."""
+    engine: str
+    """Engine, and the virtual robot where one walked."""
+    friction_level: float
+    """Friction over the torque limit [-]."""
+    seeds: int
+    """Training seeds."""
+    follow_all: int
+    """Seeds that follow every command."""
+    cells: int
+    """Pairs of seed and command."""
+    followed: int
+    """Pairs that follow."""
+    worst: str
+    """Command that misses by most, and its faults: `wz=0.5, too slow`; empty where all follow."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """The part of one study."""
+
+    command: str
+    """Command that made its rows."""
+    revision: str
+    """Code that did."""
+    robot: str
+    """Robot that walked, on flat ground."""
+    feet: int
+    """How many it has."""
+    policies: tuple[str, ...]
+    """Names of the policies."""
+    methods: Mapping[str, TrainedWith]
+    """Training method -> how it was trained."""
+    cells: tuple[Following, ...]
+    """Who follows, by method, engine and friction; every cell is of `policies`, and of no others."""
+    effects: tuple[FrictionEffect, ...] = ()
+    """What friction did to policies that were trained without it; nothing where the study does not ask."""
+    commands: tuple[CommandCount, ...] = ()
+    """Counts over all commands; nothing where only straight walks were walked."""
+    tables: tuple[str, ...] = ()
+    """Names of tables beside its own that it has cells of other engines from: `physx.csv`."""
+
+    @property
+    def robot_text(self) -> str:
+        """The robot in words: `the hexapod Saturn Lite`."""
+        return f"the {KINDS.get(self.feet, 'robot')} {robot_title(self.robot)}"
+
+
+def robot_title(name: str) -> str:
+    """Return a robot's name as people read it: `Saturn Lite` of `saturn_lite`; one that is no identifier stays."""
+    return name.replace("_", " ").title() if name.isidentifier() else name
+
+
+def read_advice(path: Path) -> dict[str, Source]:
+    """Return every study's part.
+
+    Raises:
+        StictionError: the file cannot be read, or is none of this version.
+
+    """
+    data = take_version(read_object(path, "what `stiction identify` advises by"), SCHEMA_VERSION, path.name)
+    sources = data.get("sources")
+    if not isinstance(sources, dict):
+        raise FileError(f"{path.name}: field 'sources' is {str(sources)[:80]}; expected an object")
+    return {name: from_plain(Source, source, f"{path.name}: {name}") for name, source in sources.items()}
+
+
+def write_source(path: Path, name: str, source: Source) -> None:
+    """Put one study's part into the file, which need not exist; the others stay.
+
+    Raises:
+        StictionError: the file is another one, or cannot be written.
+
+    """
+    sources = (read_advice(path) if path.exists() else {}) | {name: source}
+    plain = {key: asdict(one) for key, one in sorted(sources.items())}
+    text = json.dumps({"schema_version": SCHEMA_VERSION, "sources": plain}, indent=1, allow_nan=False)
+    write_text(path, text + "\n")

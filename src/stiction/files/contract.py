@@ -1,0 +1,412 @@
+"""The contract of a policy: everything that a runtime must know to run it, as one validated record.
+
+A runtime computes `target = standing + action_scale * clip(network(observation), ±action_clip)` once per control period
+and holds it; the joint controller applies `kp (target - position) - kd velocity`, limited to the torque limit.
+
+A frame is the concatenation of terms, o_prio of the paper; the policy's input is the last `history_length` frames,
+o_H, flattened, oldest frame first. Right after a reset every frame of the history is the first one. Policies that were
+trained elsewhere may stack otherwise, term by term or newest first: see `observation`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from itertools import chain
+from typing import Any
+
+import numpy as np
+
+from stiction.core.decode import from_plain
+from stiction.core.errors import BundleError
+from stiction.core.names import kinds_of
+from stiction.files.contract_rules import (
+    IMPORTED,
+    PER_JOINT,
+    RULES,
+    SCHEMA_VERSION,
+    SHARE,
+    SPEED_RATIO,
+    TARGET_LIMITS,
+    UNKNOWN,
+    expect,
+    is_name,
+)
+from stiction.files.contract_training import ERAS, check_age, check_training
+from stiction.files.known_friction import TERM
+from stiction.files.observation import ObservationLayout
+from stiction.files.plain import is_integer, parse_object
+from stiction.joints.compensation import PushCfg
+from stiction.joints.friction import LAWS, Law, has_coefficient, simulated_laws
+from stiction.robots.model import Robot
+from stiction.robots.record import robot_from
+
+PHASES = {1: "one phase", 2: "two phases"}
+"""Phases of a training, in words."""
+
+MOST_JOINTS = 256
+"""Joints that a policy may have."""
+
+LATER = {"compensation": 1, "compensation_width": 1} | dict.fromkeys(chain(*ERAS), 2)
+"""Field that came later -> the last version in which it may be missing; it is then its default."""
+
+
+@dataclass(frozen=True)
+class Contract:
+    """What a policy expects of the robot and of the runtime. Sequences over joints have the order of `joint_names`."""
+
+    robot: str
+    """Name of the robot: `saturn_lite`."""
+    terrain: str
+    """Terrain trained on: `flat`."""
+    method: str
+    """Training method with friction: `none`, `direct`, `deception`, ..."""
+    seed: int
+    """Seed of the training run."""
+    friction_law: str
+    """Law of the joint friction in training: `coulomb`, see `stiction.joints.friction`."""
+    friction_level: float
+    """Nominal dry friction as a fraction of each joint's torque limit [-], a mean over joints where it was measured; of
+    the laws `load` and `effort`, their coefficient [-]."""
+    friction_range: tuple[float, float]
+    """Range of the dry friction that training drew from, in the unit of `friction_level`."""
+    joint_names: tuple[str, ...]
+    """Names of the joints, in the order of every vector over joints."""
+    control_period: float
+    """Time between two actions [s]."""
+    decimation: int
+    """Physics steps per action."""
+    physics_timestep: float
+    """Physics step of training [s]; control_period = decimation * physics_timestep."""
+    kp: tuple[float, ...]
+    """Proportional gains of the joint controller [N m/rad]."""
+    kd: tuple[float, ...]
+    """Derivative gains of the joint controller [N m s/rad]."""
+    standing: tuple[float, ...]
+    """Standing pose, the offset of the action [rad]."""
+    lower: tuple[float, ...]
+    """Lower joint limits [rad]."""
+    upper: tuple[float, ...]
+    """Upper joint limits [rad]."""
+    torque_limit: tuple[float, ...]
+    """Largest torques of the motors [N m]."""
+    armature: tuple[float, ...]
+    """Nominal inertias of the rotors, at the joint, that training varied [kg m²]."""
+    damping: tuple[float, ...]
+    """Nominal viscous friction that training varied [N m s/rad]."""
+    friction: tuple[float, ...]
+    """Nominal dry friction that training varied [N m]; `friction_level` is its mean share of `torque_limit`. Of the
+    laws `load` and `effort` the coefficient of each joint [-]; `friction_level` is their mean."""
+    observation: ObservationLayout
+    """Terms, scales, clips and history of the network's input."""
+    action_scale: float | tuple[float, ...]
+    """Joint angle per unit of action [rad]: one number, or one of each joint."""
+    action_clip: float
+    """Symmetric bound of the network's output [-]."""
+    revision: str
+    """Revision of the code that trained the policy."""
+    command: str
+    """Command that made the policy."""
+    joints_file: Mapping[str, str] | None = None
+    """`name` and `sha256` of the joints.json that set the nominal joints, or None."""
+    actuator: Mapping[str, str] | None = None
+    """`name` and `sha256` of the Actuator Net that gave the torque in training in place of kp and kd, or None."""
+    torque_source: str | None = None
+    """Where the torque was measured that this net gives: `motor_side`, or `output_side`, behind the gear; None without
+    a net, and in older contracts."""
+    action_offset: str = "standing"
+    """What the scaled action is added to; only `standing` is known."""
+    quaternion_order: str = "wxyz"
+    """Order of the entries of the orientation; only `wxyz` is known."""
+    compensation: tuple[float, ...] | None = None
+    """How far the runtime moves each target on at most, the compensated share of f over kp [rad], or None. The target
+    is then a + compensation * clip(clip(v / v_s, -1, 1) + exp(-(v / v_f)^2) * e, -1, 1) with v_s and v_f of
+    `compensation_speeds` and e = clip((a - position) / compensation_width, -1, 1), position and speed v as measured.
+    Without those speeds it is a + compensation * e."""
+    stribeck: tuple[float, float] | None = None
+    """Of a law with these numbers, `stribeck`: friction at rest over friction in motion [1], and the speed v_s [rad/s];
+    else None."""
+    known_friction: Mapping[str, float] | None = None
+    """Of a policy that observes its joints' friction (the term `known_friction`): the default, kind of joint -> dry
+    friction as a fraction of the torque limit [-]. None of any other policy, and of one that must be given it before
+    its first step."""
+    known_friction_file: Mapping[str, str] | None = None
+    """`name` and `sha256` of the joints.json that `known_friction` is from; None: the nominal friction of training."""
+    imported: Mapping[str, str] | None = None
+    """`name` and `sha256` of the network of a policy that was trained elsewhere: what it met in training is not known,
+    whatever `terrain`, `method` and the fields of friction say. None of one that was trained here."""
+    friction_load: tuple[float, float] | None = None
+    """Range of the coefficient of friction that grows with load (the law `load`) that training drew from beside
+    `friction_range` [1], or None."""
+    friction_spread: tuple[float, float] | None = None
+    """Range of each joint's factor on its robot's friction in training [1], or None: all joints had one factor, or each
+    its own."""
+    disturber: str | None = None
+    """Who disturbed the robots of the method `hinf` while it learned: `force`, pushes that were learned, `friction`,
+    learned torques in the joints, `random` and `random-friction`, the same by chance. None: nobody, and of any other
+    method."""
+    phases: int | None = None
+    """Phases of the training: 1, what walked in training is what is deployed; 2, a teacher and its student. None: the
+    bundle is older than this field."""
+    anatomy: Robot | None = None
+    """The whole robot: links, masses, limits, and of each joint its place and axis in the base's frame (x forward, y
+    left, z up) where all angles are zero; an angle grows by the right-hand rule about the axis. With it the joints that
+    are held, and the maker's order, signs and offsets where somebody said them. None: the bundle is older than this
+    field, and the shipped robot of the name is meant."""
+    command_range: Mapping[str, tuple[float, float]] | None = None
+    """Velocity commands that training drew from, lower and upper end of `forward`, `sideways` [m/s] and
+    `turn` [rad/s]. None: the bundle is older than this field."""
+    settings: Mapping[str, Any] | None = None
+    """Settings of the training that differ from the defaults of the code, by their dotted names on the command line:
+    `teacher.quiet`: 30; numbers, texts, or lists of them. With the seed they tell one training from another, beside
+    `robot`, `joints_file` and `actuator`. None: the bundle is older than this field, or was trained elsewhere."""
+    compensation_width: float = 0.05
+    """Distance of the target at which all of it is added [rad]; with speeds, to a joint at rest."""
+    compensation_speeds: tuple[float, float] | None = None
+    """v_s, from which measured speed on all of it is added, and v_f, at which what a joint at rest gets by the error is
+    down to 37 % [rad/s]. None: the speed plays no part; so it is in bundles that are older than this field."""
+    target_limits: Mapping[str, float] | None = None
+    """Limits of joint targets that every control step applies: `slew`, largest speed of a target [rad/s], and `margin`,
+    distance that it keeps from the joint's limits [rad]; with them kp (a - position) - kd v stays within
+    `torque_limit`. None: evaluation applies none; so it is in bundles that are older than this field."""
+    schema_version: int = SCHEMA_VERSION
+    """Version of this record."""
+
+    def __post_init__(self) -> None:
+        """Refuse what no runtime could obey."""
+        for name, rule in RULES.items():
+            expect(rule.allowed(getattr(self, name)), name, getattr(self, name), rule.expected)
+        period = self.decimation * self.physics_timestep
+        right = math.isclose(period, self.control_period, rel_tol=1e-9)
+        expect(right, "control_period", self.control_period, f"{period}, 'decimation' times 'physics_timestep'")
+        _check_joints(self)
+        _check_friction(self)
+        _check_anatomy(self)
+        self.observation.check(self.num_joints, len(set(self.kinds)))
+        _check_known_friction(self)
+
+    @property
+    def largest_load(self) -> float:
+        """Largest friction in training for each torque that a joint transmits [1]; 0 where none grew with the load."""
+        return 0.0 if self.friction_load is None else self.friction_load[1]
+
+    @property
+    def trained(self) -> str:
+        """What dry friction its joints had while it learned, in words: the name of a way to train on every page."""
+        (low, high), load = self.friction_range, self.largest_load
+        if self.imported is not None:
+            return "elsewhere"
+        if self.method == "none" or high == load == 0.0:
+            return "without friction"
+        if high == 0.0:
+            return f"with friction of up to {load:g} of the load"
+        scale = (1.0, "") if has_coefficient(self.friction_law) else (100.0, " %")
+        number = [f"{scale[0] * value:.3g}" for value in (low, self.friction_level, high)]
+        text = f"at 0 to {number[2]}{scale[1]} friction" if low == 0.0 else f"at {number[1]}{scale[1]} friction"
+        if self.friction_spread is not None:
+            text += ", different in each joint"
+        return text if load == 0.0 else f"{text} and up to {load:g} of the load"
+
+    @property
+    def law(self) -> Law:
+        """Law of the joint friction in training."""
+        return Law(self.friction_law) if self.stribeck is None else Law(self.friction_law, *self.stribeck)
+
+    @property
+    def push(self) -> PushCfg:
+        """How the direction of `compensation` is found."""
+        slow, fade = self.compensation_speeds or (math.inf, math.inf)
+        return PushCfg(slow=slow, width=self.compensation_width, fade=fade)
+
+    @property
+    def observes_friction(self) -> bool:
+        """Whether the policy observes the friction of its joints."""
+        return self.observation.has(TERM)
+
+    @property
+    def known_friction_array(self) -> np.ndarray | None:
+        """`known_friction` as an array [-], shape (kinds,), in the order of the joints; None where that is None."""
+        given = self.known_friction
+        return None if given is None else np.array([given[kind] for kind in dict.fromkeys(self.kinds)])
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """What each joint is; of an older bundle, as its name tells."""
+        if self.anatomy is None:
+            return kinds_of(self.joint_names)
+        return tuple(joint.kind for joint in self.anatomy.joints)
+
+    @property
+    def scale(self) -> float | np.ndarray:
+        """Joint angle per unit of action [rad]: one number, or one of each joint, shape (num_joints,)."""
+        return np.array(self.action_scale) if isinstance(self.action_scale, tuple) else self.action_scale
+
+    @property
+    def num_joints(self) -> int:
+        """Number of joints."""
+        return len(self.joint_names)
+
+    def array(self, field: str) -> np.ndarray:
+        """Return a field with one number per joint as an array, shape (num_joints,)."""
+        return np.array(getattr(self, field), dtype=np.float64)
+
+    def to_json(self) -> str:
+        """Return the text of contract.json, keys in the order of the fields."""
+        return json.dumps(asdict(self), indent=2) + "\n"
+
+
+def read_contract(text: bytes) -> Contract:
+    """Parse the bytes of a contract.json.
+
+    Raises:
+        BundleError: not JSON, of another version, a field missing, unknown, of the wrong type or size, or not finite.
+
+    """
+    data = parse_object(text, "contract.json", "the contract of a policy; export the bundle again", BundleError)
+    version = data.get("schema_version", SCHEMA_VERSION)
+    # Before any field: another version has fields of its own.
+    if not is_integer(version) or not 1 <= version <= SCHEMA_VERSION:
+        newer = "; update stiction" if is_integer(version) and version > SCHEMA_VERSION else ""
+        raise BundleError(
+            f"contract.json: schema version {repr(version)[:60]}; this program reads 1 to "
+            f"{SCHEMA_VERSION}{newer or '; export the bundle again'}"
+        )
+    check_age(data, version)
+    later = {name for name, last in LATER.items() if version <= last}
+    # Version 1 differs in fields that it lacks, and in nothing that it has.
+    if version == 1:
+        data["schema_version"] = SCHEMA_VERSION
+    if data.get("anatomy") is not None:
+        data["anatomy"] = robot_from(data["anatomy"], "contract.json: anatomy")
+    known = {field.name for field in fields(Contract)}
+    contract = from_plain(Contract, data, "contract.json", BundleError, known - later)
+    check_training(contract)
+    if (limits := contract.target_limits) is not None:
+        # A bundle may keep its targets closer than new bundles do; only who runs it may let them go further.
+        narrowest = float((contract.array("upper") - contract.array("lower")).min())
+        margin = min(TARGET_LIMITS["margin"], 0.1 * narrowest)
+        within = limits["slew"] <= TARGET_LIMITS["slew"] and limits["margin"] >= margin * (1 - 1e-6)
+        usual = f"slew of at most {TARGET_LIMITS['slew']:g} rad/s, margin of at least {margin:g} rad"
+        expect(within, "target_limits", dict(limits), usual)
+    return contract
+
+
+def _check_joints(contract: Contract) -> None:
+    """Check names, sizes and ranges of the fields with one entry per joint."""
+    names = contract.joint_names
+    valid = isinstance(names, tuple) and 0 < len(names) <= MOST_JOINTS and all(map(is_name, names))
+    expect(valid and len(set(names)) == len(names), "joint_names", names, f"1 to {MOST_JOINTS} different names")
+    single = () if isinstance(contract.action_scale, tuple) else ("action_scale",)
+    absent = () if contract.compensation is not None else ("compensation",)
+    for field, (allowed, expected, _) in PER_JOINT.items():
+        values = getattr(contract, field)
+        if field in single:
+            expect(allowed(values), field, values, f"{expected}, or one for each of the {len(names)} joints")
+        elif field not in absent:
+            right = isinstance(values, tuple) and len(values) == len(names) and all(map(allowed, values))
+            expect(right, field, values, f"{expected} for each of the {len(names)} joints")
+    for name, lower, standing, upper in zip(names, contract.lower, contract.standing, contract.upper, strict=True):
+        expect(lower < standing < upper, "standing", f"{standing} at {name}", f"an angle within ({lower}, {upper})")
+        if (limits := contract.target_limits) is not None:
+            room = f"a margin that leaves {name} room between {lower} and {upper}"
+            expect(lower + limits["margin"] < upper - limits["margin"], "target_limits", limits, room)
+
+
+OF_ROBOT = ("torque_limit", "lower", "upper", "kp", "kd", "action_scale")
+"""Fields that contract and robot have under one name, and must have alike."""
+
+
+def _check_anatomy(contract: Contract) -> None:
+    """Check that the robot is the one whose name, joints, limits, gains, pose and motors the contract has.
+
+    Motors that a joints.json gave, in `joints_file`, may be others.
+    """
+    robot = contract.anatomy
+    if robot is None:
+        return
+    names = robot.joint_names
+    expect(robot.name == contract.robot, "anatomy.name", robot.name, f"{contract.robot!r}, as 'robot'")
+    expect(names == contract.joint_names, "anatomy", names, f"the joints {contract.joint_names}")
+    same = {name: name for name in (*OF_ROBOT, *(() if contract.joints_file else ("armature", "damping")))}
+    for field, name in {**same, "default_position": "standing"}.items():
+        value = np.broadcast_to(getattr(contract, name), (len(names),))
+        right = np.allclose(robot.joint_values(field), value, rtol=1e-6, atol=1e-9)
+        expect(right, f"anatomy.{field}", robot.joint_values(field).tolist(), f"{getattr(contract, name)}, as {name!r}")
+    if contract.joints_file is None:
+        unit = 1.0 if has_coefficient(contract.friction_law) else contract.array("torque_limit")
+        friction, level = contract.array("friction"), contract.friction_level * unit
+        right = any(np.allclose(friction, each, rtol=1e-6) for each in (level, robot.joint_values("frictionloss")))
+        expect(right, "friction", contract.friction, "the same share in each joint, or the robot's own friction")
+
+
+def _check_friction(contract: Contract) -> None:
+    """Check that the law has its numbers, and that the level is the mean of what the joints have.
+
+    Of torques it is the mean share of the limit, of coefficients their mean.
+    """
+    law, shape = contract.friction_law, contract.stribeck
+    # Laws can be registered later than this module is imported.
+    expect(law in simulated_laws(), "friction_law", law, " or ".join(map(repr, simulated_laws())))
+    shaped = bool(LAWS[law].numbers)
+    pair = isinstance(shape, tuple) and len(shape) == 2 and all(r.allowed(v) for r, v in zip(SPEED_RATIO, shape))
+    expected = "a ratio in [1, 10] and a positive speed" if shaped else "null"
+    expect(pair if shaped else shape is None, "stribeck", shape, expected)
+    coefficients = has_coefficient(law)
+    units = [1.0] * contract.num_joints if coefficients else contract.torque_limit
+    mean = sum(value / unit for value, unit in zip(contract.friction, units, strict=True)) / len(units)
+    agrees = math.isclose(mean, contract.friction_level, rel_tol=1e-6, abs_tol=1e-9)
+    what = "the mean of 'friction'" if coefficients else "the mean of 'friction' over 'torque_limit'"
+    expect(agrees, "friction_level", contract.friction_level, f"{mean:g}, {what}")
+
+
+def _check_known_friction(contract: Contract) -> None:
+    """Check that known friction is that of the kinds of joints, and there only where the policy observes it."""
+    given, kinds = contract.known_friction, tuple(dict.fromkeys(contract.kinds))
+    if not contract.observes_friction or given is None:
+        expect(given is None, "known_friction", given, f"null: the observation has no term {TERM!r}")
+        file = contract.known_friction_file
+        expect(file is None, "known_friction_file", file, "null, as 'known_friction' is")
+        return
+    allowed, expected, _ = SHARE
+    right = isinstance(given, Mapping) and set(given) == set(kinds) and all(map(allowed, given.values()))
+    expect(right, "known_friction", given, f"an object with {expected} for each of {', '.join(kinds)}, or null")
+
+
+def contract_of_others(
+    robot: Robot, control_period: float, decimation: int, observation: ObservationLayout, **more: Any
+) -> Contract:
+    """Return the contract of a policy that was trained elsewhere: joints, gains and pose are the robot's.
+
+    Args:
+        robot: as the policy knows it.
+        control_period: time between two actions [s].
+        decimation: physics steps in it.
+        observation: what the policy sees.
+        more: further fields; `action_clip`, `revision` and `command` have to be among them.
+
+    """
+    names = {"kp": "kp", "kd": "kd", "standing": "default_position", "torque_limit": "torque_limit"}
+    names |= {name: name for name in ("lower", "upper", "armature", "damping")}
+    of_joints: dict[str, Any] = {field: tuple(robot.joint_values(name).tolist()) for field, name in names.items()}
+    scale = robot.joint_values("action_scale")
+    return Contract(
+        robot=robot.name,
+        terrain=UNKNOWN,
+        method=IMPORTED,
+        seed=0,
+        friction_law="coulomb",
+        friction_level=0.0,
+        friction_range=(0.0, 0.0),
+        joint_names=robot.joint_names,
+        control_period=control_period,
+        decimation=decimation,
+        physics_timestep=control_period / decimation,
+        friction=(0.0,) * robot.num_joints,
+        observation=observation,
+        action_scale=float(scale[0]) if len(np.unique(scale)) == 1 else tuple(scale.tolist()),
+        anatomy=robot,
+        **of_joints,
+        **more,
+    )

@@ -1,0 +1,287 @@
+"""What a field of a contract may be: numbers that some robot could have, and words from a list.
+
+Every bound is far outside what robots are. Within them a wrong number may still be wrong; beyond them it is surely no
+robot's, and a computer that took it would wait, overflow, or move something with all its force.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+from stiction.core.errors import BundleError
+from stiction.files.plain import is_integer, is_number, is_text
+from stiction.files.velocity import COMMANDS
+
+
+class Rule(NamedTuple):
+    """What a value may be."""
+
+    allowed: Callable[[Any], bool]
+    """Whether a value is allowed."""
+    expected: str
+    """What is expected, in words."""
+    schema: dict[str, Any]
+    """The same in JSON Schema, as far as that can say it."""
+
+
+LONGEST = 4096
+"""Characters of a text."""
+
+
+def _between(low: float, high: float, unit: str = "") -> Rule:
+    """Return the rule of a number from `low` to `high`."""
+    return Rule(
+        lambda value: is_number(value) and low <= value <= high,
+        f"a number from {low:g} to {high:g}{unit}",
+        {"type": "number", "minimum": low, "maximum": high},
+    )
+
+
+def _integer(low: int, high: int) -> Rule:
+    """Return the rule of an integer from `low` to `high`."""
+    return Rule(
+        lambda value: is_integer(value) and low <= value <= high,
+        f"an integer from {low} to {high}",
+        {"type": "integer", "minimum": low, "maximum": high},
+    )
+
+
+def one_of(*values: Any) -> Rule:
+    """Return the rule of a field that takes some values alone."""
+    words = " or ".join("null" if value is None else repr(value) for value in values)
+    # To Python, True is in (1, 2).
+    return Rule(lambda value: value in values and not isinstance(value, bool), words, {"enum": list(values)})
+
+
+def expect(condition: bool, field: str, value: object, expected: str) -> None:
+    """Raise `BundleError` naming the field of a contract unless the condition holds."""
+    if not condition:
+        raise BundleError(f"contract field {field!r} is {repr(value)[:200]}; expected {expected}")
+
+
+def is_name(value: Any) -> bool:
+    """Return whether a value is a text that can be printed, of a length that a name has."""
+    return is_text(value) and len(value) <= 128 and value.isprintable()
+
+
+def _is_range(value: Any) -> bool:
+    """Return whether a value is the two ends of a range of friction."""
+    return isinstance(value, tuple) and len(value) == 2 and all(map(SHARE.allowed, value)) and value[0] <= value[1]
+
+
+def _are_speeds(value: Any) -> bool:
+    """Return whether a value is two speeds of joints, or None."""
+    return value is None or (isinstance(value, tuple) and len(value) == 2 and all(map(JOINT_SPEED.allowed, value)))
+
+
+def _are_commands(value: Any) -> bool:
+    """Return whether a value is a range of each entry of a velocity command, or None."""
+    named = isinstance(value, Mapping) and set(value) == set(COMMANDS)
+    return value is None or (named and all(
+        isinstance(ends, tuple) and len(ends) == 2 and all(map(VELOCITY.allowed, ends)) and ends[0] <= ends[1]
+        for ends in value.values()
+    ))  # fmt: skip
+
+
+def _are_target_limits(value: Any) -> bool:
+    """Return whether a value is limits of joint targets, or None."""
+    named = isinstance(value, Mapping) and set(value) == set(TARGET_RULES)
+    return value is None or (named and all(rule.allowed(value[name]) for name, rule in TARGET_RULES.items()))
+
+
+def pair(rule: Rule) -> dict[str, Any]:
+    """Return the JSON Schema of two values of a rule."""
+    return {"type": "array", "items": rule.schema, "minItems": 2, "maxItems": 2}
+
+
+def _is_file(value: Any) -> bool:
+    """Return whether a value names a file, or is None."""
+    named = isinstance(value, Mapping) and set(value) == {"name", "sha256"} and is_name(value["name"])
+    return value is None or (named and isinstance(value["sha256"], str)
+                             and re.fullmatch("[0-9a-f]{64}", value["sha256"]) is not None)  # fmt: skip
+
+
+ANGLE = _between(-1000.0, 1000.0, " rad")
+SHARE = _between(0.0, 10.0)
+"""Friction over a torque limit, or a coefficient: a joint that has as much as its motor is stuck."""
+
+JOINT_SPEED = _between(1e-4, 100.0, " rad/s")
+
+TARGET_RULES = {"slew": _between(0.1, 1000.0, " rad/s"), "margin": _between(0.0, 1.0, " rad")}
+"""Limit of joint targets -> what it may be."""
+
+TARGET_LIMITS = {"slew": 40.0, "margin": 0.02}
+"""Limits of new bundles, and of a robot's runtime where an older one says none: 0.8 rad in a control period of 20 ms,
+more than the shipped policies ask for (results/deploy)."""
+
+SPEED_RATIO = (_between(1.0, 10.0), JOINT_SPEED)
+"""Friction at rest over friction in motion, and the speed of Stribeck's law."""
+
+VELOCITY = _between(-100.0, 100.0)
+"""Commanded [m/s], [rad/s]."""
+
+TEXT = Rule(
+    lambda value: is_text(value) and len(value) <= LONGEST and all(c.isprintable() or c == "\n" for c in value),
+    f"a text of 1 to {LONGEST} printable characters",
+    {"type": "string", "minLength": 1, "maxLength": LONGEST},
+)
+NAME = Rule(is_name, "a printable text of 1 to 128 characters", {"type": "string", "minLength": 1, "maxLength": 128})
+FILE = Rule(
+    _is_file,
+    "null, or an object with 'name' and 'sha256', 64 hexadecimal digits",
+    {
+        "type": ["object", "null"],
+        "properties": {"name": NAME.schema, "sha256": {"type": "string", "pattern": "^[0-9a-f]{64}$"}},
+        "required": ["name", "sha256"],
+        "additionalProperties": False,
+    },
+)
+
+MOST_SETTINGS, MOST_IN_LIST, LONGEST_SETTING, LARGEST_SETTING = 512, 256, 512, 1e300
+"""Settings of a training, entries of one that is a list, characters of one that is a text, and size of a number."""
+
+
+def _is_scalar(value: Any) -> bool:
+    """Return whether a value is a number, a text, true, false or null, and not too large."""
+    if isinstance(value, str):
+        return len(value) <= LONGEST_SETTING and value.isprintable()
+    return value is None or isinstance(value, bool) or is_number(value, LARGEST_SETTING)
+
+
+def _are_settings(value: Any) -> bool:
+    """Return whether a value is settings of a training by name, or None."""
+    if value is None or not isinstance(value, Mapping):
+        return value is None
+    if len(value) > MOST_SETTINGS or not all(map(is_name, value)):
+        return False
+    lists = [one for one in value.values() if isinstance(one, list | tuple)]
+    single = [one for one in value.values() if not isinstance(one, list | tuple)]
+    return all(map(_is_scalar, single)) and all(len(one) <= MOST_IN_LIST and all(map(_is_scalar, one)) for one in lists)
+
+
+_SCALAR: list[dict[str, Any]] = [
+    {"type": ["boolean", "null"]},
+    {"type": "number", "exclusiveMinimum": -LARGEST_SETTING, "exclusiveMaximum": LARGEST_SETTING},
+    {"type": "string", "maxLength": LONGEST_SETTING},
+]
+SETTINGS = Rule(
+    _are_settings,
+    f"null, or an object of at most {MOST_SETTINGS} settings: a printable name of 1 to 128 characters, and a number, a "
+    f"printable text of at most {LONGEST_SETTING} characters, true, false, null, or a list of at most {MOST_IN_LIST} "
+    "such",
+    {
+        "type": ["object", "null"],
+        "maxProperties": MOST_SETTINGS,
+        "propertyNames": NAME.schema,
+        "additionalProperties": {
+            "anyOf": [*_SCALAR, {"type": "array", "items": {"anyOf": _SCALAR}, "maxItems": MOST_IN_LIST}]
+        },
+    },
+)
+
+UNKNOWN, IMPORTED = "unknown", "imported"
+"""Ground, and method, of a policy that was trained elsewhere."""
+
+TERRAINS = ("flat", "slopes", "rough", "stairs", "mixed", UNKNOWN)
+"""Grounds that there are to train on."""
+
+METHODS = {
+    "none": "conventional domain randomisation, without dry friction in the joints",
+    "direct": "dry friction in the joints, drawn closely around its nominal value",
+    "compensation": "dry friction in the joints, drawn closely around its nominal value, part of which is added to the "
+    "command, by the joint's speed",
+    "finetune": "without dry friction at first, then all of it at once, drawn closely around its nominal value",
+    "iterative": "without dry friction at first, then more of it in equal steps, drawn closely around each",
+    "deception": "dry friction in the joints, drawn from zero up to above its nominal value",
+    "dreamwaq": "DreamWaQ: one phase, on a code of the history from a variational autoencoder; without dry friction in "
+    "the joints unless a range is named",
+    "hinf": "H∞: disturbed while it learned, by pushes or by torques in its joints; without dry friction in the joints "
+    "unless a range is named",
+    IMPORTED: "trained elsewhere; what friction it met is not known",
+}
+"""Training method with friction -> what it means, in words for people."""
+
+DISTURBERS = ("force", "friction", "random", "random-friction")
+"""Who may disturb robots while they learn."""
+
+JOINT_DISTURBERS = ("friction", "random-friction")
+"""Those of them that disturb joints, which need friction to be bounded by, and not the base."""
+
+SCHEMA_VERSION = 2
+"""Version of contract.json. Version 1 is read as well; any other is refused."""
+
+RULES: dict[str, Rule] = {
+    "schema_version": one_of(SCHEMA_VERSION),
+    "robot": NAME,
+    "terrain": one_of(*TERRAINS),
+    "method": one_of(*METHODS),
+    **dict.fromkeys(("revision", "command"), TEXT),
+    "seed": _integer(0, 2**63 - 1),
+    "phases": one_of(1, 2, None),
+    "disturber": one_of(*DISTURBERS, None),
+    "torque_source": one_of("motor_side", "output_side", None),
+    # From 2 kHz to 5 Hz; a physics step under 10 µs would take days for a minute of walking.
+    "control_period": _between(5e-4, 0.2, " s"),
+    "decimation": _integer(1, 200),
+    "physics_timestep": _between(1e-5, 0.05, " s"),
+    "action_clip": _between(1e-3, 1000.0),
+    "compensation_width": _between(1e-4, 3.2, " rad"),
+    "compensation_speeds": Rule(
+        _are_speeds,
+        "null, or two numbers from 0.0001 to 100 rad/s",
+        {"anyOf": [pair(JOINT_SPEED), {"type": "null"}]},
+    ),
+    "target_limits": Rule(
+        _are_target_limits,
+        "null, or an object with 'slew', 0.1 to 1000 rad/s, and 'margin', 0 to 1 rad",
+        {
+            "type": ["object", "null"],
+            "properties": {name: rule.schema for name, rule in TARGET_RULES.items()},
+            "required": list(TARGET_RULES),
+            "additionalProperties": False,
+        },
+    ),
+    "friction_level": SHARE,
+    "friction_range": Rule(_is_range, "two numbers, 0 <= low <= high <= 10", pair(SHARE)),
+    **dict.fromkeys(
+        ("friction_load", "friction_spread"),
+        Rule(
+            lambda value: value is None or _is_range(value),
+            "null, or two numbers, 0 <= low <= high <= 10",
+            {"anyOf": [pair(SHARE), {"type": "null"}]},
+        ),
+    ),
+    "command_range": Rule(
+        _are_commands,
+        "null, or for each of 'forward', 'sideways' and 'turn' two numbers, -100 <= low <= high <= 100",
+        {
+            "type": ["object", "null"],
+            "properties": dict.fromkeys(COMMANDS, pair(VELOCITY)),
+            "required": list(COMMANDS),
+            "additionalProperties": False,
+        },
+    ),
+    "action_offset": one_of("standing"),
+    "quaternion_order": one_of("wxyz"),
+    **dict.fromkeys(("joints_file", "actuator", "known_friction_file", "imported"), FILE),
+    "settings": SETTINGS,
+}
+"""Field -> what it may be, of those that do not depend on the number of joints."""
+
+PER_JOINT: dict[str, Rule] = {
+    **dict.fromkeys(("standing", "lower", "upper"), ANGLE),
+    "kp": _between(1e-3, 1e5, " N m/rad"),
+    "kd": _between(0.0, 1e4, " N m s/rad"),
+    "torque_limit": _between(1e-3, 1e4, " N m"),
+    "armature": _between(1e-9, 100.0, " kg m²"),
+    "damping": _between(0.0, 1e3, " N m s/rad"),
+    "friction": _between(0.0, 1e4),
+    "compensation": _between(0.0, 3.2, " rad"),
+    "action_scale": _between(1e-6, 10.0, " rad"),
+}
+"""Field with one number per joint, in the order of `joint_names` -> what each may be."""
+
+TERM_RULES: dict[str, Rule] = {"scale": _between(1e-6, 1e6), "clip": _between(1e-6, 1e6)}
+"""Field of an observation's term -> what it may be."""

@@ -1,0 +1,88 @@
+"""Other people's names of joints: which record of a `joints.json` is for which joint of a model or robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from fnmatch import fnmatchcase
+
+from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.files.joints import JointsFile
+
+MOST_NAMES = 12
+"""Joints of a model that an error lists."""
+
+
+def parse_joint_map(pairs: Iterable[str]) -> tuple[tuple[str, str], ...]:
+    """Split RECORDED=MODEL pairs; raise `StictionError` for anything else."""
+    found = []
+    for pair in pairs:
+        recorded, equals, model = pair.partition("=")
+        if not (recorded and equals and model):
+            raise ConfigurationError(f"--joint-map {pair!r}: expected RECORDED=MODEL, such as shank=FL_calf_joint")
+        found.append((recorded, model))
+    return tuple(found)
+
+
+def refuse_alone(pairs: Sequence[str], file: object) -> None:
+    """Raise `ConfigurationError` for pairs where there is no `joints.json` whose records they name; None: none."""
+    if pairs and file is None:
+        raise ConfigurationError("--joint-map names records of a joints.json; name that too, with --joints")
+
+
+def map_joints(
+    file: JointsFile, pairs: Sequence[tuple[str, str]], model: Sequence[str] | None = None
+) -> dict[str, str]:
+    """Return joint of the model -> record.
+
+    A pair goes first; its right side may have wildcards (`*_calf_joint`) where a model is given. What no pair names is
+    matched by name or kind, as in training: `FL_shank` takes the record `FL_shank`, else `shank`. Without a model,
+    records keep their own names. Raises `StictionError` for a pair that matches nothing, a joint claimed by two
+    records, and a record that finds no joint.
+    """
+    found: dict[str, str] = {}
+    for recorded, pattern in pairs:
+        if recorded not in file.joints:
+            raise ConfigurationError(
+                f"--joint-map {recorded}={pattern}: {unknown_name('record', recorded, file.joints)}"
+            )
+        names = [pattern] if model is None else [name for name in model if fnmatchcase(name, pattern)]
+        if not names:
+            raise ConfigurationError(f"--joint-map {recorded}={pattern}: {unknown_name('joint', pattern, model or ())}")
+        for name in names:
+            if found.setdefault(name, recorded) != recorded:
+                raise ConfigurationError(
+                    f"joint {name!r} is mapped to the records {found[name]!r} and {recorded!r}; choose one"
+                )
+    mapped = set(found.values())
+    if model is None:
+        return found | {name: name for name in file.joints if name not in mapped and name not in found}
+    for name in model:
+        key = file.key(name)
+        if name not in found and key is not None and key not in {recorded for recorded, _ in pairs}:
+            found[name] = key
+    lost = [name for name in file.joints if name not in set(found.values())]
+    if lost:
+        raise ConfigurationError(
+            f"no joint of the model takes the record {lost[0]!r}; name one, as in --joint-map {lost[0]}=JOINT; the "
+            f"model has {_some(model)}"
+        )
+    return found
+
+
+def _some(names: Iterable[str]) -> str:
+    """List names, not too many."""
+    listed = list(names)
+    more = f" and {len(listed) - MOST_NAMES} more" if len(listed) > MOST_NAMES else ""
+    return (", ".join(listed[:MOST_NAMES]) + more) or "none with a name"
+
+
+def mapped(file: JointsFile, pairs: Sequence[str], joint_names: Sequence[str]) -> JointsFile:
+    """Return a `joints.json` whose records have the names of a robot's joints, by RECORDED=JOINT pairs.
+
+    Errors as of `parse_joint_map` and `map_joints`. Without pairs the file is returned as it is.
+    """
+    if not pairs:
+        return file
+    found = map_joints(file, parse_joint_map(pairs), joint_names)
+    return replace(file, joints={name: file.joints[recorded] for name, recorded in found.items()})

@@ -1,0 +1,482 @@
+"""`joints.json`: what identification found out about each joint, with intervals. What is not known is null.
+
+The names are fixed; the symmetric viscous and Coulomb fit always stands under them, so that a reader never has to ask
+which law was fitted. Linear axes use the same names with N, kg and m.
+
+`training.json`, which is read and written here too, proposes what to train with. Its object `friction` holds fields of
+a run's `config.json` under `task.friction`, so that proposal and run can be compared line by line; the rest is for
+people: what the level rests on, joint by joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stiction.core.errors import FileError, unknown_name
+from stiction.core.names import kind_of
+from stiction.files.log import AXES, TEST_CONDITIONS
+from stiction.files.plain import is_number, read_object, take_version, write_object
+from stiction.files.tables import publish_npz, read_npz_arrays
+from stiction.joints.friction import SYMMETRIC
+from stiction.joints.net import TORQUE_SOURCES
+
+SCHEMA_VERSION = 1
+"""Raised when a reader of the older form would misunderstand the newer one."""
+
+PARAMETERS = ("inertia", *SYMMETRIC)
+"""Parameters of the symmetric law, in the order of the regressor."""
+
+QUANTITIES = (
+    *PARAMETERS,
+    *("gravity_sin", "gravity_cos", "static_friction", "stribeck_velocity", "load_coefficient"),
+    *("motor_strength", "encoder_bias", "delay", "friction_ratio", "dynamic_ratio", "dead_band"),
+)
+"""Everything in a record that is an `Estimate` or null."""
+
+
+ARMATURE = "armature"
+"""Name among the combinations of a rotor's inertia at its joint, links apart [kg m²]: what the log of a whole limb
+tells in place of an inertia, which there depends on how the other joints stand."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with its uncertainty."""
+
+    value: float
+    """Best estimate."""
+    std: float
+    """Standard deviation of the estimate."""
+    interval95: tuple[float, float]
+    """95 % confidence interval, lower and upper end."""
+
+    def scaled(self, factor: float) -> Estimate:
+        """Return the estimate of `factor` times the quantity; `factor` is positive and exactly known."""
+        low, high = self.interval95
+        return Estimate(self.value * factor, self.std * factor, (low * factor, high * factor))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        return {"value": self.value, "std": self.std, "interval95": list(self.interval95)}
+
+    @classmethod
+    def from_dict(cls, data: Any, where: str) -> Estimate:
+        """Build from plain data; `where` is named in messages."""
+        try:
+            low, high = data["interval95"]
+            numbers = (data["value"], data["std"], low, high)
+        except (KeyError, TypeError, ValueError) as error:
+            raise FileError(
+                f"{where}: expected an object with value, std and interval95, got {str(data)[:80]}"
+            ) from error
+        if not all(map(is_number, numbers)):
+            raise FileError(f"{where}: expected finite numbers, got {str(data)[:80]}")
+        if data["std"] < 0 or not low <= data["value"] <= high:
+            raise FileError(f"{where}: expected std >= 0 and the value within interval95, got {str(data)[:80]}")
+        return cls(float(data["value"]), float(data["std"]), (float(low), float(high)))
+
+
+FRICTION_REACHES_ZERO = "friction_reaches_zero"
+"""Reason of the one objection that concerns dry friction alone: the rest of the fit stands."""
+
+NEGLIGIBLE = 0.01
+"""Friction over torque limit that no policy of `stiction replicate` noticed in any engine (identification/advice.json):
+where friction cannot be told from zero, and is no more than this, simulators may have it as zero."""
+
+LOAD_REGRESSORS = {
+    "gravity": "|gravity and known torque from outside| [N m]",
+    "motor_torque": "|motor torque| [N m]",
+}
+"""What a load coefficient may multiply -> the same in words: the first from a joint's own log, the second from a walk.
+Training has the second as its law `effort`; its law `load`, of |F| + |T| at the joint, is neither."""
+
+FRICTIONS = (
+    "coulomb_friction",
+    "static_friction",
+    "stribeck_velocity",
+    "load_coefficient",
+    "friction_ratio",
+    "dynamic_ratio",
+    "dead_band",
+)
+"""Quantities that say how much dry friction there is."""
+
+
+@dataclass(frozen=True)
+class Objection:
+    """Why a fit must not be used, and what to do first."""
+
+    reason: str
+    """One word for programs: `unexplained_torque`."""
+    seen: str
+    """What was seen, with its number."""
+    remedy: str
+    """What to do."""
+
+    @property
+    def text(self) -> str:
+        """Both in one sentence."""
+        return f"{self.seen}. Do first: {self.remedy}"
+
+    @classmethod
+    def from_dict(cls, data: Any, where: str) -> Objection:
+        """Build from plain data; `where` is named in messages."""
+        names = [item.name for item in fields(cls)]
+        if (
+            not isinstance(data, dict)
+            or set(data) != set(names)
+            or not all(isinstance(data[one], str) for one in names)
+        ):
+            raise FileError(f"{where}: expected an object with the texts {', '.join(names)}, got {str(data)[:80]}")
+        return cls(**data)
+
+
+@dataclass(frozen=True)
+class JointRecord:
+    """What is known about one joint."""
+
+    inertia: Estimate | None = None
+    """I, rotor included [kg m²]."""
+    viscous_friction: Estimate | None = None
+    """B [N m s/rad]."""
+    coulomb_friction: Estimate | None = None
+    """b_c [N m]."""
+    offset: Estimate | None = None
+    """Constant torque that the motor supplies [N m]."""
+    gravity_sin: Estimate | None = None
+    """Torque that holds the link against gravity is gravity_sin sin θ + gravity_cos cos θ [N m]."""
+    gravity_cos: Estimate | None = None
+    """See `gravity_sin` [N m]."""
+    static_friction: Estimate | None = None
+    """Friction at rest, where the log distinguishes it from Coulomb friction [N m]."""
+    stribeck_velocity: Estimate | None = None
+    """Speed at which static friction has given way to Coulomb friction [rad/s]."""
+    load_coefficient: Estimate | None = None
+    """Friction per unit of load [1]; of which load says `load_regressor`, and `regressor` in `friction_law`."""
+    motor_strength: Estimate | None = None
+    """k, torque delivered over torque logged or commanded, where a known payload shows it [1]."""
+    encoder_bias: Estimate | None = None
+    """Logged angle less the true one, where it was asked for and the log shows it [rad]."""
+    delay: Estimate | None = None
+    """Delay of the controller, where it was asked for and the log shows it [s]."""
+    friction_ratio: Estimate | None = None
+    """Dry friction over torque limit [1]: Coulomb friction, or static friction where that is more."""
+    dynamic_ratio: Estimate | None = None
+    """Coulomb friction over torque limit, where static friction is more [1]; else null, and `friction_ratio` is it."""
+    dead_band: Estimate | None = None
+    """Dry friction over kp [rad]: Coulomb friction, or static friction where that is more."""
+    combinations: dict[str, Estimate] = field(default_factory=dict)
+    """What is identifiable where a parameter alone is not, such as `(B + k·kd)/k`."""
+    friction_law: dict[str, Any] | None = None
+    """The law that was chosen, Coulomb's too. From a joint's log: `law`, which it is, `parameters`, and `candidates`,
+    what else was tried. From a walk the load law, or null where it was refused."""
+    axis: str = "rotary"
+    """`rotary` or `linear`."""
+    test_condition: str | None = None
+    """`bare_motor`, `in_air` or `loaded`; null if not declared."""
+    torque_source: str | None = None
+    """`motor_side` or `output_side`; null without torque."""
+    kp: float | None = None
+    """Proportional gain during the test [N m/rad]."""
+    kd: float | None = None
+    """Derivative gain during the test [N m s/rad]."""
+    torque_limit: float | None = None
+    """Largest torque of the motor [N m]."""
+    diagnostics: dict[str, Any] = field(default_factory=dict)
+    """Plain data about the fit: conditioning, residuals, what the other estimator found, and so on."""
+    objections: tuple[Objection, ...] = ()
+    """What makes the fit invalid; where there is any, nothing that trains or simulates takes its friction."""
+    warnings: tuple[str, ...] = ()
+    """What a reader should know before trusting the numbers."""
+
+    def objection_to(self, quantity: str) -> Objection | None:
+        """Return why a quantity must not be used, None where it may be.
+
+        Dry friction that cannot be told from zero invalidates nothing else, and may be used as zero where it is at most
+        `NEGLIGIBLE` of the torque limit.
+        """
+        for objection in self.objections:
+            if objection.reason != FRICTION_REACHES_ZERO:
+                return objection
+            small = self.friction_ratio is not None and self.friction_ratio.interval95[1] <= NEGLIGIBLE
+            if quantity in FRICTIONS and not small:
+                return objection
+        return None
+
+    @property
+    def moving_friction(self) -> Estimate | None:
+        """Dry friction in motion [N m], or over the motor strength k where newton metres are not known."""
+        return self.coulomb_friction or self.combinations.get("f/k")
+
+    @property
+    def holding_friction(self) -> Estimate | None:
+        """Dry friction at rest in the unit of `moving_friction`; None unless the log shows that it is more."""
+        law, moving = self.friction_law or {}, self.moving_friction
+        static = self.static_friction
+        if static is None and law.get("over_strength") and "static_friction" in law.get("parameters", {}):
+            static = Estimate.from_dict(law["parameters"]["static_friction"], "friction_law.parameters.static_friction")
+        return static if static and static.value > max(moving.value if moving else 0.0, 0.0) else None
+
+    @property
+    def load_regressor(self) -> str | None:
+        """What the load coefficient multiplies, one of `LOAD_REGRESSORS`; None where there is no coefficient."""
+        law = self.friction_law or {}
+        if self.load_coefficient is None:
+            return None
+        if law.get("regressor") in LOAD_REGRESSORS:
+            return str(law["regressor"])
+        # Files of before named it in words alone, and those of walks alone.
+        return "motor_torque" if str(law.get("load", "")).startswith("|motor") else "gravity"
+
+    @property
+    def unloaded_friction(self) -> Estimate | None:
+        """Friction without load, beside `load_coefficient` [N m]; `coulomb_friction` has the load of the test in it.
+
+        None where there is no coefficient, or that friction is not known in N m.
+        """
+        law = self.friction_law or {}
+        constant = law.get("parameters", law).get("coulomb_friction")
+        if self.load_coefficient is None or constant is None or law.get("over_strength"):
+            return None
+        return Estimate.from_dict(constant, "friction_law.coulomb_friction")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        data = vars(self) | {name: value.to_dict() for name, value in vars(self).items() if isinstance(value, Estimate)}
+        data["combinations"] = {name: value.to_dict() for name, value in self.combinations.items()}
+        return data | {"objections": [asdict(one) for one in self.objections], "warnings": list(self.warnings)}
+
+    @classmethod
+    def from_dict(cls, data: Any, where: str) -> JointRecord:
+        """Build from plain data; `where` is named in messages. Absent fields take their defaults."""
+        known = [item.name for item in fields(cls)]
+        if not isinstance(data, dict) or set(data) - set(known):
+            raise FileError(f"{where}: expected an object with some of {', '.join(known)}, got {str(data)[:80]}")
+        values = dict(data)
+        for name in QUANTITIES:
+            if values.get(name) is not None:
+                values[name] = Estimate.from_dict(values[name], f"{where}.{name}")
+        for name, kind in (("combinations", dict), ("diagnostics", dict), ("objections", list), ("warnings", list)):
+            if not isinstance(values.get(name, kind()), kind):
+                raise FileError(f"{where}.{name}: expected a JSON {kind.__name__}, got {str(values[name])[:80]}")
+        values["combinations"] = {
+            name: Estimate.from_dict(entry, f"{where}.combinations.{name}")
+            for name, entry in values.get("combinations", {}).items()
+        }
+        values["objections"] = tuple(
+            Objection.from_dict(entry, f"{where}.objections") for entry in values.get("objections", [])
+        )
+        values["warnings"] = tuple(str(text) for text in values.get("warnings", []))
+        _check_settings(values, where)
+        record = cls(**values)
+        ratio, moving, holding = record.friction_ratio, record.moving_friction, record.holding_friction
+        if "dynamic_ratio" in values or not (ratio and moving and moving.value > 0 and holding):
+            return record
+        # Older files have Coulomb friction in the ratio even where more holds the joint at rest.
+        return replace(record, friction_ratio=holding.scaled(ratio.value / moving.value), dynamic_ratio=ratio)
+
+
+def _check_settings(values: dict[str, Any], where: str) -> None:
+    """Refuse settings of the test that are not what they should be."""
+    choices = {"axis": AXES, "test_condition": (*TEST_CONDITIONS, None), "torque_source": (*TORQUE_SOURCES, None)}
+    for name, allowed in choices.items():
+        if name in values and values[name] not in allowed:
+            raise FileError(f"{where}.{name}: {values[name]!r}; expected one of {', '.join(map(str, allowed))}")
+    for name in ("kp", "kd", "torque_limit"):
+        value = values.get(name)
+        if value is not None and not (is_number(value) and value >= 0):
+            raise FileError(f"{where}.{name}: {value!r}; expected a number that is not negative, or null")
+    law = values.get("friction_law")
+    if law is not None and not isinstance(law, dict):
+        raise FileError(f"{where}.friction_law: {str(law)[:80]}; expected an object or null")
+
+
+@dataclass(frozen=True)
+class JointsFile:
+    """The whole file."""
+
+    joints: dict[str, JointRecord]
+    """Joint name (`FL_shank`), or kind of joint (`shank`) -> record."""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Every joint's warnings, with the joint's name in front."""
+        return tuple(f"{name}: {text}" for name, record in self.joints.items() for text in record.warnings)
+
+    def key(self, joint: str, kind: str | None = None) -> str | None:
+        """Return the name that `FL_shank` is recorded under: its own, else its kind, `shank`; None where neither is.
+
+        kind: of the joint, where its name does not tell.
+        """
+        return next((name for name in (joint, kind or kind_of(joint)) if name in self.joints), None)
+
+    def record(self, joint: str) -> JointRecord:
+        """Return the record of `FL_shank`: under that name, else under its kind, `shank`; else raise `FileError`."""
+        key = self.key(joint)
+        if key is not None:
+            return self.joints[key]
+        raise FileError(f"no record for the joint or its kind: {unknown_name('joint', joint, self.joints)}")
+
+    def nominal(self, joints: Sequence[str], quantity: str) -> tuple[float, ...]:
+        """Return one quantity's value for each joint, as simulators take it: what is below zero is zero.
+
+        quantity: one of `QUANTITIES`. Raises `FileError` for a joint without a record, and where the quantity
+        is null, or the fit is not valid. An inertia must be positive; friction whose interval reaches below zero may
+        have a negative estimate.
+        """
+        values = []
+        for joint in joints:
+            objection = self.record(joint).objection_to(quantity)
+            if objection is not None:
+                raise FileError(f"{quantity} of joint {joint!r} must not be used: {objection.text}")
+            estimate = getattr(self.record(joint), quantity)
+            if estimate is None:
+                why = next((f": {text}" for text in self.record(joint).warnings), "")
+                raise FileError(f"{quantity} of joint {joint!r} is null in this file, it was not identified{why}")
+            if quantity == "inertia" and estimate.value <= 0:
+                raise FileError(f"inertia of joint {joint!r} is {estimate.value}; expected a positive number")
+            values.append(estimate.value if quantity == "offset" else max(0.0, estimate.value))
+        return tuple(values)
+
+    def fed_forward(self, joint: str) -> tuple[float, float, float]:
+        """Return what may be fed forward of a joint: Coulomb friction, that without load [N m], and c of the load [1].
+
+        Without a coefficient the first two are one. Raises `FileError`, see `nominal`.
+        """
+        (whole,) = self.nominal([joint], "coulomb_friction")
+        record = self.record(joint)
+        unloaded, load = record.unloaded_friction, record.load_coefficient
+        if unloaded is None or load is None or load.value <= 0:
+            return whole, whole, 0.0
+        return whole, max(0.0, unloaded.value), load.value
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON, the schema version first."""
+        return {
+            "schema_version": SCHEMA_VERSION,
+            "joints": {name: record.to_dict() for name, record in self.joints.items()},
+            "warnings": list(self.warnings),
+        }
+
+    def write(self, path: Path) -> None:
+        """Write the file."""
+        write_object(path, self.to_dict())
+
+
+def load_joints(path: Path) -> JointsFile:
+    """Read and validate a `joints.json`; raise `FileError` that names the field that is wrong."""
+    data = read_object(path, "the joints.json of identify")
+    if "friction" in data:
+        raise FileError(f"{path.name}: this proposes what to train; expected the joints.json that lies beside it")
+    joints = take_version(data, SCHEMA_VERSION, path.name, what="joints.json of identify").get("joints")
+    if not isinstance(joints, dict) or not joints:
+        raise FileError(f"{path.name}: field 'joints' must be an object with at least one joint")
+    return JointsFile({name: JointRecord.from_dict(entry, f"{path.name}: {name}") for name, entry in joints.items()})
+
+
+@dataclass(frozen=True)
+class FitSignals:
+    """Signals of one joint on an even grid; arrays of shape (num_samples,).
+
+    Torques are in N m, or in the unit of the torque column where that is not N m; on a linear axis read N and m.
+    """
+
+    time: np.ndarray
+    """From zero [s]."""
+    position: np.ndarray
+    """As measured [rad]."""
+    velocity: np.ndarray
+    """Filtered [rad/s]."""
+    acceleration: np.ndarray
+    """Filtered [rad/s²]."""
+    torque: np.ndarray
+    """Filtered [N m]."""
+    fitted_torque: np.ndarray
+    """By viscous and Coulomb friction [N m]."""
+    law_torque: np.ndarray
+    """By the law that was chosen [N m]; the same where that is the regression's."""
+    rigid_torque: np.ndarray
+    """The part of it that is not friction: inertia, offset, gravity, payload [N m]."""
+    used: np.ndarray
+    """1 where the sample entered the regression, else 0."""
+    target: np.ndarray | None = None
+    """Position asked for [rad]."""
+    simulated_position: np.ndarray | None = None
+    """By the closed-loop simulation [rad]."""
+    simulated_torque: np.ndarray | None = None
+    """By the closed-loop simulation [N m]."""
+
+
+def write_fit(path: Path, joints: dict[str, FitSignals]) -> None:
+    """Write `<signal>.<joint>` arrays; signals that are None are left out."""
+    arrays = {
+        # Time in double precision: single would round the steps of a long log.
+        f"{item.name}.{joint}": values.astype(np.float32 if item.name != "time" else float)
+        for joint, signals in joints.items()
+        for item in fields(FitSignals)
+        if (values := getattr(signals, item.name)) is not None
+    }
+    publish_npz(path, arrays, compressed=True)
+
+
+def read_fit(path: Path, joint: str) -> FitSignals:
+    """Read one joint's signals; raise `StictionError` if they are not there or not of one length."""
+    arrays = read_npz_arrays(path)
+    found = {item.name: arrays[key] for item in fields(FitSignals) if (key := f"{item.name}.{joint}") in arrays}
+    # The fields without a default.
+    needed = {item.name for item in fields(FitSignals)[:9]}
+    if needed - set(found):
+        raise FileError(f"{path.name}: no {sorted(needed - set(found))[0]} of joint {joint!r}; run identify again")
+    if any(values.ndim != 1 or values.dtype.kind != "f" for values in found.values()):
+        raise FileError(f"{path.name}: a signal of joint {joint!r} is no vector of numbers; run identify again")
+    if len({len(values) for values in found.values()}) != 1:
+        raise FileError(f"{path.name}: the signals of joint {joint!r} differ in length; run identify again")
+    return FitSignals(**{name: values.astype(float) for name, values in found.items()})
+
+
+def is_training(path: Path) -> bool:
+    """Return whether a file proposes a training, and is not an identification; raise `FileError` for no JSON."""
+    _check_withheld(path)
+    return "friction" in read_object(path, "a joints.json or training.json of `stiction identify`")
+
+
+def _check_withheld(path: Path) -> None:
+    """Raise `FileError` where a training.json is missing because the fit beside it is not valid."""
+    beside = path.parent / "joints.json"
+    if not path.exists() and beside.is_file():
+        objections = [
+            f"{name}: {one.text}" for name, record in load_joints(beside).joints.items() for one in record.objections
+        ]
+        if objections:
+            raise FileError(
+                f"there is no {path.name}, for nothing can be proposed from this identification: {objections[0]}"
+            )
+
+
+def write_training(path: Path, proposal: dict[str, Any]) -> None:
+    """Write a proposal: `friction`, null where none can be proposed, `text`, and whatever else explains it."""
+    write_object(path, {"schema_version": SCHEMA_VERSION, **proposal})
+
+
+def read_training(path: Path) -> dict[str, Any]:
+    """Return the whole proposal; raise `StictionError` for a file that is none, or proposes no friction.
+
+    Where there is no file because the fit beside it is not valid, the message says so.
+    """
+    _check_withheld(path)
+    data = read_object(path, "the training.json of `stiction identify`")
+    if {"joints", "warnings"} <= data.keys() and "friction" not in data:
+        raise FileError(f"{path.name}: these are identified joints; expected the training.json that lies beside them")
+    take_version(data, SCHEMA_VERSION, path.name, what="training.json of identify")
+    friction = data.get("friction", {})
+    if friction is None:
+        reason = " ".join(str(data.get("text", "it does not say why")).split())[:400]
+        raise FileError(f"{path.name} proposes no joint friction to train with: {reason}")
+    if not isinstance(friction, dict) or not {"method", "level"} <= friction.keys():
+        raise FileError(f"{path.name}: 'friction' is {friction!r}; expected at least 'method' and 'level'")
+    return data

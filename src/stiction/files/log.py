@@ -1,0 +1,421 @@
+"""The canonical log of one or more joints: CSV, NPZ or Parquet, with an optional sidecar of what columns cannot say.
+
+Columns are `time` [s] and, per joint, `position.<joint>` [rad], `velocity.<joint>` [rad/s], `target.<joint>` [rad],
+`torque.<joint>` [N m], `disturbance.<joint>` [N m] (from outside), `feedforward.<joint>` [N m] (added by the
+controller), those that exist; a log of a single joint may drop the joint's name. The sidecar of `swing.csv` is
+`swing.json` (`stiction.files.log`). Nothing that executes code is ever read.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stiction.core.errors import LogError, escaped, nearest, unknown_name
+from stiction.core.files import write_text
+from stiction.core.names import kind_of
+from stiction.files.plain import is_number, read_object
+from stiction.files.tables import Columns, Table, read_npz, read_parquet, write_csv, write_npz, write_parquet
+from stiction.files.text import read_csv
+from stiction.joints.net import TORQUE_SOURCES
+
+TEST_CONDITIONS = ("bare_motor", "in_air", "loaded")
+AXES = ("rotary", "linear")
+
+TORQUE_COLUMNS = ("torque", "current", "voltage", "duty")
+"""What the torque column may hold."""
+
+CHOICES = {
+    "torque_source": TORQUE_SOURCES,
+    "test_condition": TEST_CONDITIONS,
+    "axis": AXES,
+    "torque_column": TORQUE_COLUMNS,
+}
+"""Field -> the words that it may be."""
+
+WHOLE_LOG = ("rate", "names", "joints", "columns", "time_scale", "begin", "end")
+"""Fields that hold for the whole log: no joint has its own."""
+
+WRITTEN = {"from": "begin", "to": "end"}
+"""Name in the file, and on the command line -> field, where Python keeps the name for itself."""
+
+UNKNOWNS = ("delay", "encoder_bias")
+"""What output error may be asked to find besides."""
+
+MOST_JOINTS = 256
+"""No robot has more; nor has a sidecar more names."""
+
+LARGEST_SIDECAR = 2**20
+"""Nobody writes more by hand [B]."""
+
+LARGEST_NUMBER = 1e12
+"""Nothing physical has more, in its unit."""
+
+
+@dataclass(frozen=True)
+class LogSetup:
+    """How a log was made; a missing field is None."""
+
+    kp: float | None = None
+    """Proportional gain of the joint controller [N m/rad]."""
+    kd: float | None = None
+    """Derivative gain [N m s/rad]."""
+    torque_limit: float | None = None
+    """Largest torque of the motor [N m]."""
+    torque_source: str | None = None
+    """`motor_side` (joint friction not in it: motor current or command) or `output_side` (sensor after the gear)."""
+    test_condition: str | None = None
+    """`bare_motor`, `in_air` or `loaded`."""
+    axis: str | None = None
+    """`rotary` or `linear` (then read N for N m, m for rad, kg for kg m²)."""
+    motor_strength: float | None = None
+    """k: torque delivered over torque logged or commanded [1]."""
+    delay: float | None = None
+    """Delay of the whole loop, from command to torque [s]."""
+    torque_calibrated: bool | None = None
+    """False: the unit of the torque column is not known."""
+    payload_mass: float | None = None
+    """Mass of a known load [kg]."""
+    payload_distance: float | None = None
+    """Distance of its centre of mass from the joint's axis [m]."""
+    payload_angle: float | None = None
+    """Angle of the joint at which the load hangs straight down [rad]."""
+    pendulum_mass: float | None = None
+    """Mass of all that hangs on the joint [kg]."""
+    pendulum_length: float | None = None
+    """Distance of its centre of mass from the joint's axis [m]."""
+    pendulum_angle: float | None = None
+    """Angle of the joint at which it hangs straight down [rad]; found from the log."""
+    torque_column: str | None = None
+    """`torque`, `current`, `voltage` or `duty`: what the torque column holds, times the scale."""
+    duty_voltage: float | None = None
+    """Voltage at a duty of 1 [V]."""
+    kt: float | None = None
+    """Torque constant at the joint, gear included [N m/A]."""
+    resistance: float | None = None
+    """Of the motor and its driver [Ω]."""
+    ke: float | None = None
+    """Back-EMF at the joint [V s/rad]; kt."""
+    torque_scale: float | None = None
+    """N m (or N) per unit of the torque column; A, V or a share where it holds those."""
+    disturbance_scale: float | None = None
+    """N m (or N) per unit of the disturbance column."""
+    feedforward_scale: float | None = None
+    """N m (or N) per unit of the feedforward column."""
+    position_scale: float | None = None
+    """rad (or m) per unit of position, target and velocity: 0.0174533 for degrees, one over the gear ratio for a
+    motor's angle."""
+    velocity_delay: float | None = None
+    """How late the velocity is that the controller uses [s]."""
+    hanging_angle: float | None = None
+    """Angle of the joint at which the link hangs straight down [rad]."""
+    gravity: bool | None = None
+    """Whether gravity on the link is fitted."""
+    cutoff: float | None = None
+    """Corner of the filter [Hz]."""
+    unknowns: tuple[str, ...] = ()
+    """What output error is to find besides: `delay`, `encoder_bias`."""
+    rate: float | None = None
+    """Samples per second of a log without a time column [Hz]."""
+    time_scale: float | None = None
+    """Seconds per unit of the time stamps."""
+    begin: float | None = None
+    """Where to begin, from the first stamp [s]; `from` in the file."""
+    end: float | None = None
+    """Where to end, from the first stamp [s]; `to` in the file."""
+    columns: Mapping[str, str] = field(default_factory=dict)
+    """Role -> column, columns or pattern, or topic; as --columns has it."""
+    names: tuple[str, ...] = ()
+    """Names of the joints of a log that only numbers them, in its order."""
+    joints: Mapping[str, LogSetup] = field(default_factory=dict)
+    """Joint name, or kind of joint (`FL_calf` is a `calf`) -> what is different for it."""
+
+    def of_joint(self, joint: str) -> LogSetup:
+        """Return the setup of one joint: what holds for all, then its kind's fields, then its own."""
+        merged = replace(self, joints={})
+        for name in dict.fromkeys((kind_of(joint), joint)):
+            if name in self.joints:
+                own = {item.name: getattr(self.joints[name], item.name) for item in fields(LogSetup)}
+                # False and 0 are said; only None and an empty tuple are not.
+                said = {key: own[key] for key in own if key not in WHOLE_LOG and own[key] not in (None, ())}
+                merged = replace(merged, **said)
+        return merged
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON, without the fields that say nothing."""
+        data = {key: value for key, value in asdict(self).items() if value is not None and value != () and value != {}}
+        data |= {written: data.pop(name) for written, name in WRITTEN.items() if name in data}
+        for name in ("names", "unknowns"):
+            if name in data:
+                data[name] = list(data[name])
+        if self.joints:
+            data["joints"] = {name: setup.to_dict() for name, setup in self.joints.items()}
+        return data
+
+
+def read_setup(path: Path) -> LogSetup:
+    """Read the sidecar of a log, `LOG.json` beside `LOG.csv`; an absent one is an empty setup."""
+    sidecar = sidecar_of(path)
+    return read_sidecar(sidecar) if sidecar.is_file() else LogSetup()
+
+
+def read_sidecar(sidecar: Path) -> LogSetup:
+    """Read a sidecar; raise `LogError` for a file that is none."""
+    data = read_object(sidecar, "the sidecar of a log", LogError, LARGEST_SIDECAR)
+    return setup_from_dict(data, sidecar.name)
+
+
+def setup_from_dict(data: Any, source: str) -> LogSetup:
+    """Build a setup from plain data; `source` is named in messages. Raises `LogError` naming the field."""
+    if isinstance(data, dict) and {"schema_version", "joints"} <= data.keys():
+        raise LogError(
+            f"{source}: this is a result of `stiction identify`, found where the log's sidecar belongs; "
+            "rename the log, or move the result to a folder of its own"
+        )
+    return _build(data, source, tuple(item.name for item in fields(LogSetup)))
+
+
+def _build(data: Any, source: str, allowed: tuple[str, ...]) -> LogSetup:
+    """Build a setup, or the part of one joint, of which only the fields `allowed` may be given."""
+    if not isinstance(data, dict):
+        raise LogError(f"{source}: expected an object: field -> value, got {str(data)[:80]}")
+    given: dict[str, Any] = data
+    _check_names(given, source, allowed)
+    values: dict[str, Any] = {WRITTEN.get(name, name): value for name, value in given.items() if value is not None}
+    for name, value in values.items():
+        if name in ("names", "unknowns"):
+            values[name] = _names(name, value, source)
+        elif name == "columns":
+            values[name] = _columns(value, source)
+        elif name == "joints":
+            values[name] = _joints(value, source, tuple(item for item in allowed if item not in WHOLE_LOG))
+        else:
+            _check_field(name, value, source)
+    return LogSetup(**values)
+
+
+def _check_names(data: Mapping[str, Any], source: str, allowed: tuple[str, ...]) -> None:
+    """Refuse the first field that there is not, or is not of a joint."""
+    named = {field: written for written, field in WRITTEN.items()}
+    for name in data:
+        if name in named:
+            raise LogError(f"{source}: unknown field {name!r}: write {named[name]!r}")
+        if (field := WRITTEN.get(name, name)) in allowed:
+            continue
+        if field in WHOLE_LOG:
+            raise LogError(f"{source}: {name} is of the whole log, and no joint has its own; say it outside `joints`")
+        raise LogError(f"{source}: {unknown_name('field', name, (named.get(known, known) for known in allowed))}")
+
+
+def _check_field(name: str, value: Any, source: str) -> None:
+    """Refuse a word that is not one of the field's, and what is not a finite number where one belongs."""
+    words = CHOICES.get(name)
+    if words is not None:
+        if value not in words:
+            given, listed = str(value)[:80], ", ".join(words)
+            raise LogError(f"{source}: {name} is {given!r}; expected one of {listed}{nearest(given, words)}")
+    elif name in ("torque_calibrated", "gravity"):
+        if not isinstance(value, bool):
+            raise LogError(f"{source}: {name} is {str(value)[:80]!r}; expected true or false")
+    elif not is_number(value, LARGEST_NUMBER):
+        raise LogError(f"{source}: {name} is {str(value)[:80]!r}; expected a number of a physical size")
+
+
+def _names(field: str, value: Any, source: str) -> tuple[str, ...]:
+    """Return the names of joints, or of unknowns, each different."""
+    if not isinstance(value, list) or not all(isinstance(name, str) and name for name in value):
+        raise LogError(
+            f"{source}: {field} is {str(value)[:80]}; expected a list of {'joint ' * (field == 'names')}names"
+        )
+    if len(value) > MOST_JOINTS:
+        raise LogError(f"{source}: {field} has {len(value)} entries; expected at most {MOST_JOINTS}")
+    if len(set(value)) != len(value):
+        raise LogError(f"{source}: {field} has {max(value, key=value.count)!r} twice; expected different names")
+    if field == "unknowns" and (odd := sorted(set(value) - set(UNKNOWNS))):
+        raise LogError(f"{source}: {unknown_name('unknown', odd[0], UNKNOWNS)}")
+    return tuple(value)
+
+
+def _columns(value: Any, source: str) -> dict[str, str]:
+    """Return a mapping of columns."""
+    plain = isinstance(value, dict) and all(isinstance(name, str) and name for name in value.values())
+    if not plain or len(value) > 2 * len(SIGNALS + BODY):
+        raise LogError(
+            f"{source}: columns is {str(value)[:80]}; expected an object: role -> column, as --columns has it"
+        )
+    return dict(value)
+
+
+def _joints(value: Any, source: str, allowed: tuple[str, ...]) -> dict[str, LogSetup]:
+    """Return the setups of single joints or kinds."""
+    if not isinstance(value, dict):
+        raise LogError(f"{source}: joints is {str(value)[:80]}; expected an object: joint name or kind -> its fields")
+    if len(value) > MOST_JOINTS:
+        raise LogError(f"{source}: joints has {len(value)} entries; expected at most {MOST_JOINTS}")
+    return {name: _build(entry, f"{source}: joint {name!r}", allowed) for name, entry in value.items()}
+
+
+SIGNALS = ("position", "velocity", "target", "torque", "disturbance", "feedforward")
+"""What a log may hold per joint."""
+
+UNNAMED = "joint"
+"""Name of a joint that neither the columns nor the user named."""
+
+
+@dataclass(frozen=True)
+class JointSignals:
+    """The signals of one joint, each of shape (num_samples,); what was not logged is None."""
+
+    position: np.ndarray | None = None
+    """θ [rad]."""
+    velocity: np.ndarray | None = None
+    """θ' [rad/s]."""
+    target: np.ndarray | None = None
+    """a, the position asked for [rad]."""
+    torque: np.ndarray | None = None
+    """τ [N m]."""
+    disturbance: np.ndarray | None = None
+    """d, a known torque on the joint from outside, positive in the position's direction [N m]."""
+    feedforward: np.ndarray | None = None
+    """u, torque that the controller adds to that of its gains; a logged torque has it in it already [N m]."""
+
+
+BODY = ("quaternion", "gyroscope", "accelerometer", "foot_force")
+"""What a log of a walk may hold of the robot's body."""
+
+
+@dataclass(frozen=True)
+class BodySignals:
+    """What the body of a walking robot measured, as logged, T samples; what was not logged is None."""
+
+    quaternion: np.ndarray | None = None
+    """Orientation as the IMU estimates it, w x y z, shape (T, 4)."""
+    gyroscope: np.ndarray | None = None
+    """Angular velocity in the IMU's frame [rad/s], shape (T, 3)."""
+    accelerometer: np.ndarray | None = None
+    """Specific force in the IMU's frame [m/s²], shape (T, 3)."""
+    foot_force: np.ndarray | None = None
+    """What grows with the load of each foot, in any unit, or 1 where it touches, shape (T, F)."""
+    foot_names: tuple[str, ...] = ()
+    """The feet, F of them; none where the log only numbers them."""
+    period: float | None = None
+    """Time between two messages of the IMU where those came apart from the joints' [s]."""
+
+    def each(self, change: Callable[[np.ndarray], np.ndarray]) -> BodySignals:
+        """Return the signals with every one changed."""
+        found = {name: getattr(self, name) for name in BODY}
+        changed: dict[str, Any] = {name: change(values) for name, values in found.items() if values is not None}
+        return replace(self, **changed)
+
+
+@dataclass(frozen=True, repr=False)
+class Log:
+    """A log as read: nothing resampled, nothing filtered."""
+
+    source: str
+    """Name of the file, for messages."""
+    time: np.ndarray
+    """Time stamps [s], shape (num_samples,)."""
+    joints: dict[str, JointSignals]
+    """Joint name -> signals."""
+    setup: LogSetup = field(default_factory=LogSetup)
+    """The sidecar's content."""
+    notes: tuple[str, ...] = ()
+    """What a reader of the results should know about how the file was read; each one sentence."""
+    start: float = 0.0
+    """What was taken off the time stamps of the file [s]: those of another part of the same log count on from there."""
+    body: BodySignals | None = None
+    """What the body measured; None where nobody asked for it."""
+
+    def __repr__(self) -> str:
+        """Return how long it is, what each joint has, what is said of the motors, and the notes; a line each."""
+        span = f"{self.time[-1] - self.time[0]:.4g} s" if len(self.time) else "nothing"
+        lines = [f"{self.source}: {len(self.time)} samples, {span}"]
+        for name, signals in self.joints.items():
+            lines.append(f"{name}: {', '.join(role for role in SIGNALS if getattr(signals, role) is not None)}")
+        said = ", ".join(f"{name} {value}" for name, value in self.setup.to_dict().items())
+        return escaped("\n".join([*lines, f"said: {said or 'no gains, no torque limit'}", *self.notes]))
+
+    def joint(self, name: str | None) -> tuple[str, JointSignals]:
+        """Return a joint by name, or the only one for None; raise `LogError` naming what there is."""
+        if name is None and len(self.joints) == 1:
+            return next(iter(self.joints.items()))
+        if name is not None and name in self.joints:
+            return name, self.joints[name]
+        none = f"no joint was chosen; known: {', '.join(self.joints)}"
+        asked = none if name is None else unknown_name("joint", name, self.joints)
+        raise LogError(f"{self.source}: {asked}; choose one with --joint")
+
+    def setup_of(self, joint: str) -> LogSetup:
+        """Return the setup of one joint: the log's, then what the sidecar says of its kind, then of itself."""
+        return self.setup.of_joint(joint)
+
+
+TEXT = (".csv", ".tsv", ".txt", ".dat", ".log", ".csv.gz", ".tsv.gz", ".txt.gz")
+"""How the names of tables of text end."""
+
+
+def suffix_of(path: Path) -> str:
+    """Return how a file's name ends, in lower case, with what comes before .gz."""
+    name = path.name.lower()
+    packed = name.endswith(".gz")
+    suffix = Path(name.removesuffix(".gz")).suffix
+    return suffix + ".gz" if packed else suffix
+
+
+def sidecar_of(path: Path) -> Path:
+    """Return where the sidecar of a log lies: `swing.json` for `swing.csv`, `swing.csv.gz`, and `swing.sidecar.json`
+    for `swing.json`.
+    """
+    stem = Path(path.name.removesuffix(".gz")).stem
+    return path.with_name(f"{stem}.sidecar.json" if suffix_of(path).startswith(".json") else f"{stem}.json")
+
+
+def read_table(path: Path) -> Table:
+    """Read the columns of a file of text, NPZ or Parquet, and what must be known of them. Raises `LogError`."""
+    suffix = suffix_of(path)
+    if suffix in TEXT:
+        return read_csv(path)
+    if suffix == ".npz":
+        return read_npz(path)
+    if suffix == ".parquet":
+        return read_parquet(path)
+    raise LogError(f"{path.name}: unknown kind of table {path.suffix!r}; expected .csv, .npz or .parquet")
+
+
+def by_joint(table: Columns, joint: str | None) -> dict[str, JointSignals]:
+    """Group columns `position.<joint>` by joint; bare names belong to one joint, `joint` or `UNNAMED`."""
+    found: dict[str, Columns] = {}
+    for name, values in table.items():
+        signal, dot, owner = name.partition(".")
+        if signal in SIGNALS:
+            found.setdefault(owner if dot and owner else (joint or UNNAMED), {})[signal] = values
+    return {owner: JointSignals(**signals) for owner, signals in found.items()}
+
+
+def write_log(path: Path, log: Log) -> None:
+    """Write a log as CSV, NPZ or Parquet, by the name of the file, and its sidecar if there is anything to say."""
+    writers = {".csv": write_csv, ".npz": write_npz, ".parquet": write_parquet}
+    if path.suffix.lower() not in writers:
+        raise LogError(f"{path.name}: cannot write {path.suffix!r}; expected .csv, .npz or .parquet")
+    table = {"time": log.time}
+    for joint, signals in log.joints.items():
+        for name in SIGNALS:
+            values = getattr(signals, name)
+            if values is not None:
+                table[f"{name}.{joint}"] = values
+    writers[path.suffix.lower()](path, table)
+    setup = log.setup.to_dict()
+    if setup:
+        write_text(path.with_suffix(".json"), json.dumps(setup, indent=2) + "\n")
+
+
+def listed(table: Columns) -> str:
+    """Return the column names for a message, shortened if there are many."""
+    names = list(table)
+    return ", ".join(names[:20]) + (f" and {len(names) - 20} more" if len(names) > 20 else "")

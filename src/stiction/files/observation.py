@@ -1,0 +1,329 @@
+"""The observation of a policy as data: which terms, how they are scaled and cut off, and how frames are stacked.
+
+It is written once and travels in the bundle's contract; training builds it in torch, the runtime and every evaluation
+in NumPy (`deploy.observation`). The paper's policies have `proprioception`; policies that were trained elsewhere have
+whatever terms of `TERM_NAMES` their makers chose, in their order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stiction.core.errors import BundleError, unknown_name
+from stiction.files.contract_rules import TERM_RULES, expect, one_of
+from stiction.files.known_friction import TERM
+from stiction.files.plain import is_integer, is_number
+
+HISTORY_LENGTH = 11
+"""H = 10 in the paper, but its set runs from t-H to t: eleven frames, the current one included."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """One entry of a frame: value = clip((raw - offset) * scale)."""
+
+    name: str
+    """Which quantity: one of `TERM_NAMES`."""
+    size: int
+    """Number of entries."""
+    scale: float | tuple[float, ...]
+    """Multiplier of the raw quantity: one number, or one of each entry."""
+    clip: float | tuple[float, ...]
+    """Symmetric bound after scaling: one number, or one of each entry; `NO_CLIP` or more is none."""
+    frame: str
+    """`base` (x forward, y left, z up), `heading` (the same, but z up in the world), `joint`, `joint_size` (of joints,
+    the same where an axis points the other way), `kind` (of joint), `command`, `clock` or `none`."""
+    offset: str = "none"
+    """What is subtracted before scaling: `none`, or `standing` for the standing pose."""
+    history_length: int | None = None
+    """Frames of this term, where the layout stacks term by term; None: as many as the layout says."""
+
+    @property
+    def scales(self) -> np.ndarray:
+        """The scale of every entry, shape (size,)."""
+        return np.broadcast_to(np.array(self.scale, dtype=np.float64), (self.size,))
+
+    @property
+    def clips(self) -> np.ndarray:
+        """The bound of every entry, shape (size,)."""
+        return np.broadcast_to(np.array(self.clip, dtype=np.float64), (self.size,))
+
+
+NO_CLIP = 1e6
+"""Bound that nothing reaches: no clip. Also that of the action, in multiples of its scale."""
+
+TERM_NAMES = (
+    "angular_velocity",
+    "roll_pitch",
+    "placeholder_terrain",
+    "command",
+    "placeholder_gait",
+    "joint_position",
+    "joint_velocity",
+    "last_action",
+    "placeholder_contact",
+    "known_friction",
+    "slow_error",
+    "slow_speed",
+    "slow_power",
+    "projected_gravity",
+    "base_linear_velocity",
+    "command_linear",
+    "command_turn",
+    "phase",
+    "phase_sin",
+    "phase_cos",
+    "height_scan",
+)
+"""The paper's o_prio, {ω, (φ, ψ), 0, com, 0, θ, θ', a_{t-1}, 0}, in its order; placeholders are always zero. Behind it
+what only some policies have: `known_friction`, f/τ_max of each kind of joint as somebody identified it [-]; slow means,
+see `SLOW_TERMS`; and what policies of others observe: the direction of gravity in the base's frame, (0, 0, -1) upright;
+the base's velocity in its own frame [m/s], which no sensor of a robot measures; the command in parts, forward and
+sideways [m/s] or turn [rad/s]; a gait clock, see `GaitClock`: `phase` is the sines of all phases and then their
+cosines; and heights, see `HeightScan`. The last action is the one after clipping."""
+
+SLOW_TERMS = ("slow_error", "slow_speed", "slow_power")
+"""Means over the last second or so of |e| [rad], |θ'| [rad/s] and e θ' [rad²/s] of each joint, where e is how far its
+angle is from the last target, standing + action_scale a_{t-1} − θ.
+
+kp e θ' is the power that dry friction and damping use up in the mean, f |θ'| + (B + kd) θ'²; of a joint that is stuck,
+kp |e| is up to f. So f follows from the three together, and from no frame alone. Since the last reset frame i weighs
+
+    mean_t = Σ k^(t-i) x_i / Σ k^(t-i),    k = `slow_kept`
+"""
+
+PLACEHOLDERS = frozenset(name for name in TERM_NAMES if name.startswith("placeholder"))
+
+CLOCK_TERMS = ("phase", "phase_sin", "phase_cos")
+"""Terms that a gait clock gives."""
+
+FRAMES = {
+    **dict.fromkeys(("angular_velocity", "roll_pitch", "projected_gravity", "base_linear_velocity"), "base"),
+    **dict.fromkeys(("joint_position", "joint_velocity", "last_action"), "joint"),
+    **dict.fromkeys(PLACEHOLDERS, "none"),
+    **dict.fromkeys(SLOW_TERMS, "joint_size"),
+    **dict.fromkeys(("command", "command_linear", "command_turn"), "command"),
+    **dict.fromkeys(CLOCK_TERMS, "clock"),
+    "height_scan": "heading",
+    TERM: "kind",
+}
+"""Term -> the frame that it is in."""
+
+LONGEST_HISTORY, MOST_TERMS, MOST_ENTRIES, MOST_POINTS = 1000, 64, 2**16, 4096
+"""Frames of a history, terms of a frame, entries of an observation, and points of a height scan."""
+
+
+@dataclass(frozen=True)
+class GaitClock:
+    """Phases that run on with time: φ_i(k) = offset_i + 2π k T/period in the k-th control step of period T."""
+
+    period: float
+    """Time in which every phase turns once [s]."""
+    offsets: tuple[float, ...]
+    """Phase of each foot, or pair of feet, where k = 0 [rad]."""
+    first: int = 0
+    """k of the first observation after a reset."""
+    standing: float | None = None
+    """What every phase is while the robot is told to stand [rad]; when it walks on, k begins at 0. None: the clock does
+    not know of standing, and always runs."""
+    standing_below: float = 0.01
+    """It stands while the commanded speed [m/s] and the commanded turn [rad/s] are both below this."""
+
+    def __post_init__(self) -> None:
+        """Refuse a clock that does not run."""
+        turns = isinstance(self.offsets, tuple) and 0 < len(self.offsets) <= 64
+        right = is_number(self.period) and 0.01 <= self.period <= 100 and turns and self.first in (0, 1)
+        angles = (*self.offsets, *(() if self.standing is None else (self.standing,))) if turns else ()
+        small = is_number(self.standing_below) and 0 <= self.standing_below <= 10
+        if not right or not small or not all(is_number(angle, 100.0) for angle in angles):
+            raise BundleError(
+                f"gait clock of period {self.period!r}, offsets {str(self.offsets)[:80]}, first {self.first!r}, "
+                f"standing {self.standing!r} below {self.standing_below!r}: expected 0.01 to 100 s, 1 to 64 angles, "
+                "0 or 1, an angle or null, and 0 to 10"
+            )
+
+
+@dataclass(frozen=True)
+class HeightScan:
+    """Heights of the base over the ground at points around it: z of the base - z of the ground - offset [m]."""
+
+    points: tuple[tuple[float, float], ...]
+    """Forward and left of the base [m], along its heading."""
+    offset: float = 0.0
+    """What is subtracted [m]."""
+
+    def __post_init__(self) -> None:
+        """Refuse points that are no places."""
+        counted = isinstance(self.points, tuple) and 0 < len(self.points) <= MOST_POINTS
+        if (
+            not counted
+            or not is_number(self.offset, 1e3)
+            or not all(
+                isinstance(point, tuple) and len(point) == 2 and all(is_number(part, 1e3) for part in point)
+                for point in self.points
+            )
+        ):
+            raise BundleError(
+                f"height scan of {str(self.points)[:80]}, offset {self.offset!r}: expected 1 to {MOST_POINTS} points, "
+                "forward and left [m], and a height [m]"
+            )
+
+
+@dataclass(frozen=True)
+class ObservationLayout:
+    """The terms of one frame, and how frames are stacked."""
+
+    terms: tuple[Term, ...]
+    history_length: int = HISTORY_LENGTH
+    direction: str = "oldest_first"
+    """`oldest_first` or `newest_first`."""
+    layout: str = "frame_major"
+    """`frame_major`: whole frames, one after the other; `term_major`: of each term all its frames."""
+    slow_kept: float | None = None
+    """Factor of the slow means' weights from one frame to the next, exp(−control period/time constant) [1]; None where
+    there are no slow means."""
+    fill: str = "first"
+    """What the history before a reset is: `first`, the first frame again, or `zero`."""
+    clock: GaitClock | None = None
+    """The gait clock, where a term observes one."""
+    heights: HeightScan | None = None
+    """The points of `height_scan`, where that is a term."""
+
+    def __post_init__(self) -> None:
+        """Refuse terms that the observation builder cannot compute."""
+        for term in self.terms:
+            if term.name not in TERM_NAMES:
+                raise BundleError(unknown_name("observation term", str(term.name)[:80], TERM_NAMES))
+        counts = [self.history_length, *(term.history_length for term in self.terms if term.history_length is not None)]
+        counted = all(is_integer(count) and 1 <= count <= LONGEST_HISTORY for count in counts)
+        known = self.direction in ("oldest_first", "newest_first") and self.fill in ("first", "zero")
+        if not known or self.layout not in ("frame_major", "term_major") or not counted:
+            raise BundleError(
+                f"observation history {self.direction!r}, {self.layout!r}, {self.fill!r}, lengths {counts!r}: expected "
+                "'oldest_first' or 'newest_first', 'frame_major' or 'term_major', 'first' or 'zero', and lengths from "
+                f"1 to {LONGEST_HISTORY}"
+            )
+        if self.layout == "frame_major" and set(counts) != {self.history_length}:
+            raise BundleError(f"observation history 'frame_major' of lengths {counts}: expected the same of every term")
+        slow, weight = [term.name for term in self.terms if term.name in SLOW_TERMS], self.slow_kept
+        if slow and not (isinstance(weight, float) and 0 < weight < 1):
+            raise BundleError(f"observation terms {', '.join(slow)} with slow_kept {weight!r}: expected one in (0, 1)")
+        if not slow and weight is not None:
+            raise BundleError(f"observation slow_kept {weight!r} without a slow term: expected none")
+        for needs, given, what in (
+            (any(map(self.has, CLOCK_TERMS)), self.clock, "clock"),
+            (self.has("height_scan"), self.heights, "heights"),
+        ):
+            if needs != (given is not None):
+                raise BundleError(f"observation {what} {given!r}: expected it with a term that observes it, else none")
+
+    def has(self, name: str) -> bool:
+        """Say whether a frame has a term of this name."""
+        return any(term.name == name for term in self.terms)
+
+    def history_of(self, term: Term) -> int:
+        """Return how many frames of a term the policy sees."""
+        return self.history_length if term.history_length is None else term.history_length
+
+    @property
+    def depth(self) -> int:
+        """Frames that have to be kept."""
+        return max(map(self.history_of, self.terms), default=1)
+
+    @property
+    def frame_size(self) -> int:
+        """Entries of one frame."""
+        return sum(term.size for term in self.terms)
+
+    @property
+    def size(self) -> int:
+        """Entries of the policy's input."""
+        return sum(term.size * self.history_of(term) for term in self.terms)
+
+    def order(self) -> np.ndarray:
+        """Return which entry of the kept frames, oldest first and flattened, each entry of the input is, (size,)."""
+        frame, depth, starts = self.frame_size, self.depth, np.cumsum([0, *(term.size for term in self.terms)])
+        # Of each term, frame by frame, the places of its entries among the kept frames; its own history may be shorter.
+        blocks = [
+            frame * np.arange(depth - self.history_of(term), depth)[:, None] + start + np.arange(term.size)
+            for term, start in zip(self.terms, starts, strict=False)
+        ]
+        if self.direction == "newest_first":
+            blocks = [block[::-1] for block in blocks]
+        if self.layout == "frame_major":
+            return np.concatenate(blocks, axis=1).ravel()
+        return np.concatenate([block.ravel() for block in blocks])
+
+    def newest(self) -> np.ndarray:
+        """Return where in the input the newest frame's entries are, in the frame's order, shape (frame_size,)."""
+        order = self.order()
+        places = np.flatnonzero(order >= self.frame_size * (self.depth - 1))
+        return places[np.argsort(order[places])]
+
+    def check(self, num_joints: int, num_kinds: int) -> None:
+        """Check that every term has the size and the numbers that a runtime can build; raise `BundleError` else.
+
+        num_joints, num_kinds: joints of the robot, and kinds of them.
+        """
+        sizes = {"angular_velocity": 3, "roll_pitch": 2, "command": 3, "projected_gravity": 3, TERM: num_kinds}
+        sizes |= {"base_linear_velocity": 3, "command_linear": 2, "command_turn": 1}
+        sizes |= dict.fromkeys(("joint_position", "joint_velocity", "last_action", *SLOW_TERMS), num_joints)
+        if self.clock is not None:
+            phases = len(self.clock.offsets)
+            sizes |= {"phase": 2 * phases, "phase_sin": phases, "phase_cos": phases}
+        if self.heights is not None:
+            sizes["height_scan"] = len(self.heights.points)
+        names = [term.name for term in self.terms]
+        different = len(set(names)) == len(names) and 0 < len(names) <= MOST_TERMS
+        expect(different, "observation.terms", names, "different terms, at least one")
+        for term in self.terms:
+            where, size = f"observation.{term.name}", sizes.get(term.name, term.size)
+            right = is_integer(term.size) and 1 <= term.size <= MOST_ENTRIES and term.size == size
+            expect(right, f"{where}.size", term.size, f"{size}")
+            words = {"frame": one_of(FRAMES[term.name])}
+            words["offset"] = one_of("none", "standing") if term.name == "joint_position" else one_of("none")
+            for field, rule in words.items():
+                expect(rule.allowed(getattr(term, field)), f"{where}.{field}", getattr(term, field), rule.expected)
+            for field, (allowed, expected, _) in TERM_RULES.items():
+                value = getattr(term, field)
+                each = value if isinstance(value, tuple) else (value,)
+                right = len(each) == (term.size if isinstance(value, tuple) else 1) and all(map(allowed, each))
+                expect(right, f"{where}.{field}", value, f"{expected}, or one for each of {term.size} entries")
+                expect(term.name not in PLACEHOLDERS or value == 1, f"{where}.{field}", value, "1: it is always zero")
+        expect(self.size <= MOST_ENTRIES, "observation", self.size, f"at most {MOST_ENTRIES} entries")
+
+
+def proprioception(
+    num_joints: int, history_length: int = HISTORY_LENGTH, known_kinds: int = 0, slow_kept: float | None = None
+) -> ObservationLayout:
+    """Return the paper's layout for a robot with `num_joints` joints (65 entries a frame for 18 joints).
+
+    Scales are those customary for legged robots: they bring each term near unit size, so that no running
+    normalisation is needed, and the deployed observation is a fixed function of the sensors.
+
+    Args:
+        num_joints: of the robot.
+        history_length: frames in o_H, the present one included.
+        known_kinds: kinds of joints whose friction the policy observes; 0: none, as in the paper.
+        slow_kept: see `ObservationLayout`; None: no slow means, as in the paper.
+
+    """
+    terms: tuple[Term, ...] = (
+        Term("angular_velocity", 3, 0.25, 5.0, "base"),
+        Term("roll_pitch", 2, 1.0, 3.2, "base"),
+        Term("placeholder_terrain", 1, 1.0, 1.0, "none"),
+        Term("command", 3, 1.0, 5.0, "command"),
+        Term("placeholder_gait", 1, 1.0, 1.0, "none"),
+        Term("joint_position", num_joints, 1.0, 5.0, "joint", "standing"),
+        Term("joint_velocity", num_joints, 0.05, 5.0, "joint"),
+        Term("last_action", num_joints, 1.0, 10.0, "joint"),
+        Term("placeholder_contact", 1, 1.0, 1.0, "none"),
+    )
+    if known_kinds:
+        terms += (Term(TERM, known_kinds, 5.0, 5.0, "kind"),)
+    if slow_kept is not None:
+        scales = zip(SLOW_TERMS, (4.0, 0.5, 2.0), strict=True)
+        terms += tuple(Term(name, num_joints, scale, 5.0, "joint_size") for name, scale in scales)
+    return ObservationLayout(terms, history_length, slow_kept=slow_kept)

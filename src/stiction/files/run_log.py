@@ -1,0 +1,383 @@
+"""The log of a deployed run: a folder that stays readable whatever ended the run.
+
+`log.json` says what the arrays cannot: robot, joints, gains, policy. Beside it lie parts, NPZ files of half a second
+each, whole or not there at all, which are merged into one a minute:
+
+    readings-000000-000119.npz   one row a reading of the robot, 500 a second
+    steps-000000-000119.npz      one row a step of the policy, 50 a second
+
+The two numbers are the first and the last half second in it. A part that a merged one covers does not count. Each part
+says of which run it is, so that parts of two runs are not taken for one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, fields
+from itertools import islice, pairwise
+from pathlib import Path
+
+import numpy as np
+
+from stiction.core.decode import from_plain
+from stiction.core.errors import FileError, LogError
+from stiction.core.memory import allowance
+from stiction.files.log import JointSignals, Log, LogSetup
+from stiction.files.plain import is_number, read_object, take_version, write_object
+from stiction.files.tables import Columns, parse_npz, read_bytes
+from stiction.files.walk import LARGEST_JITTER, WalkHeader, WalkLog, is_walk, read_walk
+
+LOG = "log"
+"""Folder of the log in that of a run."""
+
+HEADER = "log.json"
+SCHEMA, SCHEMA_VERSION = "stiction-run-log", 1
+
+READINGS, STEPS = "readings", "steps"
+"""The two tables."""
+
+PART = re.compile(r"(readings|steps)-(\d{6})-(\d{6})\.npz")
+"""Name of a part."""
+
+MOST_PARTS = 5000
+"""More than a day of minutes, twice."""
+
+RUN = "run"
+"""Array of a part, a text: of which run it is."""
+
+MOVED = 1e-3
+"""Range of a target beyond which its joint was moved [rad]."""
+
+RUN_STAGE = 2
+"""Stage of the supervisor in which policy or motion had the robot, see `deploy.runtime.supervisor.Stage`."""
+
+
+@dataclass(frozen=True)
+class RunLogHeader:
+    """What the arrays of a run cannot say. Sequences over joints have the order of `joint_names`."""
+
+    robot: str
+    """Name of the robot: `saturn_lite`."""
+    joint_names: tuple[str, ...]
+    """Names of the joints."""
+    foot_names: tuple[str, ...]
+    """Names of the feet."""
+    period: float
+    """Time between two readings [s]."""
+    control_period: float
+    """Time between two steps of the policy [s]."""
+    kp: tuple[float, ...]
+    """Gains of the joint controllers in the run [N m/rad]."""
+    kd: tuple[float, ...]
+    """[N m s/rad]."""
+    torque_limit: tuple[float, ...]
+    """Largest torques of the motors [N m]."""
+    policy: str
+    """Name of the bundle, or of the motion that was played."""
+    digest: str
+    """Digest of the bundle; empty where a motion was played."""
+    armed: bool
+    """Whether commands were sent."""
+    torque_source: str | None = "motor_side"
+    """As in every log: `motor_side` for currents."""
+    run: str = ""
+    """What tells this run from every other, which each part repeats; empty in logs of before there was one."""
+
+    def __post_init__(self) -> None:
+        """Refuse what no run has."""
+        self.of_walk()
+        right = is_number(self.control_period) and self.control_period > 0
+        right = right and isinstance(self.armed, bool) and all(isinstance(t, str) for t in (self.digest, self.run))
+        if not right:
+            raise LogError("control_period, armed, digest, run: expected a number above 0, true or false, and texts")
+
+    def of_walk(self) -> WalkHeader:
+        """Return what the header of a walking log has of it; raise `LogError` where a field is none of a robot's."""
+        shared = {item.name for item in fields(WalkHeader)} & {item.name for item in fields(self)}
+        return WalkHeader(**{name: getattr(self, name) for name in shared})
+
+
+@dataclass(frozen=True)
+class RunLog:
+    """A run as logged: its header, and both tables, matrices over joints with one row a sample."""
+
+    header: RunLogHeader
+    """What the arrays cannot say."""
+    readings: Columns
+    """`time`, `stage`, `position`, `velocity`, `torque`, `target`, `requested`, `limited_by`, `quaternion`, ..."""
+    steps: Columns
+    """`time`, `target`, `action`, `frame`, `lateness`, `wear`, ..."""
+    notes: tuple[str, ...] = ()
+    """What a reader should know of how the log was read."""
+
+
+def write_run_header(folder: Path, header: RunLogHeader) -> None:
+    """Write `log.json`."""
+    write_object(folder / HEADER, {"schema": SCHEMA, "schema_version": SCHEMA_VERSION} | asdict(header))
+
+
+def part_name(table: str, first: int, last: int) -> str:
+    """Return the name of a part."""
+    return f"{table}-{first:06d}-{last:06d}.npz"
+
+
+def is_run_log(path: Path) -> bool:
+    """Return whether a folder is the log of a run by its looks."""
+    return (path / HEADER).is_file()
+
+
+def find_run_log(path: Path) -> Path | None:
+    """Return the folder of the log where a path is one, or the folder of a run that has one; else None."""
+    return next((folder for folder in (path, path / LOG) if is_run_log(folder)), None)
+
+
+def is_walk_log(path: Path) -> bool:
+    """Return whether a path is a walking log by its looks: of our own form, or the log of a run with a policy."""
+    folder = find_run_log(path)
+    if folder is None:
+        return path.suffix == ".npz" and path.is_file() and is_walk(path)
+    return read_run_header(folder).policy != ""
+
+
+def read_walk_log(path: Path) -> WalkLog:
+    """Read a walking log, see `is_walk_log`; raises `LogError`."""
+    folder = find_run_log(path)
+    return read_walk(path) if folder is None else walk_log(read_run_log(folder))
+
+
+def parts_of(names: Iterable[str], table: str) -> list[tuple[int, int, str]]:
+    """Return first and last half second, and name, of the parts that count, in order: no part covers another."""
+    found = [match for name in names if (match := PART.fullmatch(name)) and match[1] == table]
+    # Of parts that begin together the longest comes first: a minute before the half seconds that are in it.
+    parts = sorted((int(match[2]), -int(match[3]), match[0]) for match in found)
+    chosen: list[tuple[int, int, str]] = []
+    for first, last, name in parts:
+        if not chosen or first > chosen[-1][1]:
+            chosen.append((first, -last, name))
+    return chosen
+
+
+def read_run_log(folder: Path) -> RunLog:
+    """Read the log of a run; nothing in it is executed.
+
+    Raises:
+        LogError: no such log, another version, a field of the wrong kind, no readings, parts of another run, twice, in
+            another order or of other shapes.
+
+    """
+    header = read_run_header(folder)
+    names = _names_in(folder)
+    tables, notes = {}, []
+    for table in (READINGS, STEPS):
+        parts, covered = _whole_parts(folder, names, table)
+        tables[table] = _joined(folder, table, [name for *_, name in parts], header.run)
+        for name in covered:
+            if not np.isin(read_part(folder / name, header.run)["time"], tables[table]["time"]).all():
+                raise LogError(f"{folder}: {name} is not in the part that covers it; the files have been mixed up")
+        missing = sum(first - last - 1 for (_, last, _), (first, _, _) in pairwise(parts))
+        if missing:
+            notes.append(f"{missing} half seconds of the log's {table} are not there")
+    if "time" not in tables[READINGS]:
+        raise LogError(f"{folder}: no readings in it; the run ended before the first half second was written")
+    return RunLog(header, _checked(folder, header, tables[READINGS]), tables[STEPS], tuple(notes))
+
+
+def _whole_parts(folder: Path, names: list[str], table: str) -> tuple[list[tuple[int, int, str]], list[str]]:
+    """Return the parts that count, see `parts_of`, and the names of those that they cover.
+
+    Raises `LogError` for a part that is neither beside nor within the others.
+    """
+    parts = parts_of(names, table)
+    chosen = {name for *_, name in parts}
+    covered = [match for name in names if name not in chosen and (match := PART.fullmatch(name)) and match[1] == table]
+    for match in covered:
+        if not any(begin <= int(match[2]) and int(match[3]) <= end for begin, end, _ in parts):
+            raise LogError(f"{folder}: {match[0]} overlaps another part; the files have been mixed up")
+    if odd := next((name for first, last, name in parts if last < first), None):
+        raise LogError(f"{folder}: {odd} ends before it begins; the files have been mixed up")
+    return parts, [match[0] for match in covered]
+
+
+def read_part(path: Path, run: str, most: int | None = None) -> Columns:
+    """Return the arrays of a part, numbers with one row a sample.
+
+    run: of which the part must be; most: bytes that it may inflate to. Raises `LogError` where it is of another run,
+    or holds anything else.
+    """
+    arrays = parse_npz(path.name, read_bytes(path), most)
+    said = str(arrays.pop(RUN, ""))
+    if said != run:
+        raise LogError(f"{path}: is a part of another run ({said[:40]!r}, the log's {HEADER} says {run[:40]!r})")
+    lengths = {array.shape[:1] for array in arrays.values()}
+    if (
+        "time" not in arrays
+        or len(lengths) != 1
+        or any(array.dtype.kind not in "fiu" or array.ndim not in (1, 2) for array in arrays.values())
+    ):
+        raise LogError(f"{path}: not a part of a run's log: expected arrays of numbers, a row a sample, and their time")
+    return arrays
+
+
+def _joined(folder: Path, table: str, names: list[str], run: str) -> Columns:
+    """Return the arrays of all parts behind each other; raise `LogError` where they are not parts of one table."""
+    parts: list[Columns] = []
+    # Half: parts and what is joined of them are in memory together.
+    left = most = allowance() // 2
+    for name in names:
+        parts.append(read_part(folder / name, run, left))
+        # As doubles, which they become.
+        left -= sum(8 * array.size for array in parts[-1].values())
+        if left < 0:
+            raise LogError(
+                f"{folder.name}: the log takes more than the {most} bytes that are read: cut it into parts, or allow "
+                "more (--memory-limit)"
+            )
+        shapes = [{key: array.shape[1:] for key, array in part.items()} for part in (parts[0], parts[-1])]
+        if shapes[0] != shapes[1]:
+            raise LogError(f"{folder}: the {table} differ from part to part ({name}); they are of different runs")
+    if not parts:
+        return {}
+    joined = {name: np.concatenate([arrays[name] for arrays in parts]).astype(np.float64) for name in parts[0]}
+    time = joined["time"]
+    if time.ndim != 1 or not np.isfinite(time).all() or not (np.diff(time) > 0).all():
+        raise LogError(
+            f"{folder}: the {table} are not in the order of their time; a part is there twice, or under another's name"
+        )
+    return joined
+
+
+def _checked(folder: Path, header: RunLogHeader, readings: Columns) -> Columns:
+    """Return the readings, what joints and feet have as matrices, shape (T, width).
+
+    Raises `LogError` where a column is missing, or of another width than the header says.
+    """
+    rows, joints, feet = len(readings["time"]), len(header.joint_names), len(header.foot_names)
+    widths = dict.fromkeys(("position", "velocity", "torque", "target"), joints) | {"foot_contact": feet}
+    widths |= dict.fromkeys(("angular_velocity", "acceleration", "velocity_command"), 3) | {"quaternion": 4}
+    shapes: dict[str, tuple[int, ...]] = {name: (rows, width) for name, width in widths.items()}
+    shapes |= dict.fromkeys(("stage", "robot_time"), (rows,))
+    found = dict(readings)
+    for name, shape in shapes.items():
+        if name not in found or found[name].size != math.prod(shape) or len(found[name]) != rows:
+            came = found[name].shape if name in found else "not there"
+            raise LogError(
+                f"{folder}: the column {name!r} is {came}; expected {shape}: {rows} readings of the {joints} joints "
+                f"and {feet} feet that {HEADER} names"
+            )
+        # Of a single joint or foot the recorder writes vectors.
+        found[name] = found[name].reshape(shape)
+    return found
+
+
+def read_run_header(folder: Path) -> RunLogHeader:
+    """Read `log.json`; raise `LogError` where it is none."""
+    data = read_object(folder / HEADER, "the header of a run's log", LogError, 2**20)
+    if data.pop("schema", None) != SCHEMA:
+        raise LogError(f"{folder / HEADER}: does not say {SCHEMA!r}; expected the log of `stiction deploy`")
+    try:
+        return from_plain(RunLogHeader, take_version(data, SCHEMA_VERSION, HEADER, LogError), HEADER, LogError)
+    except LogError as error:
+        raise LogError(f"{folder}: {error}") from error
+
+
+def _names_in(folder: Path) -> list[str]:
+    """Return the names of a folder's files; raise `LogError` where there are too many."""
+    try:
+        names = [path.name for path in islice(folder.iterdir(), MOST_PARTS + 1)]
+    except OSError as error:
+        raise LogError(f"cannot read {folder}: {error.strerror or error}") from error
+    if len(names) > MOST_PARTS:
+        raise LogError(f"{folder}: more than {MOST_PARTS} files; expected the log of one run")
+    return names
+
+
+def _of_run(log: RunLog) -> np.ndarray:
+    """Return which readings are of the run itself and can be used, bool, shape (T,); raise `LogError` if too few."""
+    rows = log.readings
+    used = (rows["stage"] == RUN_STAGE) & np.isfinite(rows["position"]).all(1) & np.isfinite(rows["target"]).all(1)
+    if used.sum() < 2:
+        raise LogError(
+            f"the run's log has {len(used)} readings, and none of the run itself: it ended before it began; "
+            "report.json says why"
+        )
+    if not (np.diff(rows["robot_time"][used]) > 0).all():
+        raise LogError("the run's log: the robot's own clock (robot_time) stands still, goes back, or says no number")
+    return used
+
+
+def joint_log(source: str, log: RunLog) -> Log:
+    """Return a run as a log of its joints, as `identify` reads one: the run itself, without standing up and damping.
+
+    Joints whose target stood still are left out, and said. Raises `LogError` where no target moved.
+    """
+    used, rows, header = _of_run(log), log.readings, log.header
+    signals, still = {}, []
+    for number, name in enumerate(header.joint_names):
+        if np.ptp(rows["target"][used, number]) > MOVED:
+            roles = ("position", "velocity", "target", "torque")
+            signals[name] = JointSignals(*(rows[role][used, number] for role in roles))
+        else:
+            still.append(name)
+    if not signals:
+        raise LogError(f"{source}: no target moved in this run; play a motion: deploy --excitation trajectory.csv")
+    notes = (*log.notes, *([f"left out, as their targets stood still: {', '.join(still)}"] if still else []))
+    own = zip(header.joint_names, header.kp, header.kd, header.torque_limit, strict=True)
+    joints = {name: LogSetup(kp=kp, kd=kd, torque_limit=limit) for name, kp, kd, limit in own}
+    setup = LogSetup(torque_source=header.torque_source, joints=joints)
+    # By the robot's own clock: ours says when a reading was taken up, and several are at once.
+    time = rows["robot_time"][used]
+    return Log(source, time - time[0], signals, setup, notes, float(time[0]))
+
+
+def walk_log(log: RunLog) -> WalkLog:
+    """Return a run as a walking log, the longest part of it in which no reading is missing.
+
+    Raises `LogError` where it is none.
+    """
+    rows, header = log.readings, log.header
+    used = _longest(np.flatnonzero(_of_run(log)), rows["robot_time"], header.period)
+    optional = {}
+    for name, column in (("specific_force", "acceleration"), ("joint_torque", "torque")):
+        if np.isfinite(rows[column][used]).all():
+            optional[name] = rows[column][used]
+    contact = rows["foot_contact"][used]
+    if header.foot_names and np.isfinite(contact).all():
+        optional["foot_contact"] = contact > 0.5
+    time = rows["robot_time"][used]
+    return WalkLog(
+        header.of_walk(),
+        time=time - time[0],
+        joint_position=rows["position"][used],
+        joint_velocity=rows["velocity"][used],
+        joint_target=rows["target"][used],
+        angular_velocity=rows["angular_velocity"][used],
+        quaternion=rows["quaternion"][used],
+        velocity_command=rows["velocity_command"][used],
+        **optional,
+    )
+
+
+def _longest(used: np.ndarray, time: np.ndarray, period: float) -> np.ndarray:
+    """Return the longest part of the used readings, by their numbers, that are one period apart."""
+    away = np.abs(np.diff(time[used]) / period - 1.0)
+    ends = np.flatnonzero((np.diff(used) != 1) | (away > LARGEST_JITTER)) + 1
+    return max(np.split(used, ends), key=len)
+
+
+def log_digest(path: Path) -> str:
+    """Return the SHA-256 of a log: of its file, or of the files of a run's log by their names."""
+    folder = find_run_log(path)
+    if folder is None:
+        return hashlib.sha256(read_bytes(path)).hexdigest()
+    parts = [name for table in (READINGS, STEPS) for *_, name in parts_of(_names_in(folder), table)]
+    each = [f"{name} {hashlib.sha256(read_bytes(folder / name)).hexdigest()}" for name in (HEADER, *parts)]
+    return hashlib.sha256("\n".join(each).encode()).hexdigest()
+
+
+def check_empty(folder: Path) -> None:
+    """Refuse a folder that has a log already: two runs must not become one. Raises `FileError`."""
+    if is_run_log(folder):
+        raise FileError(f"{folder} has the log of a run already; name another --out, or move it away")

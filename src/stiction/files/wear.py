@@ -1,0 +1,166 @@
+"""`wear.json`: a map from one policy's own observations to the dry friction of its joints, with intervals."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import asdict, dataclass, fields
+
+from stiction.core.decode import from_plain
+from stiction.core.errors import BundleError
+from stiction.files.plain import is_integer, is_number, is_text, parse_object, take_version
+
+SCHEMA_VERSION = 3
+"""Version of wear.json. Versions 1 and 2 are read too: their `told` is `estimated`, and 1 has no `calibration`."""
+
+LARGEST, LONGEST_WINDOW = 1e9, 10**5
+"""Largest number of a map, and longest window: half an hour at 50 Hz."""
+
+LEVEL = "level"
+"""Name of the last target: the mean of f/τ_max over the joints."""
+
+
+@dataclass(frozen=True)
+class WearCalibration:
+    """How far a map is off on virtual robots, which have what its simulator has not: backlash, delays, load, Stribeck.
+
+    Per target of the map. Robots are the sample: of each the largest errors over its windows count.
+    """
+
+    shift: tuple[float, ...]
+    """What is added to an estimate [-]: the median over robots of truth less estimate."""
+    lower: tuple[float, ...]
+    """Lower end of the 95 % interval less the estimate [-]."""
+    upper: tuple[float, ...]
+    """Upper end less the estimate [-]; both by split conformal prediction over the calibration robots."""
+    held: tuple[float, ...]
+    """Share of the test robots' windows whose interval holds the truth [-]."""
+    held_before: tuple[float, ...]
+    """The same of the map's own intervals, before calibration [-]."""
+    robots: tuple[int, ...]
+    """Seeds of the calibration robots."""
+    tested: tuple[int, ...]
+    """Seeds of the test robots; none is a calibration robot."""
+    engine: str
+    """Engine and what of the robots is real: `physx+all`."""
+
+    def __post_init__(self) -> None:
+        """Refuse sizes that do not fit, numbers that are none, and robots that tested what they calibrated."""
+        columns = (self.shift, self.lower, self.upper, self.held, self.held_before)
+        rows = list(zip(*columns, strict=False))
+        if any(len(column) != len(self.shift) for column in columns) or not all(
+            all(is_number(number, LARGEST) for number in row) for row in rows
+        ):
+            raise BundleError("wear.json: 'calibration' has lists of several lengths, or numbers that are none")
+        if not all(low <= shift <= high and 0 <= new <= 1 and 0 <= old <= 1 for shift, low, high, new, old in rows):
+            raise BundleError("wear.json: 'calibration' has an interval without its estimate, or a share above 1")
+        seeds = (*self.robots, *self.tested)
+        if not (self.robots and self.tested and all(map(is_integer, seeds)) and len({*seeds}) == len(seeds)):
+            raise BundleError("wear.json: 'calibration' needs robots, and others to test it on, each once")
+        if not is_text(self.engine):
+            raise BundleError("wear.json: 'calibration' does not say in which engine it was made")
+
+
+@dataclass(frozen=True)
+class WearModel:
+    """A linear map from the mean features of a window (see `deploy.wear`) to f/τ_max of each joint and of the robot.
+
+    Per target: the joints in the contract's order, then `LEVEL`. Fitted and tested in simulation only.
+    """
+
+    joint_names: tuple[str, ...]
+    """The joints."""
+    window: int
+    """Control steps over which features are averaged before an estimate is made."""
+    center: tuple[float, ...]
+    """Median of each feature over the robots it was fitted on."""
+    scale: tuple[float, ...]
+    """Spread of each feature."""
+    limit: float
+    """Standardised features, (feature - center) / scale, are cut off at plus and minus this."""
+    weights: tuple[tuple[float, ...], ...]
+    """One row per feature, one entry per target [-]."""
+    intercept: tuple[float, ...]
+    """Estimate where every feature is at its center [-]."""
+    reach: tuple[float, ...]
+    """Half-width of each target's 95 % interval [-]: what 95 % of the calibration robots' errors do not pass."""
+    estimated: tuple[bool, ...]
+    """Whether each target is estimated at all: the lower end of its R² on unseen robots is above `threshold`."""
+    determination: tuple[float, ...]
+    """R² of each target on unseen robots [-]."""
+    coverage: tuple[float, ...]
+    """Share of unseen robots' windows whose interval holds the truth [-], each target."""
+    threshold: float
+    """See `estimated` [-]."""
+    highest: float
+    """Friction of the robots it was fitted on went from 0 to this [-]; beyond, it extrapolates."""
+    unusual: float
+    """Mean square of the standardised features that 99 % of the calibration windows stay under [-]: a window above it
+    is not like those that the map was fitted on."""
+    student: str
+    """SHA-256 of the student's checkpoint: features of another policy's walk mean something else."""
+    calibration: WearCalibration | None = None
+    """What virtual robots say of it; None: its intervals are those of the simulator that it was fitted in."""
+
+    def __post_init__(self) -> None:
+        """Refuse sizes that do not fit each other and numbers that are not finite."""
+        targets, features = len(self.joint_names) + 1, len(self.center)
+        per_target = ("intercept", "reach", "estimated", "determination", "coverage")
+        sizes: dict[str, tuple[object, object]] = {name: (len(getattr(self, name)), targets) for name in per_target}
+        sizes |= {"scale": (len(self.scale), features), "weights": (len(self.weights), features)}
+        sizes |= {"weights' rows": ({len(row) for row in self.weights}, {targets})}
+        for name, (found, expected) in sizes.items():
+            if found != expected:
+                raise BundleError(f"wear.json: {name!r} has {found} entries; expected {expected}; export again")
+        if self.calibration is not None and len(self.calibration.shift) != targets:
+            raise BundleError(f"wear.json: 'calibration' is of {len(self.calibration.shift)} targets, not {targets}")
+        lists = (self.center, self.scale, self.intercept, self.reach, self.determination, self.coverage, *self.weights)
+        single = (self.threshold, self.highest, self.unusual, self.limit)
+        if not all(is_number(number, LARGEST) for row in (*lists, single) for number in row):
+            raise BundleError(f"wear.json: a number is none, is not finite, or is over {LARGEST:g}; export again")
+        counted = is_integer(self.window) and 1 <= self.window <= LONGEST_WINDOW
+        if not (counted and min(self.scale) > 0 and min(self.reach) > 0 and min(single[1:]) > 0):
+            raise BundleError(
+                f"wear.json: the window {self.window!r}, a scale, a reach or a bound is out of range; expected a "
+                f"window of 1 to {LONGEST_WINDOW} steps, and what is above zero"
+            )
+        known = all(isinstance(value, bool) for value in self.estimated) and max(self.determination) <= 1.0
+        digest = isinstance(self.student, str) and re.fullmatch("[0-9a-f]{64}", self.student) is not None
+        if not (known and digest and all(0.0 <= value <= 1.0 for value in self.coverage)):
+            raise BundleError(
+                "wear.json: 'estimated' is not of yes and no, a share is above 1, or 'student' is no SHA-256; "
+                "export again"
+            )
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        """Names of the targets: the joints, then `LEVEL`."""
+        return (*self.joint_names, LEVEL)
+
+    def to_json(self) -> str:
+        """Return the text of wear.json."""
+        return json.dumps({"schema_version": SCHEMA_VERSION} | asdict(self), allow_nan=False) + "\n"
+
+
+def read_wear(text: bytes) -> WearModel:
+    """Parse the bytes of a wear.json.
+
+    Raises:
+        StictionError: not JSON, another version, or a field missing, unknown, or of the wrong kind or size.
+
+    """
+    data = parse_object(text, "wear.json", "a map of the wear monitor", BundleError)
+    found = data.get("schema_version")
+    version = int(found) if is_integer(found) and found in (1, 2) else SCHEMA_VERSION
+    data = take_version(data, version, "wear.json", BundleError)
+    if version < 3:
+        if "estimated" in data:
+            raise BundleError(f"wear.json: 'estimated' in version {version}, where it is 'told'; make it again")
+        data = {"estimated" if name == "told" else name: value for name, value in data.items()}
+    required = {field.name for field in fields(WearModel)} - ({"calibration"} if version == 1 else set())
+    if version == 1 and "calibration" in data:
+        raise BundleError(f"wear.json: 'calibration' in version 1; expected version {SCHEMA_VERSION}")
+    try:
+        return from_plain(WearModel, data, "wear.json", BundleError, required)
+    except (ValueError, TypeError) as error:
+        raise BundleError(f"wear.json is malformed: {error}; make it again") from error

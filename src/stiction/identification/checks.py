@@ -1,0 +1,267 @@
+"""What a log must be before anything is estimated from it; every refusal is one line that names the row or column."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from stiction.core.errors import LogError
+from stiction.files.log import JointSignals, Log
+from stiction.identification.setup import LARGEST_TORQUE, LARGEST_VALUE
+from stiction.identification.timing import Grid, Timing, even_grid, resample
+
+FEWEST_SAMPLES = 200
+"""Below this no interval can be trusted."""
+
+LARGEST_TIME = 1e20
+"""Stamps may count from 1970, in whatever unit: what is not in seconds is refused by its own message."""
+
+SMALLEST_RANGE = 1e-12
+"""Less than this between the extremes of a signal, in SI units, is no motion."""
+
+LARGEST_JUMP = {"torque": 50.0, "position": 20.0}
+"""A step from sample to sample this many times the 99th percentile of all steps is a damaged sample, not physics.
+
+Of a position, a step that differs so from those beside it: noise of an encoder and stops make at most some 3."""
+
+FEWEST_VALUES = 10
+"""A measured signal with fewer different values is constant but for its last digit."""
+
+LARGEST_REACH = 20.0
+"""No leg's joint turns three times round [rad]; in degrees every gait passes this."""
+
+FEWEST_REVERSALS = 4
+"""The velocity must change sign this often: friction and offset differ only in what they do when the joint turns."""
+
+FEWEST_PER_CYCLE = 20
+"""Samples per period of the fastest motion; with fewer, derivatives are guesses."""
+
+
+class PoorMotion(LogError):
+    """The motion does not tell what is asked of it.
+
+    `seen` says in what, `remedy` what to do where no cause is known.
+    """
+
+    def __init__(self, where: str, seen: str, remedy: str) -> None:
+        """`where`: the log and its joint, for the message."""
+        self.where, self.seen = where, seen
+        super().__init__(f"{where}: excitation too poor: {seen}; {remedy}")
+
+    def because(self, cause: str) -> LogError:
+        """Return the error with a cause that is known in place of the usual one."""
+        return LogError(f"{self.where}: {self.seen}: {cause}")
+
+
+SMALL_MOTION = 0.1
+"""Range of another joint over that of the joint in question from which on it is said to move too [1]."""
+
+
+def moving_beside(log: Log, joint: str) -> tuple[str, ...]:
+    """Return the other joints of a log that move while this one does."""
+    ranges = {
+        name: float(np.ptp(one.position[np.isfinite(one.position)]))
+        for name, one in log.joints.items()
+        if one.position is not None and np.isfinite(one.position).any()
+    }
+    own = ranges.get(joint, 0.0)
+    return tuple(name for name, reach in ranges.items() if name != joint and reach > SMALL_MOTION * own > 0)
+
+
+def coupled_text(moving: Sequence[str]) -> str:
+    """Say what other joints in motion do to a joint that is taken to move alone; at least one."""
+    named = ", ".join(moving[:MOST_NAMED]) + (
+        f" and {len(moving) - MOST_NAMED} more" if len(moving) > MOST_NAMED else ""
+    )
+    return (
+        f"other joints move in this log ({named}): what they do, and the ground where a foot is on it, acts on this "
+        "joint, "
+        "which is taken to move alone; log it with the others held, in the air"
+    )
+
+
+MOST_NAMED = 4
+"""Joints that a message names."""
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """Signals of one joint on an even grid, torque in N m; arrays of shape (num_samples,)."""
+
+    time: np.ndarray
+    """From zero [s]."""
+    step: float
+    """Time between samples [s]."""
+    position: np.ndarray
+    """θ [rad]."""
+    torque: np.ndarray | None
+    """τ [N m], or None if it was not logged."""
+    target: np.ndarray | None
+    """a [rad], or None if it was not logged."""
+    velocity: np.ndarray | None
+    """θ' as logged [rad/s], or None."""
+    disturbance: np.ndarray | None = None
+    """d, a known torque from outside [N m], or None."""
+    feedforward: np.ndarray | None = None
+    """u, torque that the controller adds to that of its gains [N m], or None; the target carries it (`runs`)."""
+    valid: np.ndarray = field(default_factory=lambda: np.ones(0, dtype=bool))
+    """False where so many samples are missing that the signals are guesses; by default True everywhere."""
+    bridged: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    """True in a long gap, where no signal is known, the target neither; by default nowhere."""
+    timing: Timing | None = None
+    """How good the stamps were, or None if nobody looked."""
+
+    def __post_init__(self) -> None:
+        """Take every sample as valid, and none as bridged, unless something else was said."""
+        for name, value in (("valid", True), ("bridged", False)):
+            if len(getattr(self, name)) == 0:
+                object.__setattr__(self, name, np.full(len(self.time), value))
+
+
+def check_log(log: Log, joint: str, signals: JointSignals, torque_scale: float = 1.0) -> Uniform:
+    """Check one joint's signals and put them on an even grid.
+
+    torque_scale: N m per unit of the torque column. The position must be there, and the torque or the target. Raises
+    `LogError`.
+    """
+    _check_presence(log, joint, signals)
+    table = {"time": log.time} | {name: values for name, values in vars(signals).items() if values is not None}
+    for name, values in table.items():
+        limit = LARGEST_TIME if name == "time" else LARGEST_VALUE
+        # Not `>`, which is false for NaN.
+        bad = np.flatnonzero(~(np.abs(values) <= limit))
+        if len(bad):
+            raise LogError(
+                f"{log.source}: {name} of joint {joint!r} has {len(bad)} values that are not finite or beyond "
+                f"{limit:.0e}, the first in sample {bad[0] + 1}; cut those rows out or log again"
+            )
+    if len(log.time) < FEWEST_SAMPLES:
+        raise LogError(f"{log.source}: {len(log.time)} samples; at least {FEWEST_SAMPLES} are needed")
+    grid, timing = even_grid(log.source, log.time)
+    for name in ("position", "torque" if signals.torque is not None else "target"):
+        _check_signal(f"{log.source}: {name} of joint {joint!r}", name, table[name], grid)
+    even = {
+        name: resample(grid, values, command=name in ("target", "disturbance", "feedforward"))
+        for name, values in table.items()
+        if name != "time"
+    }
+    return Uniform(
+        time=grid.times,
+        step=grid.step,
+        position=even["position"],
+        torque=torque_scale * even["torque"] if "torque" in even else None,
+        target=even.get("target"),
+        velocity=even.get("velocity"),
+        disturbance=even.get("disturbance"),
+        feedforward=even.get("feedforward"),
+        valid=grid.valid,
+        bridged=~grid.valid,
+        timing=timing,
+    )
+
+
+def _check_presence(log: Log, joint: str, signals: JointSignals) -> None:
+    """Refuse a joint without position, and one without torque whose torque cannot be computed from the target."""
+    if signals.position is None:
+        raise LogError(
+            f"{log.source}: joint {joint!r} has no position; log position.{joint} or map a column to it: position=NAME"
+        )
+    if signals.torque is None and signals.target is None:
+        raise LogError(
+            f"{log.source}: joint {joint!r} has no torque and no target; log torque.{joint}, or target.{joint} from "
+            "which the controller's gains give the torque, or map a column: torque=NAME"
+        )
+
+
+def _check_signal(where: str, name: str, values: np.ndarray, grid: Grid) -> None:
+    """Refuse a signal that hardly varies, and one with samples that are out of line with their neighbours.
+
+    A position does not jump; torque may jump and stay, but not there and back at once. A target may do what it likes.
+    """
+    if np.ptp(values) < SMALLEST_RANGE or (name != "target" and len(np.unique(values)) < FEWEST_VALUES):
+        missing = "the driver seems not to report it: leave the column out and give --kp and --kd, or log the current"
+        still = "the joint must move: log a sine of the target at two frequencies"
+        raise LogError(f"{where} is (nearly) constant at {values[0]:.6g}; {missing if name == 'torque' else still}")
+    if name == "target":
+        return
+    near = np.diff(grid.stamps) < 1.5 * grid.step
+    changes = np.where(near, np.diff(values[grid.order]), 0.0)
+    sizes = np.abs(changes)
+    if name == "torque":
+        odd = np.append(np.where(changes[1:] * changes[:-1] < 0, sizes[1:], 0.0), 0.0)
+    else:
+        # However fast a joint gets, it takes several samples to be so.
+        turned = np.pad(np.abs(np.diff(changes)), 1)
+        odd = np.maximum(turned[1:], turned[:-1])
+    usual = float(np.percentile(sizes, 99))
+    sizes = np.minimum(sizes, odd)
+    worst, limit = int(np.argmax(sizes)), LARGEST_JUMP[name]
+    if usual > 0 and sizes[worst] > limit * usual:
+        before, after = grid.order[worst], grid.order[worst + 1]
+        raise LogError(
+            f"{where} jumps from {values[before]:.6g} to {values[after]:.6g} at sample {after + 1}, over "
+            f"{limit:.0f} times its usual step; cut damaged samples out or log again"
+        )
+
+
+def unit_doubts(signals: Uniform, axis: str = "rotary") -> tuple[tuple[str, str], ...]:
+    """Return what is probably not in SI units: what was seen, and what to do; on a linear axis none is known."""
+    if axis != "rotary":
+        return ()
+    found = []
+    reach = float(np.ptp(signals.position))
+    if reach > LARGEST_REACH:
+        found.append(
+            (
+                f"the position covers {reach:.3g} rad, over {reach / (2 * np.pi):.1f} turns: is it in degrees, or at "
+                "the motor instead of the joint? The result is wrong then",
+                "run again with --position-scale 0.0174533 if the angles are degrees, one over the gear ratio if they "
+                "are the motor's",
+            )
+        )
+    if signals.target is not None:
+        ratio = float(np.std(signals.target)) / max(float(np.std(signals.position)), 1e-300)
+        for factor, word in ((180 / np.pi, "target"), (np.pi / 180, "position")):
+            if abs(np.log(max(ratio, 1e-300) / factor)) < 0.5:
+                found.append(
+                    (
+                        f"the target moves {ratio:.3g} times as far as the position: is the {word} in degrees?",
+                        f"convert the {word} to rad in the log, for --position-scale is of both, and run again",
+                    )
+                )
+    if signals.torque is not None:
+        peak = float(np.abs(signals.torque).max())
+        if peak > LARGEST_TORQUE:
+            found.append(
+                (
+                    f"the torque reaches {peak:.4g} N m: is it in other units, N mm, mA or counts?",
+                    "run again with --torque-scale, N m per unit of the torque column",
+                )
+            )
+    return tuple(found)
+
+
+def check_excitation(source: str, velocity: np.ndarray, step: float) -> None:
+    """Refuse motion from which friction cannot be told from offset, or that is sampled too slowly.
+
+    velocity: filtered θ' [rad/s]; step [s].
+    """
+    spectrum = np.abs(np.fft.rfft(velocity - velocity.mean())) ** 2
+    share = np.cumsum(spectrum) / spectrum.sum()
+    fastest = float(np.fft.rfftfreq(len(velocity), step)[np.searchsorted(share, 0.95)])
+    if fastest * FEWEST_PER_CYCLE > 1 / step:
+        raise LogError(
+            f"{source}: sampled at {1 / step:.4g} Hz, but the motion reaches {fastest:.3g} Hz; expected at least "
+            f"{FEWEST_PER_CYCLE} samples a period: log faster or move more slowly"
+        )
+    # Noise about a velocity of zero would count as turning round.
+    moving = velocity[np.abs(velocity) > 0.05 * np.abs(velocity).max()]
+    reversals = int(np.count_nonzero(np.diff(np.sign(moving))))
+    if reversals < FEWEST_REVERSALS:
+        raise PoorMotion(
+            source,
+            f"the joint turns round {reversals} times, expected at least {FEWEST_REVERSALS}",
+            "log several periods of a sine of the target",
+        )

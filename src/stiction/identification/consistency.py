@@ -1,0 +1,256 @@
+"""Consistency of a fit: halves of the log, its slow and fast parts, repeats, drift, timing, whiteness of the residual.
+
+Each part is fitted by itself with viscous and Coulomb friction. Where the parts disagree beyond their intervals the
+law lacks something, and the intervals, which know scatter only, are widened until they admit both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from stiction.files.joints import Estimate
+from stiction.identification.intervals import correlation_time
+from stiction.identification.prepare import Prepared, Rows
+from stiction.identification.regression import FEWEST_ROWS, INVERSE_STRENGTH, Fit, fit_rows, fit_with_column
+
+COMPARED = ("inertia", "viscous_friction", "coulomb_friction")
+"""Parameters that the parts are compared in."""
+
+LARGEST_SIGMAS = 3.0
+"""Combined standard deviations; one comparison in four hundred is beyond by chance."""
+
+SMALLEST_GAP = 0.02
+"""Gap of two parts, over the mean of both, that is not worth a word, however certain."""
+
+LARGEST_GAP = 0.03
+"""Relative disagreement of two estimators that matters, if it is also beyond `LARGEST_SIGMAS`."""
+
+MAX_SHIFT = 1.5
+"""Samples by which torque may be early or late: more means that the friction law is wrong, not the timing."""
+
+REPEAT = "repeat"
+"""How the label of a comparison with another log of the joint begins."""
+
+TIMING = "timing"
+"""Label of a comparison with a log whose torque may be late or early."""
+
+STRETCHES = 16
+"""Stretches of a log, each of which counts as slow or as fast."""
+
+LAGS = 10
+"""Lags of the whiteness test."""
+
+LARGEST_TIE = 0.3
+"""Correlation of speed and time beyond which friction that changes with the one cannot be told from the other."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two fits of the same joint."""
+
+    label: str
+    """What was compared: `halves`, `slow and fast`, or the name of another run."""
+    parts: tuple[str, str]
+    """Names of the two."""
+    values: dict[str, tuple[Estimate, Estimate]]
+    """Parameter -> the two estimates."""
+    speed: float
+    """A speed that both parts reached [rad/s]."""
+    friction: tuple[Estimate, Estimate]
+    """B θ' + b_c at that speed by each [N m]."""
+    alternative: bool = False
+    """Whether the second is another way to read the same log, rather than a part of it."""
+
+    def sigmas(self, name: str) -> float:
+        """Return the gap of a parameter in combined standard deviations."""
+        one, other = self.values[name]
+        return abs(one.value - other.value) / max(float(np.hypot(one.std, other.std)), 1e-300)
+
+    @property
+    def disputed(self) -> tuple[str, ...]:
+        """Parameters whose gap is beyond chance and, between parts of a log, large enough to matter.
+
+        An alternative reading of the whole log is right about all parameters or none: if one is disputed, all are.
+        """
+        least = 0.0 if self.alternative else SMALLEST_GAP
+        found = tuple(
+            name
+            for name, (one, other) in self.values.items()
+            if self.sigmas(name) > LARGEST_SIGMAS
+            and abs(one.value - other.value) > least * abs(one.value + other.value) / 2
+        )
+        return tuple(self.values) if found and self.alternative else found
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        sigmas = {name: self.sigmas(name) for name in self.values}
+        repeat = self.label.startswith(REPEAT)
+        return asdict(self) | {"sigmas": sigmas, "disputed": list(self.disputed), "repeat": repeat}
+
+
+@dataclass(frozen=True)
+class Split:
+    """A way to cut a log in two."""
+
+    label: str
+    """What the parts differ in."""
+    parts: tuple[str, str]
+    """Their names."""
+    first: np.ndarray
+    """True in the first part, shape as of the times that were split."""
+
+
+def splits(time: np.ndarray, velocity: np.ndarray) -> tuple[Split, Split]:
+    """Cut a log into halves in time, and into its slow and its fast stretches; arrays of one shape."""
+    half = time < (time[0] + time[-1]) / 2
+    share = (time - time[0]) / max(float(time[-1] - time[0]), 1e-300)
+    # Whole stretches and not single samples: all fast motion passes through zero speed, and a slow part of reversals
+    # alone would tell nothing.
+    stretch = np.minimum((share * STRETCHES).astype(int), STRETCHES - 1)
+    size = np.maximum(np.bincount(stretch, minlength=STRETCHES), 1)
+    typical = np.sqrt(np.bincount(stretch, velocity**2, STRETCHES) / size)[stretch]
+    return (
+        Split("halves", ("first half", "second half"), half),
+        Split("slow and fast", ("slow part", "fast part"), typical <= np.median(typical)),
+    )
+
+
+def compare_parts(rows: Rows, fit: Fit) -> tuple[Comparison, ...]:
+    """Compare the parts of a log, each fitted by itself; none where a part has too few rows or poor motion."""
+    found = []
+    for split in splits(rows.time, rows.velocity):
+        if min(split.first.sum(), (~split.first).sum()) >= FEWEST_ROWS:
+            found.append(compare(split.label, split.parts, rows.take(split.first), rows.take(~split.first), fit))
+    return tuple(found)
+
+
+def compare(label: str, parts: tuple[str, str], one: Rows, other: Rows, fit: Fit) -> Comparison:
+    """Compare fits to two sets of rows, each with the equation of `fit`.
+
+    Where 1/k is unknown both take that of `fit`: the rows of a run without payload do not tell it.
+    """
+    inverse = fit.by_name.get(INVERSE_STRENGTH, 1.0)
+    parted = [replace(rows, payload=inverse * rows.payload, load=inverse * rows.load) for rows in (one, other)]
+    fits = [fit_rows(rows, fit.model) for rows in parted]
+    both = [found.estimates() for found in fits]
+    values = {name: (both[0][name], both[1][name]) for name in COMPARED}
+    speed = common_speed(one.velocity, other.velocity)
+    return Comparison(label, parts, values, speed, (friction_at(fits[0], speed), friction_at(fits[1], speed)))
+
+
+def common_speed(one: np.ndarray, other: np.ndarray) -> float:
+    """Return a speed that both velocities reach, most of the slower one's range."""
+    return min(float(np.quantile(np.abs(velocity), 0.9)) for velocity in (one, other))
+
+
+def friction_at(fit: Fit, speed: float) -> Estimate:
+    """Return B θ' + b_c of a symmetric fit at a speed [rad/s], with its interval [N m]."""
+    return fit.combination({"viscous_friction": speed, "coulomb_friction": 1.0}, "coulomb_friction")
+
+
+@dataclass(frozen=True)
+class Drift:
+    """How much friction changes from start to end of the log: a joint that warms up, say."""
+
+    change: Estimate | None
+    """Change of all friction over its mean [1]; None where the log cannot tell."""
+    reason: str | None
+    """Why it cannot."""
+
+
+def find_drift(rows: Rows, fit: Fit) -> Drift:
+    """Fit a friction that changes steadily over the log: one more column, friction times the time from the middle."""
+    late = (rows.time - rows.time[0]) / float(rows.time[-1] - rows.time[0]) - 0.5
+    tied = abs(float(np.corrcoef(late, np.abs(rows.velocity))[0, 1]))
+    if tied > LARGEST_TIE:
+        return Drift(
+            None, f"the motion itself changes over the log (speed follows time with a correlation of {tied:.2f})"
+        )
+    values = fit.by_name
+    friction = values["viscous_friction"] * rows.velocity + values["coulomb_friction"] * rows.direction
+    return Drift(fit_with_column(fit, "drift", late * friction).scatter()["drift"], None)
+
+
+@dataclass(frozen=True)
+class Whiteness:
+    """What the residual remembers."""
+
+    correlation_time: float
+    """In rows, 1 for white noise."""
+    first_lag: float
+    """Correlation of neighbouring rows."""
+    probability: float
+    """Of a portmanteau statistic (Ljung and Box, 10 lags) as large as this from white noise; near 0: not white."""
+
+
+def whiteness(residual: np.ndarray) -> Whiteness:
+    """Test a residual, shape (num_rows,), for memory."""
+    centred = residual - residual.mean()
+    power = float(centred @ centred)
+    if power <= 0:
+        return Whiteness(1.0, 0.0, 1.0)
+    count = len(centred)
+    lags = np.arange(1, LAGS + 1)
+    correlations = np.array([float(centred[lag:] @ centred[:-lag]) / power for lag in lags])
+    statistic = count * (count + 2) * float(np.sum(correlations**2 / (count - lags)))
+    return Whiteness(correlation_time(residual), float(correlations[0]), float(chi2.sf(statistic, LAGS)))
+
+
+def widened(estimates: dict[str, Estimate], comparisons: tuple[Comparison, ...]) -> dict[str, Estimate]:
+    """Return the estimates with intervals widened to admit what disputing parts of the log say by themselves.
+
+    Of an alternative reading of the whole log the interval is admitted, not the value alone.
+    """
+    result = dict(estimates)
+    for comparison in comparisons:
+        for name in comparison.disputed:
+            old, values = result[name], [part.value for part in comparison.values[name]]
+            reached = comparison.values[name][1].interval95 if comparison.alternative else tuple(values)
+            ends = (min(old.interval95[0], *reached), max(old.interval95[1], *reached))
+            result[name] = Estimate(old.value, max(old.std, abs(values[0] - values[1]) / 2), ends)
+    return result
+
+
+def disagreement(fit: Fit, other: dict[str, Estimate]) -> dict[str, dict[str, float]]:
+    """Return per parameter |a − b| in combined standard deviations (`sigmas`) and over |a| (`relative`).
+
+    a is the regression's value, b the other estimator's. Both come from one log, so the errors are not independent.
+    """
+    result = {}
+    for name, a in fit.estimates().items():
+        if name in other and name in COMPARED:
+            b = other[name]
+            gap = abs(a.value - b.value)
+            result[name] = {
+                "sigmas": gap / max(float(np.hypot(a.std, b.std)), 1e-300),
+                "relative": gap / max(abs(a.value), 1e-300),
+            }
+    return result
+
+
+def beyond_chance(gap: dict[str, float]) -> bool:
+    """Return whether a gap of `disagreement` is beyond chance and large enough to matter."""
+    return gap["sigmas"] > LARGEST_SIGMAS and gap["relative"] > LARGEST_GAP
+
+
+def compare_timing(prepared: Prepared, base: Fit) -> Comparison | None:
+    """Compare a fit with one whose torque may be early or late; None where it would move further than clocks do.
+
+    base: fitted to the rows of `prepared`. What acts in a sampled controller is the logged torque of half an update
+    before, and B is off by what kp and the inertia make of that time. The other fit has one more column, the torque's
+    rate, times the time by which the torque is logged early. That column is noisy, so neither fit is the better one.
+    """
+    rate = np.gradient(prepared.torque - prepared.outside, prepared.step)[prepared.used]
+    plain, other = base.estimates(), fit_with_column(base, "early", rate).scatter()
+    early = other["early"].value
+    if abs(early) > MAX_SHIFT * prepared.step:
+        return None
+    parts = ("as logged", f"torque {1e3 * early:.2g} ms later")
+    values = {name: (plain[name], other[name]) for name in COMPARED}
+    speed = float(np.quantile(np.abs(base.rows.velocity), 0.9))
+    moved = replace(base, values=np.array([other[name].value for name in base.names]))
+    return Comparison(TIMING, parts, values, speed, (friction_at(base, speed), friction_at(moved, speed)), True)

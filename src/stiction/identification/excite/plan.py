@@ -1,0 +1,259 @@
+"""A design from start to end: choose the gains, search the motion, predict what it tells, explain it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from math import ceil
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError
+from stiction.files.design import (
+    DesignSignals,
+    ExcitationDesign,
+    GainPoint,
+    GainTrial,
+    OneSine,
+    Predicted,
+    two_digits,
+)
+from stiction.files.log import JointSignals, Log, LogSetup
+from stiction.identification.excite.design import (
+    LEAST_REACH,
+    choose_gains,
+    frequency_limit,
+    nothing_moves,
+    search,
+    softened,
+)
+from stiction.identification.excite.fisher import JUDGED, Information, LogNoise
+from stiction.identification.excite.setup import ExciteSetup
+from stiction.identification.excite.task import Pattern, Task, make_task, sine
+from stiction.joints.pd import PDGains
+
+SINES = 8
+"""Frequencies at which one sine is tried."""
+
+SLOWEST = 0.25
+"""Lowest of them [Hz]."""
+
+SWEEP = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
+"""Gains of the sweep in units of those of the design; far up, to where a torque sensor is worth having."""
+
+
+def one_sines(task: Task, amplitude: float) -> tuple[OneSine, ...]:
+    """Return the information in single sines of the design's amplitude [rad], of those that fit and move the joint."""
+    found = []
+    task = task.without_gravity()
+    extremes = task.extremes()
+    for frequency in np.geomspace(SLOWEST, max(frequency_limit(task), 4 * SLOWEST), SINES):
+        pattern = task.within_limits(sine(float(frequency), amplitude), [*extremes, task.least_damped()])
+        if pattern is None:
+            continue
+        nominal = task.information(task.values, pattern)
+        worst = max(task.information(values, pattern).worst for values in extremes)
+        if not np.isfinite([nominal.worst, worst]).all():
+            continue
+        found.append(
+            OneSine(
+                frequency=float(frequency),
+                amplitude=pattern.fast_peak,
+                relative=(float(nominal.relative[0]), float(nominal.relative[1]), float(nominal.relative[2])),
+                worst=worst,
+                correlation=nominal.correlation(1, 2),
+            )
+        )
+    return tuple(found)
+
+
+def gain_sweep(task: Task, pattern: Pattern) -> tuple[GainPoint, ...]:
+    """Return what a motion tells of the nominal joint's friction at lower and at higher gains than the task's."""
+    points = []
+    task = task.without_gravity()
+    for factor in SWEEP:
+        stiffer = task.with_gains(softened(task.gains, factor))
+        blind = replace(stiffer, noise=replace(task.noise, torque=None))
+        # A log without torque has no noise of it: the usual one shows what a sensor would be worth.
+        seeing = replace(stiffer, noise=replace(task.noise, torque=task.noise.torque or LogNoise().torque))
+        points.append(
+            GainPoint(
+                kp=stiffer.gains.kp,
+                kd=stiffer.gains.kd,
+                position_only=_friction(blind, pattern),
+                with_torque=_friction(seeing, pattern),
+                reach=stiffer.reach(task.target(pattern), [task.values]),
+            )
+        )
+    return tuple(points)
+
+
+def _friction(task: Task, pattern: Pattern) -> float | None:
+    """Return the relative standard deviation of the nominal joint's Coulomb friction, None where it holds the joint."""
+    deviation = float(task.information(task.values, pattern).relative[2])
+    return deviation if np.isfinite(deviation) else None
+
+
+NEGLIGIBLE = 0.005
+"""Predicted deviations under which the friction law, and not the noise, decides how right the result is."""
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """A finished design."""
+
+    record: ExcitationDesign
+    """For `design.json`."""
+    signals: DesignSignals
+    """For `design.npz`."""
+    trajectory: Log
+    """For `trajectory.csv` and its sidecar: what the controller plays back."""
+
+
+def design_excitation(
+    setup: ExciteSetup, joint: str, command: str, progress: Callable[[str, float], None] = lambda name, share: None
+) -> Excitation:
+    """Design the log of one joint; `setup` is filled. `progress` gets the name of the work and its share done.
+
+    Raises `StictionError` where friction holds the joint, or no motion fits the limits.
+    """
+    asked = make_task(setup)
+    gains, trials = choose_gains(asked, setup.fixed_gains, lambda share: progress("gains", share))
+    task = asked.with_gains(gains)
+    pattern = search(task, setup.seed, lambda share: progress("motion", share))
+    signals, reached = simulate_range(task, pattern)
+    informations = [task.information(v, pattern, fast=index > 0) for index, v in enumerate(task.candidates())]
+    if not all(np.isfinite(belief.worst) for belief in informations):
+        raise ConfigurationError(nothing_moves(task))
+    sines = one_sines(task, max(pattern.slow_amplitude, pattern.fast_peak))
+    sweep = gain_sweep(task, pattern)
+    progress("figures", 1.0)
+    record = ExcitationDesign(
+        joint=joint,
+        setup=asdict(setup),
+        gains={"kp": gains.kp, "kd": gains.kd},
+        advice=advice(asked, gains, trials, setup.fixed_gains),
+        pattern=asdict(pattern),
+        pattern_duration=task.count / task.rate,
+        repeats=task.repeats,
+        duration=task.total / task.rate,
+        limits=dict(
+            zip(("low", "high", "speed", "torque"), (*task.limits.position, task.limits.speed, task.limits.torque))
+        ),
+        reached=reached,
+        predicted=predictions(informations),
+        correlation=informations[0].correlation(1, 2),
+        d_criterion=informations[0].d_criterion,
+        worst=max(belief.worst for belief in informations),
+        wanted={"relative": setup.wanted, "duration": duration_for(task, informations, setup.wanted)},
+        sines=sines,
+        trials=trials,
+        sweep=sweep,
+        warnings=tuple(cautions(task, setup, trials, informations)),
+        command=command,
+    )
+    sidecar = LogSetup(
+        kp=gains.kp,
+        kd=gains.kd,
+        torque_limit=task.limits.torque,
+        axis="rotary",
+        test_condition=record.test_condition,
+    )
+    trajectory = Log("trajectory.csv", signals.time, {joint: JointSignals(target=signals.target)}, sidecar)
+    return Excitation(record, signals, trajectory)
+
+
+def simulate_range(task: Task, pattern: Pattern) -> tuple[DesignSignals, dict[str, float]]:
+    """Simulate the whole log over the range of guesses; return the signals and the furthest that anything goes.
+
+    Raises `StictionError` should the repeated pattern leave the limits where a single one did not.
+    """
+    target = task.full_target(pattern)
+    runs = [task.run(values, target) for values in task.candidates()]
+    ranges = {
+        f"{name}_{end}": choose(np.stack([getattr(motion, name) for motion in runs]), axis=0)
+        for name in ("position", "velocity", "torque")
+        for end, choose in (("low", np.min), ("high", np.max))
+    }
+    if max(max(task.limit_use(target, motion).values()) for motion in runs) > 1:
+        raise ConfigurationError(nothing_moves(task))
+    reached = {
+        "low": float(min(ranges["position_low"].min(), target.min())),
+        "high": float(max(ranges["position_high"].max(), target.max())),
+        "speed": float(max(-ranges["velocity_low"].min(), ranges["velocity_high"].max())),
+        "torque": float(max(-ranges["torque_low"].min(), ranges["torque_high"].max())),
+    }
+    time = np.arange(len(target)) / task.rate
+    first = runs[0]
+    return DesignSignals(time, target, first.position, first.velocity, first.torque, **ranges), reached
+
+
+def duration_for(task: Task, informations: list[Information], wanted: float) -> float:
+    """Return the length in whole patterns [s] at which every joint's Coulomb friction is known to `wanted` [1].
+
+    informations: of the whole log about each joint; the variance falls as one over the time.
+    """
+    worst = max(float(belief.relative[2]) for belief in informations)
+    return task.count / task.rate * max(1, ceil(task.repeats * (worst / wanted) ** 2))
+
+
+def predictions(informations: list[Information]) -> tuple[Predicted, ...]:
+    """Return each parameter's predicted deviation, of the nominal joint, which is the first, and the worst of all."""
+    nominal = informations[0]
+    found = []
+    for index, name in enumerate(nominal.names):
+        value, std = float(nominal.values[index]), float(nominal.std[index])
+        relative = std / abs(value) if value else None
+        worst = max(float(b.std[index] / abs(b.values[index])) for b in informations) if value else None
+        found.append(Predicted(name, value, std, relative, worst))
+    return tuple(found)
+
+
+def advice(task: Task, gains: PDGains, trials: tuple[GainTrial, ...], fixed: bool) -> str:
+    """Say in a sentence or two why these gains."""
+    own = f"kp {gains.kp:g}, kd {gains.kd:g}"
+    by_kp = {trial.kp: trial for trial in trials}
+    if gains != task.gains:
+        before, after = by_kp[task.gains.kp], by_kp[gains.kp]
+        gain = "" if not (before.worst and after.worst) else f" by a factor of {two_digits(before.worst / after.worst)}"
+        return (
+            f"Run at {own}, not at the given kp {task.gains.kp:g}, kd {task.gains.kd:g}: the largest relative "
+            f"deviation falls{gain}. Still lower gains do not track, overshoot, or bring less than a tenth. If you "
+            "cannot set gains, design again with --fixed-gains."
+        )
+    if fixed:
+        better = [t for t in trials[1:] if t.tracks and t.worst and trials[0].worst and t.worst < 0.9 * trials[0].worst]
+        best = min(better, key=lambda trial: trial.worst or np.inf, default=None)
+        return f"Run at {own}, as fixed." + (
+            f" kp {best.kp:g} would show more." if best else " Lower ones show no more."
+        )
+    return f"Run at {own}, as given: lower gains do not track, or show less than a tenth more."
+
+
+def cautions(
+    task: Task, setup: ExciteSetup, trials: tuple[GainTrial, ...], informations: list[Information]
+) -> list[str]:
+    """Return what the reader must know before running the log."""
+    found = []
+    chosen = next((trial for trial in trials if trial.kp == task.gains.kp), None)
+    if chosen is not None and chosen.reach < LEAST_REACH:
+        found.append(
+            f"at kp {task.gains.kp:g} the joint may cover no more than {chosen.reach:.0%} of what its target does"
+        )
+    if setup.position_only:
+        found.append(
+            "without torque in the log only combinations are known: I/k, (B + k kd)/k, f/k, k being the motor's "
+            "strength; log the motor's current, or add a known load, to separate them"
+        )
+    if setup.resolution > 2 * setup.noise_position:
+        found.append(
+            "the encoder's step is larger than the noise: rounding is counted as white noise, which it is not in slow "
+            "motion; the real deviations may be larger"
+        )
+    if max(float(belief.relative[:JUDGED].max()) for belief in informations) < NEGLIGIBLE:
+        found.append(
+            "white noise leaves less than half a per cent: noise that the loop feeds back, friction that is not quite "
+            "Coulomb's, timing and cogging will decide how right the result is. Read the predictions as a comparison "
+            "of logs; simulated logs with correlated loop noise scattered 10 to 25 times as much"
+        )
+    return found

@@ -1,0 +1,424 @@
+"""From a log to records: one joint from start to end, and all joints of a log in parallel.
+
+Of each joint: check, filter, regress, choose a law, simulate, compare, judge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError, LogError, StictionError
+from stiction.core.parallel import spread
+from stiction.core.provenance import num_threads
+from stiction.files.joints import FitSignals, JointRecord
+from stiction.files.log import UNNAMED, Log
+from stiction.identification.back_emf import BackEmf, find_back_emf
+from stiction.identification.checks import PoorMotion, coupled_text, moving_beside
+from stiction.identification.choice import (
+    MIN_EVIDENCE,
+    choose_gravity,
+    choose_in_loop,
+    choose_law,
+    evidence_of,
+    negative_friction,
+)
+from stiction.identification.combinations import strength_identified
+from stiction.identification.consistency import REPEAT, Comparison, compare, compare_parts, compare_timing
+from stiction.identification.in_loop import InLoop, close_loop, compare_in_loop, predict_run
+from stiction.identification.model import GRAVITY_TERMS, Model
+from stiction.identification.objections import NEGATIVE_FRICTION, contradicted, find_objections
+from stiction.identification.pooling import compare_runs, pooled_rows
+from stiction.identification.prepare import Rows, make_rows
+from stiction.identification.record import JointFits, make_record, plain
+from stiction.identification.regression import (
+    INVERSE_STRENGTH,
+    MAX_INFLATION,
+    Fit,
+    check_fit,
+    check_rows,
+    fit_rows,
+    predict_torque,
+    rigid_torque,
+)
+from stiction.identification.runs import Run, fit_signals, make_run
+from stiction.identification.setup import IdentifySetup
+from stiction.identification.verdict import is_leg, judge
+from stiction.identification.warnings import NAMELESS, find_warnings
+
+Done = Callable[[str], None]
+"""Called with a joint's name when it is identified."""
+
+REFUSED = "not identified: "
+"""How the warning of a refused joint begins."""
+
+
+_Job = tuple[Log, str | None, IdentifySetup | None, tuple[Log, ...], tuple[Log, ...], tuple[str, ...]]
+"""What `_attempt` is called with."""
+
+
+@dataclass(frozen=True)
+class Identification:
+    """What came out for one joint."""
+
+    name: str
+    """The joint."""
+    record: JointRecord
+    """For `joints.json`."""
+    fit: FitSignals
+    """For `fit.npz`."""
+
+
+def identify_joint(
+    log: Log,
+    joint: str | None = None,
+    setup: IdentifySetup | None = None,
+    repeats: Sequence[Log] = (),
+    more: Sequence[Log] = (),
+    moving: tuple[str, ...] | None = None,
+) -> Identification:
+    """Identify one joint of a log.
+
+    joint: its name, or None for the only one; repeats: further logs of the same joint, each with what its sidecar says.
+    They show whether the joint says the same again; if a payload hangs on it in some of them, they are fitted together.
+    more: further runs, which are fitted together with the log whatever hangs on them, each with its own sidecar;
+    moving: joints that moved at the same time, by default those of the log that did. Raises `StictionError` with one
+    line for whatever the logs lack.
+    """
+    setup = setup or IdentifySetup()
+    if more and repeats:
+        raise ConfigurationError("several runs in one fit, and repeats: give either; a repeat is a log to be predicted")
+    if moving is None:
+        moving = moving_beside(log, log.joint(joint)[0])
+    try:
+        return _identify(log, joint, setup, repeats, more, moving)
+    except PoorMotion as error:
+        if moving:
+            raise error.because(coupled_text(moving)) from error
+        raise
+
+
+def _identify(
+    log: Log,
+    joint: str | None,
+    setup: IdentifySetup,
+    repeats: Sequence[Log],
+    more: Sequence[Log],
+    moving: tuple[str, ...],
+    found_ke: BackEmf | None = None,
+) -> Identification:
+    """Identify one joint; arguments as of `identify_joint`. found_ke: ke from the data, already in `setup`."""
+    # Prepare all runs, and ask the log whether gravity pulls on the link.
+    run = make_run(log, joint, setup, alone=not more)
+    gravity = choose_gravity(run)
+    if gravity is not None:
+        run = replace(run, setup=replace(run.setup, gravity=gravity.chosen))
+    others, unusable = _repeats(run, joint, setup, repeats)
+    shared = replace(setup.for_repeat(), gravity=run.setup.gravity)
+    runs = [run, *(make_run(other, joint, shared, alone=False) for other in more)]
+    # Fit viscous and Coulomb friction.
+    base = _pooled(runs) if more else _symmetric(run, others)
+    pooling = compare_runs(runs, base) if more else None
+    rows, strength_unknown = base.rows, INVERSE_STRENGTH in base.names
+    check_fit(run.where, base)
+    drive = find_back_emf(runs, base) if found_ke is None else None
+    # A motor by voltage brakes itself: where the data told ke, all is done again, once, with the brake taken off.
+    if drive is not None:
+        return _identify(log, joint, replace(setup, ke=drive.ke), repeats, more, moving, drive)
+    _check_values(run, base)
+    # Choose a law, by regression and, where that does not see a richer one, by simulation.
+    choice = choose_law(rows, base, strength_unknown)
+    chosen = base if choice.law == "coulomb" else fit_rows(rows, choice.model, strength_unknown)
+    loop = close_loop(run, base, chosen) if not more else InLoop(reason=SEVERAL)
+    simulated = choose_in_loop(run, base, loop) if choice.law == "coulomb" and rows is run.rows else None
+    if simulated is not None:
+        choice, chosen, loop = (
+            choice.with_simulated_law(simulated),
+            simulated.fit,
+            replace(loop, chosen=simulated.found),
+        )
+    if loop.chosen is not None and (negative := negative_friction(loop.chosen.values)):
+        choice, chosen, loop = choice.without_richer(base, negative), base, replace(loop, chosen=None)
+    delay = _found_delay(run, loop)
+    # Torque made without the delay is too early, which looks like another friction law: all is done again, once.
+    if delay is not None:
+        return _identify(log, joint, replace(setup, delay=delay), repeats, more, moving, found_ke)
+    # Compare and predict; repeats that were fitted as well are no test of the fit.
+    unseen = others if rows is run.rows else ()
+    comparisons = compare_parts(rows, base) if more else _comparisons(run, base, loop, unseen)
+    predictions = (*_predictions(chosen, unseen), *unusable)
+    fits = JointFits(run, rows, base, chosen, choice, loop, comparisons, gravity, predictions, pooling, found_ke)
+    # Make the record, which objections, verdict and warnings read in this order.
+    record = make_record(fits)
+    record = replace(record, objections=find_objections(fits, record, moving))
+    if any(one.reason == NEGATIVE_FRICTION for one in record.objections):
+        none = {"law": None, "text": "No friction law was chosen: friction comes out below zero, which no joint has."}
+        record = replace(record, friction_law=(record.friction_law or {}) | none)
+    verdict = judge(record, legs=is_leg(run.joint)).to_dict()
+    record = replace(record, diagnostics=record.diagnostics | plain({"verdict": verdict}))
+    warnings = (*(one.seen for one in record.objections), *find_warnings(record, run))
+    if run.joint == UNNAMED and joint is None and record.axis == "rotary":
+        warnings += (NAMELESS,)
+    warnings += pooling.sentences() if pooling else ()
+    return Identification(run.joint, replace(record, warnings=warnings), _fit_signals(fits))
+
+
+def _repeats(
+    run: Run, joint: str | None, setup: IdentifySetup, logs: Sequence[Log]
+) -> tuple[list[Run], list[dict[str, Any]]]:
+    """Prepare the repeats; of those that cannot be used return why, for a poor repeat says nothing of the log itself.
+
+    Raises `ConfigurationError` where a repeat is the log itself.
+    """
+    found, unusable = [], []
+    shared = replace(setup.for_repeat(), gravity=run.setup.gravity)
+    for log in logs:
+        try:
+            other = make_run(log, joint, shared)
+        except StictionError as error:
+            unusable.append({"source": log.source, "refusal": str(error)})
+            continue
+        if np.array_equal(other.signals.position, run.signals.position):
+            raise ConfigurationError(
+                f"{other.source} is the same log as {run.source}: a repeat is another log of the joint"
+            )
+        found.append(other)
+    return found, unusable
+
+
+SEVERAL = "output error was not done: it is for one run at a time, and several were fitted together"
+
+
+def _pooled(runs: Sequence[Run]) -> Fit:
+    """Fit viscous and Coulomb friction to several runs; refuse two that are the same, and too little of all of them."""
+    first = runs[0]
+    for number, one in enumerate(runs):
+        for other in runs[:number]:
+            if np.array_equal(one.signals.position, other.signals.position):
+                raise ConfigurationError(f"{one.source} is the same log as {other.source}: give each run once")
+    known = first.setup.motor_strength is not None or (first.measured and all(one.setup.calibrated for one in runs))
+    if any(one.measured != first.measured or one.setup.fits_gravity != first.setup.fits_gravity for one in runs):
+        raise ConfigurationError(
+            f"{first.source}: runs with and without torque, or gravity, in one fit; give runs of one kind"
+        )
+    units = {(one.setup.drive.column, one.setup.drive.per_unit) for one in runs if not one.setup.calibrated}
+    if not known and first.measured and (len(units) > 1 or any(one.setup.calibrated for one in runs)):
+        raise ConfigurationError(
+            f"{first.source}: torque columns of several unknown units in one fit; give --kt, and --resistance for a "
+            "voltage or a duty, or runs of one kind"
+        )
+    rows = pooled_rows(runs)
+    check_rows(f"{first.source} and {len(runs) - 1} more", rows, first.prepared)
+    if known and first.setup.motor_strength is None and any(one.setup.pendulum for one in runs):
+        return _weighed(rows, first.model)
+    scaled = not known and any(one.setup.payload for one in runs)
+    return fit_rows(rows, first.model, strength_unknown=scaled)
+
+
+def _weighed(rows: Rows, model: Model) -> Fit:
+    """Fit with a pendulum, whose weight tells the scale of the torque, whatever was declared, where it can."""
+    scaled = fit_rows(rows, model, strength_unknown=True)
+    return scaled if strength_identified(scaled) else fit_rows(rows, model)
+
+
+def _symmetric(run: Run, others: Sequence[Run]) -> Fit:
+    """Fit viscous and Coulomb friction to the log, or to all logs where only together they tell the strength k.
+
+    A payload tells k, and so does a known torque from outside, if it is large enough; else k stays unknown.
+    """
+    model, strength = run.model, run.setup.motor_strength
+    runs = (run, *others)
+    payloads = [one.setup.payload for one in runs]
+    known = strength is not None or (run.measured and run.setup.calibrated)
+    pushed = [one for one in runs if one.signals.disturbance is not None]
+    if len(set(payloads)) > 1 or (pushed and not known and len(others) > 0):
+        rows = make_rows([one.prepared for one in runs], payloads, strength or 1.0)
+    else:
+        rows = run.rows
+    if known and strength is None and run.setup.pendulum:
+        return _weighed(rows, model)
+    if known:
+        return fit_rows(rows, model)
+    # With a payload 1/k stays in the fit even where it is not told: `check_fit` then says which log is missing.
+    if any(payloads) or pushed:
+        scaled = fit_rows(rows, model, strength_unknown=True)
+        if any(payloads) or strength_identified(scaled):
+            return scaled
+    return fit_rows(run.rows, model)
+
+
+def _found_delay(run: Run, loop: InLoop) -> float | None:
+    """Return the delay that the loop showed and that the torque made from the PD law did not have [s], else None."""
+    if run.measured or run.setup.delay is not None or loop.symmetric is None:
+        return None
+    found = loop.symmetric.estimates.get("delay")
+    return None if found is None else found.value
+
+
+def _check_values(run: Run, fit: Fit) -> None:
+    """Refuse values that no joint has."""
+    found = fit.estimates()
+    inertia, (low, high) = found["inertia"].value, found["inertia"].interval95
+    poor = all(found[name].interval95[0] <= 0 for name in ("inertia", "viscous_friction", "coulomb_friction"))
+    heavy = (inertia <= 0 or poor) and _wants_gravity(run, fit)
+    backwards = high <= 0 and found["coulomb_friction"].interval95[0] <= 0
+    # Exchanged columns look like anything, so whatever contradicts them is said before a cause is guessed.
+    if (heavy or backwards) and (said := contradicted(run)):
+        raise LogError(f"{run.where}: the fitted inertia is {inertia:.3g}; it must be positive: {said}")
+    # Gravity first: by itself it can turn the fitted inertia negative, for θ and θ'' are opposite in a sine.
+    if heavy:
+        raise LogError(
+            f"{run.where}: the torque follows the position, as with gravity, a spring or a cable, and without it the "
+            "fitted "
+            f"inertia is {inertia:.3g}: --gravity True fits it; or turn the joint's axis upright, or take the load off"
+        )
+    if backwards:
+        raise LogError(
+            f"{run.where}: the fitted inertia is {inertia:.3g}; it must be positive: is the torque's "
+            "sign that of the position (--torque-scale -1 turns it round), and its column the right one?"
+            if run.measured
+            else f"{run.where}: the fitted inertia is {inertia:.3g}; it must be positive: is the target this joint's, "
+            "and its sign that of the position?"
+        )
+    if poor:
+        raise PoorMotion(
+            run.where,
+            "the intervals of inertia, viscous and dry friction all reach zero",
+            "move further and faster, or check that the torque belongs to this joint",
+        )
+    if inertia <= 0:
+        raise PoorMotion(
+            run.where,
+            f"the fitted inertia is {inertia:.3g} ({low:.3g} to {high:.3g}), and it must be positive",
+            "move further and faster, so that the joint sticks less, and check that target and torque are this joint's",
+        )
+    limit = run.setup.torque_limit
+    if limit is not None and found["coulomb_friction"].value >= limit:
+        raise LogError(
+            f"{run.where}: dry friction of {found['coulomb_friction'].value:.4g} would be beyond the torque limit "
+            f"{limit:.4g}, and yet the joint moved: check the torque's unit (--torque-scale) and --torque-limit"
+        )
+
+
+def _wants_gravity(run: Run, fit: Fit) -> bool:
+    """Return whether the log makes sense with gravity where none was fitted."""
+    if fit.model.gravity or run.setup.axis == "linear" or run.setup.payload is not None:
+        return False
+    heavy = fit_rows(run.rows, Model("coulomb", True))
+    clear = heavy.inflation["inertia"] < MAX_INFLATION and heavy.estimates()["inertia"].interval95[0] > 0
+    return clear and evidence_of([fit.residual], [heavy.residual], len(GRAVITY_TERMS)) >= MIN_EVIDENCE
+
+
+def _comparisons(run: Run, base: Fit, loop: InLoop, others: Sequence[Run]) -> tuple[Comparison, ...]:
+    """Compare the parts of the log, and the log with its repeats that carry the same load."""
+    alike = [other for other in others if other.setup.payload == run.setup.payload]
+    runs = tuple(
+        compare(f"{REPEAT} {index}", (run.source, other.source), run.rows, other.rows, base)
+        for index, other in enumerate(alike, 1)
+    )
+    parts = compare_in_loop(run, base, loop.symmetric) or compare_parts(run.rows, base)
+    timing = compare_timing(run.prepared, base) if run.measured and base.rows is run.rows else None
+    return (*parts, *([timing] if timing else []), *runs)
+
+
+def _predictions(fit: Fit, others: Sequence[Run]) -> tuple[dict[str, Any], ...]:
+    """Try the law that was chosen on the repeats, which it was not fitted to.
+
+    torque_error: |measured − predicted| over |measured| torque, at the samples that count; simulation_errors: the same
+    for the signals of a simulation of the whole log, None where it could not be done.
+    """
+    found = []
+    for other in others:
+        residual = other.rows.torque - predict_torque(fit, other.rows)
+        error = float(np.linalg.norm(residual) / np.linalg.norm(other.rows.torque))
+        found.append({"source": other.source, "torque_error": error, "simulation_errors": predict_run(other, fit)})
+    return tuple(found)
+
+
+def _fit_signals(fits: JointFits) -> FitSignals:
+    """Collect what the page draws."""
+    run, prepared = fits.run, fits.run.prepared
+    whole = replace(prepared, used=np.arange(len(prepared.torque)))
+    everything = make_rows([whole], [run.setup.payload], run.setup.motor_strength or 1.0)
+    best = fits.loop.chosen or fits.loop.symmetric
+    return fit_signals(
+        run,
+        predict_torque(fits.base, everything),
+        predict_torque(fits.chosen, everything),
+        rigid_torque(fits.chosen, everything),
+        best.simulated.position if best else None,
+        best.simulated.torque if best and run.measured else None,
+    )
+
+
+def identify_log(
+    log: Log,
+    setup: IdentifySetup | None = None,
+    joints: Sequence[str] = (),
+    repeats: Sequence[Log] = (),
+    done: Done = lambda name: None,
+    workers: int | None = None,
+    more: Sequence[Log] = (),
+) -> tuple[dict[str, Identification], dict[str, JointRecord]]:
+    """Identify several joints, every one of the log's by default.
+
+    Returns the joints that were identified, and for those that were refused an empty record whose warning says why,
+    both in the order of the log, or of `joints`. more: further runs, fitted together with the log; workers: processes,
+    by default one a core. Raises `StictionError` where a joint is not in the log, or none could be identified.
+    """
+    names = [log.joint(name)[0] for name in joints] or list(log.joints)
+    found: dict[str, Identification] = {}
+    refused: dict[str, str] = {}
+    # Of several joints each is asked for by name, or a repeat that lacks it could offer its only joint instead.
+    named = bool(joints) or len(log.joints) > 1
+    jobs = {
+        name: (
+            _single_joint(log, name),
+            name if named else None,
+            setup,
+            tuple(_single_joint(one, name) for one in repeats),
+            tuple(_single_joint(one, name) for one in more),
+            moving_beside(log, name),
+        )
+        for name in names
+    }
+    for name, outcome in _outcomes(jobs, min(len(jobs), workers or num_threads())):
+        if isinstance(outcome, StictionError):
+            refused[name] = str(outcome)
+        else:
+            found[name] = outcome
+            done(name)
+    if not found:
+        raise LogError(refused[names[0]])
+    empty = {name: JointRecord(warnings=(REFUSED + refused[name],)) for name in names if name in refused}
+    return {name: found[name] for name in names if name in found}, empty
+
+
+def _outcomes(jobs: Mapping[str, _Job], workers: int) -> Iterator[tuple[str, Identification | StictionError]]:
+    """Yield each joint's name with its identification or its refusal, as they are finished."""
+    names = list(jobs)
+    for number, outcome in spread(_attempt, list(jobs.values()), workers):
+        yield names[number], outcome
+
+
+def _single_joint(log: Log, name: str) -> Log:
+    """Return the log with one joint: a worker needs no more. A repeat without the joint stays whole, and is refused."""
+    return replace(log, joints={name: log.joints[name]}) if name in log.joints else log
+
+
+def _attempt(
+    log: Log,
+    name: str | None,
+    setup: IdentifySetup | None,
+    repeats: Sequence[Log],
+    more: Sequence[Log],
+    moving: tuple[str, ...],
+) -> Identification | StictionError:
+    """Identify one joint; what is wrong with it comes back as a value, for an exception would lose its class."""
+    try:
+        return identify_joint(log, name, setup, repeats, more, moving)
+    except StictionError as error:
+        return error

@@ -1,0 +1,126 @@
+"""Several runs of one joint in one fit: one set of intervals, and by how much the runs disagree.
+
+Within a run the residual's scatter tells how well a parameter is known; between runs the joint may have been warmer,
+or loaded otherwise, which no run shows by itself. So the interval is also that of the mean of the runs' own estimates,
+Student's with one degree of freedom less than there are runs, whichever reaches further.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2, norm
+from scipy.stats import t as student
+
+from stiction.files.joints import Estimate
+from stiction.identification.consistency import COMPARED
+from stiction.identification.prepare import Rows, make_rows
+from stiction.identification.regression import FEWEST_ROWS, INVERSE_STRENGTH, MAX_INFLATION, Fit, fit_rows
+from stiction.identification.runs import Run
+
+CHANCE = 0.01
+"""Probability of so much disagreement by chance, under which it is said that the runs disagree."""
+
+
+def pooled_rows(runs: Sequence[Run]) -> Rows:
+    """Return the rows of all runs; they are taken to have one motor strength, that of the first."""
+    strength = runs[0].setup.motor_strength or 1.0
+    return make_rows([one.prepared for one in runs], [one.setup.payload for one in runs], strength)
+
+
+@dataclass(frozen=True)
+class Pooling:
+    """What each of several runs says by itself, under the equation of the fit to all of them."""
+
+    sources: tuple[str, ...]
+    """Names of all runs."""
+    alone: tuple[dict[str, Estimate] | None, ...]
+    """Each run's own estimates of inertia, viscous and dry friction; None where it is too short or too poor."""
+
+    @property
+    def telling(self) -> list[dict[str, Estimate]]:
+        """The runs that can be fitted alone."""
+        return [found for found in self.alone if found is not None]
+
+    def values(self, name: str) -> np.ndarray:
+        """Return the runs' own values of a parameter, shape (num_telling,)."""
+        return np.array([found[name].value for found in self.telling])
+
+    def spread(self, name: str) -> float:
+        """Return the standard deviation between the runs; NaN for fewer than two."""
+        values = self.values(name)
+        return float(values.std(ddof=1)) if len(values) > 1 else float("nan")
+
+    def probability(self, name: str) -> float:
+        """Return how probable so much disagreement is by chance alone (Cochran's Q); NaN for fewer than two runs."""
+        if len(self.telling) < 2:
+            return float("nan")
+        # Deviations from the intervals, which know how few blocks a short run has.
+        widths = [found[name].interval95[1] - found[name].interval95[0] for found in self.telling]
+        weights = (2 * float(norm.ppf(0.975)) / np.array(widths).clip(1e-300)) ** 2
+        values = self.values(name)
+        centre = float(weights @ values / weights.sum())
+        return float(chi2.sf(float(weights @ (values - centre) ** 2), len(values) - 1))
+
+    def admitted(self, estimates: Mapping[str, Estimate]) -> dict[str, Estimate]:
+        """Return estimates whose intervals reach as far as the mean of the runs' own is uncertain."""
+        found = dict(estimates)
+        count = len(self.telling)
+        for name in COMPARED:
+            if name not in found or count < 2:
+                continue
+            old, std = found[name], self.spread(name) / np.sqrt(count)
+            reach = float(student.ppf(0.975, count - 1)) * std
+            ends = (min(old.interval95[0], old.value - reach), max(old.interval95[1], old.value + reach))
+            found[name] = Estimate(old.value, max(old.std, float(std)), ends)
+        return found
+
+    def sentences(self) -> tuple[str, ...]:
+        """Say how many runs there are, and in what they disagree."""
+        mute = len(self.sources) - len(self.telling)
+        said = [
+            f"{len(self.sources)} runs were fitted together"
+            + (f"; {mute} of them are too short or too poor to say anything alone" if mute else "")
+        ]
+        for name in COMPARED:
+            if len(self.telling) > 1 and self.probability(name) < CHANCE:
+                values = self.values(name)
+                said.append(
+                    f"the runs disagree on the {name.replace('_', ' ')} beyond chance: {values.min():.4g} to "
+                    f"{values.max():.4g}, deviation {self.spread(name):.3g}; the interval is that of their mean"
+                )
+        return tuple(said)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        return {
+            "sources": list(self.sources),
+            "alone": [found and {name: one.to_dict() for name, one in found.items()} for found in self.alone],
+            "spread": {name: self.spread(name) for name in COMPARED} if len(self.telling) > 1 else None,
+            "probability": {name: self.probability(name) for name in COMPARED} if len(self.telling) > 1 else None,
+        }
+
+
+def compare_runs(runs: Sequence[Run], base: Fit) -> Pooling:
+    """Fit each run alone with the equation of the fit to all; 1/k, which one run need not tell, is that of all."""
+    inverse = base.by_name.get(INVERSE_STRENGTH, 1.0)
+    alone: list[dict[str, Estimate] | None] = []
+    for index in range(len(runs)):
+        rows = base.rows.take(base.rows.run == index)
+        if INVERSE_STRENGTH in base.names:
+            rows = _scaled(rows, inverse)
+        if len(rows) < FEWEST_ROWS:
+            alone.append(None)
+            continue
+        fit = fit_rows(rows, base.model)
+        clear = max(fit.inflation[name] for name in COMPARED) < MAX_INFLATION
+        alone.append({name: fit.estimates()[name] for name in COMPARED} if clear else None)
+    return Pooling(tuple(run.source for run in runs), tuple(alone))
+
+
+def _scaled(rows: Rows, inverse: float) -> Rows:
+    """Return rows whose known load is in the unit of the torque."""
+    return replace(rows, payload=inverse * rows.payload, load=inverse * rows.load)

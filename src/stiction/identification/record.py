@@ -1,0 +1,402 @@
+"""From everything that was found about a joint to the record that `joints.json` holds."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, is_dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from stiction.files.joints import LOAD_REGRESSORS, Estimate, JointRecord
+from stiction.identification.assumption import torque_unit
+from stiction.identification.back_emf import BackEmf, Braking, brake_summary, braking, split_viscous
+from stiction.identification.choice import Choice, GravityChoice
+from stiction.identification.combinations import (
+    Strength,
+    combine,
+    find_strength,
+    missing_experiment,
+    position_torque,
+    product,
+    shifted,
+)
+from stiction.identification.consistency import REPEAT, Comparison, Drift, disagreement, find_drift, whiteness, widened
+from stiction.identification.in_loop import InLoop
+from stiction.identification.model import GRAVITY_TERMS
+from stiction.identification.output_error import OutputError
+from stiction.identification.pooling import Pooling
+from stiction.identification.prepare import Rows
+from stiction.identification.regression import INVERSE_STRENGTH, MAX_INFLATION, Fit
+from stiction.identification.runs import Run
+from stiction.joints.friction import dead_band, friction_ratio
+
+DELAY_ERROR = 0.1
+"""Share of an estimated delay by which its interval is widened: the loop's model is of second order in it."""
+
+CLEAR = 3.0
+"""Standard deviations by which gravity must be there before its phase says anything."""
+
+WIDEST_BIAS = 0.5
+"""Half-width of the interval beyond which a bias is not known [rad]."""
+
+
+def loop_unknowns(base: Fit, loop: InLoop, hanging: float | None) -> dict[str, Estimate | None]:
+    """Return `delay` and `encoder_bias`, where they were asked for and the log tells them, else None.
+
+    hanging: true angle at which the link hangs straight down [rad], if it is known: gravity then tells the bias.
+    Otherwise the bias is that of the log's angle against the controller's.
+    """
+    found = {} if loop.symmetric is None else loop.symmetric.estimates
+    bias = found.get("log_bias") if hanging is None else hanging_bias(base, hanging)
+    delay = found.get("delay")
+    if delay is not None:
+        more = DELAY_ERROR * abs(delay.value)
+        low, high = delay.interval95
+        delay = Estimate(delay.value, float(np.hypot(delay.std, more / 2)), (low - more, high + more))
+    return {"delay": delay, "encoder_bias": bias}
+
+
+def hanging_bias(fit: Fit, hanging: float) -> Estimate | None:
+    """Return by how much the logged angle is ahead of the true one [rad], from the phase of gravity; None without it.
+
+    G sin(θ − bias − hanging) is gravity_sin sin θ + gravity_cos cos θ. hanging: true angle at which the link hangs
+    straight down [rad].
+    """
+    if "gravity_sin" not in fit.names or max(fit.inflation[name] for name in GRAVITY_TERMS) >= MAX_INFLATION:
+        return None
+    sine, cosine = (fit.names.index(name) for name in GRAVITY_TERMS)
+    along, across = fit.values[sine], -fit.values[cosine]
+    size = float(np.hypot(along, across))
+    largest = float(np.linalg.eigvalsh(fit.covariance[np.ix_((sine, cosine), (sine, cosine))])[-1])
+    # Not `<`, which is false where the phase is not told, and the variance no number.
+    if not size**2 >= CLEAR**2 * largest:
+        return None
+    gradient = {"gravity_sin": -across / size**2, "gravity_cos": -along / size**2}
+    # Into ±π, for an angle is only known up to a turn.
+    phase = (np.arctan2(across, along) - hanging + np.pi) % (2 * np.pi) - np.pi
+    found = fit.combination(gradient, "gravity_cos", phase)
+    return found if found.interval95[1] - found.value < WIDEST_BIAS else None
+
+
+REPEAT_FACTOR, REPEAT_ERROR = 2.0, 0.1
+"""A repeat is predicted badly from this many times the fit's own error on, and from this share of its torque on."""
+
+
+def predicted_badly(tried: dict[str, Any], own: float) -> bool:
+    """Return whether a law misses a repeat that it was tried on.
+
+    own: its error on the log that it was fitted to [1].
+    """
+    return "refusal" in tried or tried["torque_error"] > min(REPEAT_FACTOR * own, REPEAT_ERROR)
+
+
+@dataclass(frozen=True)
+class JointFits:
+    """All fits to the log of one joint, and how they were chosen."""
+
+    run: Run
+    """The log that was asked about."""
+    rows: Rows
+    """Rows of all runs that were fitted together."""
+    base: Fit
+    """Viscous and Coulomb friction."""
+    chosen: Fit
+    """The law that was chosen; `base` itself where that is it."""
+    choice: Choice
+    """How it was chosen."""
+    loop: InLoop
+    """What simulations gave."""
+    comparisons: tuple[Comparison, ...]
+    """Parts and repeats."""
+    gravity: GravityChoice | None = None
+    """Whether gravity was fitted, where the log was asked."""
+    predictions: tuple[dict[str, Any], ...] = ()
+    """How well the chosen law predicts each of the repeats, which it was not fitted to: `source`, the log's name,
+    `torque_error` and `simulation_errors`, shares of what was measured [1]."""
+    pooling: Pooling | None = None
+    """What several runs that were fitted together say one by one."""
+    back_emf: BackEmf | None = None
+    """ke, where the data show it."""
+
+    @property
+    def braking(self) -> Braking | None:
+        """What was done about the brake of a motor that is driven by voltage."""
+        return braking(self.run, self.back_emf)
+
+    @property
+    def admitted(self) -> tuple[Comparison, ...]:
+        """Comparisons that stated intervals admit: all, but for those with repeats that the law does not predict."""
+        poor = {
+            tried["source"]
+            for tried in self.predictions
+            if predicted_badly(tried, _relative_error(self.chosen, self.rows))
+        }
+        return tuple(one for one in self.comparisons if not (one.label.startswith(REPEAT) and one.parts[1] in poor))
+
+    @property
+    def by_simulation(self) -> bool:
+        """Whether the stated values are output error's: without measured torque least squares suffers from noise."""
+        return not self.run.measured and self.loop.symmetric is not None
+
+    @property
+    def method(self) -> str:
+        """Name of the estimator that the stated values come from."""
+        if self.by_simulation:
+            return "output_error"
+        return "torque_regression" if self.run.measured else "position_regression"
+
+    def symmetric(self) -> dict[str, Estimate]:
+        """Return the stated estimates of viscous and Coulomb friction, in the unit of the torque."""
+        if self.by_simulation and self.loop.symmetric is not None:
+            return self.loop.symmetric.estimates
+        return self.base.estimates()
+
+    def law(self) -> dict[str, Estimate]:
+        """Return the stated estimates of the law that was chosen, by output error where that was done."""
+        if self.chosen is self.base:
+            return self.symmetric()
+        if self.loop.chosen is not None:
+            return self.loop.chosen.estimates
+        return self.chosen.estimates()
+
+
+SHARED = ("inertia", "offset", *GRAVITY_TERMS)
+"""Parameters that mean the same under every friction law."""
+
+
+def contradicted(plain: dict[str, Estimate], law: dict[str, Estimate]) -> tuple[str, ...]:
+    """Return the parameters of `SHARED` whose interval under one law lies apart from that under another."""
+    return tuple(
+        name
+        for name in SHARED
+        if name in plain
+        and name in law
+        and (plain[name].interval95[1] < law[name].interval95[0] or law[name].interval95[1] < plain[name].interval95[0])
+    )
+
+
+def admitting(plain: dict[str, Estimate], law: dict[str, Estimate]) -> dict[str, Estimate]:
+    """Return estimates whose intervals also hold those of the law that was chosen, where the two lie apart."""
+    result = dict(plain)
+    for name in contradicted(plain, law):
+        (low, high), (first, last) = plain[name].interval95, law[name].interval95
+        gap = abs(plain[name].value - law[name].value) / 2
+        ends = min(low, first), max(high, last)
+        result[name] = Estimate(plain[name].value, max(plain[name].std, gap), ends)
+    return result
+
+
+def inertia_known(fit: Fit) -> bool:
+    """Return whether the torque that inertia takes is more than what is not explained.
+
+    What the model lacks can look like inertia, wholly so if it follows the acceleration, up to |residual| / |θ''|:
+    where that is as much as the inertia itself, the fit does not tell it, whatever its scatter says.
+    """
+    inertial = fit.by_name["inertia"] * fit.rows.acceleration
+    return bool(np.linalg.norm(inertial) > np.linalg.norm(fit.residual))
+
+
+def make_record(fits: JointFits) -> JointRecord:
+    """Put everything into the record; objections, verdict and warnings come later."""
+    run, base, setup = fits.run, fits.base, fits.run.setup
+    # State the parameters where k is known, else the combinations that the log tells.
+    strength = find_strength(base, run.measured, setup.calibrated, setup.motor_strength)
+    estimates = admitting(all_admitting(fits, fits.symmetric()), fits.law())
+    middle = float(run.signals.position.min() + run.signals.position.max()) / 2
+    parameters, combinations = combine(base, estimates, strength, kd_assumed(run), middle)
+    scaled = fits.loop.scaled
+    if scaled is not None:
+        strength = Strength(scaled.estimates["motor_strength"], "known_load")
+        parameters |= {name: estimate for name, estimate in scaled.estimates.items() if name in base.model.names}
+    # Take viscous friction apart from the motor's own brake.
+    brakes = fits.braking
+    if brakes is not None:
+        viscous, together = split_viscous(brakes, estimates["viscous_friction"], strength)
+        parameters["viscous_friction"] = viscous
+        combinations = {name: one for name, one in combinations.items() if name != "B/k"} | together
+    level = estimates["coulomb_friction"]
+    # Put dry friction over the torque limit, and over the gain.
+    in_si = run.measured and (setup.calibrated or setup.drive.column != "torque")
+    # Where the torque is not known in N m the limit is in the unit of what the estimators saw, and k cancels.
+    limited = parameters["coulomb_friction"] if in_si else level
+    law = _law(fits, strength)
+    law_fields = _law_fields(law, strength)
+    # Judge the joint by friction at rest where that is more: a torque and a position error must overcome it.
+    static = fits.law().get("static_friction")
+    held = law_fields["static_friction"] if in_si else static
+    held = held if held and limited and held.value > limited.value else None
+    ratio = dynamic_ratio = None
+    if setup.torque_limit is not None and limited is not None:
+        dynamic_ratio = limited.scaled(friction_ratio(1.0, setup.torque_limit))
+        ratio = held.scaled(friction_ratio(1.0, setup.torque_limit)) if held else dynamic_ratio
+    gains_fit = setup.kp is not None and setup.calibrated
+    holding = static if static and static.value > level.value else level
+    band = holding.scaled(dead_band(1.0, setup.kp)) if gains_fit and setup.kp else None
+    if not fits.by_simulation and not inertia_known(base):
+        parameters["inertia"] = None
+    known = parameters | law_fields | loop_unknowns(base, fits.loop, setup.hanging_angle)
+    record = JointRecord(
+        inertia=known["inertia"],
+        viscous_friction=known["viscous_friction"],
+        coulomb_friction=known["coulomb_friction"],
+        offset=known["offset"],
+        gravity_sin=known.get("gravity_sin"),
+        gravity_cos=known.get("gravity_cos"),
+        static_friction=known["static_friction"],
+        stribeck_velocity=known["stribeck_velocity"],
+        load_coefficient=known["load_coefficient"],
+        encoder_bias=known["encoder_bias"],
+        delay=known["delay"],
+        motor_strength=strength.value if strength.source == "known_load" else None,
+        friction_ratio=ratio,
+        dynamic_ratio=dynamic_ratio if held else None,
+        dead_band=band,
+        combinations=combinations,
+        friction_law=law,
+        axis=setup.axis or "rotary",
+        test_condition=setup.test_condition,
+        torque_source=(setup.torque_source or "motor_side") if run.measured else None,
+        kp=setup.kp,
+        kd=setup.kd,
+        torque_limit=setup.torque_limit,
+    )
+    diagnostics = _diagnostics(fits, strength)
+    if brakes is not None:
+        diagnostics["drive"] = brake_summary(brakes, combinations, strength)
+    return replace(record, diagnostics=plain(diagnostics))
+
+
+def all_admitting(fits: JointFits, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
+    """Return estimates whose intervals admit what parts of the log say, and runs that were fitted together."""
+    found = widened(estimates, fits.admitted)
+    return fits.pooling.admitted(found) if fits.pooling else found
+
+
+def plain(value: Any) -> Any:
+    """Return nested dataclasses, dictionaries and sequences as dictionaries and lists, as JSON would read them."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
+    if isinstance(value, dict):
+        return {key: plain(part) for key, part in value.items()}
+    return [plain(part) for part in value] if isinstance(value, list | tuple) else value
+
+
+def kd_assumed(run: Run) -> float:
+    """Return the kd that was taken off the viscous friction: the controller's, where torque is not measured."""
+    return 0.0 if run.measured else float(run.setup.kd or 0.0)
+
+
+def _law(fits: JointFits, strength: Strength) -> dict[str, Any]:
+    """Return the law that was chosen, its parameters, and how the others fared."""
+    fit = fits.chosen
+    damping, brakes = kd_assumed(fits.run) if strength.value is None else 0.0, fits.braking
+    parameters = {}
+    stated = fits.law()
+    if fit is fits.base:
+        stated = all_admitting(fits, stated)
+    for name, estimate in stated.items():
+        identified = fits.loop.chosen is not None or fit.inflation.get(name, np.inf) < MAX_INFLATION
+        if name not in fit.names or name == INVERSE_STRENGTH or not identified:
+            continue
+        own = shifted(estimate, damping) if name.startswith("viscous_friction") else estimate
+        if brakes is not None:
+            own = brakes.widened(name, own)
+            if name.startswith("viscous_friction") and (brakes.unseen or own.interval95[0] <= 0):
+                continue
+        unitless = name in UNITLESS
+        parameters[name] = (own if strength.value is None or unitless else product(own, strength.value)).to_dict()
+    named = {"regressor": "gravity", "load": LOAD_REGRESSORS["gravity"]} if fit.model.law == "load" else {}
+    return named | {
+        "law": fit.model.law,
+        "parameters": parameters,
+        "over_strength": strength.value is None,
+        "drawn": {
+            "viscous_friction": fit.by_name.get("viscous_friction", 0.0),
+            "symmetric": fits.base.by_name["coulomb_friction"],
+        },
+        "middle": fit.model.middle,
+        "text": fits.choice.text,
+        "candidates": [asdict(candidate) for candidate in fits.choice.candidates],
+        "method": "output_error" if fits.loop.chosen is not None else fits.method,
+        "relative_torque_error": _relative_error(fit, fits.rows),
+    }
+
+
+UNITLESS = ("stribeck_velocity", "load_coefficient")
+"""Parameters that do not grow with the motor strength."""
+
+
+def _law_fields(law: dict[str, Any], strength: Strength) -> dict[str, Estimate | None]:
+    """Return the fields of the record that only a richer law fills."""
+    names = ("static_friction", "stribeck_velocity", "load_coefficient")
+    known = {name: law["parameters"].get(name) for name in names}
+    if strength.value is None:
+        known["static_friction"] = None
+    return {name: None if data is None else Estimate.from_dict(data, name) for name, data in known.items()}
+
+
+def _relative_error(fit: Fit, rows: Rows) -> float:
+    """Return |residual| / |torque| over the rows."""
+    return float(np.linalg.norm(fit.residual) / np.linalg.norm(rows.torque))
+
+
+def _simulated(result: OutputError | None) -> dict[str, Any] | None:
+    """Return what output error found, in units of k."""
+    return None if result is None else {**result.estimates, "relative_errors": result.relative_errors}
+
+
+def _disagreement(fits: JointFits) -> dict[str, dict[str, float]] | None:
+    """Compare the estimators under the law that was chosen: under another one each errs in its own way."""
+    fit, found = fits.base, fits.loop.symmetric
+    if fits.loop.chosen is not None:
+        fit, found = fits.chosen, fits.loop.chosen
+    return None if found is None else disagreement(fit, found.estimates)
+
+
+def sampling(run: Run) -> dict[str, Any]:
+    """Return how a run was sampled and filtered, for the diagnostics."""
+    return {
+        "duration": float(run.signals.time[-1]),
+        "sampling_rate": 1 / run.signals.step,
+        "timing": run.signals.timing,
+        "cutoff": run.prepared.cutoff,
+        "speed_threshold": run.prepared.threshold,
+    }
+
+
+def _diagnostics(fits: JointFits, strength: Strength) -> dict[str, Any]:
+    """Return the diagnostics of a joint's record."""
+    run, base, rows, loop = fits.run, fits.base, fits.rows, fits.loop
+    alone = rows is run.rows
+    return {
+        "method": fits.method,
+        "seen": base.estimates(),
+        "strength": {
+            "source": strength.source,
+            "missing": missing_experiment(strength, run.measured, run.setup.drive.lacking),
+        },
+        "samples": len(run.signals.time),
+        "samples_used": len(rows),
+        **sampling(run),
+        "condition_number": base.condition,
+        "scaled_condition_number": base.scaled_condition,
+        "inflation": base.inflation,
+        "relative_torque_error": _relative_error(base, rows),
+        "whiteness": whiteness(base.residual),
+        "blocks": base.blocks.count,
+        "position_torque": None if run.setup.fits_gravity or run.setup.payload else position_torque(rows, base),
+        "comparisons": [comparison.to_dict() for comparison in fits.comparisons],
+        "predictions": fits.predictions,
+        "contradicted": contradicted(widened(fits.symmetric(), fits.admitted), fits.law()),
+        "inertia_known": fits.by_simulation or inertia_known(base),
+        "gravity": fits.gravity and fits.gravity.text,
+        "drift": find_drift(rows, base) if alone else Drift(None, "several logs were fitted together"),
+        "controller_mismatch": loop.mismatch,
+        "torque_unit": torque_unit(run),
+        "closed_loop": loop.reason,
+        "output_error": _simulated(loop.symmetric),
+        "output_error_law": _simulated(loop.chosen),
+        "disagreement": _disagreement(fits) if alone else None,
+        "instrumental_variable": loop.instrumental and loop.instrumental.estimates(),
+        **({"runs": fits.pooling.to_dict()} if fits.pooling else {}),
+    }

@@ -1,0 +1,360 @@
+"""Torque regression: least squares of the torque equation, for any of its friction laws, over the rows of a log.
+
+In a closed loop the noise of the position comes back through the motor's torque, so least squares is biased. Free of
+that is (ZᵀW) p = Zᵀτ with instruments Z: the same regressors made from a simulation of the loop with the last
+estimates. After Janot, Vandanjon and Gautier, IEEE Transactions on Control Systems Technology 22(1), 2014.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from stiction.core.errors import LogError
+from stiction.core.linear import invert
+from stiction.files.joints import Estimate
+from stiction.identification.checks import PoorMotion
+from stiction.identification.intervals import (
+    Blocks,
+    block_count,
+    bootstrap_reach,
+    make_blocks,
+    robust_covariance,
+    with_intervals,
+)
+from stiction.identification.model import GRAVITY_TERMS, Model
+from stiction.identification.prepare import Prepared, Rows, derivatives, low_pass, make_rows
+from stiction.identification.setup import Payload
+
+FEWEST_ROWS = 50
+"""Fewer say nothing about their own scatter."""
+
+MAX_INFLATION = 100.0
+"""How many times longer a column may be than what the others leave of it; beyond, the parameter is not told apart."""
+
+LOAD_ROUNDS = 3
+"""The load follows from gravity and gravity from the fit: both settle in two rounds."""
+
+SPEEDS = 10
+"""Stribeck velocities tried before the best is refined."""
+
+INVERSE_STRENGTH = "inverse_strength"
+"""1/k as a parameter: how much of the torque's unit one N m of known payload takes."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted torque equation; P parameters, R rows."""
+
+    model: Model
+    """The equation."""
+    names: tuple[str, ...]
+    """Parameters: the model's, and `inverse_strength` where a known payload gives it."""
+    values: np.ndarray
+    """Best estimates, shape (P,)."""
+    jacobian: np.ndarray
+    """Derivative of the torque by each parameter, shape (R, P)."""
+    residual: np.ndarray
+    """Measured less fitted torque [N m], shape (R,)."""
+    rows: Rows
+    """What it was fitted to."""
+    instrument: np.ndarray | None = None
+    """Columns whose noise is not that of the residual, shape (R, P); None for least squares."""
+
+    @cached_property
+    def blocks(self) -> Blocks:
+        """The estimating equations, summed over blocks that outlast the residual's memory."""
+        block = self.rows.blocks(block_count(self.residual))
+        return make_blocks(self.jacobian, self.residual, block, self.instrument)
+
+    @cached_property
+    def reach(self) -> np.ndarray:
+        """Half-width of each 95 % interval in standard deviations, shape (P,)."""
+        return bootstrap_reach(self.blocks)
+
+    @cached_property
+    def inflation(self) -> dict[str, float]:
+        """Norm of each column over the norm of its part orthogonal to the others; 1 is best, 1e12 a copy of another."""
+        scaled = self.jacobian / np.linalg.norm(self.jacobian, axis=0).clip(1e-300)
+        # The square roots of the diagonal of (XᵀX)⁻¹, by the factor R: XᵀX itself would square the condition number.
+        _, sizes, directions = np.linalg.svd(np.linalg.qr(scaled, mode="r"))
+        lengths = np.linalg.norm(directions / sizes.clip(1e-12)[:, None], axis=0)
+        return dict(zip(self.names, lengths.tolist(), strict=True))
+
+    @property
+    def condition(self) -> float:
+        """Condition number of the regressor as it is."""
+        return float(np.linalg.cond(self.jacobian))
+
+    @property
+    def scaled_condition(self) -> float:
+        """Condition number of the regressor with columns of unit length."""
+        return float(np.linalg.cond(self.jacobian / np.linalg.norm(self.jacobian, axis=0).clip(1e-300)))
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance of the estimates, robust against correlated residuals, shape (P, P)."""
+        return robust_covariance(self.blocks)
+
+    @property
+    def by_name(self) -> dict[str, float]:
+        """The best estimates by name."""
+        return dict(zip(self.names, self.values.tolist(), strict=True))
+
+    def combination(self, weights: Mapping[str, float], like: str, value: float | None = None) -> Estimate:
+        """Return a weighted sum of the parameters, its interval as many deviations wide as that of `like`.
+
+        value: of a function of the parameters whose gradient the weights are; by default the sum itself.
+        """
+        row = np.array([weights.get(name, 0.0) for name in self.names])
+        centre = row @ self.values if value is None else value
+        reach = self.reach[self.names.index(like)]
+        # Without the parameters of weight zero: nothing times an infinite variance would be no number.
+        used = np.flatnonzero(row)
+        variance = row[used] @ self.covariance[np.ix_(used, used)] @ row[used]
+        return with_intervals(np.array([centre]), np.array([[variance]]), reach)[0]
+
+    def scatter(self) -> dict[str, Estimate]:
+        """Return each parameter with the deviation and the interval that the residual's scatter alone gives it."""
+        found = with_intervals(self.values, self.covariance, self.reach)
+        return dict(zip(self.names, found, strict=True))
+
+    def estimates(self) -> dict[str, Estimate]:
+        """Return each parameter with deviation and interval, which admits the bias of least squares in the inertia."""
+        named = self.scatter()
+        if self.instrument is None:
+            inertia = named["inertia"]
+            more = self.rows.attenuation * abs(inertia.value)
+            # Noise in a regressor draws its coefficient towards zero, so that the truth can only lie further up.
+            ends = (inertia.interval95[0], inertia.interval95[1] + more)
+            named["inertia"] = Estimate(inertia.value, float(np.hypot(inertia.std, more / 2)), ends)
+        return named
+
+
+def fit_rows(rows: Rows, model: Model, strength_unknown: bool = False) -> Fit:
+    """Fit a torque equation; strength_unknown: 1/k is a parameter too, and a payload must tell it."""
+    names = model.names + ((INVERSE_STRENGTH,) if strength_unknown else ())
+    columns = _columns(rows, model.middle)
+    speed = _stribeck_velocity(rows, names, columns) if model.law == "stribeck" else 0.0
+    if speed:
+        columns |= _rise(rows, speed)
+    elif model.law == "load":
+        columns |= {"load_coefficient": _load_size(rows, names, columns) * rows.direction}
+    linear = [name for name in names if name != "stribeck_velocity"]
+    values, residual = _solve(rows, linear, columns)
+    found = dict(zip(linear, values, strict=True))
+    if speed:
+        found["stribeck_velocity"] = speed
+        rise = found["static_friction"] - found["coulomb_friction"]
+        columns["stribeck_velocity"] = rise * columns["steepening"]
+    jacobian = np.stack([columns[name] for name in names], axis=1)
+    return Fit(model, names, np.array([found[name] for name in names]), jacobian, residual, rows)
+
+
+def fit_with_column(fit: Fit, name: str, column: np.ndarray) -> Fit:
+    """Fit the equation of `fit` again by least squares with one more parameter; column: its derivative, shape (R,)."""
+    torque = fit.jacobian @ fit.values + fit.residual
+    jacobian = np.column_stack([fit.jacobian, column])
+    values = np.linalg.lstsq(jacobian, torque, rcond=None)[0]
+    residual = torque - jacobian @ values
+    names = (*fit.names, name)
+    return replace(fit, names=names, values=values, jacobian=jacobian, residual=residual, instrument=None)
+
+
+def fit_at(rows: Rows, model: Model, values: dict[str, float]) -> Fit:
+    """Return a Stribeck equation at values that another estimator found, as if it had been fitted."""
+    columns = _columns(rows, model.middle) | _rise(rows, values["stribeck_velocity"])
+    rise = values["static_friction"] - values["coulomb_friction"]
+    columns["stribeck_velocity"] = rise * columns["steepening"]
+    jacobian = np.stack([columns[name] for name in model.names], axis=1)
+    # A stand-in for the residual: to predict takes the fit that it belongs to.
+    fit = Fit(model, model.names, np.array([values[name] for name in model.names]), jacobian, rows.torque, rows)
+    return replace(fit, residual=rows.torque - predict_torque(fit, rows))
+
+
+def predict_torque(fit: Fit, rows: Rows) -> np.ndarray:
+    """Return the torque that a fit expects on rows that it need not have seen [N m], shape (num_rows,)."""
+    found, columns = fit.by_name, _columns(rows, fit.model.middle)
+    if fit.model.law == "stribeck":
+        columns |= _rise(rows, found["stribeck_velocity"])
+    elif fit.model.law == "load":
+        columns |= {"load_coefficient": _load(rows, found, columns) * rows.direction}
+    # Where 1/k is a parameter the payload is its column.
+    payload = 0.0 if INVERSE_STRENGTH in found else rows.payload
+    terms = (value * columns[name] for name, value in found.items() if name != "stribeck_velocity")
+    return payload + sum(terms, np.zeros(len(rows)))
+
+
+def rigid_torque(fit: Fit, rows: Rows) -> np.ndarray:
+    """Return the part of the predicted torque that is not friction: inertia, offset, gravity, payload [N m]."""
+    columns = _columns(rows)
+    payload = 0.0 if INVERSE_STRENGTH in fit.names else rows.payload
+    rigid = ("inertia", "offset", *GRAVITY_TERMS, INVERSE_STRENGTH)
+    return payload + sum(
+        (value * columns[name] for name, value in fit.by_name.items() if name in rigid), np.zeros(len(rows))
+    )
+
+
+def check_fit(source: str, fit: Fit) -> None:
+    """Raise `LogError` if the motion does not tell inertia, viscous and dry friction apart; `source` is named.
+
+    And if the link has gravity of its own that pulls on it just as the payload does, in every run that was fitted.
+    """
+    # Not `>=`, which is false for NaN.
+    if not fit.inflation.get(INVERSE_STRENGTH, 0.0) < MAX_INFLATION:
+        raise LogError(
+            f"{source}: the payload's weight cannot be told from the link's own, so the motor strength and the inertia "
+            "are not known; log once without the payload as well and give that log with --repeat"
+        )
+    worst = max(("inertia", "viscous_friction", "coulomb_friction"), key=lambda name: fit.inflation[name])
+    if not fit.inflation[worst] < MAX_INFLATION:
+        raise PoorMotion(
+            source,
+            f"{worst} cannot be told from the other parameters (its share of the motion is "
+            f"1/{fit.inflation[worst]:.3g} of "
+            f"its own, at least 1/{MAX_INFLATION:.0f} is needed)",
+            "use at least two frequencies and both directions",
+        )
+
+
+def check_rows(source: str, rows: Rows, prepared: Prepared) -> None:
+    """Raise `LogError` for too few rows; prepared: what they were taken from."""
+    if len(rows) < FEWEST_ROWS:
+        raise PoorMotion(
+            source,
+            f"{len(rows)} samples are left, at least {FEWEST_ROWS} are needed: {prepared.left_over}",
+            "move further, faster, or for longer",
+        )
+
+
+def _columns(rows: Rows, middle: float = 0.0) -> dict[str, np.ndarray]:
+    """Return the derivative of the torque by every parameter that enters linearly, shape (R,) each; middle: θ_m."""
+    return {
+        "inertia": rows.acceleration,
+        "viscous_friction": rows.velocity,
+        "coulomb_friction": rows.direction,
+        "offset": np.ones(len(rows)),
+        "viscous_friction_forward": np.clip(rows.velocity, 0.0, None),
+        "viscous_friction_backward": np.clip(rows.velocity, None, 0.0),
+        "coulomb_friction_forward": np.clip(rows.direction, 0.0, None),
+        "coulomb_friction_backward": np.clip(rows.direction, None, 0.0),
+        "gravity_sin": np.sin(rows.position),
+        "gravity_cos": np.cos(rows.position),
+        "position_slope": rows.direction * (rows.position - middle),
+        "position_curvature": rows.direction * (rows.position - middle) ** 2,
+        INVERSE_STRENGTH: rows.payload,
+    }
+
+
+def _solve(rows: Rows, names: list[str], columns: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the least-squares parameters and the residual torque; a payload whose 1/k is not asked for is known."""
+    torque = rows.torque if INVERSE_STRENGTH in names else rows.torque - rows.payload
+    regressor = np.stack([columns[name] for name in names], axis=1)
+    values = np.linalg.lstsq(regressor, torque, rcond=None)[0]
+    return values, torque - regressor @ values
+
+
+def _load_size(rows: Rows, names: tuple[str, ...], columns: dict[str, np.ndarray]) -> np.ndarray:
+    """Return the size of the load that the gear carries, gravity and what is known from outside, shape (R,)."""
+    trial = dict(columns)
+    load = np.abs(rows.load)
+    for _ in range(LOAD_ROUNDS):
+        trial["load_coefficient"] = load * rows.direction
+        found = dict(zip(names, _solve(rows, list(names), trial)[0], strict=True))
+        load = _load(rows, found, columns)
+    return load
+
+
+def _load(rows: Rows, found: dict[str, float], columns: dict[str, np.ndarray]) -> np.ndarray:
+    """Return |gravity + known load| for fitted parameters, in the torque's unit, shape (R,)."""
+    gravity = sum(found[name] * columns[name] for name in GRAVITY_TERMS if name in found)
+    return np.abs(gravity + rows.load * found.get(INVERSE_STRENGTH, 1.0))
+
+
+def _rise(rows: Rows, speed: float) -> dict[str, np.ndarray]:
+    """Return the columns of the Stribeck law at v_s = speed [rad/s], and the derivative by v_s over b_s - b_c."""
+    rise = np.exp(-((rows.velocity / speed) ** 2))
+    return {
+        "coulomb_friction": rows.direction * (1 - rise),
+        "static_friction": rows.direction * rise,
+        "steepening": rows.direction * rise * 2 * rows.velocity**2 / speed**3,
+    }
+
+
+def _stribeck_velocity(rows: Rows, names: tuple[str, ...], columns: dict[str, np.ndarray]) -> float:
+    """Return the Stribeck velocity that leaves the least torque unexplained [rad/s].
+
+    It is sought between the speed that one row in twenty is under and half of the top speed.
+    """
+    # All else is linear and solved for at each v_s, so that the search has one unknown. It finds one valley only: a
+    # grid says which.
+    linear = [name for name in names if name != "stribeck_velocity"]
+
+    def cost(logarithm: float) -> float:
+        return float(np.sum(_solve(rows, linear, columns | _rise(rows, float(np.exp(logarithm))))[1] ** 2))
+
+    speeds = np.abs(rows.velocity)
+    low, high = float(np.quantile(speeds, 0.05)), 0.5 * float(speeds.max())
+    tried = np.linspace(np.log(min(low, 0.5 * high)), np.log(high), SPEEDS)
+    best = int(np.argmin([cost(speed) for speed in tried]))
+    ends = tried[max(best - 1, 0)], tried[min(best + 1, SPEEDS - 1)]
+    return float(np.exp(minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": 1e-3}).x))
+
+
+MOST_ROUNDS = 5
+"""Simulations; two or three usually do."""
+
+SETTLED = 0.02
+"""Largest change of an estimate from round to round, in its standard deviations."""
+
+WEAKEST = 0.5
+"""Cosine between instrument and regressor under which the simulation does not follow the log."""
+
+Simulator = Callable[[np.ndarray], np.ndarray | None]
+"""Estimates, shape (P,) -> simulated position [rad], shape (num_samples,); None where it cannot be simulated."""
+
+
+def fit_instrumental(prepared: Prepared, payload: Payload | None, start: Fit, simulate: Simulator) -> Fit | None:
+    """Fit the equation of `start`, which is linear in its parameters, with simulated instruments.
+
+    prepared, payload: the run behind the rows of `start`. Returns None where no simulation follows the log or
+    tells the parameters apart, and where the rounds do not settle.
+    """
+    fit, torque = start, start.jacobian @ start.values + start.residual
+    for _ in range(MOST_ROUNDS):
+        position = simulate(fit.values)
+        if position is None:
+            return None
+        columns = _columns(_simulated_rows(prepared, payload, position))
+        instrument = np.stack([columns[name] for name in fit.names], axis=1)
+        if _cosines(instrument, start.jacobian).min() < WEAKEST:
+            return None
+        matrix = instrument.T @ start.jacobian
+        if not invert(matrix)[1].all():
+            return None
+        values = np.linalg.solve(matrix, instrument.T @ torque)
+        residual = torque - start.jacobian @ values
+        previous, fit = fit, replace(start, values=values, residual=residual, instrument=instrument)
+        deviations = np.sqrt(np.diag(fit.covariance))
+        if np.all(np.abs(fit.values - previous.values) < SETTLED * deviations):
+            return fit
+    return None
+
+
+def _simulated_rows(prepared: Prepared, payload: Payload | None, position: np.ndarray) -> Rows:
+    """Return the rows that a simulated position would have given, at the same samples."""
+    velocity, acceleration = derivatives(position, prepared.step, prepared.cutoff)
+    direction = low_pass(np.sign(velocity), prepared.cutoff, prepared.step)
+    angle = low_pass(position, prepared.cutoff, prepared.step)
+    noiseless = replace(prepared, position=angle, velocity=velocity, acceleration=acceleration, direction=direction)
+    return make_rows([noiseless], [payload])
+
+
+def _cosines(instrument: np.ndarray, regressor: np.ndarray) -> np.ndarray:
+    """Return the cosine between matching columns, shape (P,)."""
+    lengths = np.linalg.norm(instrument, axis=0) * np.linalg.norm(regressor, axis=0)
+    return np.sum(instrument * regressor, axis=0) / np.maximum(lengths, 1e-300)

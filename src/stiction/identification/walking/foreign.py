@@ -1,0 +1,302 @@
+"""A log with its own columns, of a robot that walked, as a walking log: matched, checked, even in time.
+
+Torque is taken as sampled at its own stamp, where the second difference of the angle is too. What the file does not say
+of the motors comes from flags or its sidecar; torque limits, where nobody said them, from the robot.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stiction.core.errors import LogError, unknown_name
+from stiction.core.rotation import continuous, up_in_frames
+from stiction.files.joint_map import parse_joint_map
+from stiction.files.log import BODY, BodySignals, JointSignals, Log
+from stiction.files.walk import LARGEST, WalkHeader, WalkLog
+from stiction.identification.checks import LARGEST_TIME
+from stiction.identification.runs import in_si
+from stiction.identification.setup import IdentifySetup
+from stiction.identification.timing import Grid, even_grid, resample
+from stiction.identification.walking.body import foot_positions
+from stiction.identification.walking.imu import BaseImu, base_imu
+from stiction.identification.walking.motion import LONGEST_PERIOD, SHORTEST
+from stiction.identification.walking.setup import RobotLogSetup
+from stiction.robots.model import Robot
+
+SUFFIXES = ("_joint", "_foot")
+"""What many models end names with, and many logs do not."""
+
+FEWEST_SAMPLES = 100
+"""Fewer are no second of a walk at any rate that is admitted."""
+
+LOUDEST = 1.5
+"""Torque over the motor's limit beyond which it is not in N m, or not this robot's [1]."""
+
+UNPLACED = 0.05
+"""How far from the base's origin an IMU may be along each axis where nobody said where it is [m]; 95 % bound. A Go2's
+is 4 cm above it and 3 cm behind. A choice."""
+
+UNLOADED = 0.2
+"""Where between the least and the largest force of a foot it begins to bear load [1]."""
+
+LEAST_AGREEMENT = 0.2
+"""Correlation between a foot's force and its being low under which the force is not this foot's [1]."""
+
+
+@dataclass(frozen=True)
+class ForeignWalk:
+    """A walking log and how it was read."""
+
+    log: WalkLog
+    """The log."""
+    notes: tuple[str, ...]
+    """What a reader of the results should know about how it was read; each one sentence."""
+    unplaced: float = 0.0
+    """How far from the base's origin the IMU may be along each axis, for want of its place [m]; 95 % bound."""
+
+
+def foreign_walk(
+    log: Log, spec: Robot, declared: IdentifySetup | None = None, setup: RobotLogSetup | None = None
+) -> ForeignWalk:
+    """Return the walking log in a log with its own columns, of the robot `spec`.
+
+    declared: how the log was made, as for a joint's log. Raises `LogError` where joints do not match, something that
+    must be known is missing, or what is there contradicts itself.
+    """
+    declared, setup = declared or IdentifySetup(), setup or RobotLogSetup()
+    names = match_names(log, spec, setup.joint_map)
+    body = log.body or BodySignals()
+    _refuse_holes(log, names, body)
+    grid, timing = even_grid(log.source, log.time)
+    part, cut = _longest_part(grid)
+    _refuse_slow(log, names, body, grid.step, (part.stop - part.start) * grid.step)
+
+    def even(values: np.ndarray, held: bool = False) -> np.ndarray:
+        return np.stack([resample(grid, column, held) for column in values.T], axis=1)[part]
+
+    setups = [declared.with_sidecar(log.setup_of(name)) for name in names]
+    for own in setups:
+        own.check_torque_limit()
+    signals = [in_si(log.joints[name], own) for name, own in zip(names, setups, strict=True)]
+    position = even(_column(signals, "position"))
+    velocity = (
+        even(_column(signals, "velocity")) if _has(signals, "velocity") else np.gradient(position, grid.step, axis=0)
+    )
+    header = _header(log.source, spec, setups, grid.step)
+    torque = None
+    if _has(signals, "torque"):
+        torque = even(_column(signals, "torque")) * [own.torque_scale or 1.0 for own in setups]
+        _refuse_loud(log.source, torque, header)
+    elif not _has(signals, "target") or 0.0 in header.kp:
+        raise LogError(
+            f"{log.source}: no torque of every joint, and without targets and the gains --kp and --kd it cannot be "
+            "reconstructed; log the motors' torque"
+        )
+    target = even(_column(signals, "target"), True) if _has(signals, "target") else position
+    if body.quaternion is not None:
+        body = replace(body, quaternion=continuous(body.quaternion))
+    measured = body.each(even)
+    imu = base_imu(log.source, measured, grid.step, setup.imu_position)
+    contact, said = _contact(log.source, measured, position, imu, spec)
+    walk = WalkLog(
+        header,
+        time=np.arange(len(position)) * grid.step,
+        joint_position=position,
+        joint_velocity=velocity,
+        joint_target=target,
+        angular_velocity=imu.gyroscope,
+        quaternion=imu.quaternion,
+        joint_torque=torque,
+        specific_force=imu.accelerometer,
+        foot_contact=contact,
+    )
+    notes = (*log.notes, *timing.warnings(), *cut, *imu.notes, *said)
+    unplaced = setup.imu_position is None and imu.accelerometer is not None
+    return ForeignWalk(walk, notes, UNPLACED if unplaced else 0.0)
+
+
+def match_names(log: Log, spec: Robot, pairs: tuple[str, ...] = ()) -> list[str]:
+    """Return the log's name of each of the robot's joints, in the robot's order; raise `LogError` where one is missing.
+
+    By pairs RECORDED=JOINT, else by name, with or without `_joint`. Joints that the robot holds are left out.
+    """
+    listing = ", ".join(spec.joint_names)
+    known = {_bare(name): name for name in spec.joint_names}
+    wanted = {}
+    for recorded, joint in parse_joint_map(pairs):
+        if recorded not in log.joints:
+            raise LogError(f"--joint-map {recorded}={joint}: {unknown_name('joint of the log', recorded, log.joints)}")
+        if _bare(joint) not in known:
+            raise LogError(f"--joint-map {recorded}={joint}: {unknown_name('joint', joint, spec.joint_names)}")
+        wanted[recorded] = known[_bare(joint)]
+    held = {_bare(joint.name) for joint in spec.held}
+    found: dict[str, str] = {}
+    strangers: list[str] = []
+    for recorded in log.joints:
+        joint = wanted.get(recorded) or known.get(_bare(recorded), "")
+        if not joint:
+            strangers += [] if _bare(recorded) in held else [recorded]
+        elif joint in found:
+            raise LogError(f"{log.source}: {found[joint]!r} and {recorded!r} are both {joint!r} of the robot")
+        else:
+            found[joint] = recorded
+    missing = [name for name in spec.joint_names if name not in found]
+    if missing or strangers:
+        numbered = all(name.startswith("joint_") and name[6:].isdigit() for name in log.joints)
+        raise LogError(
+            f"{log.source}: has the joints {', '.join(list(log.joints)[:6])}{', ...' * (len(log.joints) > 6)}, robot "
+            f"{spec.name!r} {listing}: "
+            + (
+                "the log only numbers them; name them in its order, --names NAME ..."
+                if numbered
+                else f"{(missing or strangers)[0]!r} is not in both; name the robot that walked with --robot, or say "
+                "which is which with --joint-map RECORDED=JOINT"
+            )
+        )
+    return [found[name] for name in spec.joint_names]
+
+
+def _bare(name: str) -> str:
+    """Return a name in lower case without what models add to it."""
+    name = name.lower()
+    for suffix in SUFFIXES:
+        name = name.removesuffix(suffix)
+    return name
+
+
+def _refuse_holes(log: Log, names: list[str], body: BodySignals) -> None:
+    """Refuse a log of next to nothing, joints without a position, and numbers that are none."""
+    if len(log.time) < FEWEST_SAMPLES:
+        raise LogError(f"{log.source}: {len(log.time)} samples; expected at least {SHORTEST:g} s of a walk")
+    arrays = [("time", log.time)]
+    for name in names:
+        if log.joints[name].position is None:
+            raise LogError(f"{log.source}: joint {name!r} has no position; log that of every joint of the robot")
+        parts = ("position", "velocity", "target", "torque")
+        arrays += [(f"{part} of {name}", getattr(log.joints[name], part)) for part in parts]
+    arrays += [(name, getattr(body, name)) for name in BODY]
+    for name, values in arrays:
+        largest = LARGEST_TIME if name == "time" else LARGEST
+        if values is not None and not np.all(np.abs(values) <= largest):
+            raise LogError(f"{log.source}: {name} is not finite, or huge; expected numbers: cut those rows out")
+
+
+def _longest_part(grid: Grid) -> tuple[slice, tuple[str, ...]]:
+    """Return the longest part of the grid without a long gap, and what was left out."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], grid.valid.astype(int), [0]))))
+    if not len(edges):
+        return slice(0, 0), ()
+    first, last = max(edges.reshape(-1, 2).tolist(), key=lambda ends: ends[1] - ends[0])
+    if last - first == len(grid.times):
+        return slice(first, last), ()
+    said = f"the longest part without a gap is used, {first * grid.step:.4g} to {last * grid.step:.4g} s of the log"
+    return slice(first, last), (said,)
+
+
+def _refuse_slow(log: Log, names: list[str], body: BodySignals, step: float, length: float) -> None:
+    """Refuse what is too short, and what comes too seldom for the acceleration of a leg in swing."""
+    positions = np.stack([log.joints[name].position for name in names], axis=1)  # type: ignore[misc]
+    # A log may be written faster than its signals come, which then repeat themselves.
+    periods = {"the log": step, "the joints' positions": step / _fresh(positions)}
+    if body.gyroscope is not None:
+        periods["the IMU"] = max(body.period or 0.0, step / _fresh(body.gyroscope))
+    for what, period in periods.items():
+        if period > 1.01 * LONGEST_PERIOD:
+            raise LogError(
+                f"{log.source}: {what} came {1 / period:.0f} times a second; expected {1 / LONGEST_PERIOD:.0f} or "
+                "more: a swing lasts some 0.2 s and the joint's controller changes its torque within milliseconds, so "
+                "that between slower samples neither acceleration nor torque is known, and friction would be stated "
+                "wrongly: log at the rate of the joint controllers, 200 to 1000 Hz"
+            )
+    if length < SHORTEST:
+        raise LogError(f"{log.source}: {length:.3g} s of a walk; expected at least {SHORTEST:g} s: log for longer")
+
+
+def _fresh(values: np.ndarray) -> float:
+    """Return the share of samples that differ from the one before, at least one in a thousand; values: (T, N)."""
+    return max(1e-3, float(np.mean(np.any(np.diff(values, axis=0) != 0, axis=1))))
+
+
+def _has(signals: list[JointSignals], name: str) -> bool:
+    """Return whether every joint has a signal."""
+    return all(getattr(one, name) is not None for one in signals)
+
+
+def _column(signals: list[JointSignals], name: str) -> np.ndarray:
+    """Return a signal of all joints, shape (T, J)."""
+    return np.stack([getattr(one, name) for one in signals], axis=1)
+
+
+def _header(source: str, spec: Robot, setups: list[IdentifySetup], step: float) -> WalkHeader:
+    """Return what the signals do not contain; gains that were not declared are 0."""
+    limits = spec.joint_values("torque_limit").tolist()
+    sources = {own.torque_source for own in setups}
+    if len(sources) > 1:
+        raise LogError(f"{source}: torque sources differ between joints; expected one for all, --torque-source")
+    return WalkHeader(
+        robot=spec.name,
+        joint_names=spec.joint_names,
+        foot_names=spec.foot_names,
+        period=step,
+        kp=tuple(own.kp or 0.0 for own in setups),
+        kd=tuple(own.kd or 0.0 for own in setups),
+        torque_limit=tuple(own.torque_limit or limit for own, limit in zip(setups, limits, strict=True)),
+        torque_source=sources.pop(),
+    )
+
+
+def _refuse_loud(source: str, torque: np.ndarray, header: WalkHeader) -> None:
+    """Refuse torques that these motors cannot give."""
+    share = np.quantile(np.abs(torque), 0.99, axis=0) / header.torque_limit
+    if share.max() > LOUDEST:
+        joint = header.joint_names[int(share.argmax())]
+        raise LogError(
+            f"{source}: the torque of {joint} reaches {share.max():.3g} times its limit, "
+            f"{header.torque_limit[int(share.argmax())]:g} N m; expected newton metres at the joint: --torque-scale, "
+            "or say the limit, --torque-limit"
+        )
+
+
+def _contact(
+    source: str, body: BodySignals, position: np.ndarray, imu: BaseImu, spec: Robot
+) -> tuple[np.ndarray | None, tuple[str, ...]]:
+    """Return which feet bear load by their force, bool, shape (T, L), None without one, and what was concluded."""
+    force = body.foot_force
+    if force is None:
+        return None, ()
+    order = range(len(spec.feet))
+    if body.foot_names:
+        places = {_bare(name): place for place, name in enumerate(body.foot_names)}
+        missing = [name for name in spec.foot_names if _bare(name) not in places]
+        if missing:
+            raise LogError(
+                f"{source}: foot force of {', '.join(body.foot_names)}, robot {spec.name!r} has the feet "
+                f"{', '.join(spec.foot_names)}; map it in that order: --columns foot_force=NAME,NAME,..."
+            )
+        order = [places[_bare(name)] for name in spec.foot_names]  # type: ignore[assignment]
+    elif force.shape[1] != len(spec.feet):
+        raise LogError(
+            f"{source}: foot force of {force.shape[1]} feet, robot {spec.name!r} has {', '.join(spec.foot_names)}; map "
+            "it in that order: --columns foot_force=NAME,NAME,..."
+        )
+    force = force[:, list(order)]
+    low, high = np.quantile(force, [0.02, 0.95], axis=0)
+    height = np.einsum("tli,ti->tl", foot_positions(spec, position), up_in_frames(imu.quaternion))
+    # How high a foot swings says nothing of its load: from 5 cm on all are equally up.
+    depth = (height.min(axis=1, keepdims=True) - height).clip(-0.05)
+    for number, name in enumerate(spec.foot_names):
+        if high[number] <= low[number]:
+            raise LogError(
+                f"{source}: the force of foot {name} never changes; leave foot_force out, or mend the sensor"
+            )
+        match = float(np.corrcoef(force[:, number], depth[:, number])[0, 1])
+        if not match > LEAST_AGREEMENT:
+            raise LogError(
+                f"{source}: the force of foot {name} is not large where that foot is low (correlation {match:.2f}); "
+                "expected the feet in the robot's order, larger under load: --columns foot_force=NAME,NAME,..."
+            )
+    down = force > low + UNLOADED * (high - low)
+    said = [] if body.foot_names else [f"foot forces were taken in the robot's order, {', '.join(spec.foot_names)}"]
+    return down, (*said, f"a foot bears load from {UNLOADED:.0%} between its least and largest force on")

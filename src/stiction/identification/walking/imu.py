@@ -1,0 +1,241 @@
+"""What an IMU said, checked against itself, and brought to the base's origin.
+
+A log with its own columns seldom says in which order a quaternion is, in which unit an accelerometer, or whether it
+has gravity in it. Physics says so: the quaternion's rate is the gyroscope's, and over seconds of a walk the mean
+specific force is gravity's, upward. What cannot be otherwise is converted and said; what could be is refused.
+
+Of the base nothing else is needed. Legs in swing feel its angular velocity and its specific force alone, which an IMU
+measures: no position, no velocity, no motion capture.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stiction.core.errors import LogError
+from stiction.core.rotation import crosses, small_turns, up_in_frames
+from stiction.files.log import BodySignals
+from stiction.identification.walking.motion import hann_weights, smooth
+from stiction.robots.model import GRAVITY
+
+TURN_SPAN = 0.05
+"""Time over which the quaternion's turns are compared with the gyroscope's [s]: the noise of both is small by then."""
+
+LEAST_TURNING = 0.02
+"""Root mean square of the gyroscope under which it cannot tell one order of the quaternion from another [rad/s]."""
+
+AGREEING, REFUTED = 0.5, 0.7
+"""Share of the turns that an order leaves unexplained: under the first it fits, over the second it does not [1]."""
+
+UNIT_ERROR = 0.2
+"""How far a unit may be off: no two units are as near [1]."""
+
+UPRIGHT = 0.8
+"""Mean of the up direction's z under which the IMU's z is not the base's [1]."""
+
+SETTLING = 1.0
+"""Time constant with which the up direction follows the accelerometer where no orientation was logged [s]."""
+
+ORDERS = {
+    "w x y z": (0, 1, 2, 3),
+    "x y z w": (3, 0, 1, 2),
+}
+"""Order of the four numbers -> where w, x, y and z stand in it."""
+
+
+@dataclass(frozen=True)
+class BaseImu:
+    """How the base turns and accelerates, T samples, at its origin and along its axes."""
+
+    quaternion: np.ndarray
+    """w x y z; its heading means nothing where no orientation was logged. Shape (T, 4)."""
+    gyroscope: np.ndarray
+    """[rad/s], shape (T, 3)."""
+    accelerometer: np.ndarray | None
+    """Specific force [m/s²], shape (T, 3); None where there was none."""
+    notes: tuple[str, ...]
+    """What was concluded, a sentence each."""
+
+
+def base_imu(source: str, body: BodySignals, step: float, place: tuple[float, float, float] | None) -> BaseImu:
+    """Check and convert the signals of an IMU, even in time, `step` [s] apart.
+
+    place: of the IMU in the base's frame [m], None if nobody said. Raises `LogError` for what is missing or refuted.
+    """
+    _refuse_missing(source, body)
+    gyroscope, notes = body.gyroscope, []
+    assert gyroscope is not None
+    quaternion = None if body.quaternion is None else _unit(source, body.quaternion)
+    if quaternion is not None:
+        scale, said = _check_turns(source, quaternion, gyroscope, step)
+        gyroscope, notes = scale * gyroscope, said
+    force = body.accelerometer
+    if force is not None:
+        scale, said = _check_force(source, force, quaternion)
+        force, notes = scale * force, [*notes, *said]
+    if quaternion is None:
+        assert force is not None
+        quaternion = _level(force, gyroscope, step)
+        notes.append(
+            "no orientation was logged: which way is up follows from gyroscope and accelerometer; the gyroscope's unit "
+            "was taken to be rad/s"
+        )
+    lean = float(up_in_frames(quaternion)[:, 2].mean())
+    if lean < UPRIGHT:
+        raise LogError(
+            f"{source}: by the IMU the base's z axis points {np.degrees(np.arccos(np.clip(lean, -1, 1))):.0f}° away "
+            "from up, on average; expected the IMU's axes along the base's, x forward, z up, and a robot on its feet: "
+            "turn its columns into the base's axes"
+        )
+    notes.append("the IMU's axes were taken to be the base's, x forward, y left")
+    if force is not None:
+        if place is None:
+            notes.append("the IMU was taken to sit within centimetres of the base's origin; say where: --imu-position")
+        else:
+            force = at_origin(force, gyroscope, step, np.array(place))
+    return BaseImu(quaternion, gyroscope, force, tuple(notes))
+
+
+def at_origin(force: np.ndarray, rate: np.ndarray, step: float, place: np.ndarray) -> np.ndarray:
+    """Return the specific force at the base's origin [m/s²], shape (T, 3), from that at `place` [m]; see `at_place`."""
+    return force - at_place(rate, step, place)
+
+
+def at_place(rate: np.ndarray, step: float, place: np.ndarray) -> np.ndarray:
+    """Return what the base's turns add to the specific force at `place` r [m]: ω' × r + ω × (ω × r) [m/s²], (T, 3).
+
+    rate: ω [rad/s], shape (T, 3). ω' is a central difference, smoothed over 10 ms.
+    """
+    turning = smooth(np.gradient(rate, step, axis=0), hann_weights(0.01, step))
+    arm = np.broadcast_to(place, rate.shape)
+    return crosses(turning, arm) + crosses(rate, crosses(rate, arm))
+
+
+def _refuse_missing(source: str, body: BodySignals) -> None:
+    """Refuse a log from which how the base turns, or which way is up, cannot be known."""
+    if body.gyroscope is not None and (body.quaternion is not None or body.accelerometer is not None):
+        return
+    names = ("quaternion", "gyroscope", "accelerometer")
+    missing = [name for name in names if getattr(body, name) is None]
+    raise LogError(
+        f"{source}: no {', no '.join(missing)}: how the base turns and which way is up is not known, so that the "
+        "torque of the moving links cannot be told from friction, and of no joint can anything be said: log the IMU, "
+        "at least "
+        "gyroscope and orientation or accelerometer (other names: --columns gyroscope=NAME), or let the legs move in "
+        "the air with the base held, identify --robot"
+    )
+
+
+def _unit(source: str, quaternion: np.ndarray) -> np.ndarray:
+    """Return quaternions of length 1; refuse what is none."""
+    length = np.linalg.norm(quaternion, axis=1)
+    if not np.all(np.abs(length - 1) < 0.1):
+        raise LogError(
+            f"{source}: the quaternion's length is {length.min():.3g} to {length.max():.3g}; expected 1: w x y z of "
+            "an orientation, no angles"
+        )
+    return quaternion / length[:, None]
+
+
+def _turn_rates(quaternion: np.ndarray, span: int, step: float) -> np.ndarray:
+    """Return the mean angular velocity over `span` samples in the first one's frame [rad/s], shape (T - span, 3)."""
+    first, second = quaternion[:-span], quaternion[span:]
+    sign = np.where(np.sum(first * second, axis=1) < 0, -1.0, 1.0)
+    return small_turns(first, second * sign[:, None]) / (span * step)
+
+
+def _check_turns(source: str, quaternion: np.ndarray, gyroscope: np.ndarray, step: float) -> tuple[float, list[str]]:
+    """Return the gyroscope's unit [rad/s] and what was found; refuse a quaternion that does not turn as it says."""
+    span = max(1, round(TURN_SPAN / step))
+    kernel = np.ones(span) / span
+    # The mean over the very samples between which the quaternion's turn is taken.
+    mean = np.stack([np.convolve(column[:-1], kernel, "valid") for column in gyroscope.T], axis=1)
+    if np.sqrt(np.mean(np.sum(gyroscope**2, axis=1))) < LEAST_TURNING:
+        return 1.0, ["the base hardly turns: the order of the quaternion, taken as w x y z, could not be checked"]
+    left: dict[str, tuple[float, float]] = {}
+    for order, places in ORDERS.items():
+        # The conjugate tells of the world in the base, as some drivers have it.
+        for frame, signs in (("", 1.0), (" of the world in the base", np.array([1.0, -1.0, -1.0, -1.0]))):
+            turns = _turn_rates(quaternion[:, places] * signs, span, step)
+            slope = float(np.sum(turns * mean) / np.sum(mean**2))
+            left[order + frame] = (float(np.linalg.norm(turns - slope * mean) / np.linalg.norm(turns)), slope)
+    rest, slope = left["w x y z"]
+    best = min((order for order in left if left[order][1] > 0), key=lambda order: left[order][0], default="w x y z")
+    if rest > AGREEING or slope <= 0:
+        if best != "w x y z" and left[best][0] < AGREEING:
+            raise LogError(
+                f"{source}: the quaternion turns as the gyroscope says only if it is {best}; expected w x y z of the "
+                "base in the world: map its columns in that order, --columns quaternion=W,X,Y,Z"
+                + (", with the signs of x, y and z turned round" if "world" in best else "")
+            )
+        if rest > REFUTED or slope <= 0:
+            raise LogError(
+                f"{source}: quaternion and gyroscope do not tell of the same motion ({rest:.0%} of the turns are left "
+                "over): are they of one IMU, in the axes of the base, and in the same order in time?"
+            )
+    if abs(slope - 1) < UNIT_ERROR:
+        return 1.0, []
+    if abs(np.degrees(slope) - 1) < UNIT_ERROR:
+        return float(np.radians(1)), ["the gyroscope is in degrees per second, by the quaternion's turns: converted"]
+    raise LogError(
+        f"{source}: the quaternion turns {slope:.3g} times as fast as the gyroscope says; expected rad/s: convert it"
+    )
+
+
+def _check_force(source: str, force: np.ndarray, quaternion: np.ndarray | None) -> tuple[float, list[str]]:
+    """Return the accelerometer's unit [m/s²] and what was found; refuse one whose mean is not gravity's, upward."""
+    mean = force.mean(axis=0)
+    size = float(np.linalg.norm(mean))
+    up = np.array([0.0, 0.0, 1.0]) if quaternion is None else up_in_frames(quaternion).mean(axis=0)
+    along = float(mean @ up / max(size * np.linalg.norm(up), 1e-12))
+    scale, said = 1.0, []
+    if abs(size / GRAVITY - 1) > UNIT_ERROR / 2:
+        if abs(size - 1) > UNIT_ERROR / 2:
+            raise LogError(
+                f"{source}: the accelerometer's mean over the walk is {size:.3g}; expected {GRAVITY} m/s², upward"
+                + (": gravity was taken off; log the raw specific force, or leave it out" if size < 0.5 else "")
+            )
+        scale, said = GRAVITY, ["the accelerometer is in g, by its mean over the walk: converted to m/s²"]
+    if along < UPRIGHT:
+        raise LogError(
+            f"{source}: over the walk the accelerometer points {np.degrees(np.arccos(np.clip(along, -1, 1))):.0f}° "
+            "away from up"
+            + (
+                f": it has the sign of gravity; expected acceleration minus gravity, +{GRAVITY} along z at rest"
+                if along < -UPRIGHT
+                else "; expected the axes of the base and of the quaternion, x forward, z up"
+            )
+        )
+    return scale, said
+
+
+def _level(force: np.ndarray, rate: np.ndarray, step: float) -> np.ndarray:
+    """Return orientations without a heading from specific force and angular velocity, shape (T, 4).
+
+    The up direction u turns with the base, u' = -ω × u, and is drawn to f / |f| with `SETTLING`.
+    """
+    drawn = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-9)
+    ups, gain = np.empty_like(drawn), min(1.0, step / SETTLING)
+    up = drawn[: max(1, round(SETTLING / step))].mean(axis=0)
+    for sample, (pull, turn) in enumerate(zip(drawn, rate, strict=True)):
+        up = up / np.linalg.norm(up)
+        ups[sample] = up
+        change = (
+            turn[1] * up[2] - turn[2] * up[1],
+            turn[2] * up[0] - turn[0] * up[2],
+            turn[0] * up[1] - turn[1] * up[0],
+        )
+        up = up - step * np.array(change) + gain * (pull - up)
+    # In the base frame up is (−sin pitch, cos pitch sin roll, cos pitch cos roll); quaternions have half the angles.
+    roll, pitch = np.arctan2(ups[:, 1], ups[:, 2]) / 2, -np.arcsin(np.clip(ups[:, 0], -1, 1)) / 2
+    return np.stack(
+        [
+            np.cos(roll) * np.cos(pitch),
+            np.sin(roll) * np.cos(pitch),
+            np.cos(roll) * np.sin(pitch),
+            -np.sin(roll) * np.sin(pitch),
+        ],
+        axis=1,
+    )

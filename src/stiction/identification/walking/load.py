@@ -1,0 +1,227 @@
+"""Load-dependent friction of a walking robot: swing and stance together, or the reason why not.
+
+Friction is b + c |τ| here. Swing settles b where the torque is small, stance adds the torques of a robot's weight. Each
+family of equations is weighted by the size of its residuals. A block is half a second of the walk.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from stiction.files.joints import Estimate
+from stiction.files.walk import WalkLog
+from stiction.identification.walking.blocks import BlockFit, fit_blocks
+from stiction.identification.walking.body import loaded_trunk
+from stiction.identification.walking.contact import feet_down
+from stiction.identification.walking.motion import WalkMotion, carriers, hann_weights
+from stiction.identification.walking.setup import WalkSetup
+from stiction.identification.walking.stance import BODY, FRICTION, StanceRows, stance_rows
+from stiction.identification.walking.swing import BLOCK, FEWEST_SWINGS, SwingRows
+from stiction.robots.model import Robot
+
+FEWEST_ROWS = 300
+"""Fewest equations of the base: an even walk gives some 50 to 200 a second."""
+
+WIDEST = 0.05
+"""Half-width of a load coefficient's interval beyond which there is no answer [1]."""
+
+WIDE_PRIOR = (1.0, 10.0, 1000.0, 2.0)
+"""Sizes of A, B, b and c beyond any joint's: for a kind that never moves, whose columns are empty."""
+
+MAX_BOUND_RATIO = 1.5
+"""Errors of mass, centre of mass or specific force beyond this many of their declared bounds are no small errors."""
+
+LAW_ERROR = 0.05
+"""Share of the coefficient by which its interval is widened: friction is not exactly linear in the motor's torque [1].
+A choice."""
+
+
+@dataclass(frozen=True)
+class LoadFit:
+    """Friction of each kind of joint with and without load; or a refusal."""
+
+    refusal: str = ""
+    """Why there is nothing; empty if there is something."""
+    laws: dict[str, dict[str, Estimate]] = field(default_factory=dict)
+    """Kind -> A, B, b and c by the names of `FRICTION`; kinds whose c is not told are missing."""
+    refused: dict[str, str] = field(default_factory=dict)
+    """Kind -> why its c is not told."""
+    under_load: dict[str, tuple[float, Estimate]] = field(default_factory=dict)
+    """Kind -> mean |τ| of legs on the ground [N m], and dry friction b + c |τ| at it [N m]."""
+    body: dict[str, Estimate] = field(default_factory=dict)
+    """Errors of the body that were found, by the names of `BODY`."""
+    condition: float | None = None
+    """Condition number of the regressor with unit columns."""
+    rows: int = 0
+    """Equations of the base."""
+    partial: dict[str, tuple[np.ndarray, ...]] = field(default_factory=dict)
+    """Kind -> load and friction in stance with everything else taken off, as forces on the body [N], each shape (R,):
+    slope c. For the page."""
+
+
+def fit_load(log: WalkLog, motion: WalkMotion, spec: Robot, swing: list[SwingRows], setup: WalkSetup) -> LoadFit:
+    """Find what the load adds to friction, or say why that cannot be known from this log."""
+    if refusal := _missing(motion, setup):
+        return LoadFit(refusal)
+    stance = stance_rows(log, motion, spec, loaded_trunk(spec, setup.payload, setup.centre_of_mass), setup)
+    thin = max(1, len(hann_weights(setup.smoothing, motion.period)) // 2)
+    regressor, target, sample, systematic, size = _stack(stance, swing, spec, thin)
+    blocks = sample // round(BLOCK / motion.period)
+    if len(stance.target) < FEWEST_ROWS or len(np.unique(blocks)) < FEWEST_SWINGS:
+        return LoadFit(
+            f"{len(stance.target)} equations of the base in {len(np.unique(blocks))} half seconds; expected at least "
+            f"{FEWEST_ROWS} and {FEWEST_SWINGS}: log for longer"
+        )
+    limit = np.array(log.header.torque_limit)
+    bounds = np.array([setup.mass_error, *[setup.centre_error] * 3, *[setup.specific_force_error] * 3])
+    vague = np.tile(WIDE_PRIOR, len(spec.joint_kinds))
+    late = [setup.timing_error * motion.period]
+    # Declared bounds hold with 95 %: two deviations.
+    prior = np.concatenate([vague, setup.torque_zero_error * limit, late, bounds]) / 2
+    try:
+        fit = fit_blocks(regressor, target, blocks, systematic, prior)
+    except np.linalg.LinAlgError:
+        return LoadFit("its steps are all alike: walk at different speeds")
+    start = regressor.shape[1] - len(BODY)
+    body = {name: fit.estimate(start + index) for index, name in enumerate(BODY)}
+    beyond = [
+        f"{name} by {estimate.value:.3g} (declared within {bound:g})"
+        for (name, estimate), bound in zip(body.items(), bounds, strict=True)
+        if abs(estimate.value) > MAX_BOUND_RATIO * bound
+    ]
+    if beyond:
+        return LoadFit(
+            "the walk does not fit the declared masses and centre of mass: it is off in "
+            f"{', '.join(beyond)}: weigh the robot, and state --payload and --centre-of-mass; or the torque's unit is "
+            "wrong",
+            body=body,
+            condition=fit.condition,
+            rows=len(stance.target),
+        )
+    laws, refused = _laws(fit, spec)
+    under_load = {kind: _friction_under_load(kind, log, motion, spec, setup, fit) for kind in laws}
+    # Stance's equations stand behind all of swing's.
+    resting = regressor[-len(stance.target) :]
+    partial = {kind: tuple(size * part for part in _partial(resting, fit, _first(kind, spec))) for kind in laws}
+    return LoadFit("", laws, refused, under_load, body, fit.condition, len(stance.target), partial)
+
+
+def _missing(motion: WalkMotion, setup: WalkSetup) -> str:
+    """Return what must be there and is not, or nothing."""
+    if motion.sampled_torque:
+        return (
+            "the log has torques as they were at its stamps; what they did in between, with every new target, is small "
+            "beside a leg's links but not beside the balance of the body, and no interval was found that holds: "
+            "log the mean torque of each period, in the form of evaluate --log"
+        )
+    if not setup.mass_known:
+        return (
+            "in stance the forces on the feet, which nobody measured, absorb the joints' friction, and what the body's "
+            "six equations leave needs known masses and centre of mass: weigh the robot as it walked and declare it "
+            "with --mass-known (--payload, --centre-of-mass)"
+        )
+    if not motion.measured_torque:
+        return "the motors' torque was not logged, and what load does to friction is judged by it: log the torque"
+    if not motion.measured_acceleration:
+        return "there was no accelerometer, and the body's equations need its acceleration: log the specific force"
+    return ""
+
+
+def _stack(
+    stance: StanceRows, swing: list[SwingRows], spec: Robot, thin: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
+    """Return regressor, target, sample and systematic change of all equations, and the size of stance's residual [N].
+
+    Each family of equations is over the size of its residual. Columns: A, B, b, c of each kind, every motor's torque
+    zero, the torque's lateness, the body's errors. Every `thin`-th swing equation is taken: neighbours share samples.
+    """
+    friction, joints = len(spec.joint_kinds) * len(FRICTION), len(swing)
+    blocks = []
+    for number, rows in enumerate(swing):
+        part = np.zeros((len(rows.torque), stance.regressor.shape[1]))
+        first = _first(spec.joints[number].kind, spec)
+        signals = (rows.acceleration, rows.velocity, rows.direction, rows.load)
+        part[:, first : first + len(FRICTION)] = np.stack(signals, axis=1)
+        part[:, friction + number] = 1.0
+        part[:, friction + joints] = -rows.slope
+        blocks.append(part[::thin])
+    families = (
+        (
+            np.concatenate(blocks),
+            np.concatenate([rows.torque[::thin] for rows in swing]),
+            np.concatenate([rows.systematic[0, ::thin] for rows in swing]),
+            np.concatenate([rows.sample[::thin] for rows in swing]),
+        ),
+        (stance.regressor, stance.target, stance.links, stance.sample),
+    )
+    sizes = [_residual_size(regressor, target) for regressor, target, _, _ in families]
+    regressor, target, systematic = (
+        np.concatenate([family[part] / size for family, size in zip(families, sizes, strict=True)]) for part in range(3)
+    )
+    return regressor, target, np.concatenate([family[3] for family in families]), systematic[None], sizes[1]
+
+
+def _residual_size(regressor: np.ndarray, target: np.ndarray) -> float:
+    """Return the standard deviation of what a family of equations leaves when it is fitted alone."""
+    if not len(target):
+        return 1.0
+    return max(1e-9, float(np.std(target - regressor @ np.linalg.lstsq(regressor, target, rcond=1e-8)[0])))
+
+
+def _first(kind: str, spec: Robot) -> int:
+    """Return the number of a kind's first column in the regressor: A, then B, b and c."""
+    return len(FRICTION) * spec.joint_kinds.index(kind)
+
+
+def _laws(fit: BlockFit, spec: Robot) -> tuple[dict[str, dict[str, Estimate]], dict[str, str]]:
+    """Return what is known of each kind, and why not of the others."""
+    laws, refused = {}, {}
+    for kind in spec.joint_kinds:
+        if not carriers(spec)[:, spec.joints_of(kind)].any():
+            refused[kind] = f"no foot hangs on the {kind} joints, so that the ground never loads them"
+            continue
+        law = {name: fit.estimate(_first(kind, spec) + index) for index, name in enumerate(FRICTION)}
+        load = _widened(law["load_coefficient"], LAW_ERROR * law["load_coefficient"].value)
+        half = load.interval95[1] - load.value
+        if half > WIDEST:
+            refused[kind] = (
+                f"the interval of the load coefficient of {kind} joints, ±{half:.2g}, is too wide to tell anything: "
+                "log for longer, walk so that these joints move while they carry load"
+            )
+            continue
+        laws[kind] = law | {"load_coefficient": load}
+    return laws, refused
+
+
+def _widened(estimate: Estimate, error: float) -> Estimate:
+    """Return an estimate with an independent error at its 95 % bound in its interval."""
+    low, high = estimate.interval95
+    half, std = np.hypot((high - low) / 2, error), np.hypot(estimate.std, error / 2)
+    return Estimate(estimate.value, float(std), (float(estimate.value - half), float(estimate.value + half)))
+
+
+def _friction_under_load(
+    kind: str, log: WalkLog, motion: WalkMotion, spec: Robot, setup: WalkSetup, fit: BlockFit
+) -> tuple[float, Estimate]:
+    """Return the mean |τ| of a kind's joints while their feet are down [N m], and the dry friction at it [N m]."""
+    joints = spec.joints_of(kind)
+    bearing = feet_down(log, motion, spec, setup) @ carriers(spec)
+    torque = float(np.abs(motion.torque[:, joints])[bearing[:, joints]].mean())
+    weights, first = np.zeros(len(fit.values)), _first(kind, spec)
+    weights[first + FRICTION.index("coulomb_friction")] = 1.0
+    weights[first + FRICTION.index("load_coefficient")] = torque
+    slope = float(fit.values[first + FRICTION.index("load_coefficient")])
+    return torque, _widened(fit.combination(weights), LAW_ERROR * slope * torque)
+
+
+def _partial(regressor: np.ndarray, fit: BlockFit, first: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return load and friction of one kind in stance with everything else regressed off, each shape (R,).
+
+    first: the kind's first column.
+    """
+    column = first + FRICTION.index("load_coefficient")
+    others = np.delete(regressor, column, axis=1)
+    load = regressor[:, column] - others @ np.linalg.lstsq(others, regressor[:, column], rcond=1e-8)[0]
+    return load, fit.values[column] * load + fit.residual[-len(regressor) :]

@@ -1,6 +1,0 @@
-"""Logs as people have them: any kind of file, through one door, `open_log`."""
-
-from stiction.identify.logs.naming import parse_columns
-from stiction.identify.logs.opening import join_logs, open_log
-
-__all__ = ["join_logs", "open_log", "parse_columns"]

@@ -1,0 +1,108 @@
+"""The options of `stiction train`, and how they are read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from stiction.core.options import read_options
+from stiction.learning.config import TrainCfg
+from stiction.learning.effects import check_effects
+from stiction.learning.presets import PRESETS, PresetName, preset
+
+DESCRIPTION = """Train a policy that walks on what the robot measures, with or without friction in its joints.
+
+Examples; the first takes 20 to 45 minutes of one core, the second over twice that:
+  stiction train --preset quick --method deception --friction-level 0.2 --out runs/first
+  stiction train --robot robot.yaml --friction-from identified/training.json --out runs/mine
+  stiction train --resume runs/mine
+
+The presets full and quick learn in one phase. The paper's two, a teacher (PPO, sees everything) and its student
+(behaviour cloning), are those of --preset two-phase; terrain wants it: its teacher sees the ground.
+
+Watch it: the terminal shows the time left and how the robots walk (`nohup stiction train ... 2> train.log &` writes a
+line every 30 s). `tensorboard --logdir runs` shows every figure, teacher and student as two runs: reward/* (weighted
+terms), walk/* (tracking error, tripod share, falls), latent/explained (two phases; 1: the history tells all that the
+privileged encoder says), estimator/velocity_error [m/s], estimator/friction_error, friction/low, high and mean
+(multipliers of the nominal friction), terrain/*; with --method dreamwaq code/* and bootstrap/*, with --method hinf
+hinf/* (lambda, eta, constraint, cost, and intensity: the mean disturbance as a share of its limit). A short clip of the
+policy at 0.5 m/s appears in clips/ every 100 iterations; --view lets the newest checkpoint walk in the browser.
+
+Stop it: Ctrl-C or SIGTERM ends it after the iteration, with a checkpoint and exit status 130 or 143; kill -9 costs the
+iterations since the last checkpoint. `stiction train --resume runs/deception` goes on to the same parameters, bit for
+bit. A run that diverges ends with status 1 and says what it saw, since when, and what to try. `torchrun
+--nproc-per-node 2 -m stiction train ...` shares the robots among processes.
+
+The run holds config.json, metrics.jsonl (a line an iteration), tensorboard/, checkpoints/, clips/, curves.png and, when
+it is finished, summary.json. Next: `stiction export runs/deception`."""
+
+
+GROUPS = {
+    "usually needed": ("--robot", "--method", "--friction-level", "--friction-from", "--preset", "--out", "--seed"),
+    "the joints": ("--joints", "--actuator", "--friction-law"),
+    "ground and physics": ("--terrain", "--physics", "--engine", "--symmetry"),
+    "how it runs": ("--num-envs", "--device", "--resume", "--video-every", "--view", "--json"),
+}
+"""The options that people use."""
+
+
+@dataclass(frozen=True)
+class Train:
+    """Options of `stiction train`."""
+
+    config: Annotated[TrainCfg, tyro.conf.arg(name="")] = field(default_factory=TrainCfg)
+    """The whole configuration."""
+    preset: PresetName = "full"
+    """Defaults for everything else. `quick`: one phase of 440 iterations, 20 to 45 minutes of one core. `full`:
+    1000 of them. `two-phase`: a teacher (350 iterations), then its student (80), as the paper's claims were judged.
+    `paper`: 700 and 240, and draws the paper's table, with noise of the sensors. `literal`: the same to the letter: no
+    noise, L_ada through both encoders, friction of 1 % drawn for each joint."""
+    out: Path = Path("runs/train")
+    """Folder of the run."""
+    joint_map: tuple[str, ...] = ()
+    """RECORDED=JOINT pairs where the records of --joints have other names than the robot's joints; the right side may
+    have wildcards, as in shank=*_calf_joint."""
+    friction_from: Path | None = None
+    """A `training.json` of `stiction identify`; its method and level go in place of --method and --friction-level."""
+    resume: Path | None = None
+    """Continue the run in this folder; all other options come from its config.json."""
+    view: bool = False
+    """Watch the newest checkpoint in the browser (extra view); as `stiction view RUN --follow` does: a process of its
+    own, at a low priority, that computes nothing while no browser looks."""
+    json: bool = False
+    """Print the summary on standard output, and nothing else there; progress goes to standard error."""
+
+
+def parse(arguments: list[str]) -> Train:
+    """Return the options that `stiction train` has when it is given these arguments.
+
+    Raises `ConfigurationError` where one of them would have no effect.
+    """
+    default = Train(config=defaults(arguments))
+    options = read_options(Train, arguments, "stiction train", DESCRIPTION, default, GROUPS)
+    check_effects(options.config, default.config)
+    return options
+
+
+def _named(arguments: list[str], flag: str) -> str | None:
+    """Return the word that a flag has, None without it."""
+    for index, word in enumerate(arguments):
+        name, _, value = word.partition("=")
+        if name == flag:
+            return value or (arguments[index + 1] if index + 1 < len(arguments) else "")
+    return None
+
+
+def defaults(arguments: list[str]) -> TrainCfg:
+    """Return what a command line begins with, before any of its settings.
+
+    Find preset, device, engine and method first: they change the defaults that the parser then shows.
+    """
+    name, method = _named(arguments, "--preset"), _named(arguments, "--method")
+    method = method or _named(arguments, "--task.friction.method")
+    device, engine = _named(arguments, "--device") or "cpu", _named(arguments, "--engine") or "mujoco"
+    # The parser refuses a preset that there is not, and knows how to say it.
+    return preset(name if name in PRESETS else "full", device, method, engine)

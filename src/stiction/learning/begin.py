@@ -1,0 +1,198 @@
+"""The begin of a run: its friction, its robot and its nominal joints, checked before a folder is made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stiction.core.decode import from_plain
+from stiction.core.errors import ConfigurationError
+from stiction.core.files import digest_of
+from stiction.files.joint_map import mapped, refuse_alone
+from stiction.files.joints import load_joints
+from stiction.joints.friction import has_coefficient
+from stiction.learning.config import TrainCfg
+from stiction.learning.ranks import ALONE, Ranks
+from stiction.learning.run import RunDirectory
+from stiction.learning.simulator import find_simulator, why_task_on_host
+from stiction.robots.catalog import find_robot
+from stiction.robots.mirror import RobotMirror, mirrored_kinds, robot_mirror
+from stiction.robots.model import Robot
+from stiction.robots.named import check_named
+from stiction.robots.sliders import stiff_sliders
+from stiction.sim.fleet import Fleet
+from stiction.task.friction import FrictionCfg
+from stiction.task.load_law import load_warnings, take_coefficients
+from stiction.task.randomization import identified_joints
+
+Say = Callable[[str], None]
+"""Called with a sentence that the user must know."""
+
+
+def begin_run(
+    out: Path,
+    cfg: TrainCfg,
+    command: str,
+    joint_map: tuple[str, ...] = (),
+    say: Say = lambda line: None,
+    ranks: Ranks = ALONE,
+) -> tuple[RunDirectory, TrainCfg]:
+    """Make the folder of a new run; return it with the configuration that it trains.
+
+    command: by which the run was asked for; joint_map: RECORDED=JOINT pairs for `cfg.joints`; ranks: the processes that
+    will train it. Raises `StictionError` for whatever cannot be trained, before the folder is made.
+    """
+    _check_friction(cfg.task.friction)
+    robot = find_robot(cfg.task.robot)
+    check_named(robot)
+    cfg.task.randomization.check_robot(robot)
+    cfg.check_memory(robot)
+    cfg = replace(cfg, task=replace(cfg.task, rewards=cfg.task.rewards.for_robot(robot)))
+    cfg.task.rewards.terms_for(robot)  # a term that there is not is no run
+    find_simulator(cfg, ranks.local)
+    if cfg.device != "cpu" and (why := why_task_on_host(cfg)):
+        say(f"the task of this training stays on the host, only physics and networks are on {cfg.device}: {why}")
+    ranks.share(cfg.num_envs)
+    if not ranks.alone and (cfg.has_context or cfg.is_disturbed):
+        raise ConfigurationError(f"--method {cfg.task.friction.method} trains in one process; leave torchrun out")
+    mirror = None if cfg.symmetry == "none" else robot_mirror(robot)
+    if mirror is not None and (cfg.task.known_friction or cfg.task.estimated_friction):
+        mirrored_kinds(robot, mirror)
+    _say_of_method(cfg, say)
+    refuse_alone(joint_map, cfg.joints)
+    identified = nominal_of(cfg.joints, cfg.task.robot, joint_map, cfg.task.friction, say)
+    _check_own_friction(cfg, robot, identified)
+    if identified is not None and mirror is not None:
+        share_damping(identified["values"], robot, mirror, say)
+    if line := stiff_sliders(robot, cfg.task.physics, cfg.task.timestep, _lightest_rotors(cfg, robot, identified)):
+        say(f"warning: {line}")
+    return RunDirectory.create(out, cfg, command, identified, ranks.size), cfg
+
+
+def _say_of_method(cfg: TrainCfg, say: Say) -> None:
+    """Say what people are surprised by in a method of another paper, as it is set."""
+    friction = cfg.task.friction.has_friction
+    if cfg.has_context and not friction:
+        say("dreamwaq trains without dry friction, as in its paper; with: --task.friction.range 0 1.2")
+    if not cfg.is_disturbed:
+        return
+    if not friction:
+        say("hinf trains without dry friction; with: --task.friction.range 0 1.2")
+    half = not cfg.hinf.by_torque and cfg.hinf.share == cfg.hinf.most
+    if cfg.hinf.disturbs and half and not cfg.hinf.curriculum:
+        # Two trainings each, see results/methods.
+        found = "none of two walked both ways so, and two of two with --hinf.curriculum 0.5"
+        say(f"hinf pushes with half of the weight from the first iteration on: {found}")
+
+
+def _lightest_rotors(cfg: TrainCfg, robot: Robot, identified: dict[str, Any] | None) -> np.ndarray:
+    """Return the smallest rotor inertia that training draws of each joint [kg m²], (joints,)."""
+    own = robot.joint_values("armature")
+    # What was not identified is None, and the robot's own.
+    found = own if identified is None else np.array(identified["values"]["armature"], float)
+    return cfg.task.randomization.armature[0] * np.where(np.isnan(found), own, found)
+
+
+def _check_friction(friction: FrictionCfg) -> None:
+    """Refuse friction that is asked for and cannot be there."""
+    if friction.has_friction or not friction.asks:
+        return
+    if friction.level == 0.0:
+        raise ConfigurationError(
+            f"--method {friction.method} at --friction-level 0 trains without friction; "
+            "use --method none, or a level above 0"
+        )
+    raise ConfigurationError(
+        f"--method {friction.method} with a range, mixture or spread that ends at 0 trains without friction; "
+        "use --method none, or an upper end above 0"
+    )
+
+
+def _check_own_friction(cfg: TrainCfg, robot: Robot, identified: dict[str, Any] | None) -> None:
+    """Refuse multiples of the joints' own friction where nobody has said how much that is."""
+    friction = cfg.task.friction
+    if friction.level is not None or not friction.draws_law or has_coefficient(friction.law):
+        return
+    found = () if identified is None else identified["values"]["frictionloss"]
+    if not robot.joint_values("frictionloss").any() and not any(found):
+        raise ConfigurationError(
+            f"--method {friction.method} draws multiples of the friction that the joints of {robot.name} have, which "
+            "nobody has measured: none; say --friction-level 0.2 or so, --joints, or --method none"
+        )
+
+
+def with_friction(cfg: TrainCfg, training: Mapping[str, Any], where: str) -> TrainCfg:
+    """Return the configuration with the friction that a `training.json` proposes; `where`: its name, for messages."""
+    friction = from_plain(FrictionCfg, training["friction"], f"{where}: friction")
+    return replace(cfg, task=replace(cfg.task, friction=friction))
+
+
+def nominal_of(
+    file: str | None, robot: str, pairs: tuple[str, ...], friction: FrictionCfg, say: Say
+) -> dict[str, Any] | None:
+    """Read the nominal joints of a robot from a `joints.json`, with its name and hash; say what is not used.
+
+    friction: what is trained with, which a load coefficient of the file may match or not.
+    """
+    if file is None:
+        return None
+    path, spec = Path(file), find_robot(robot)
+    limits = spec.joint_values("torque_limit")
+    records = mapped(load_joints(path), pairs, spec.joint_names)
+    found = identified_joints(records, spec.joint_names, Fleet(spec, 1).link_inertia(), limits)
+    values = {name: list(getattr(found, name)) for name in ("armature", "damping", "frictionloss")}
+    header = {"file": path.name, "sha256": digest_of(path), "values": values}
+    if friction.level is None and friction.has_friction and has_coefficient(friction.law):
+        taken = take_coefficients(records, spec, friction.law)
+        values["load_coefficient"] = list(taken.values)
+        header["load_coefficient"] = list(taken.how)
+        for line in taken.how:
+            say(line)
+        # With the coefficients taken over, what `load_warnings` would say of them does not hold.
+        said = found.warnings
+    else:
+        said = (*found.warnings, *load_warnings(records, spec, friction))
+    say(_sources(values, spec, path.name))
+    for warning in said:
+        say(f"warning: {warning}")
+    return header
+
+
+def share_damping(values: dict[str, list[Any]], robot: Robot, mirror: RobotMirror, say: Say) -> None:
+    """Give both of a joint and its mirror image the mean of their viscous friction where one alone has any, in place.
+
+    An estimate below zero counts as none, and a symmetric training draws multiples: of nothing there are none. values:
+    as of `nominal_of`, of which `damping` changes, one a joint, None: the robot's own.
+    """
+    known = np.array(values["damping"], float)
+    damping = np.where(np.isnan(known), robot.joint_values("damping"), known)
+    image = damping[mirror.joints]
+    for joint in np.flatnonzero((damping == 0.0) & (image != 0.0)).tolist():
+        other, mean = int(mirror.joints[joint]), float(image[joint]) / 2.0
+        values["damping"][joint] = values["damping"][other] = mean
+        say(
+            f"warning: viscous friction was found in {robot.joint_names[other]} and none in its mirror image "
+            f"{robot.joint_names[joint]}: both have the mean, {mean:.3g} N m s/rad; with their own: --symmetry none"
+        )
+
+
+def _sources(values: Mapping[str, list[Any]], robot: Robot, file: str) -> str:
+    """Return which joints took what from a file, and which nothing; values: field -> of each joint, None: not known."""
+    taken = [
+        tuple(name for name, known in values.items() if known[number] is not None) for number in range(robot.num_joints)
+    ]
+    of_kind: dict[str, set[tuple[str, ...]]] = {}
+    for joint, fields in zip(robot.joints, taken, strict=True):
+        of_kind.setdefault(joint.kind, set()).add(fields)
+    groups: dict[tuple[str, ...], dict[str, None]] = {}
+    for joint, fields in zip(robot.joints, taken, strict=True):
+        groups.setdefault(fields, {})[joint.kind if len(of_kind[joint.kind]) == 1 else joint.name] = None
+    parts = [
+        f"{', '.join(names)}: {', '.join(fields) if fields else 'nothing'} from {file}"
+        for fields, names in sorted(groups.items(), reverse=True)
+    ]
+    return f"{'; '.join(parts)}; all else as in the robot {robot.name}"

@@ -1,0 +1,490 @@
+"""Configuration of training. No torch, no mujoco: the command line reads it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from operator import attrgetter
+from typing import Annotated, Literal, get_args
+
+from tyro.conf import arg
+
+from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.core.memory import check_memory
+from stiction.core.records import check_numbers
+from stiction.joints.friction import has_coefficient
+from stiction.learning.hinf_config import HinfCfg
+from stiction.robots.model import Robot
+from stiction.sim.protocol import DeviceName
+from stiction.task.config import RandomizationCfg, TaskCfg
+
+MOST_COUNTS = {
+    "num_envs": 131_072,
+    "iterations": 1_000_000,
+    "quiet": 1_000_000,
+    "checkpoint_every": 1_000_000,
+    "steps": 1000,
+    "epochs": 100,
+    "contacts": 1000,
+    "alternate": 1_000_000,
+}
+"""Most of what is counted; of all else, widths of layers among it, 10,000. A training of the field has 4096 robots, 24
+steps, 5 passes and some thousand iterations: what is far above that is a mistake, and would take all memory or time."""
+
+MAY_BE_NONE = ("student.iterations", "teacher.quiet")
+"""Counts that may be 0."""
+
+LAYERS = ("actor", "critic", "privileged", "history", "estimator", "terrain")
+NETWORK_SIZES = ("history_frame", "estimator_frame", "terrain_latent", "latent")
+"""Fields of `NetworkCfg`: lists of layers, and single sizes."""
+
+REPLACED = ("privileged", "recurrent", "estimator_frame", "estimator", "terrain", "terrain_latent", "latent")
+"""Fields of `NetworkCfg` that DreamWaQ's networks take the place of."""
+
+MOST_LAYERS = 10
+"""Most hidden layers of a network."""
+
+TORCH, SIMULATED, COPIES, BESIDE = 350e6, 50e3, 4, 500
+"""Memory of a training: of Python with torch [B], of a simulated robot [B]; of a sample of the rollout, copies of its
+history, in the rollout and in the update, and numbers beside it, single precision. From the peaks of one iteration with
+Saturn Lite: 376 MB (16 robots, 24 steps, 11 frames), 422 (512, 4, 11), 548 (512, 24, 11), 1011 (512, 24, 51)."""
+
+STD_RANGE = (0.05, 2.0)
+"""Bounds of the actions' standard deviation."""
+
+EngineName = Literal["mujoco", "physx", "ode", "ode-webots"]
+"""Engines in which a policy can be trained: the shipped ones, for a run's configuration names no code."""
+
+SymmetryName = Literal["none", "batches", "half", "network"]
+
+
+@dataclass(frozen=True)
+class NetworkCfg:
+    """Sizes of the networks. Small: on a CPU the update costs as much as the physics."""
+
+    actor: tuple[int, ...] = (256, 128, 64)
+    """Hidden layers of the actor."""
+    critic: tuple[int, ...] = (256, 128)
+    """Hidden layers of the critic."""
+    privileged: tuple[int, ...] = (64,)
+    """Hidden layers of f_ada of the teacher, privileged observation -> z."""
+    history_frame: int = 24
+    """Width to which every frame of the history is reduced first, by the same weights for all frames."""
+    history: tuple[int, ...] = (64,)
+    """Hidden layers of f_ada of the student and of the critic's view of the history, after the frames."""
+    recurrent: bool = False
+    """Whether a gated recurrent unit as wide as the first of --network.history reads the frames for z*, one after the
+    other, in place of an MLP that sees them side by side."""
+    estimator_frame: int = 24
+    """As --network.history-frame, for f_est."""
+    estimator: tuple[int, ...] = (64,)
+    """Hidden layers of f_est, after the frames."""
+    terrain: tuple[int, ...] = (64, 32)
+    """Hidden layers of the encoder of the elevation map; there is none on flat ground."""
+    terrain_latent: int = 16
+    """Size of e_t*."""
+    latent: int = 16
+    """Size of z and z*."""
+    initial_std: float = 0.8
+    """Standard deviation of the first actions."""
+
+
+@dataclass(frozen=True)
+class DreamWaQCfg:
+    """The context-aided estimator of `--method dreamwaq`, see `stiction.learning.context`.
+
+    It learns at the rate, and in the passes, of the supervised losses of the first phase. The paper gives the sizes of
+    its layers and of the code, and neither β nor what its loss is a mean of.
+    """
+
+    beta: float = 0.35
+    """Weight of the code's KL divergence, a mean over dimensions, beside the reconstruction, a mean over entries. The
+    more, the less the code tells; 0: an autoencoder with noise of its own choice."""
+    free_bits: float = 0.05
+    """KL of a dimension below which it costs nothing to tell more [nat]: without it the KL wins before there is
+    anything to tell. 0: none."""
+    code: int = 16
+    """Size of the code."""
+    frame: int = 32
+    """As --network.history-frame, for the encoder. The paper's has no such layer."""
+    encoder: tuple[int, ...] = (128, 64)
+    """Hidden layers of the encoder, after the frames."""
+    decoder: tuple[int, ...] = (64, 128)
+    """Hidden layers of the decoder, velocity and code -> the next observation."""
+
+
+LatentName = Literal["alternate", "groups", "history"]
+"""Where the latent of the policy that walks in the first phase comes from, see `TeacherCfg.latent`."""
+
+NoiseName = Literal["all", "half", "drawn", "none"]
+"""Which robots walk with exploration noise in distillation, see `StudentCfg.noise`."""
+
+
+@dataclass(frozen=True)
+class TeacherCfg:
+    """The first phase: PPO, and the supervised losses of adaptation and estimator."""
+
+    latent: LatentName = "alternate"
+    """`alternate`: z of the privileged encoder, and z* in every `alternate`-th iteration, as in the paper. `groups`: a
+    share of the robots walks on z*, the rest on z, with one actor and one critic (concurrent teacher and student, Wang
+    et al. 2024). `history`: every robot walks on z*, and PPO's gradient trains its encoder: one phase, in which there
+    is no teacher, and the student needs no second phase."""
+    student_share: float = 0.25
+    """Share of the robots on z* with `groups`."""
+    both_ways: bool = False
+    """Whether L_ada trains the privileged encoder too, as the paper says: z then becomes what a history can tell."""
+    final_std: float | None = None
+    """Bound of the actions' standard deviation in the last quarter of the phase, to which it falls on a straight line
+    from that of the first actions; by default free. A policy is deployed without noise, which shakes joints loose:
+    trained with more of it, it may stand still without."""
+    quiet: int = 0
+    """Last iterations of one phase, of all at most a quarter, in which robots walk without noise, as deployed, and the
+    policy stands still: the estimator alone learns, with twice the passes and a step that falls to zero. While the
+    policy changes the estimate of velocity lags behind it, and a robot that believes to be slower than it is runs."""
+    iterations: int = 700
+    """Rollouts, each followed by an update."""
+    steps: int = 24
+    """Control steps of one rollout."""
+    epochs: int = 4
+    """Passes over a rollout."""
+    mini_batches: int = 4
+    """Parts of one pass."""
+    learning_rate: float = 1e-3
+    """First learning rate; adapted to the KL divergence."""
+    desired_kl: float = 0.01
+    """KL divergence to which the learning rate is adapted."""
+    entropy: float = 0.002
+    """Weight of the entropy bonus."""
+    gamma: float = 0.99
+    """Discount."""
+    gae_lambda: float = 0.95
+    """λ of the advantage estimate."""
+    alternate: int = 4
+    """With `alternate`, z comes from the history (z*) in one iteration out of this many, else from the privileged
+    encoder. The paper does not say how often; the public code it builds on uses 20."""
+    adaptation_learning_rate: float = 1e-3
+    """For L_ada, L_est and, where there is terrain, L_hist."""
+    adaptation_batches: int = 4
+    """Gradient steps of these losses in a pass over the rollout, after each PPO update."""
+    adaptation_passes: int = 1
+    """Passes over the rollout."""
+    velocity_weight: float = 1.0
+    """Weight of the three entries of L_est that are the base's velocity beside those that are contacts. A velocity's
+    variance is a tenth of a contact's."""
+
+    @property
+    def quiet_from(self) -> int:
+        """Iterations before the quiet ones."""
+        return self.iterations - min(self.quiet, self.iterations // 4)
+
+
+@dataclass(frozen=True)
+class StudentCfg:
+    """The second phase, from a warm start."""
+
+    algorithm: Literal["distill", "ppo"] = "distill"
+    """`distill`: behaviour cloning, with L_ada and L_est. `ppo`: the student's own z* and estimate are walked on and
+    PPO's gradient trains its encoder, with the settings of the first phase."""
+    iterations: int = 240
+    """Rollouts of the student, each followed by an update. 0: the policy of the first phase, on its z*, is the
+    student."""
+    noise: NoiseName = "all"
+    """Who walks with exploration noise in distillation: every robot, every second one, each with a share drawn for it,
+    or none. What is deployed walks without."""
+    steps: int = 24
+    """Control steps of one rollout."""
+    epochs: int = 2
+    """Passes of distillation over a rollout."""
+    mini_batches: int = 4
+    """Parts of one pass."""
+    learning_rate: float = 5e-4
+    """Of distillation, fixed; the first one of PPO."""
+    adaptation_weight: float = 0.1
+    """Weight beside L_clone of L_ada, and of L_hist where there is terrain."""
+    estimator_weight: float = 0.5
+    """Weight of L_est beside L_clone."""
+
+
+@dataclass(frozen=True)
+class StopCfg:
+    """When a phase has learned enough and ends before its last iteration. Off unless a tracking error is named.
+
+    All figures are those of training: noisy, pushed, randomised. Its tracking error is some 0.1 m/s above that of an
+    evaluation. Teacher and student each end by this rule, the teacher not before the last stage of friction has begun,
+    the noise is the least of the phase, and a disturber's limit has grown to its value.
+    """
+
+    tracking_error: Annotated[float | None, arg(aliases=("--stop-at-tracking-error",))] = None
+    """Mean tracking error under which a phase ends [m/s]; by default never, as in every comparison of methods."""
+    iterations: int = 20
+    """Iterations over which all figures are averaged."""
+    falls: float = 0.01
+    """Most falls that count as none [1/s]: one in 100 s of walking with pushes."""
+    terrain_level: float | None = None
+    """Mean terrain level that must be reached as well; by default any: a run on terrain may then end on its easiest
+    part."""
+
+    def __post_init__(self) -> None:
+        """Refuse targets out of range, and one without effect."""
+        if self.tracking_error is not None and not self.tracking_error > 0:
+            raise ConfigurationError(f"stop.tracking_error is {self.tracking_error}; expected more than 0 m/s")
+        if self.iterations < 1 or self.falls < 0:
+            raise ConfigurationError(
+                f"stop after {self.iterations} iterations with {self.falls} falls a second: expected at least 1 and 0"
+            )
+        if self.terrain_level is not None and self.tracking_error is None:
+            raise ConfigurationError("stop.terrain_level has no effect by itself; say --stop-at-tracking-error too")
+
+
+@dataclass(frozen=True)
+class TrainCfg:
+    """One training run: a first phase by PPO, and where it has iterations a second one that makes the student."""
+
+    task: TaskCfg = field(default_factory=TaskCfg)
+    network: NetworkCfg = field(default_factory=NetworkCfg)
+    teacher: TeacherCfg = field(default_factory=TeacherCfg)
+    student: StudentCfg = field(default_factory=StudentCfg)
+    dreamwaq: DreamWaQCfg = field(default_factory=DreamWaQCfg)
+    hinf: HinfCfg = field(default_factory=HinfCfg)
+    num_envs: int = 512
+    """Robots simulated side by side."""
+    seed: int = 0
+    """Seed of everything random in the run."""
+    symmetry: SymmetryName = "none"
+    """How learning uses that left and right are alike. `batches`: every sample of an update also as its mirror image,
+    at twice the update's cost. `half`: mirrored samples at no cost, PPO makes half as many passes. `network`: actor and
+    critic are symmetric by construction."""
+    joints: str | None = None
+    """A `joints.json` whose inertia, damping and friction become the robot's nominal ones."""
+    actuator: str | None = None
+    """Folder of `stiction train-actuator`, whose net replaces the joints' PD law."""
+    checkpoint_every: int = 50
+    """Iterations between checkpoints."""
+    device: DeviceName = "cpu"
+    """What computes. `cpu`: MuJoCo on all cores. `cuda`: MuJoCo Warp and the networks on a GPU; wants thousands of
+    robots. `warp-cpu`: MuJoCo Warp on the processor, many times slower than `cpu`, to try it where there is no GPU."""
+    engine: EngineName = "mujoco"
+    """The physics engine of the training. All but `mujoco` take a robot at a time, ten times slower and more, on flat
+    ground: `--num-envs 256`. A run that goes on there begins with its robots at rest where they were."""
+    contacts: int = 32
+    """Contacts for which MuJoCo Warp has room, a robot. More than that stop the run."""
+    video_every: int = 0
+    """Iterations between short clips of the policy, in `clips/`; 0: none. They are rendered by a process of their own
+    from a checkpoint and change nothing in the training; each takes some seven seconds of one core."""
+    stop: StopCfg = field(default_factory=StopCfg)
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be run, before any folder is made."""
+        self._check_simulator()
+        if self.symmetry not in get_args(SymmetryName):
+            raise ConfigurationError(unknown_name("symmetry", self.symmetry, get_args(SymmetryName)))
+        if self.symmetry == "network" and self.network.recurrent:
+            raise ConfigurationError(
+                "a recurrent encoder has no rule for --symmetry network, which the presets of one phase have; add "
+                "--symmetry half"
+            )
+        if self.symmetry == "half" and self.teacher.epochs % 2:
+            raise ConfigurationError(
+                f"symmetry 'half' makes half of {self.teacher.epochs} passes; use an even number of --teacher.epochs"
+            )
+        check_numbers(self)
+        friction = self.task.friction
+        if friction.level is None and self.joints is None and friction.has_friction and has_coefficient(friction.law):
+            raise ConfigurationError(
+                f"the friction law {friction.law!r} needs its coefficient; say --friction-level, or --joints with an "
+                "identification that has a load_coefficient"
+            )
+        self._check_counts()
+        self._check_rates()
+        self._check_phases()
+        if self.stop.terrain_level is not None and self.task.terrain.kind == "flat":
+            raise ConfigurationError("stop.terrain_level is set, but flat ground has no terrain levels; leave it out")
+
+    def _check_simulator(self) -> None:
+        """Refuse devices and engines that there are not, and what they cannot simulate."""
+        for what, names in {"device": DeviceName, "engine": EngineName}.items():
+            if getattr(self, what) not in get_args(names):
+                raise ConfigurationError(unknown_name(what, getattr(self, what), get_args(names)))
+        if self.device != "cpu" and self.task.physics.plastic:
+            raise ConfigurationError(
+                f"MuJoCo Warp has no joints that yield, and --physics plastic needs them; use --device cpu in place of "
+                f"{self.device}, or --physics rows"
+            )
+        if self.engine == "mujoco":
+            return
+        given, usual = self.task.randomization.contact_time, RandomizationCfg().contact_time
+        lacking = {
+            f"--device {self.device}": self.device != "cpu",
+            "--physics plastic": self.task.physics.plastic,
+            f"--terrain {self.task.terrain.kind}": self.task.terrain.kind != "flat",
+            "friction that grows with load": self.task.friction.loaded,
+            "--method hinf": self.is_disturbed,
+            "--task.randomization.contact-time": given != usual,
+        }
+        for name in (name for name, asked in lacking.items() if asked):
+            raise ConfigurationError(
+                f"--engine {self.engine} cannot train with {name}; use --engine mujoco, or leave it out"
+            )
+
+    def name_of(self, phase: str) -> str:
+        """Return what people are told that a phase is called: where there is one, it is the policy's."""
+        return phase if self.student.iterations else "policy"
+
+    @property
+    def has_context(self) -> bool:
+        """Whether DreamWaQ's context takes the place of estimate and latent."""
+        return self.task.friction.method == "dreamwaq"
+
+    @property
+    def is_disturbed(self) -> bool:
+        """Whether the method is `hinf`, whoever disturbs."""
+        return self.task.friction.method == "hinf"
+
+    def _check_counts(self) -> None:
+        """Refuse counts out of range, and rollouts too short to be split."""
+        phases: dict[str, TeacherCfg | StudentCfg] = {"teacher": self.teacher, "student": self.student}
+        names = ("iterations", "steps", "epochs", "mini_batches")
+        counts = {name: getattr(self, name) for name in ("num_envs", "checkpoint_every", "contacts")}
+        counts |= {f"{phase}.{name}": getattr(cfg, name) for phase, cfg in phases.items() for name in names}
+        more = ("adaptation_batches", "adaptation_passes", "alternate", "quiet")
+        counts |= {f"teacher.{name}": getattr(self.teacher, name) for name in more}
+        counts |= {f"network.{name}": getattr(self.network, name) for name in NETWORK_SIZES}
+        counts |= {f"dreamwaq.{name}": getattr(self.dreamwaq, name) for name in ("code", "frame")}
+        lists = {f"network.{name}": getattr(self.network, name) for name in LAYERS}
+        lists |= {f"dreamwaq.{name}": getattr(self.dreamwaq, name) for name in ("encoder", "decoder")}
+        lists |= {f"hinf.{name}": getattr(self.hinf, name) for name in ("actor", "critic")}
+        for name, layers in lists.items():
+            if not 1 <= len(layers) <= MOST_LAYERS:
+                raise ConfigurationError(f"{name} has {len(layers)} layers; expected 1 to {MOST_LAYERS}")
+            counts |= {f"{name}[{number}]": size for number, size in enumerate(layers)}
+        for name, count in counts.items():
+            least, most = int(name not in MAY_BE_NONE), MOST_COUNTS.get(name.rpartition(".")[2], 10_000)
+            if not least <= count <= most:
+                raise ConfigurationError(f"{name} is {count}; expected at least {least}, and at most {most}")
+        self._check_halves()
+        if self.video_every < 0:
+            raise ConfigurationError(
+                f"video_every is {self.video_every}; expected a number of iterations, or 0 for none"
+            )
+        for phase, cfg in phases.items():
+            samples = self.num_envs * cfg.steps
+            # With `half` PPO has twice as many mini-batches, each of half as many originals.
+            if samples < max(cfg.mini_batches, 2 * self.teacher.mini_batches * (self.symmetry == "half")):
+                raise ConfigurationError(
+                    f"{phase}: {samples} samples a rollout for {cfg.mini_batches} mini-batches; use more robots"
+                )
+
+    def _check_halves(self) -> None:
+        """Refuse layers that symmetric networks cannot split into left and right."""
+        if self.symmetry != "network":
+            return
+        # Of the last of `history` the critic has half.
+        sizes = {"network.history[-1] / 2": self.network.history[-1] // 2}
+        used = [f"network.{name}" for name in ("actor", "critic", "history", "history_frame")]
+        if self.has_context:
+            used += [f"dreamwaq.{name}" for name in ("code", "frame", "encoder", "decoder")]
+        else:
+            used += [f"network.{name}" for name in ("privileged", "latent", "estimator", "estimator_frame")]
+            used += [] if self.task.terrain.kind == "flat" else ["network.terrain", "network.terrain_latent"]
+        for place in used:
+            value = attrgetter(place)(self)
+            each = enumerate(value) if isinstance(value, tuple) else ()
+            sizes |= {f"{place}[{number}]": size for number, size in each} or {place: value}
+        for name, size in sizes.items():
+            if size % 2:
+                raise ConfigurationError(
+                    f"{name} is {size}, and a layer of {size} units has no left and right half; --symmetry network "
+                    "needs even sizes"
+                )
+
+    def _check_rates(self) -> None:
+        """Refuse rates, weights and shares out of range."""
+        teacher, student = self.teacher, self.student
+        rates = (teacher.learning_rate, teacher.adaptation_learning_rate, student.learning_rate)
+        if not (min(rates) > 0 and max(rates) <= 1 and self.seed >= 0):
+            raise ConfigurationError(
+                f"learning rates {rates}, seed {self.seed}: expected positive rates of at most 1 and a seed of at "
+                "least 0"
+            )
+        shares = {name: getattr(teacher, name) for name in ("desired_kl", "gamma", "gae_lambda")}
+        weights = {f"teacher.{name}": getattr(teacher, name) for name in ("entropy",)}
+        weights |= {f"student.{name}": getattr(student, name) for name in ("adaptation_weight", "estimator_weight")}
+        weights |= {f"dreamwaq.{name}": getattr(self.dreamwaq, name) for name in ("beta", "free_bits")}
+        for name, share in shares.items():
+            if not 0 < share <= 1:
+                raise ConfigurationError(f"teacher.{name} is {share}; expected more than 0 and at most 1")
+        for name, weight in weights.items():
+            if weight < 0:
+                raise ConfigurationError(f"{name} is {weight}; expected at least 0")
+
+    def _check_phases(self) -> None:
+        """Refuse settings of the phases that contradict each other."""
+        teacher, student = self.teacher, self.student
+        one_phase = self.has_context or self.is_disturbed
+        if one_phase and (teacher.latent != "history" or student.iterations):
+            raise ConfigurationError(
+                f"the method {self.task.friction.method!r} learns in one phase, not with --teacher.latent "
+                f"{teacher.latent} and {student.iterations} iterations of a student; use --preset full or quick"
+            )
+        if self.is_disturbed and self.task.terrain.kind != "flat":
+            raise ConfigurationError(
+                f"the method 'hinf' learns in one phase, on flat ground alone, not on {self.task.terrain.kind!r}; "
+                "leave --terrain out"
+            )
+        if self.is_disturbed and self.hinf.by_torque and self.hinf.disturbs and not self.task.friction.has_friction:
+            raise ConfigurationError(
+                f"--hinf.disturber {self.hinf.disturber} is bounded by the joints' friction, and there is none; say "
+                "--task.friction.range 0 1.2"
+            )
+        if student.iterations == 0 and teacher.latent != "history" and self.task.terrain.kind != "flat":
+            raise ConfigurationError(
+                "student.iterations is 0, and on terrain a teacher that sees the ground is no student"
+            )
+        blind = teacher.latent == "history" or student.algorithm == "ppo"
+        if self.task.terrain.kind != "flat" and blind and not self.has_context:
+            raise ConfigurationError(
+                f"on terrain {self.task.terrain.kind!r} one phase, and PPO on the student, have no encoder of the "
+                "ground to learn from; use --preset two-phase"
+            )
+        if teacher.latent == "history" and student.iterations and student.algorithm == "distill":
+            raise ConfigurationError(
+                f"with --teacher.latent history there is no teacher to distil for {student.iterations} iterations; "
+                "use --student.iterations 0, or --student.algorithm ppo"
+            )
+        if teacher.latent == "history" and teacher.both_ways:
+            raise ConfigurationError(
+                "with --teacher.latent history there is no z for L_ada to train; leave both_ways out"
+            )
+        ended = teacher.latent == "history" and not student.iterations and not one_phase
+        if teacher.quiet and not ended:
+            raise ConfigurationError(
+                f"--teacher.quiet {teacher.quiet} ends a training of one phase by RMA, in which the estimator then "
+                "learns alone, and this is none; add --teacher.quiet 0"
+            )
+        if not 0.0 < teacher.student_share < 1.0:
+            raise ConfigurationError(
+                f"teacher.student_share is {teacher.student_share}; expected a share between 0 and 1"
+            )
+        low, high = STD_RANGE
+        for name, std in (("teacher.final_std", teacher.final_std), ("network.initial_std", self.network.initial_std)):
+            if std is not None and not low <= std <= high:
+                raise ConfigurationError(f"{name} is {std}; expected a standard deviation from {low} to {high}")
+        if teacher.final_std is not None and teacher.final_std > self.network.initial_std:
+            raise ConfigurationError(
+                f"teacher.final_std {teacher.final_std} is above network.initial_std {self.network.initial_std}: noise "
+                "falls, it does not grow"
+            )
+        if not teacher.velocity_weight > 0:
+            raise ConfigurationError(f"teacher.velocity_weight is {teacher.velocity_weight}; expected more than 0")
+
+    def check_memory(self, robot: Robot) -> None:
+        """Raise `StictionError` where the training needs more memory than there is. Of a GPU its own library knows."""
+        if self.device == "cuda":
+            return
+        samples = self.num_envs * max(self.teacher.steps, self.student.steps)
+        frames = self.task.history * self.task.layout(robot).frame_size
+        needed = TORCH + self.num_envs * SIMULATED + samples * 4 * (COPIES * frames + BESIDE)
+        check_memory(
+            needed,
+            f"a rollout of {self.num_envs} robots over {samples // self.num_envs} steps",
+            "use fewer --num-envs, fewer steps, or a shorter history",
+        )

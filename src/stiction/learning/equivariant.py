@@ -1,0 +1,167 @@
+"""Networks that are left-right symmetric by construction: π(M o) = M π(o), and a critic with V(M o) = V(o).
+
+Every linear layer is the average of itself and of its mirror image,
+
+    y = ½ (W x + b) + ½ M_out (W M_in x + b),
+
+which is a linear layer again: its weights are averaged, so that a pass costs what one without symmetry does. M of an
+observation or action is the task's; hidden units, z and z*, and the terrain's latent come in two halves, left and
+right, which the mirror exchanges, so that any activation commutes with it.
+
+The layers of a network are replaced in place and keep their parameters, for optimizers. What is deployed has ordinary
+layers of the averaged weights.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from rsl_rl.modules import Distribution
+from torch import nn
+
+from stiction.core.errors import ConfigurationError
+from stiction.learning.context import ContextActor
+from stiction.learning.models import VELOCITY, HistoryEncoder, RMAActor, RMACritic
+from stiction.task.symmetry import Rows, TaskMirror, VectorMirror
+
+
+class EquivariantLinear(nn.Linear):
+    """A linear layer averaged with its mirror image."""
+
+    def __init__(self, layer: nn.Linear, into: Rows, out: Rows) -> None:
+        """Take over a layer's parameters; `into`, `out`: the mirror of its inputs and outputs."""
+        # On `meta`, where drawing first weights that are thrown away does not move torch's random numbers on.
+        super().__init__(layer.in_features, layer.out_features, device="meta")
+        self.weight, self.bias = layer.weight, layer.bias
+        self.into, self.out = VectorMirror(into), VectorMirror(out)
+        # Only now, for a parameter on `meta` has nothing that could be moved.
+        self.to(layer.weight.device)
+        with torch.no_grad():
+            # The average of two independent weights has half their variance: restore it.
+            self.weight.mul_(2**0.5)
+
+    def averaged(self) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return the averaged weight, shape (outputs, inputs), and bias, shape (outputs,)."""
+        into, out = self.into, self.out
+        # M_out takes row i from row index_i, times factor_i. M_in is its own inverse: it takes columns in the same way.
+        image = self.weight.index_select(0, out.index).index_select(1, into.index)
+        image = image * (out.factor[:, None] * into.factor[into.index])
+        bias = self.bias if into.shift is None else self.bias + self.weight @ into.shift
+        return 0.5 * (self.weight + image), 0.5 * (self.bias + bias.index_select(0, out.index) * out.factor)
+
+    def forward(self, value: torch.Tensor) -> torch.Tensor:
+        """Map (..., inputs) to (..., outputs)."""
+        return nn.functional.linear(value, *self.averaged())
+
+
+def make_equivariant(model: RMAActor | RMACritic, mirror: TaskMirror) -> None:
+    """Make a network symmetric, in place; actions get the same standard deviation left and right.
+
+    Raises `StictionError` where a layer has an odd number of units, or a part of the network has no rule here.
+    """
+    rows = mirror.rows
+    if isinstance(model, RMAActor):
+        _actor(model, rows)
+    else:
+        inputs = [rows[name] for name in model.seen]
+        encoded = halves(_last(model.history_encoder.mlp).out_features)
+        _encoder(model.history_encoder, rows, encoded)
+        _mlp(model.mlp, Rows.joined([*inputs, encoded]), Rows.signed(np.ones(1)))
+    for name, layer in model.named_modules():
+        # A layer that was overlooked above would break the symmetry without a word.
+        trained = any(True for _ in layer.parameters(recurse=False))
+        if trained and not isinstance(layer, EquivariantLinear | Distribution):
+            raise ConfigurationError(
+                f"{type(model).__name__}: the layer {name!r} has no rule for --symmetry network; use batches or half"
+            )
+
+
+def make_dense(model: nn.Module) -> None:
+    """Replace equivariant layers by ordinary ones with the averaged weights, in place: not to be trained."""
+    for module in list(model.modules()):
+        for name, layer in list(module.named_children()):
+            if isinstance(layer, EquivariantLinear):
+                # A new layer: `layer.weight` is the parameter of before the average, and may be shared with an
+                # optimizer.
+                dense = nn.Linear(layer.in_features, layer.out_features, device=layer.weight.device)
+                with torch.no_grad():
+                    for parameter, value in zip((dense.weight, dense.bias), layer.averaged(), strict=True):
+                        parameter.copy_(value)
+                setattr(module, name, dense)
+
+
+def halves(size: int) -> Rows:
+    """Return the mirror of `size` units, a left and a right half that are exchanged.
+
+    Raises `StictionError` where they are odd in number.
+    """
+    if size % 2:
+        raise ConfigurationError(
+            f"a layer of {size} units has no left and right half; --symmetry network needs even sizes"
+        )
+    return Rows.exchanged(np.roll(np.arange(size), size // 2))
+
+
+def _context(actor: ContextActor, rows: dict[str, Rows]) -> Rows:
+    """Make DreamWaQ's estimator symmetric; return the mirror of the actor's input."""
+    explicit = rows["explicit"]
+    velocity = Rows(explicit.index[:VELOCITY], explicit.factor[:VELOCITY])
+    code = halves(actor.context.code)
+    _encoder(actor.context.encoder, rows, Rows.joined([velocity, code, code]))
+    _mlp(actor.context.decoder, Rows.joined([velocity, code]), rows["proprioception"])
+    return Rows.joined([rows["proprioception"], velocity, code])
+
+
+def _adaptation(actor: RMAActor, rows: dict[str, Rows]) -> Rows:
+    """Make encoders, estimator and adaptation symmetric; return the mirror of the actor's input."""
+    latent = halves(_last(actor.privileged_encoder).out_features)
+    _mlp(actor.privileged_encoder, rows["privileged"], latent)
+    _encoder(actor.adaptation, rows, latent)
+    _encoder(actor.estimator, rows, rows["explicit"])
+    inputs = [rows["proprioception"], rows["explicit"], latent]
+    if actor.sees_terrain:
+        ground = halves(_last(actor.terrain_encoder[0]).out_features)
+        _mlp(actor.terrain_encoder[0], rows["elevation"], ground)
+        _encoder(actor.terrain_history[0], rows, ground)
+        inputs.append(ground)
+    return Rows.joined(inputs)
+
+
+def _actor(actor: RMAActor, rows: dict[str, Rows]) -> None:
+    """Make an actor symmetric, with the networks beside the policy's own."""
+    inputs = _context(actor, rows) if isinstance(actor, ContextActor) else _adaptation(actor, rows)
+    _mlp(actor.mlp, inputs, rows["action"])
+    exchanged = torch.as_tensor(rows["action"].index)
+    std = actor.distribution.std_param
+    # Left and right begin equal, and equal steps keep them so.
+    std.register_hook(lambda gradient: 0.5 * (gradient + gradient[exchanged.to(gradient.device)]))
+
+
+def _encoder(encoder: nn.Module, rows: dict[str, Rows], out: Rows) -> None:
+    """Make an encoder of the history symmetric: every frame is mirrored for itself."""
+    assert isinstance(encoder, HistoryEncoder)
+    assert encoder.memory is None  # `TrainCfg` refuses it
+    width = _last(encoder.embed).out_features
+    frames = _first(encoder.mlp).in_features // width
+    _mlp(encoder.embed, rows["proprioception"], halves(width))
+    _mlp(encoder.mlp, Rows.joined([halves(width)] * frames), out)
+
+
+def _mlp(mlp: nn.Module, into: Rows, out: Rows) -> None:
+    """Make a chain of linear layers and activations symmetric."""
+    layers = {name: layer for name, layer in mlp.named_children() if isinstance(layer, nn.Linear)}
+    last = _last(mlp)
+    for name, layer in layers.items():
+        result = out if layer is last else halves(layer.out_features)
+        setattr(mlp, name, EquivariantLinear(layer, into, result))
+        into = result
+
+
+def _first(mlp: nn.Module) -> nn.Linear:
+    """Return the first linear layer of a chain."""
+    return next(layer for layer in mlp.children() if isinstance(layer, nn.Linear))
+
+
+def _last(mlp: nn.Module) -> nn.Linear:
+    """Return the last linear layer of a chain."""
+    return [layer for layer in mlp.children() if isinstance(layer, nn.Linear)][-1]

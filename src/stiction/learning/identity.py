@@ -1,0 +1,166 @@
+"""What tells one training from another: its settings that differ from the defaults, flat, named as on the command line.
+
+They stand in a policy's contract. Two policies are seeds of one training where these are equal; a setting that is not
+there has its default, so a default is never changed: a preset is. What a file says of settings is a name and a value
+for people, and nothing looks either up.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from functools import cache
+from typing import Any
+
+from stiction.learning.config import TrainCfg
+
+APART = ("seed", "joints", "actuator", "checkpoint-every", "video-every", "contacts", "task.robot")
+"""Settings that are none of a training: its seed, what changes no number of it, and files, which a contract has by
+their content: joints.json, Actuator Net, robot."""
+
+MISSING = "not recorded"
+"""What is said of the settings of a bundle that is older than their field."""
+
+SHOWN, LONGEST_SHOWN = 3, 60
+"""Settings that a name shows, and characters of a value."""
+
+PLAIN = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789 .,:;+-=/%@()_'")
+"""Characters that mean nothing to terminals, tables, pages and figures."""
+
+
+def settings_of(cfg: TrainCfg) -> dict[str, Any]:
+    """Return what of a configuration is not the default, as plain JSON: numbers, texts, or lists of them.
+
+    `teacher.final-std` -> 0.2; in the order of the fields. Lists within lists are one, as a person types them.
+    """
+    default = defaults()
+    return {name: value for name, value in _flat(cfg) if name not in APART and value != default[name]}
+
+
+@cache
+def defaults() -> dict[str, Any]:
+    """Return every setting with its default."""
+    return dict(_flat(TrainCfg()))
+
+
+def _flat(config: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield name and value of every field of a nested dataclass."""
+    for field in fields(config):
+        name, value = prefix + field.name.replace("_", "-"), getattr(config, field.name)
+        if is_dataclass(value):
+            yield from _flat(value, f"{name}.")
+        else:
+            yield name, [*_entries(value)] if isinstance(value, tuple) else value
+
+
+def _entries(values: tuple[Any, ...]) -> Iterator[Any]:
+    """Yield the entries of tuples within tuples."""
+    for value in values:
+        if isinstance(value, tuple):
+            yield from _entries(value)
+        else:
+            yield value
+
+
+def effective(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return settings without those that say a default, or nothing of the training, by name."""
+    default = defaults()
+    told = (name for name in sorted(settings) if name not in APART)
+    return {name: settings[name] for name in told if name not in default or not same(settings[name], default[name])}
+
+
+def same(one: Any, other: Any) -> bool:
+    """Return whether two values of settings are equal; to Python, true is 1."""
+    return _canonical(one) == _canonical(other)
+
+
+def _canonical(value: Any) -> str:
+    """Return the one text of a value, in which 1 is 1.0."""
+    return json.dumps([*map(_plain, value)] if isinstance(value, list | tuple) else _plain(value))
+
+
+def _plain(value: Any) -> Any:
+    """Return a value, a whole number as that: a person may have written either."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+def key_of_settings(settings: Mapping[str, Any] | None) -> str | None:
+    """Return the one text of settings, equal where two trainings are; None where they are not recorded."""
+    if settings is None:
+        return None
+    return json.dumps({name: json.loads(_canonical(value)) for name, value in effective(settings).items()})
+
+
+def settings_in(key: str) -> dict[str, Any]:
+    """Return the settings that `key_of_settings` made a text of."""
+    return json.loads(key)
+
+
+def value_in(settings: Mapping[str, Any], name: str) -> Any:
+    """Return a setting; the default of one that is not there, None of one that this version does not know."""
+    return settings[name] if name in settings else defaults().get(name)
+
+
+def differing(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
+    """Return the names of the settings in which two trainings differ."""
+    first, second = effective(one), effective(other)
+    names = sorted(first.keys() | second.keys())
+    return [name for name in names if not same(value_in(first, name), value_in(second, name))]
+
+
+def shown(text: str) -> str:
+    """Return a text with every character that may mean something to what shows it written out as its number."""
+    return "".join(one if one in PLAIN else f"\\u{ord(one):04x}" for one in text)
+
+
+def value_text(value: Any) -> str:
+    """Return a value as a person types it, shortened."""
+    values = value if isinstance(value, list | tuple) else [value]
+    words = [each if isinstance(each, str) else json.dumps(_plain(each)) for each in values[:LONGEST_SHOWN]]
+    return _short(" ".join(words)) or "empty"
+
+
+def _short(text: str) -> str:
+    """Return a text as it is shown, cut where it is long."""
+    return shown(text) if len(text) <= LONGEST_SHOWN else f"{shown(text[:LONGEST_SHOWN])}..."
+
+
+def setting_text(settings: Mapping[str, Any], name: str) -> str:
+    """Return a setting in words: `teacher.quiet 30`."""
+    return f"{_short(name)} {value_text(value_in(settings, name))}"
+
+
+def settings_text(settings: Mapping[str, Any] | None, most: int = 60) -> str:
+    """Return all settings in one line."""
+    if settings is None:
+        return MISSING
+    told = effective(settings)
+    words = [setting_text(told, name) for name in [*told][:most]]
+    more = [f"and {len(told) - most} more"] if len(told) > most else []
+    return ", ".join((*words, *more)) or "all as by default"
+
+
+def difference(one: Mapping[str, Any] | None, other: Mapping[str, Any] | None) -> tuple[str, str] | None:
+    """Return the first setting in which two trainings differ, and what the other has, in words, `teacher.quiet 30` and
+    `0`; None where they differ in none, as far as both are recorded.
+    """
+    if one is None or other is None or not (names := differing(one, other)):
+        return None
+    more = f" ({len(names) - 1} more differ)" if len(names) > 1 else ""
+    return setting_text(one, names[0]), value_text(value_in(other, names[0])) + more
+
+
+NAMED = 5
+"""Policies that a note names."""
+
+
+def unrecorded_note(names: Sequence[str]) -> list[str]:
+    """Return a sentence, or none, on policies that count as seeds of one training although nobody recorded that."""
+    if not names:
+        return []
+    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return [
+        f"Settings {MISSING}: {', '.join(names[:NAMED])}{more}. Exported before bundles had the settings of their "
+        "training; that they are seeds of one training is taken on trust. Export the runs again, where they still are."
+    ]

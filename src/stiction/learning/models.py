@@ -1,0 +1,236 @@
+"""The networks of rapid motor adaptation, as rsl_rl models."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from rsl_rl.models import MLPModel
+from rsl_rl.modules import MLP
+from tensordict import TensorDict
+from torch import nn
+
+from stiction.learning.config import NetworkCfg
+
+GROUPS = ["proprioception", "history", "privileged", "explicit"]
+"""The observation groups on any ground; each model picks what it may see."""
+
+ELEVATION = "elevation"
+"""The group that is there too on other than flat ground."""
+
+VELOCITY = 3
+"""Entries of o_exp that are the base's velocity [m/s]; the feet's contacts follow."""
+
+
+class HistoryEncoder(nn.Module):
+    """Reads o_H: every frame through one linear layer, then an MLP over all frames.
+
+    With `recurrent` a gated recurrent unit reads the frames in turn, oldest first, and the MLP reads its last state.
+    """
+
+    def __init__(
+        self, history: int, frame: int, width: int, hidden: tuple[int, ...], output: int, recurrent: bool = False
+    ) -> None:
+        """`history`: size of the flattened history; `frame`: of one frame; `width`: of a frame after its layer."""
+        super().__init__()
+        self.frame = frame
+        self.embed = nn.Sequential(nn.Linear(frame, width), nn.ELU())
+        self.memory = nn.GRUCell(width, hidden[0]) if recurrent else None
+        self.mlp = MLP(hidden[0] if recurrent else history // frame * width, output, list(hidden), "elu")
+
+    def forward(self, history: torch.Tensor) -> torch.Tensor:
+        """Map (N, history) to (N, output)."""
+        frames = self.embed(history.unflatten(-1, (-1, self.frame)))
+        if self.memory is None:
+            return self.mlp(frames.flatten(-2))
+        # Not len(frames): the exporter would take it for a number, and the network for one size of batch.
+        state = frames.new_zeros(frames.shape[0], self.memory.hidden_size)
+        for frame in frames.unbind(1):
+            state = self.memory(frame, state)
+        return self.mlp(state)
+
+
+class RMAActor(MLPModel):
+    """π(o_exp*, o_prio, z or z*): the actor with its adaptation networks and its estimator.
+
+    `latent_source` is `privileged` (z = f_ada_tea(o_priv)), `history` (z* = f_ada_stu(o_H)), or `groups`: z* for the
+    robots that the group `walks_blind` marks, z for the others. The explicit state is always the estimate f_est(o_H).
+
+    PPO trains neither estimate nor z*, unless `adapts` (PPO trains z*) or `end_to_end` (the student's cloning loss
+    trains both). What is not trained stays the same over a rollout: it may be computed once, when the robot walks
+    (`remembered`), and be handed in with the observations.
+
+    On other than flat ground there is a second latent: the teacher encodes the elevation map e_t, the student (`blind`)
+    takes the same features from the history, by f_hist.
+    """
+
+    adapts = False
+    end_to_end = False
+    blind = False
+    latent_source = "privileged"
+
+    def __init__(
+        self,
+        obs: TensorDict,
+        obs_groups: dict[str, list[str]],
+        obs_set: str,
+        output_dim: int,
+        network: NetworkCfg,
+        distribution_cfg: dict[str, Any],
+    ) -> None:
+        """Build the networks for the sizes of the observation groups; arguments as rsl_rl has them."""
+        size = {name: obs[name].shape[-1] for name in obs_groups[obs_set]}
+        # rsl_rl's constructor asks for the size of the input, and no module can be set before it has run: sizes before,
+        # networks after it.
+        self._plan(size, network)
+        super().__init__(obs, obs_groups, obs_set, output_dim, network.actor, "elu", False, distribution_cfg)
+        self._build(size, network)
+
+    def _plan(self, size: dict[str, int], network: NetworkCfg) -> None:
+        """Find the size of the actor's input; `size`: of every observation group."""
+        self.sees_terrain = ELEVATION in size
+        self.latent_dim = size["proprioception"] + size["explicit"] + network.latent
+        self.latent_dim += network.terrain_latent * self.sees_terrain
+
+    def _build(self, size: dict[str, int], network: NetworkCfg) -> None:
+        """Make the networks beside the policy's own; arguments as of `_plan`."""
+        frames = (size["history"], size["proprioception"])
+        encoder = (*frames, network.history_frame, network.history)
+        self.privileged_encoder = MLP(size["privileged"], network.latent, list(network.privileged), "elu")
+        self.adaptation = HistoryEncoder(*encoder, network.latent, network.recurrent)
+        self.estimator = HistoryEncoder(*frames, network.estimator_frame, network.estimator, size["explicit"])
+        if self.sees_terrain:
+            elevation = MLP(size[ELEVATION], network.terrain_latent, list(network.terrain), "elu")
+            self.terrain_encoder = nn.Sequential(elevation, nn.Tanh())
+            self.terrain_history = nn.Sequential(HistoryEncoder(*encoder, network.terrain_latent), nn.Tanh())
+
+    def _get_latent_dim(self) -> int:
+        """Return the size of the actor's input."""
+        return self.latent_dim
+
+    def get_latent(self, obs: TensorDict, masks: Any = None, hidden_state: Any = None) -> torch.Tensor:
+        """Assemble the actor's input, (N, proprioception + explicit + latent + terrain latent)."""
+        estimate = self._from_history(self.estimator, obs, "estimate", self.end_to_end)
+        parts = [obs["proprioception"], estimate, self._latent(obs)]
+        if self.sees_terrain:
+            features = self.terrain_history(obs["history"]) if self.blind else self.terrain_encoder(obs[ELEVATION])
+            parts.append(features)
+        return torch.cat(parts, -1)
+
+    def _from_history(self, network: nn.Module, obs: TensorDict, name: str, trained: bool) -> torch.Tensor:
+        """Return what a network makes of the history; if it is not `trained`, the group `name` where that is there."""
+        if not trained and name in obs.keys():  # noqa: SIM118 (a TensorDict knows no `in`)
+            return obs[name]
+        with torch.set_grad_enabled(trained and torch.is_grad_enabled()):
+            return network(obs["history"])
+
+    def _latent(self, obs: TensorDict) -> torch.Tensor:
+        """Return z or z* of every robot, (N, latent)."""
+        if self.latent_source == "privileged":
+            return self.privileged_encoder(obs["privileged"])
+        guess = self._from_history(self.adaptation, obs, "guess", self.adapts or self.end_to_end)
+        if self.latent_source == "history":
+            return guess
+        return torch.where(obs["walks_blind"] > 0, guess, self.privileged_encoder(obs["privileged"]))
+
+    def remembered(self, obs: TensorDict) -> dict[str, torch.Tensor]:
+        """Return what PPO holds fixed and may hand in with the observations: `estimate`, and `guess` (z*)."""
+        with torch.no_grad():
+            found = {"estimate": self.estimator(obs["history"])}
+            if self.latent_source != "privileged" and not self.adapts:
+                found["guess"] = self.adaptation(obs["history"])
+        return found
+
+    def supervised_parameters(self) -> list[nn.Parameter]:
+        """Return the parameters that L_ada, L_est and L_hist train."""
+        modules: list[nn.Module] = [self.estimator, *([] if self.adapts else [self.adaptation])]
+        modules += [self.terrain_history] if self.sees_terrain else []
+        return [parameter for module in modules for parameter in module.parameters()]
+
+    def policy_parameters(self) -> list[nn.Parameter]:
+        """Return the parameters that PPO trains: all others."""
+        supervised = {id(parameter) for parameter in self.supervised_parameters()}
+        return [parameter for parameter in self.parameters() if id(parameter) not in supervised]
+
+    def supervised_losses(
+        self, obs: TensorDict, velocity_weight: float = 1.0, both_ways: bool = False
+    ) -> dict[str, torch.Tensor]:
+        """Return L_ada where the latent is not PPO's, L_est, and, where there is terrain, L_hist.
+
+        L_ada = MSE(z, z*); L_est = mean of w (o_exp* - o_exp)², w = `velocity_weight` for the base's velocity, else 1;
+        L_hist = MSE(e_t*, f_hist(o_H)). e_t* is held fixed, and z unless `both_ways`.
+        """
+        losses = {}
+        if not self.adapts:
+            target, guess = self.latents(obs, both_ways)
+            losses["adaptation"] = nn.functional.mse_loss(guess, target)
+        error = (self.estimator(obs["history"]) - obs["explicit"]).square()
+        more = (velocity_weight - 1.0) * error[:, :VELOCITY].sum(-1).mean() / error.shape[-1]
+        losses["estimator"] = error.mean() + more
+        if self.sees_terrain:
+            with torch.no_grad():
+                target = self.terrain_encoder(obs[ELEVATION])
+            losses["terrain"] = nn.functional.mse_loss(self.terrain_history(obs["history"]), target)
+        return losses
+
+    def latents(self, obs: TensorDict, both_ways: bool = False) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return z, held fixed unless `both_ways`, and z*, each (N, latent)."""
+        with torch.set_grad_enabled(both_ways and torch.is_grad_enabled()):
+            target = self.privileged_encoder(obs["privileged"])
+        return target, self.adaptation(obs["history"])
+
+    def student(self) -> StudentPolicy:
+        """Return what is deployed."""
+        return StudentPolicy(self)
+
+    @property
+    def std(self) -> torch.Tensor:
+        """Standard deviation of the actions within its current bounds, (joints,), without gradient."""
+        return self.distribution.std_param.detach().clamp(*self.distribution.std_range)
+
+
+class RMACritic(MLPModel):
+    """V(s_t): sees everything, the history through an encoder of its own."""
+
+    def __init__(
+        self, obs: TensorDict, obs_groups: dict[str, list[str]], obs_set: str, output_dim: int, network: NetworkCfg
+    ) -> None:
+        """Build the networks for the sizes of the observation groups; arguments as rsl_rl has them."""
+        size = {name: obs[name].shape[-1] for name in obs_groups[obs_set]}
+        self.seen = [name for name in size if name != "history"]
+        encoded = network.history[-1] // 2
+        self.latent_dim = sum(size.values()) - size["history"] + encoded
+        super().__init__(obs, obs_groups, obs_set, output_dim, network.critic, "elu")
+        frames = (size["history"], size["proprioception"])
+        self.history_encoder = HistoryEncoder(*frames, network.history_frame, network.history, encoded)
+
+    def _get_latent_dim(self) -> int:
+        """Return the size of the value head's input."""
+        return self.latent_dim
+
+    def get_latent(self, obs: TensorDict, masks: Any = None, hidden_state: Any = None) -> torch.Tensor:
+        """Assemble the value head's input."""
+        return torch.cat((*(obs[name] for name in self.seen), self.history_encoder(obs["history"])), -1)
+
+
+class StudentPolicy(nn.Module):
+    """What is deployed: the flattened history in, the mean action out. No privileged input."""
+
+    def __init__(self, actor: RMAActor) -> None:
+        """Take the parts of a trained student that run on the robot."""
+        super().__init__()
+        self.frame = actor.adaptation.frame
+        self.adaptation, self.estimator, self.mlp = actor.adaptation, actor.estimator, actor.mlp
+        self.terrain = actor.terrain_history if actor.sees_terrain else None
+
+    def forward(self, observation: torch.Tensor) -> torch.Tensor:
+        """Map observations (N, history) to actions (N, joints); the current frame is the history's last."""
+        return self.act(observation, self.adaptation(observation))
+
+    def act(self, observation: torch.Tensor, latent: torch.Tensor) -> torch.Tensor:
+        """Return the mean actions (N, joints) on a latent, z, z* or another robot's, (N, latent)."""
+        current = observation[:, -self.frame :]
+        parts = [current, self.estimator(observation), latent]
+        if self.terrain is not None:
+            parts.append(self.terrain(observation))
+        return self.mlp(torch.cat(parts, -1))

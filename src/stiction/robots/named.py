@@ -1,0 +1,74 @@
+"""Comparison of a robot with the shipped robot of its name: a name stands for one set of numbers. NumPy alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator
+from dataclasses import fields, is_dataclass, replace
+from typing import Any
+
+from stiction.core.errors import RobotError
+from stiction.robots.catalog import find_robot, is_shipped
+from stiction.robots.model import Robot, on_its_feet
+from stiction.robots.order import reordered
+
+UNCOMPARED = ("color",)
+"""Fields in which robots of one name may differ: they are seen, and nothing moves by them."""
+
+AT_MOST = ("kp", "kd", "torque_limit")
+"""Fields of a joint that a policy trained elsewhere may lower, and never raise."""
+
+OF_POLICY = ("default_position", "action_scale")
+"""Fields of a joint that a policy trained elsewhere sets: its pose and its scale of the action."""
+
+
+def check_named(robot: Robot, elsewhere: bool = False) -> None:
+    """Reject a robot that has the name of a shipped one and other numbers; robots of other names pass.
+
+    elsewhere: the robot is that of a policy trained elsewhere, with its own order of joints, pose, and gains that are
+    at most those of the shipped robot. Raises `RobotError` naming the first field that differs.
+    """
+    if not is_shipped(robot.name):
+        return
+    shipped = find_robot(robot.name)
+    if elsewhere and sorted(robot.joint_names) == sorted(shipped.joint_names):
+        shipped = reordered(shipped, robot.joint_names)
+        shipped = replace(shipped, standing_height=on_its_feet(robot).standing_height)
+    for field, value, expected in _differences(robot, shipped, "", (*AT_MOST, *OF_POLICY) if elsewhere else ()):
+        _reject(robot, field, value, expected)
+    for field, value, most in raised(robot, shipped):
+        _reject(robot, field, value, f"at most {most:g}")
+
+
+def raised(robot: Robot, shipped: Robot) -> Iterator[tuple[str, float, float]]:
+    """Yield the fields in which joints of a robot have more than those of another: field, value, and the other's."""
+    for number, (joint, other) in enumerate(zip(robot.joints, shipped.joints, strict=True)):
+        for name in AT_MOST:
+            if getattr(joint, name) > getattr(other, name) * (1 + 1e-6):
+                yield f"joints[{number}].{name}", getattr(joint, name), getattr(other, name)
+
+
+def _reject(robot: Robot, field: str, value: Any, expected: Any) -> None:
+    """Raise `RobotError` that names a field."""
+    value, expected = (f"{each:g}" if isinstance(each, float) else each for each in (value, expected))
+    raise RobotError(
+        f"robot {robot.name!r}: got {field} {str(value)[:80]}, the shipped {robot.name} has {str(expected)[:80]}; give "
+        "the robot another name (`name` in its robot.yaml)"
+    )
+
+
+def _differences(value: Any, expected: Any, where: str, free: Collection[str]) -> Iterator[tuple[str, Any, Any]]:
+    """Yield field, value and expected value of everything in which two parts of robots differ."""
+    if is_dataclass(value) and type(value) is type(expected):
+        for part in fields(value):
+            if part.name not in UNCOMPARED and part.name not in free:
+                name = f"{where}.{part.name}".lstrip(".")
+                yield from _differences(getattr(value, part.name), getattr(expected, part.name), name, free)
+    elif isinstance(value, tuple) and isinstance(expected, tuple) and len(value) == len(expected):
+        for number, (one, other) in enumerate(zip(value, expected, strict=True)):
+            yield from _differences(one, other, f"{where}[{number}]", free)
+    elif isinstance(value, float) and isinstance(expected, int | float):
+        if not math.isclose(value, expected, rel_tol=1e-6, abs_tol=1e-12):
+            yield where, value, expected
+    elif value != expected:
+        yield where, value, expected

@@ -1,1 +1,0 @@
-"""The experiments behind the results, a folder each. The product never imports one."""

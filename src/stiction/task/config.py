@@ -1,0 +1,251 @@
+"""Configuration of the task: what is commanded, rewarded, randomised. No torch, no mujoco."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Annotated
+
+from tyro.conf import arg
+
+from stiction.core.errors import ConfigurationError
+from stiction.files.observation import HISTORY_LENGTH, ObservationLayout, proprioception
+from stiction.joints.net import ActuatorNet
+from stiction.robots.model import DELAY_SAMPLES, Robot
+from stiction.robots.physics import CONTACT_TIME, PhysicsCfg
+from stiction.task.friction import FrictionCfg
+from stiction.task.rewards import RewardCfg
+from stiction.task.terrain import TerrainCfg
+
+LONGEST_HISTORY = 200
+"""Most frames in o_H: 4 s at 50 Hz. The rollout storage holds every robot's history at every step."""
+
+SHORTEST_STEP, MOST_STEPS = 1e-5, 1000
+"""Shortest physics step [s], and most of them in a control period: what is beyond simulates seconds in days."""
+
+LONGEST_EPISODE = 3600.0
+"""[s]. A training of the field has 20 s."""
+
+MOST_CLIP = 1000.0
+"""Largest bound of an action; scaled, it is far beyond any joint."""
+
+SLOWEST = 20.0
+"""Longest time constant of slow means [s]: an episode."""
+
+
+def check_spans(owner: object, lowest: dict[str, float]) -> None:
+    """Refuse ranges whose ends are the wrong way round or below what has a meaning.
+
+    `lowest`: field name -> smallest value allowed. Raises `StictionError` naming the field.
+    """
+    for name, least in lowest.items():
+        low, high = getattr(owner, name)
+        if not least <= low <= high < float("inf"):
+            begin = "" if least == float("-inf") else f" from {least:g} on"
+            raise ConfigurationError(
+                f"{name} is the range {low:g} to {high:g}; expected two numbers{begin}, the lower one first"
+            )
+
+
+NOT_NEGATIVE = ("damping", "ground_friction", "action_delay", "known_friction")
+"""Ranges of `RandomizationCfg` that begin at zero or above."""
+
+
+@dataclass(frozen=True)
+class RandomizationCfg:
+    """Table II of the paper, and two rows that every method shares here. Drawn uniformly at each reset."""
+
+    armature: tuple[float, float] = (0.8, 1.2)
+    """Multiplier of each joint's rotor inertia."""
+    damping: tuple[float, float] = (0.8, 1.2)
+    """Multiplier of each joint's viscous friction. kd is not randomised: it acts as B does (section V of the paper)."""
+    stiffness: tuple[float, float] = (0.95, 1.05)
+    """Multiplier of each joint's kp."""
+    motor_strength: tuple[float, float] = (0.8, 1.2)
+    """Multiplier k_motor of each joint's commanded torque; the torque limit stays."""
+    ground_friction: tuple[float, float] = (0.2, 2.0)
+    """Multiplier of the sliding friction coefficient, nominally 1."""
+    contact_time: tuple[float, float] = (CONTACT_TIME, CONTACT_TIME)
+    """Time constant of the contact of feet and ground [s]; shorter is stiffer, down to two physics steps. Not in the
+    paper. A light robot that has only walked on soft ground runs too fast on hard ground: `results/robots`."""
+    payload: tuple[float, float] = (-2.0, 3.0)
+    """Mass added to the trunk [kg], at its centre of mass."""
+    center_of_mass: tuple[float, float] = (-0.25, 0.25)
+    """Shift of the trunk's centre of mass forward [m], of a trunk as long as that of the paper's robot. Sideways, up,
+    and on other trunks it is as much in proportion: 0.25 m sideways, or on a small robot, would lie outside the
+    trunk."""
+    push_interval: float = 8.0
+    """Time between pushes [s]; 0 for none."""
+    push_velocity: float = 1.0
+    """Largest velocity added to the base by a push, in each horizontal direction [m/s]."""
+    action_delay: tuple[float, float] = (0.0, 0.02)
+    """Delay between command and motor [s], in whole physics steps, one for all joints of a robot. Not in the paper."""
+    encoder_offset: tuple[float, float] = (-0.02, 0.02)
+    """Error of each joint's measured angle [rad]; the joint controller sees it too. Not in the paper's table."""
+    known_friction: tuple[float, float] = (0.7, 1.3)
+    """Multiplier of the friction that a policy is given (--task.known-friction), one a kind of joint: the error of
+    its identification, and what it has changed since."""
+
+    def __post_init__(self) -> None:
+        """Refuse multipliers that turn physics around."""
+        positive = dict.fromkeys(("armature", "stiffness", "motor_strength", "contact_time"), 1e-3)
+        free = dict.fromkeys(("payload", "center_of_mass", "encoder_offset"), float("-inf"))
+        check_spans(self, positive | dict.fromkeys(NOT_NEGATIVE, 0.0) | free)
+        if not (self.push_interval >= 0 and self.push_velocity >= 0):
+            raise ConfigurationError(
+                f"push every {self.push_interval} s with {self.push_velocity} m/s: expected at least 0"
+            )
+
+    def check_robot(self, robot: Robot) -> None:
+        """Raise `StictionError` where the payload takes away more than the robot's trunk."""
+        if robot.base.mass + self.payload[0] <= 0:
+            raise ConfigurationError(
+                f"payload down to {self.payload[0]} kg on a trunk of {robot.base.mass} kg leaves no mass; "
+                "raise the lower end of --task.randomization.payload"
+            )
+
+    def with_net(self, holds_friction: bool) -> RandomizationCfg:
+        """Return what is left to randomise where an Actuator Net gives the torque: kp and the delay are in the net.
+
+        `holds_friction`: viscous friction is in the net too.
+        """
+        one, none = (1.0, 1.0), (0.0, 0.0)
+        return replace(self, stiffness=one, action_delay=none, damping=one if holds_friction else self.damping)
+
+    @classmethod
+    def literal(cls) -> RandomizationCfg:
+        """Return the paper's table and nothing else; what is measured has noise of its own, see `NoiseCfg`."""
+        return cls(action_delay=(0.0, 0.0), encoder_offset=(0.0, 0.0))
+
+
+@dataclass(frozen=True)
+class NoiseCfg:
+    """Half-width of the uniform noise on each measured quantity, in its own unit."""
+
+    angular_velocity: float = 0.1
+    """Of the base [rad/s]."""
+    roll_pitch: float = 0.02
+    """Of the base [rad]."""
+    joint_position: float = 0.01
+    """Of each joint [rad]."""
+    joint_velocity: float = 0.5
+    """Of each joint [rad/s]."""
+
+
+@dataclass(frozen=True)
+class CommandCfg:
+    """Velocity commands in the base frame."""
+
+    forward: tuple[float, float] = (-0.8, 0.8)
+    """Along x [m/s]."""
+    sideways: tuple[float, float] = (-0.3, 0.3)
+    """Along y [m/s]."""
+    turn: tuple[float, float] = (-0.6, 0.6)
+    """About z [rad/s]."""
+    standing_share: float = 0.1
+    """Share of commands that ask to stand."""
+    interval: float = 5.0
+    """Time between new commands [s]."""
+    moving_above: float = 0.1
+    """A command is a moving one if its norm (m/s and rad/s alike) is above this."""
+
+    def __post_init__(self) -> None:
+        """Refuse ranges, shares and times that make no commands."""
+        check_spans(self, dict.fromkeys(("forward", "sideways", "turn"), float("-inf")))
+        if not (0 <= self.standing_share <= 1 and self.interval > 0):
+            raise ConfigurationError(
+                f"standing share {self.standing_share}, new commands every {self.interval} s: "
+                "expected a share in [0, 1] and a positive time"
+            )
+
+
+@dataclass(frozen=True)
+class TaskCfg:
+    """Velocity tracking."""
+
+    robot: Annotated[str, arg(aliases=("--robot",))] = "saturn_lite"
+    """A shipped robot, the path of a robot.yaml, MuJoCo or URDF file, or package.module:ROBOT."""
+    timestep: float = 0.005
+    """Physics step [s]."""
+    decimation: int = 4
+    """Physics steps in one control period."""
+    episode: float = 20.0
+    """Length of an episode [s]."""
+    terrain: TerrainCfg = field(default_factory=TerrainCfg)
+    friction: FrictionCfg = field(default_factory=FrictionCfg)
+    physics: PhysicsCfg = field(default_factory=PhysicsCfg)
+    randomization: RandomizationCfg = field(default_factory=RandomizationCfg)
+    noise: NoiseCfg = field(default_factory=NoiseCfg)
+    commands: CommandCfg = field(default_factory=CommandCfg)
+    rewards: RewardCfg = field(default_factory=RewardCfg)
+    action_clip: float = 5.0
+    """Bound of an action before scaling."""
+    history: int = HISTORY_LENGTH
+    """Frames in o_H, the present one included, one a control period. The paper's H of 10 is eleven frames; more of them
+    let a student look further back."""
+    estimated_friction: bool = False
+    """Whether o_exp, which the policy estimates from its history, holds the dry friction of each kind of joint too, in
+    units of 0.1 of the torque limit: supervised learning finds it long before a policy's reward would ask for it."""
+    known_friction: bool = False
+    """Whether the policy is given f/τ_max of each kind of joint: in training that of the robot, with an error drawn for
+    every episode (--task.randomization.known-friction), on the robot what was identified (`export --joints`)."""
+    slow_means: float | None = None
+    """Time constant [s] of means, of products of target, angle and velocity, that tell each joint's dry friction where
+    no frame does: 1, say. They are in every frame; by default there are none."""
+
+    def __post_init__(self) -> None:
+        """Refuse times that do not fit each other, and settings that contradict each other."""
+        if not 1 <= self.history <= LONGEST_HISTORY:
+            raise ConfigurationError(f"a history of {self.history} frames: expected 1 to {LONGEST_HISTORY}")
+        if self.slow_means is not None and not self.control_period <= self.slow_means <= SLOWEST:
+            raise ConfigurationError(
+                f"slow means over {self.slow_means} s: expected from one control period, {self.control_period} s, to "
+                f"{SLOWEST:g} s"
+            )
+        if self.known_friction and not self.friction.draws_law:
+            raise ConfigurationError(
+                f"known_friction with the method {self.friction.method!r}: there is no friction in training of which a "
+                "policy could be told; use another --method"
+            )
+        fine = SHORTEST_STEP <= self.timestep <= 0.02 and 1 <= self.decimation <= MOST_STEPS
+        if not (fine and self.control_period <= self.episode <= LONGEST_EPISODE):
+            raise ConfigurationError(
+                f"physics step {self.timestep} s, decimation {self.decimation}, episode {self.episode} s: "
+                f"expected a step in [{SHORTEST_STEP:g}, 0.02], a decimation of 1 to {MOST_STEPS}, an episode of a "
+                f"control period or more and at most {LONGEST_EPISODE:g} s"
+            )
+        if not 0 < self.action_clip <= MOST_CLIP:
+            raise ConfigurationError(f"action_clip is {self.action_clip}; expected more than 0, at most {MOST_CLIP:g}")
+        longest = DELAY_SAMPLES * self.timestep
+        if self.randomization.action_delay[1] > longest:
+            raise ConfigurationError(
+                f"action delay up to {self.randomization.action_delay[1]} s: at steps of {self.timestep} s the "
+                f"model holds delays up to {longest:g} s; use a longer step or a shorter delay"
+            )
+
+        softness = self.randomization.contact_time
+        if softness != (CONTACT_TIME, CONTACT_TIME) and softness[0] < 2 * self.timestep:
+            raise ConfigurationError(
+                f"contact time from {softness[0]} s: at steps of {self.timestep} s the simulator makes contacts no "
+                f"stiffer than {2 * self.timestep:g} s; use a shorter step or a longer contact time"
+            )
+
+    def check_net(self, net: ActuatorNet, robot: Robot) -> None:
+        """Raise `StictionError` where an Actuator Net does not fit the robot, the physics step or the friction."""
+        net.check_use(robot.name, robot.joint_names, robot.joint_values("torque_limit"), self.timestep)
+        if net.torque_source == "output_side" and self.friction.has_friction:
+            raise ConfigurationError(
+                f"the Actuator Net is of output-side torque, which contains the joints' friction, and the method "
+                f"{self.friction.method!r} would add it again; use --method none, or a net of motor-side torque"
+            )
+
+    def layout(self, robot: Robot) -> ObservationLayout:
+        """Return what a policy for a robot observes."""
+        kinds = len(robot.joint_kinds) if self.known_friction else 0
+        decay = None if self.slow_means is None else math.exp(-self.control_period / self.slow_means)
+        return proprioception(robot.num_joints, self.history, kinds, decay)
+
+    @property
+    def control_period(self) -> float:
+        """Time between two actions [s]."""
+        return self.timestep * self.decimation

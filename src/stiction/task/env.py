@@ -1,0 +1,464 @@
+"""The task as an rsl_rl `VecEnv`: actions in, observation groups and rewards out, in torch, where the robots are."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from rsl_rl.env import VecEnv
+from tensordict import TensorDict
+
+from stiction.files.known_friction import kind_average
+from stiction.joints.compensation import BY_SPEED, compensated
+from stiction.joints.net import ActuatorNet
+from stiction.robots.catalog import find_robot
+from stiction.robots.model import Robot
+from stiction.sim.chosen import put
+from stiction.sim.fleet import Fleet
+from stiction.sim.net_motors import NetMotors
+from stiction.task.config import CommandCfg, TaskCfg
+from stiction.task.device import CPU, Device
+from stiction.task.gait import UnsyncWindow, exactly_one_group, group_imbalance
+from stiction.task.observations import FrameBuilder, History, SlowMeans, roll_pitch
+from stiction.task.randomization import FRICTION_UNIT, Randomizer, friction_angle, nominal_joints
+from stiction.task.rewards import TASK, Snapshot
+from stiction.task.task_fleet import HostFleet, TaskFleet, to_tensor
+from stiction.task.terrain import SCAN_POINTS, UNDER, Curriculum
+
+RESET_NOISE = (0.1, 0.3)
+"""Half-width of the initial joint angles about standing [rad] and of the base's initial velocity [m/s, rad/s]."""
+
+RATIO_FROM = 0.3
+"""Commanded speed from which on robots count for the figures of speed over command [m/s]."""
+
+ELEVATION_SCALE = 0.2
+"""Unit of the elevation map [m]."""
+
+_BUFFERS = (
+    *("episode_length_buf", "last_action", "last_velocity", "air_time", "measured_position", "measured_velocity"),
+    "bench_error",
+)
+"""The per-robot buffers that a checkpoint holds beside the simulation."""
+
+
+class CommandSampler:
+    """The command of every robot: vx, vy [m/s] and yaw rate [rad/s] in the base frame."""
+
+    def __init__(self, cfg: CommandCfg, num_envs: int, home: torch.device | None = None) -> None:
+        """Start with every robot commanded to stand; `home`: where the commands are."""
+        self.cfg = cfg
+        self.value = torch.zeros(num_envs, 3, device=home)
+        spans = torch.tensor([cfg.forward, cfg.sideways, cfg.turn], device=home)
+        self._low, self._width = spans[:, 0], spans[:, 1] - spans[:, 0]
+
+    @property
+    def moving(self) -> torch.Tensor:
+        """Whether each robot is commanded to move, (N,) bool."""
+        return self.value.norm(dim=-1) > self.cfg.moving_above
+
+    def override(self, mask: torch.Tensor, value: torch.Tensor) -> None:
+        """Command `value`, (N, 3), to the robots in `mask`, (N,) bool. The tensor is replaced."""
+        self.value = torch.where(mask[:, None], value, self.value)
+
+    def draw(self, which: torch.Tensor, generator: torch.Generator) -> None:
+        """Draw commands for the robots `which`, see `sim.chosen`. The tensor is replaced: observations keep theirs."""
+        if not len(which):
+            return
+        num, home = len(which), self.value.device
+        new = self._low + self._width * torch.rand(num, 3, generator=generator, device=home)
+        standing = torch.rand(num, 1, generator=generator, device=home) < self.cfg.standing_share
+        small = new.norm(dim=-1, keepdim=True) <= self.cfg.moving_above
+        value = self.value.clone()
+        put(value, which, torch.where(standing | small, 0.0, new))
+        self.value = value
+
+
+class LocomotionEnv(VecEnv):
+    """Velocity tracking for any legged robot.
+
+    Observation groups, all float32 and fresh at every step: `proprioception` (o_prio), `history` (o_H, flattened,
+    oldest frame first), `privileged` (o_priv), `explicit` (o_exp: base velocity [m/s], foot contacts, and with
+    `estimated_friction` that of each kind of joint), and on other than flat ground `elevation` (e_t: how far the ground
+    lies below the standing height, in units of 0.2 m).
+    """
+
+    def __init__(
+        self,
+        cfg: TaskCfg,
+        num_envs: int,
+        seed: int,
+        threads: int = 1,
+        identified: dict[str, np.ndarray] | None = None,
+        device: Device = CPU,
+        actuator: ActuatorNet | None = None,
+        spec: Robot | None = None,
+    ) -> None:
+        """Build the fleet and reset every robot.
+
+        `identified`: see `nominal_joints`; `device`: simulator, and where observations, rewards and actions are;
+        `actuator`: gives the joints' torque in place of the PD law; `spec`: the robot in place of that of the name in
+        `cfg`, as a bundle has it. Raises `StictionError` where the net does not fit the robot, the physics step or the
+        friction.
+        """
+        self.cfg: Any = cfg
+        self.num_envs, self.device = num_envs, device.torch
+        self.spec = find_robot(cfg.robot) if spec is None else spec
+        self.num_actions = self.spec.num_joints
+        flat, draws = cfg.terrain.kind == "flat", np.random.default_rng(seed)
+        self.course = None if flat else Curriculum(cfg.terrain, num_envs, draws)
+        self.robots = self._make_robots(device, threads, actuator)
+        self.home = home = self.robots.home
+        self.by_mask = home.type == "cuda"
+        """Whether robots are chosen by mask, see `sim.chosen`: random numbers are then drawn for all of them."""
+        self.generator = torch.Generator(home).manual_seed(seed)
+        nominal = nominal_joints(self.robots, cfg.friction, identified)
+        self.randomizer = Randomizer(self.robots, cfg.randomization, cfg.friction, nominal)
+        extra = friction_angle(cfg.friction, nominal, self.spec)
+        self.compensation = None if extra is None else torch.tensor(extra, device=home)
+        self.stage = 0
+        self.tells_terminal = False
+        """Whether a step in which robots time out tells, as `extras["terminal"]`, (N, frame), what they would have
+        observed next; `_observe` sees them after their reset."""
+        self.commands = CommandSampler(cfg.commands, num_envs, home)
+        self.layout = cfg.layout(self.spec)
+        self.standing = torch.from_numpy(self.robots.standing).float().to(home)
+        scale = self.spec.action_scale
+        self.action_scale = scale if isinstance(scale, float) else torch.from_numpy(scale).float().to(home)
+        self.torque_limit = torch.from_numpy(self.robots.torque_limit).float().to(home)
+        groups = self.spec.groups()
+        self.group = None if groups is None else torch.from_numpy(groups).to(home)
+        self.sideways = torch.tensor(self.spec.sideways_joints, device=home)
+        self.frames = FrameBuilder(self.layout, self.standing)
+        self.history = History(num_envs, self.layout, home)
+        decay = self.layout.slow_kept
+        self.slow = None if decay is None else SlowMeans(num_envs, self.num_actions, decay, home)
+        self.unsync = UnsyncWindow(num_envs, len(self.spec.feet), home=home)
+        self.terms = cfg.rewards.terms_for(self.spec)
+        self.max_episode_length = round(cfg.episode / cfg.control_period)
+        self.push_interval = round(cfg.randomization.push_interval / cfg.control_period)
+        self.command_interval = round(cfg.commands.interval / cfg.control_period)
+        self.episode_length_buf = torch.zeros(num_envs, dtype=torch.long, device=home)
+        self.last_action = torch.zeros(num_envs, self.num_actions, device=home)
+        self.last_velocity = torch.zeros(num_envs, self.num_actions, device=home)
+        self.air_time = torch.zeros(num_envs, len(self.spec.feet), device=home)
+        kinds = [joint.kind for joint in self.spec.joints]
+        self.kind_average = torch.from_numpy(kind_average(kinds)).float().to(home)
+        self.bench_error = torch.ones(num_envs, self.kind_average.shape[1], device=home)
+        everyone = torch.ones(num_envs, dtype=torch.bool, device=home)
+        self._reset(self._which(everyone))
+        self._observation = self._observe(everyone)
+
+    def _make_robots(self, device: Device, threads: int, actuator: ActuatorNet | None) -> TaskFleet:
+        """Build the fleet: on a device where it has one of its own, else on the host."""
+        cfg, num = self.cfg, self.num_envs
+        steps = (cfg.timestep, cfg.decimation)
+        if device.fleet is not None:
+            return device.fleet(self.spec, num, *steps, cfg.physics)
+        terrain, sensors = self.course.terrain if self.course else None, cfg.friction.loaded
+        fleet = Fleet(self.spec, num, *steps, threads, device.backend, terrain, sensors, cfg.physics)
+        if actuator is not None:
+            cfg.check_net(actuator, self.spec)
+        return HostFleet(fleet, cfg.friction.laws, None if actuator is None else NetMotors(fleet, actuator))
+
+    @property
+    def host(self) -> HostFleet:
+        """The robots on the host. Raises `TypeError` where they are on a device."""
+        if not isinstance(self.robots, HostFleet):
+            raise TypeError(f"the robots are on {self.home}, and what is asked of them is on the host alone")
+        return self.robots
+
+    @property
+    def fleet(self) -> Fleet:
+        """The NumPy fleet of robots on the host."""
+        return self.host.fleet
+
+    @property
+    def motors(self) -> NetMotors | None:
+        """What gives the joints' torque in place of the PD law."""
+        return self.robots.motors if isinstance(self.robots, HostFleet) else None
+
+    def _which(self, mask: torch.Tensor) -> torch.Tensor:
+        """Return the robots of a mask, (N,) bool, as they are chosen here."""
+        return mask if self.by_mask else mask.nonzero().flatten()
+
+    def _uniform(self, *size: int) -> torch.Tensor:
+        """Draw numbers in [-1, 1), of shape `size`."""
+        return 2 * torch.rand(*size, generator=self.generator, device=self.home) - 1
+
+    def get_observations(self) -> TensorDict:
+        """Return the current observations."""
+        return self._observation
+
+    def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
+        """Apply actions, (N, joints), for one control period; reset robots that fell, blew up or timed out."""
+        actions = actions.to(self.home).clamp(-self.cfg.action_clip, self.cfg.action_clip)
+        targets = self.standing + self.action_scale * actions
+        if self.compensation is not None:
+            measured = self.measured_position, self.measured_velocity
+            targets = compensated(targets, *measured, self.compensation, BY_SPEED.push)
+        # The controller holds the angle that it measures, which is the true one and the encoder's error.
+        self.robots.set_targets(targets - self.randomizer.draws.encoder_offset)
+        blown_up = self.robots.step()
+        # Not in place: the trainer still holds the ages of before the step.
+        self.episode_length_buf = self.episode_length_buf + 1
+
+        snapshot = self._snapshot(actions, blown_up)
+        reward, task = (torch.zeros(self.num_envs, device=self.home) for _ in range(2))
+        means = {}
+        for name, (term, weight) in self.terms.items():
+            value = weight * term(snapshot)
+            reward += value
+            if name in TASK:
+                task += value
+            means[f"reward/{name}"] = value.mean()
+        # The fleet has reset a robot that blew up: its state says nothing of the step.
+        reward, task = (torch.where(blown_up, 0.0, paid * self.cfg.control_period) for paid in (reward, task))
+        self.last_action = actions
+
+        fallen = snapshot.fallen | blown_up
+        time_outs = (self.episode_length_buf >= self.max_episode_length) & ~fallen
+        if self.course:
+            self.course.walk(self.fleet.qvel[:, :2], self.cfg.control_period)
+            left = (self.max_episode_length - self.episode_length_buf) * self.cfg.control_period
+            self.course.fall(fallen.numpy(), left.numpy())
+            time_outs |= torch.from_numpy(self.course.crossed(self.fleet.base_position[:, :2])) & ~fallen
+        dones = fallen | time_outs
+        log = means | self._log(snapshot, fallen, blown_up)
+        if self.course:
+            log |= {name: torch.tensor(value) for name, value in self.course.figures().items()}
+        extras: dict[str, Any] = {"time_outs": time_outs.float().to(self.device), "log": log}
+        # What of the reward the task has paid, (N,).
+        extras["task"] = task.to(self.device)
+        if self.tells_terminal and time_outs.any():
+            # Before the reset, for after it these states are gone.
+            extras["terminal"] = self._frame_without_reset().to(self.device)
+        self._reset(self._which(dones))
+        self._push_and_command(dones)
+        self._observation = self._observe(dones)
+        return self._observation, reward.to(self.device), dones.to(self.device), extras
+
+    def enter_stage(self, number: int) -> None:
+        """Go over to a stage of the friction's schedule."""
+        self.stage = number
+        self.randomizer.enter(self.cfg.friction.schedule[number].mixture, self.generator)
+
+    def _snapshot(self, actions: torch.Tensor, blown_up: torch.Tensor) -> Snapshot:
+        """Collect what the rewards see."""
+        fleet, home = self.robots, self.home
+        velocity = fleet.joint_velocity
+        acceleration = (velocity - self.last_velocity) / self.cfg.control_period
+        self.last_velocity = velocity
+        contact = fleet.foot_contact
+        landed = torch.where(contact, self.air_time, 0.0)
+        self.air_time = torch.where(contact, 0.0, self.air_time + self.cfg.control_period)
+        self.linear_velocity = fleet.base_linear_velocity
+        self.contact = contact
+        deviation = fleet.joint_position - self.standing
+        quaternion = fleet.base_quaternion
+        w, x, y, z = quaternion.unbind(-1)
+        if self.group is None:
+            one_group = torch.zeros(self.num_envs, dtype=torch.bool, device=home)
+            unsync = torch.zeros(self.num_envs, device=home)
+        else:
+            one_group = exactly_one_group(contact, self.group)
+            unsync = self.unsync.push(group_imbalance(contact, self.group))
+        return Snapshot(
+            command=self.commands.value,
+            moving=self.commands.moving,
+            linear_velocity=self.linear_velocity,
+            angular_velocity=fleet.base_angular_velocity,
+            up=torch.stack((2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)), -1),
+            height_error=fleet.height - self.spec.standing_height,
+            torque_share=fleet.torque / self.torque_limit,
+            joint_deviation=deviation,
+            sideways_deviation=deviation[:, self.sideways],
+            joint_acceleration=acceleration,
+            action_change=actions - self.last_action,
+            contact=contact,
+            one_group=one_group,
+            unsync=unsync,
+            landed_air_time=landed,
+            fallen=fleet.fallen() & ~blown_up,
+        )
+
+    def _log(self, snapshot: Snapshot, fallen: torch.Tensor, blown_up: torch.Tensor) -> dict[str, torch.Tensor]:
+        """Return the figures of the walk in this step, scalars."""
+        moving = snapshot.moving.float()
+        error = (snapshot.command[:, :2] - snapshot.linear_velocity[:, :2]).norm(dim=-1)
+        log = {
+            "walk/tracking_error": error.mean(),
+            "walk/tripod_share": (snapshot.one_group * moving).sum() / moving.sum().clamp(min=1.0),
+            "walk/falls": fallen.float().mean() / self.cfg.control_period,
+            "walk/blown_up": blown_up.sum().float(),
+        }
+        command = snapshot.command[:, 0]
+        # Infinite at a command of zero, which neither of the masks lets through.
+        ratio = snapshot.linear_velocity[:, 0] / command
+        backward, forward = self.cfg.commands.forward
+        for name, sign, asked in (("forward", 1.0, forward), ("backward", -1.0, -backward)):
+            # Where nobody is asked to go there is no ratio: one of 0 would say that they do not walk.
+            if asked > RATIO_FROM:
+                mask = sign * command > RATIO_FROM
+                log[f"walk/{name}_ratio"] = torch.where(mask, ratio, 0.0).sum() / mask.sum().clamp(min=1)
+        if any(law.spec.reads for law in self.cfg.friction.laws):
+            log["friction/share"] = torch.as_tensor((self.fleet.friction / self.fleet.torque_limit).mean())
+        return log
+
+    def _reset(self, which: torch.Tensor) -> None:
+        """Start new episodes with newly drawn robots."""
+        if not len(which):
+            return
+        num = len(which)
+        self.randomizer.draw(which, self.generator)
+        angle, speed = RESET_NOISE
+        offset, heading = angle * self._uniform(num, self.num_actions), np.pi * self._uniform(num, 1)[:, 0]
+        velocity = speed * self._uniform(num, 6)
+        if self.course:
+            ids = which.numpy()
+            difficulty, uniform, self.host.start, course = self.course.begin(ids)
+            self.fleet.place_terrain(ids, difficulty, uniform)
+            heading = torch.from_numpy(course)
+        self.robots.reset(which, offset, heading, velocity)
+        self.commands.draw(which, self.generator)
+        if self.cfg.known_friction:
+            low, high = self.cfg.randomization.known_friction
+            size = (num, self.bench_error.shape[1])
+            error = low + (high - low) * torch.rand(size, generator=self.generator, device=self.home)
+            put(self.bench_error, which, error)
+        self.unsync.reset(which)
+        for buffer in (self.episode_length_buf, self.last_action, self.last_velocity, self.air_time):
+            put(buffer, which, 0)
+
+    def _push_and_command(self, fresh: torch.Tensor) -> None:
+        """Push robots and draw new commands where their time has come."""
+        age = self.episode_length_buf
+        if self.push_interval:
+            which = self._which((age % self.push_interval == 0) & ~fresh)
+            self.robots.push(self.cfg.randomization.push_velocity * self._uniform(len(which), 2), which)
+        self.commands.draw(self._which((age % self.command_interval == 0) & ~fresh), self.generator)
+
+    def _observe(self, fresh: torch.Tensor) -> TensorDict:
+        """Build every observation group from the state after resets and pushes."""
+        elevation = self._look_around() if self.course else {}
+        frame = self._frame(fresh)
+        explicit = [self.robots.base_linear_velocity, self.robots.foot_contact.float()]
+        if self.cfg.estimated_friction:
+            explicit.append(self.randomizer.friction_share() @ self.kind_average / FRICTION_UNIT)
+        groups = {
+            "proprioception": frame,
+            "history": self.history.push(frame, fresh),
+            "privileged": self.randomizer.privileged(),
+            "explicit": torch.cat(explicit, -1),
+            **elevation,
+        }
+        return self._hand_out(groups)
+
+    def _frame(self, fresh: torch.Tensor) -> torch.Tensor:
+        """Measure, with noise, and return one frame of every robot, (N, frame_size); `fresh`: as of `History.push`."""
+        fleet, noise = self.robots, self.cfg.noise
+        raw = {
+            "angular_velocity": fleet.base_angular_velocity,
+            "roll_pitch": roll_pitch(fleet.base_quaternion),
+            "joint_position": fleet.joint_position + self.randomizer.draws.encoder_offset,
+            "joint_velocity": fleet.joint_velocity,
+        }
+        for name, value in raw.items():
+            raw[name] = value + getattr(noise, name) * self._uniform(*value.shape)
+        self.measured_position, self.measured_velocity = raw["joint_position"], raw["joint_velocity"]
+        raw |= {"command": self.commands.value, "last_action": self.last_action}
+        if self.cfg.known_friction:
+            raw["known_friction"] = self.randomizer.unloaded_share() @ self.kind_average * self.bench_error
+        if self.slow is not None:
+            error = self.standing + self.action_scale * self.last_action - self.measured_position
+            raw |= self.slow.push(error, raw["joint_velocity"], fresh)
+        return self.frames(raw)
+
+    def _frame_without_reset(self) -> torch.Tensor:
+        """Return the frame that every robot would see next if none began anew, (N, frame_size)."""
+        # `push` puts new tensors in their places, so that these stay what they are.
+        state = None if self.slow is None else (self.slow.sums, self.slow.weight)
+        frame = self._frame(torch.zeros(self.num_envs, dtype=torch.bool, device=self.home))
+        if self.slow is not None and state is not None:
+            self.slow.sums, self.slow.weight = state
+        return frame
+
+    def _hand_out(self, groups: dict[str, torch.Tensor]) -> TensorDict:
+        """Return observation groups where the networks are."""
+        return TensorDict({name: value.to(self.device) for name, value in groups.items()}, batch_size=[self.num_envs])
+
+    def _look_around(self) -> dict[str, torch.Tensor]:
+        """Hold the robots on their courses, find the ground under them, and return the elevation map as a group."""
+        assert self.course is not None
+        fleet = self.fleet
+        on_course = torch.from_numpy(self.course.on_course)
+        self.commands.override(on_course, to_tensor(self.course.command(fleet.yaw)))
+        scan = fleet.ground_around(SCAN_POINTS)
+        fleet.ground[:] = scan[:, UNDER].mean(-1)
+        below = to_tensor(fleet.base_position[:, 2:3] - self.spec.standing_height - scan)
+        noise = self._uniform(*below.shape)
+        return {"elevation": ((below + self.cfg.terrain.elevation_noise * noise) / ELEVATION_SCALE).clamp(-5.0, 5.0)}
+
+    def state(self) -> dict[str, Any]:
+        """Return everything the next step depends on, for a checkpoint."""
+        host = self.robots if isinstance(self.robots, HostFleet) else None
+        friction = {} if host is None else host.law.state()
+        return ({"friction": friction} if friction else {}) | {
+            "simulation": self.robots.state(),
+            "draws": dict(vars(self.randomizer.draws)),
+            "buffers": {name: getattr(self, name) for name in _BUFFERS},
+            "command": self.commands.value,
+            "history": self.history.frames,
+            "slow": {} if self.slow is None else {"sums": self.slow.sums, "weight": self.slow.weight},
+            "unsync": {"window": self.unsync.window, "cursor": self.unsync.cursor},
+            "observation": dict(self._observation.items()),
+            "generator": self.generator.get_state(),
+            "blown_up": self.robots.blown_up,
+            "stage": self.stage,
+            "course": self.course.state() if self.course else None,
+            "ground": torch.zeros(self.num_envs) if host is None else host.fleet.ground,
+            "motors": {} if self.motors is None else self.motors.state() | {"targets": self.fleet.targets.copy()},
+        }
+
+    def load_state(self, state: dict[str, Any]) -> None:
+        """Restore what `state` returned; the next step is then bit-identical on the same number of threads."""
+        # Older states are without schedules, terrain and Actuator Nets.
+        state = {"stage": 0, "course": None, "ground": torch.zeros(self.num_envs), "motors": {}} | state
+        for name, value in state["draws"].items():
+            setattr(self.randomizer.draws, name, self._own(value))
+        self.stage = state["stage"]
+        self.randomizer.mixture = self.cfg.friction.schedule[self.stage].mixture
+        # Before the rest: it forgets the friction of the last step, which `_load_host` brings back.
+        self.randomizer.apply(torch.arange(self.num_envs, device=self.home))
+        if self.course:
+            self.course.load_state(state["course"])
+            self.fleet.show_terrain(np.arange(self.num_envs))
+        self.robots.load_state(state["simulation"])
+        if isinstance(self.robots, HostFleet):
+            self._load_host(state)
+        else:
+            self.robots.blown_up = self._own(state["blown_up"])
+        for name, value in state["buffers"].items():
+            setattr(self, name, self._own(value))
+        self.commands.value = self._own(state["command"])
+        self.history.frames = self._own(state["history"])
+        if self.slow is not None:
+            self.slow.sums, self.slow.weight = (self._own(state["slow"][name]) for name in ("sums", "weight"))
+        self.unsync.window, self.unsync.cursor = self._own(state["unsync"]["window"]), state["unsync"]["cursor"]
+        self._observation = self._hand_out(state["observation"])
+        self.generator.set_state(state["generator"])
+
+    def _own(self, value: torch.Tensor) -> torch.Tensor:
+        """Return a copy of a tensor of a checkpoint, where the task is."""
+        return value.to(self.home, copy=True)
+
+    def _load_host(self, state: dict[str, Any]) -> None:
+        """Restore what only robots on the host have."""
+        host, fleet = self.host, self.fleet
+        fleet.ground[:] = state["ground"].numpy()
+        host.law.load_state({name: value.numpy() for name, value in state.get("friction", {}).items()})
+        fleet.blown_up[:] = state["blown_up"].numpy()
+        if host.motors is not None:
+            motors = {name: value.numpy() for name, value in state["motors"].items()}
+            fleet.targets[...] = motors.pop("targets")
+            host.motors.load_state(motors)

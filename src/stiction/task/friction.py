@@ -1,0 +1,244 @@
+"""Dry friction during training: how much, by which law, and when. No torch, no mujoco.
+
+Every training method is one *schedule*: stages of the teacher's training, each with a distribution of the
+multiplier of the nominal friction. The student has that of the last stage.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from tyro.conf import arg
+from tyro.constructors import PrimitiveConstructorSpec
+
+from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.files.contract_training import FRICTION_RANGES
+from stiction.joints.compensation import BY_SPEED
+from stiction.joints.friction import LAWS, Law, has_coefficient, simulated_laws
+from stiction.robots.model import Robot
+
+FrictionMethod = Literal["none", "direct", "compensation", "finetune", "iterative", "deception", "dreamwaq", "hinf"]
+Mixture = tuple[tuple[float, float, float], ...]
+"""Uniform distributions side by side: (weight, lower end, upper end) of each."""
+
+FRICTIONLESS: Mixture = ((1.0, 0.0, 0.0),)
+
+
+def law_choice() -> Any:
+    """Return tyro's choice of a law by name, from the table as it is when the command line is read."""
+    names = simulated_laws()
+    return PrimitiveConstructorSpec(
+        nargs=1,
+        metavar=f"{{{','.join(names)}}}",
+        instance_from_str=lambda words: words[0],
+        is_instance=lambda value: isinstance(value, str),
+        str_from_instance=lambda name: [name],
+        choices=names,
+    )
+
+
+def law_help(words: str, *aliases: str) -> Any:
+    """Return the help of an option that names a law: `words`, then every law of the table; `aliases`: of the option."""
+    meanings = "; ".join(f"{name}: {LAWS[name].meaning}" for name in simulated_laws())
+    return arg(aliases=aliases, help=f"{words} {meanings}.")
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A part of the teacher's training, up to the next stage."""
+
+    begin: float
+    """Share of the teacher's iterations before it."""
+    mixture: Mixture
+    """Distribution of the multiplier."""
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Smallest and largest multiplier that can be drawn."""
+        return min(low for _, low, _ in self.mixture), max(high for _, _, high in self.mixture)
+
+
+@dataclass(frozen=True)
+class FrictionCfg:
+    """Dry friction in the joints during training: b_c = multiplier x nominal, at rest any value up to the bound."""
+
+    method: Annotated[FrictionMethod, arg(aliases=("--method",))] = "deception"
+    """How friction is trained with. deception: drawn from zero to 1.2 times the level; direct: 0.8 to 1.2 times it. So
+    have compensation, whose commands get part of the level added, by the joint's speed, finetune, which begins without,
+    and iterative, which brings it in by steps. none: without friction. dreamwaq, hinf: other ways to learn, without
+    friction unless --task.friction.range or --task.friction.mixture asks for it."""
+    level: Annotated[float | None, arg(aliases=("--friction-level",))] = None
+    """Nominal friction, as a share of each joint's torque limit [1], by default the robot's own; of the laws load and
+    effort, their coefficient. The robot's own is in N m, as measured; of load and effort it is from the
+    load_coefficient of --joints, by the robot's model where that multiplies something else."""
+    law: Annotated[str, law_choice(), law_help("Law of the dry friction.", "--friction-law")] = "coulomb"
+    """One of `simulated_laws`."""
+    per: Literal["robot", "joint"] = "robot"
+    """One multiplier for all joints of a robot, or one each. Per robot, some robots have nearly no friction anywhere:
+    the paper's explanation of why its wide range works needs exactly those."""
+    spread: tuple[float, float] | None = None
+    """Factor of each joint on its robot's multiplier, drawn uniformly: `0.5 1.5`. Joints then differ, and some robots
+    still have nearly no friction anywhere."""
+    load: tuple[float, float] | None = None
+    """Coefficient of friction that grows with what the joint transmits (the law `load`), drawn for each robot in every
+    stage, on top of the law: `0 0.1`."""
+    range: tuple[float, float] | None = None
+    """Multiplier in the last stage, in place of the method's."""
+    mixture: Mixture = ()
+    """Any distribution of the multiplier in the last stage, as uniform ones side by side: weight, lower, upper end of
+    each. `0.2 0 0 0.8 1 1`: one robot in five without friction, the rest with the nominal one."""
+    pretraining: float = 0.5
+    """Share of the teacher's iterations that `finetune` and `iterative` spend without friction; it counts towards the
+    budget."""
+    steps: int = 4
+    """Equal steps in which `iterative` brings the friction in."""
+    static_ratio: float = 1.5
+    """Friction at rest over Coulomb friction, of the law `stribeck`."""
+    stribeck_velocity: float = 0.1
+    """Speed at which 63 % of that excess is gone [rad/s], of the law `stribeck`."""
+
+    def __post_init__(self) -> None:
+        """Refuse unknown names, and numbers that cannot be drawn or overcome."""
+        for name, allowed in {"method": tuple(FRICTION_RANGES), "per": ("robot", "joint")}.items():
+            if getattr(self, name) not in allowed:
+                raise ConfigurationError(unknown_name(f"friction {name}", getattr(self, name), allowed))
+        # Raises where its numbers make no law.
+        _ = self.joint_law
+        self._check_level()
+        self._check_more()
+        self._check_distribution()
+        if not 0 < self.pretraining < 1 or not 1 <= self.steps <= 100:
+            raise ConfigurationError(
+                f"pretraining {self.pretraining}, {self.steps} steps: expected a share in (0, 1) and 1 to 100 steps"
+            )
+
+    def _check_level(self) -> None:
+        """Refuse a level that no motor could overcome, and a law without its coefficient."""
+        number = isinstance(self.level, int | float) and not isinstance(self.level, bool)
+        if self.level is not None and not (number and 0.0 <= self.level < 0.8):
+            unit = "a coefficient" if has_coefficient(self.law) else "a fraction of the torque limit"
+            raise ConfigurationError(f"friction level {self.level!r}: expected {unit} in [0, 0.8)")
+        if has_coefficient(self.law) and self.method == "compensation":
+            raise ConfigurationError(
+                f"the friction law {self.law!r} has no nominal torque that compensation could add; use another method, "
+                "or the law 'coulomb'"
+            )
+
+    def _check_more(self) -> None:
+        """Refuse a spread of what differs anyhow, and load friction where there is one, or no range of it."""
+        if self.spread is not None and self.per == "joint":
+            raise ConfigurationError("friction spread and per-joint friction both let joints differ; leave one out")
+        if (self.spread is not None or self.load is not None) and self.method == "none":
+            raise ConfigurationError(
+                "the method 'none' has no friction to draw; choose another, or leave out its spread and load"
+            )
+        if self.load is not None and LAWS[self.law].unit != "share":
+            raise ConfigurationError(
+                f"friction load {self.load} beside the law {self.law!r}, which is a coefficient itself; use the law "
+                "'coulomb' or 'stribeck'"
+            )
+        for name, most in {"spread": 10.0, "load": 0.8}.items():
+            span = getattr(self, name)
+            if span is not None and not (len(span) == 2 and 0 <= span[0] <= span[1] < most):
+                raise ConfigurationError(f"friction {name} {span}: expected a lower and an upper end in [0, {most:g})")
+
+    def _check_distribution(self) -> None:
+        """Refuse ranges and mixtures that are none."""
+        if self.range is not None and self.mixture:
+            raise ConfigurationError("friction range and mixture both say what is drawn; leave one of them out")
+        if self.method == "none" and (self.range is not None or self.mixture):
+            raise ConfigurationError(
+                "the method 'none' has no friction to draw; choose another, or leave out the range"
+            )
+        for part in self._final:
+            if len(part) != 3 or not (0 < part[0] < float("inf") and 0 <= part[1] <= part[2] <= 10):
+                raise ConfigurationError(
+                    f"friction multipliers {part}: expected a finite weight above 0, and a lower and an upper end in "
+                    "[0, 10]"
+                )
+
+    @property
+    def asks(self) -> bool:
+        """Whether friction by the law is asked for: not by `none`, and by `dreamwaq` and `hinf` with range or mixture.
+
+        It may still be none: see `draws_law`.
+        """
+        return FRICTION_RANGES[self.method] != (0.0, 0.0) or self.range is not None or bool(self.mixture)
+
+    @property
+    def draws_law(self) -> bool:
+        """Whether training draws friction by the law: a multiplier above 0, of a level that is not 0."""
+        most = 1.0 if self.spread is None else self.spread[1]
+        return self.level != 0.0 and self.last.range[1] * most > 0.0
+
+    @property
+    def draws_load(self) -> bool:
+        """Whether training draws a coefficient of load beside the law, above 0."""
+        return self.load is not None and self.load[1] > 0.0
+
+    @property
+    def compensation(self) -> str | None:
+        """How friction is added to the command, as `parse_compensation` reads it; None: it is not."""
+        return BY_SPEED.label if self.method == "compensation" else None
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether training draws any, by the law or beside it."""
+        return self.draws_law or self.draws_load
+
+    @property
+    def joint_law(self) -> Law:
+        """The law with its own numbers. Raises `StictionError` where they make none."""
+        return Law(self.law, self.static_ratio, self.stribeck_velocity)
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """The law, and `load` where there is some beside it."""
+        return (self.joint_law,) if self.load is None else (self.joint_law, Law("load"))
+
+    @property
+    def loaded(self) -> bool:
+        """Whether friction depends on what a joint transmits."""
+        return any(law.spec.loaded for law in self.laws)
+
+    @property
+    def _final(self) -> Mixture:
+        """The distribution in which training ends."""
+        return self.mixture or ((1.0, *(self.range or FRICTION_RANGES[self.method])),)
+
+    @property
+    def last(self) -> Stage:
+        """The stage in which training ends."""
+        return self.schedule[-1]
+
+    @property
+    def schedule(self) -> tuple[Stage, ...]:
+        """The stages, the first from the very beginning."""
+        final = self._final
+        if self.method == "finetune":
+            return Stage(0.0, FRICTIONLESS), Stage(self.pretraining, final)
+        if self.method == "iterative":
+            rest, n, stages = 1.0 - self.pretraining, self.steps, [Stage(0.0, FRICTIONLESS)]
+            for k in range(n):
+                part = tuple((w, a * (k + 1) / n, b * (k + 1) / n) for w, a, b in final)
+                stages.append(Stage(self.pretraining + rest * k / n, part))
+            return tuple(stages)
+        return (Stage(0.0, final),)
+
+    def stage(self, iteration: int, iterations: int) -> int:
+        """Return the number of the stage that iteration `iteration` of `iterations` of the teacher belongs to."""
+        return max(k for k, stage in enumerate(self.schedule) if iteration >= round(stage.begin * iterations))
+
+
+def friction_share(law: str, friction: np.ndarray, spec: Robot) -> np.ndarray:
+    """Return dry friction as a fraction of each joint's torque limit, shape (..., joints).
+
+    `friction`: torque [N m], or coefficient, of each joint, shape (..., joints). A coefficient counts at the full
+    torque of the motor, and where the joint transmits an even share of the robot's weight and no torque.
+    """
+    limit = spec.joint_values("torque_limit")
+    if not has_coefficient(law):
+        return friction / limit
+    return friction / limit * Law(law).factor(velocity=0.0, load=spec.weight / len(spec.feet), torque=limit)

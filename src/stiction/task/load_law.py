@@ -1,0 +1,205 @@
+"""What becomes of an identified load coefficient in training: three laws go by that name, each of another load.
+
+A joint's own log tells c of |gravity torque|, a walk c of |motor torque|; training has `effort`, c |motor torque|,
+and `load`, c (|F| + |T|) of what the hinge transmits. At rest a motor's torque is the load about its axis, so `effort`
+takes either as it is. `load` takes c times |torque about the axis| / (|F| + |T|), which depends on how the robot
+stands: where that ratio holds over poses (`stance_loads`) it is a number, else a range, and nothing is trained with a
+range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError
+from stiction.files.joints import LOAD_REGRESSORS, Estimate, JointRecord, JointsFile
+from stiction.joints.friction import find_law, has_coefficient
+from stiction.robots.model import Robot
+from stiction.robots.statics import POSES, HingeLoad, stance_loads
+from stiction.task.friction import FrictionCfg
+
+AS_IT_IS = "effort"
+"""The law of training that takes an identified load coefficient as it is."""
+
+LARGEST_SPREAD = 0.25
+"""Half of the range of a ratio of loads, 5th to 95th of a hundred poses, over its mean, up to which one number stands
+for it. A choice: twice that is what `deception` draws about its level."""
+
+ENDS = (0.05, 0.95)
+"""Quantiles of the poses between which a ratio is said to be."""
+
+SAME_NUMBER = 0.05
+"""Relative difference under which a coefficient that was typed is taken for one that was read from the file."""
+
+_stance_loads = cache(stance_loads)
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """A load coefficient of a record in another law."""
+
+    coefficient: Estimate
+    """c' [1]; the interval is that of c over the range of the ratio."""
+    spread: float
+    """Half of that range over its mean [1]; 0 where the regressors are one."""
+    how: str
+    """By what, in words."""
+
+    @property
+    def stable(self) -> bool:
+        """Whether one number stands for it."""
+        return self.spread <= LARGEST_SPREAD
+
+
+def converted(coefficient: Estimate, regressor: str, law: str, load: HingeLoad | None) -> Conversion | None:
+    """Return c' of `law` that gives the friction of c times its regressor; None where nothing tells it.
+
+    regressor: one of `LOAD_REGRESSORS`; load: of the joint on its robot, over poses, None where no foot loads it.
+    """
+    if law == AS_IT_IS:
+        same = "both multiply the motor's torque"
+        rest = "at rest the motor's torque is the load about its axis; what accelerates the links is not in it"
+        return Conversion(coefficient, 0.0, same if regressor == "motor_torque" else rest)
+    if law != "load" or load is None or not load.size.all():
+        return None
+    # A ratio of sums, so that both laws have the same mean friction over the poses.
+    ratio = float(load.axis_torque.sum() / load.size.sum())
+    if not ratio > 0:
+        return None
+    low, high = (float(end) for end in np.quantile(load.axis_torque / load.size, ENDS))
+    ends = (coefficient.interval95[0] * low, coefficient.interval95[1] * high)
+    value = coefficient.value * ratio
+    # Nothing keeps a ratio of sums between quantiles of ratios, and an interval must hold its value.
+    found = Estimate(value, coefficient.std * ratio, (min(value, *ends), max(value, *ends)))
+    spread = (high - low) / 2 / ratio
+    return Conversion(
+        found,
+        spread,
+        f"|torque about the axis| is {ratio:.3g} of |F| + |T| in the mean of {len(load.size)} poses, {low:.3g} to "
+        f"{high:.3g}, within {spread:.0%} ({POSES})",
+    )
+
+
+@dataclass(frozen=True)
+class TakenCoefficients:
+    """A coefficient for every joint of a robot, from an identification."""
+
+    values: tuple[float, ...]
+    """c' of each joint [1]."""
+    how: tuple[str, ...]
+    """A sentence for each record."""
+
+
+def take_coefficients(file: JointsFile, robot: Robot, law: str) -> TakenCoefficients:
+    """Return the coefficient of a law for every joint, from the file's own by the robot's model, and how.
+
+    Raises `ConfigurationError` where a joint has none that may be used, or its ratio of loads does not hold over poses.
+    """
+    values: list[float] = []
+    said: dict[str, str] = {}
+    for number, name in enumerate(robot.joint_names):
+        key = file.key(name)
+        found = None if key is None else _of(key, file.joints[key], number, robot, law)
+        if key is None or found is None:
+            raise ConfigurationError(
+                f"joint {name!r} has no load_coefficient that gives one of the law {law}; say --friction-level"
+            )
+        if (objection := file.joints[key].objection_to("load_coefficient")) is not None:
+            raise ConfigurationError(f"the fit of {key!r} is not valid, and with it its load: {objection.text}")
+        if not found.stable:
+            low, high = found.coefficient.interval95
+            raise ConfigurationError(
+                f"{_what(key, file.joints[key])}, is no one coefficient of the law {law} on {robot.name}, but "
+                f"{low:.3g} to {high:.3g}: {found.how}; at most {LARGEST_SPREAD:.0%} may be; --friction-law "
+                f"{AS_IT_IS} takes it as it is, or say a --friction-level of that range"
+            )
+        values.append(max(0.0, found.coefficient.value))
+        low, high = found.coefficient.interval95
+        said.setdefault(
+            key,
+            f"{_what(key, file.joints[key])}, is taken as {found.coefficient.value:.4g} ({low:.3g} to {high:.3g}) of "
+            f"the law {law} on {robot.name}: {found.how}{_left_over(file.joints[key], number, robot)}",
+        )
+    return TakenCoefficients(tuple(values), tuple(said.values()))
+
+
+def load_warnings(file: JointsFile, robot: Robot, friction: FrictionCfg) -> tuple[str, ...]:
+    """Say what becomes of the load coefficients that were identified for a robot's joints beside a --friction-level.
+
+    Raises `ConfigurationError` where the level is an identified coefficient and the law multiplies something else with
+    it.
+    """
+    found: dict[str, None] = {}
+    numbers: dict[str, int] = {}
+    for number, name in enumerate(robot.joint_names):
+        if (key := file.key(name)) is not None:
+            numbers.setdefault(key, number)
+    for key, number in numbers.items():
+        record = file.joints[key]
+        coefficient, regressor = record.load_coefficient, record.load_regressor
+        if coefficient is None or regressor is None:
+            continue
+        what, law = _what(key, record), friction.law
+        if not has_coefficient(law):
+            text = f"is not used: the law {law} does not depend on load; --friction-law {AS_IT_IS} has that law"
+            found[f"{what}, {text}"] = None
+        elif law == AS_IT_IS:
+            text = f"--friction-level {coefficient.value:.4g} trains with it, or none with each joint's own"
+            found[f"{what}, is of the law {law}: {text}"] = None
+        else:
+            other = _of(key, record, number, robot, law)
+            low, high = other.coefficient.interval95 if other else (0.0, 0.0)
+            there = f"on {robot.name} it would be {low:.3g} to {high:.3g} of that law; " if other else ""
+            instead = f"{there}--friction-law {AS_IT_IS} has the law that was identified"
+            meaning = find_law(law).meaning
+            if friction.level is not None and abs(friction.level - coefficient.value) < SAME_NUMBER * coefficient.value:
+                raise ConfigurationError(
+                    f"--friction-law {law} --friction-level {friction.level:g} looks like {what}: {law} means "
+                    f"{meaning}, which is another law; {instead}, or give a coefficient of that law"
+                )
+            found[f"{what}, is not used: {law} means {meaning}; {instead}"] = None
+    return tuple(found)
+
+
+def _of(key: str, record: JointRecord, number: int, robot: Robot, law: str) -> Conversion | None:
+    """Return the coefficient of a law that a record gives one joint; None where it gives none."""
+    if record.load_coefficient is None or record.load_regressor is None:
+        return None
+    loads: Mapping[int, HingeLoad] = _stance_loads(robot) if law == "load" else {}
+    return converted(record.load_coefficient, record.load_regressor, law, loads.get(number))
+
+
+def _what(key: str, record: JointRecord) -> str:
+    """Name a record's coefficient and what it multiplies."""
+    assert record.load_coefficient is not None and record.load_regressor is not None
+    return (
+        f"the load_coefficient of {key!r}, {record.load_coefficient.value:.4g} of "
+        f"{LOAD_REGRESSORS[record.load_regressor]}"
+    )
+
+
+def _left_over(record: JointRecord, number: int, robot: Robot) -> str:
+    """Say what a law with a coefficient leaves out of the identified one, and how far its load was from the robot's."""
+    assert record.load_coefficient is not None
+    load = _stance_loads(robot).get(number)
+    if load is None:
+        return ""
+    carried, said = float(load.axis_torque.mean()), ""
+    measured = [one.value for one in (record.gravity_sin, record.gravity_cos) if one is not None]
+    if measured and (most := float(np.linalg.norm(measured))) < carried:
+        said += f"; measured up to {most:.3g} N m of load, and the robot's stance has {carried:.3g} in the mean"
+    if record.unloaded_friction is None:
+        return said
+    coulomb = max(0.0, record.unloaded_friction.value)
+    whole = coulomb + record.load_coefficient.value * carried
+    if not whole > 0:
+        return said
+    share = whole / float(robot.joint_values("torque_limit")[number])
+    return said + (
+        f"; friction without load, {coulomb:.3g} N m, is {coulomb / whole:.0%} of the friction there and in no law "
+        f"with a coefficient: all of it is {share:.3g} of the torque limit, in the mean, under --friction-law coulomb"
+    )

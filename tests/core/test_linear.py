@@ -1,0 +1,53 @@
+"""Normal equations that leave unknowns open."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stiction.core.linear import check_condition, invert
+
+
+def test_an_inverse_in_any_units() -> None:
+    """Columns whose sizes differ by 1e9 are well told apart, and the inverse is the one by hand."""
+    scale = np.diag([1.0, 1e-9])
+    inverse, told = invert(scale @ np.array([[2.0, 1.0], [1.0, 2.0]]) @ scale)
+    assert told.all()
+    np.testing.assert_allclose(scale @ inverse @ scale, np.array([[2.0, -1.0], [-1.0, 2.0]]) / 3)
+
+
+def test_an_empty_column_costs_the_others_nothing() -> None:
+    """A column of zeros tells nothing of its unknown, and all of the two beside it."""
+    inverse, told = invert(np.array([[2.0, 0.0, 1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 2.0]]))
+    assert told.tolist() == [True, False, True]
+    np.testing.assert_allclose(inverse[np.ix_(told, told)], np.array([[2.0, -1.0], [-1.0, 2.0]]) / 3)
+    assert not inverse[1].any() and not inverse[:, 1].any()
+
+
+def test_two_alike_columns_are_both_open() -> None:
+    """Of two columns that are one the sum is known and neither part; a third one, orthogonal, stays told."""
+    columns = np.array([[1.0, 1.0, 0.0], [2.0, 2.0, 0.0], [0.0, 0.0, 3.0]])
+    inverse, told = invert(columns.T @ columns)
+    assert told.tolist() == [False, False, True] and inverse[2, 2] == pytest.approx(1 / 9)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_column_of_next_to_nothing_is_empty() -> None:
+    """What is left of a column of 1e-150 has an inverse of 1e300, whose square is no number."""
+    assert invert(np.diag([1.0, 1e-300]))[1].tolist() == [True, False]
+
+
+@pytest.mark.parametrize("matrix", [np.zeros((2, 2)), np.full((2, 2), np.nan), np.diag([np.inf, 1.0])])
+def test_equations_of_nothing_tell_nothing(matrix: np.ndarray) -> None:
+    """Zeros and numbers that are none: no unknown is told, and nothing raises."""
+    inverse, told = invert(matrix)
+    assert not told.any() and not inverse.any()
+
+
+def test_one_singular_matrix_of_a_stack_is_refused() -> None:
+    """LAPACK solves a matrix that is singular but for rounding, and returns numbers of 1e15."""
+    good, nearly = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([[1.0, 1.0], [1.0, 1.0 + 1e-15]])
+    check_condition(np.stack([good, 1e9 * good]))
+    for bad in (nearly, np.zeros((2, 2)), np.full((2, 2), np.nan)):
+        with pytest.raises(np.linalg.LinAlgError):
+            check_condition(np.stack([good, bad]))

@@ -1,0 +1,134 @@
+"""The one control step: every caller of it gives the same joint command, and its limits are the contract's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import deployed
+from bundles import make_contract
+from deployed import PERIOD, SHORT, Run, state
+from stiction.core.errors import StictionError
+from stiction.deploy.control import FREE, RANGE, SLEW, ControlLoop, JointCommand
+from stiction.deploy.observation import Sensors
+from stiction.deploy.pilot import Pilot, Reading
+from stiction.deploy.policy import PolicyStep
+from stiction.deploy.runtime.supervisor import Stage
+from stiction.exchange.webots.controller import PolicyLoop
+
+# One physics step in a control period, so that all callers read at the same times.
+CONTRACT = make_contract(decimation=1, physics_timestep=0.02, target_limits={"slew": 10.0, "margin": 0.02})
+JOINTS, STANDING = CONTRACT.num_joints, CONTRACT.array("standing")
+STILL = Sensors(np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3), STANDING, np.zeros(JOINTS))
+COMMANDS = np.random.default_rng(0).uniform(-1.0, 1.0, (15, 3))
+
+
+class Asking:
+    """A policy that asks for targets as far from the standing pose as it is commanded to go forward [rad]."""
+
+    contract = CONTRACT
+
+    def reset(self, mask: np.ndarray | None = None) -> None:
+        """Nothing is remembered."""
+
+    def step(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
+        """Return the targets."""
+        return PolicyStep(np.zeros(0), np.zeros(JOINTS), STANDING + command[..., :1] * np.linspace(0.1, 3.0, JOINTS))
+
+
+class Standing:
+    """A port whose joints rest in the standing pose."""
+
+    joint_names, period = CONTRACT.joint_names, CONTRACT.control_period
+
+    def __init__(self) -> None:
+        """Begin without commands."""
+        self.sent: list[JointCommand] = []
+
+    def read(self) -> Reading:
+        """Return the standing pose."""
+        return Reading(0.0, STILL, np.zeros(JOINTS), np.ones(6, bool))
+
+    def exchange(self, command: JointCommand) -> Reading:
+        """Keep the command."""
+        self.sent.append(command)
+        return self.read()
+
+
+def commands() -> list[JointCommand]:
+    """Return the joint commands of one robot, as evaluation, golden vectors and the policy's process get them."""
+    loop = ControlLoop(Asking(), CONTRACT)
+    return [(loop.act(STILL, each), loop.command(STANDING, np.zeros(JOINTS)))[1] for each in COMMANDS]
+
+
+def test_a_batch_a_port_and_webots_get_the_same_command_to_the_last_bit() -> None:
+    """What is evaluated is what runs, where targets are free and where each of the limits acts."""
+    expected, (kp, limit) = commands(), (CONTRACT.array("kp"), CONTRACT.array("torque_limit"))
+    batch, port, webots = ControlLoop(Asking(), CONTRACT), Standing(), PolicyLoop(CONTRACT, Asking())  # type: ignore[arg-type]
+    batch.reset(np.ones(3, bool))
+    pilot, seen = Pilot(port, Asking()), set()
+    tiled = STILL.each(lambda value: np.tile(value, (3, 1)))
+    for command, one in zip(COMMANDS, expected, strict=True):
+        batch.act(tiled, np.tile(command, (3, 1)))
+        seen |= set(batch.limited.by.ravel().tolist())
+        many = batch.command(tiled.joint_position, tiled.joint_velocity)
+        np.testing.assert_array_equal(many.target, np.tile(one.target, (3, 1)))
+        pilot.step(command)
+        np.testing.assert_array_equal(
+            webots.torque(STILL, command), np.clip(kp * (one.target - STANDING), -limit, limit)
+        )
+    np.testing.assert_array_equal([sent.target for sent in port.sent], [one.target for one in expected])
+    assert seen == {FREE, SLEW, RANGE}
+    # At the torque's limit in some joint, as it is computed from the target.
+    torque = kp * (np.array([one.target for one in expected]) - STANDING)
+    assert (np.abs(torque) <= limit * (1 + 1e-12)).all() and np.isclose(np.abs(torque), limit).any()
+
+
+def test_the_robots_supervisor_passes_the_control_step_on_to_the_last_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its own limits are the contract's, and its clock, which rounds otherwise, changes no target once more."""
+    monkeypatch.setattr(deployed, "CONTRACT", CONTRACT)
+    run = Run(replace(SHORT, duration=2.0))
+    run.until(Stage.RUN)
+    run.answers, loop = False, ControlLoop(Asking(), CONTRACT)
+    # The first answer comes in the beat of those before it.
+    while run.number % 10:
+        run.step()
+    for number, (command, one) in enumerate(zip(COMMANDS, commands(), strict=True)):
+        step = loop.act(STILL, command)
+        assert run.supervisor.policy_targets(step.target, run.now, loop.requested, loop.limited.by) is None
+        for tick in range(10):
+            # A joint that rests while others are told to walk is taken for a frozen encoder after a second.
+            said = state(run.number + 1, run.now + PERIOD)
+            out = run.step(said)[0]
+            assert out.stage is Stage.RUN, (number, tick, run.supervisor.stop_record)
+            assert out.command is not None
+            np.testing.assert_array_equal(out.command.target, one.target)
+            np.testing.assert_array_equal(out.requested, loop.requested)
+
+
+def test_an_older_bundle_has_no_limits_in_its_control_step() -> None:
+    """Its evaluation stays what it was, bit for bit."""
+    loop, far = ControlLoop(Asking(), make_contract()), np.array([9.0, 0.0, 0.0])
+    asked = Asking().step(STILL, far).target
+    np.testing.assert_array_equal(loop.act(STILL, far).target, asked)
+    np.testing.assert_array_equal(loop.command(STANDING, np.zeros(JOINTS)).target, asked)
+    assert loop.holds
+
+
+def test_limits_of_the_robots_that_begin_anew_begin_at_the_standing_pose() -> None:
+    """The slew of the others goes on from their last target."""
+    loop = ControlLoop(Asking(), CONTRACT)
+    tiled, command = STILL.each(lambda value: np.tile(value, (2, 1))), np.tile([1.0, 0.0, 0.0], (2, 1))
+    first = loop.act(tiled, command).target
+    loop.reset(np.array([False, True]))
+    second = loop.act(tiled, command).target
+    np.testing.assert_array_equal(second[1], first[1])
+    assert second[0, -1] > first[0, -1] or first[0, -1] == CONTRACT.upper[-1] - 0.02
+
+
+def test_a_margin_without_room_is_refused() -> None:
+    """Names the joint."""
+    with pytest.raises(StictionError, match=r"target_limits.*FL_hip room"):
+        make_contract(target_limits={"slew": 40.0, "margin": 1.0})

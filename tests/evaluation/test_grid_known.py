@@ -1,0 +1,144 @@
+"""Policies that observe their joints' friction are told what somebody could know of each robot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bundles import make_bundle, make_contract, make_network
+from stiction.evaluation import benches
+from stiction.evaluation.benches import true_friction, unidentified_notes, with_known_friction
+from stiction.evaluation.evaluate import EvaluationCfg
+from stiction.evaluation.grid import GridCfg, Walk, plan
+from stiction.evaluation.run import WalkLedger
+from stiction.evaluation.summary import evaluate_all
+from stiction.files.bundle import Bundle, read_bundle
+from stiction.files.joints import Estimate, JointRecord, JointsFile
+from stiction.files.observation import proprioception
+from stiction.robots.catalog import find_robot
+from stiction.virtual.bench import Bench
+from stiction.virtual.cases import Case, parse_level
+from stiction.virtual.hidden import draw
+
+pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
+
+SPEC = find_robot("saturn_lite")
+BASE = EvaluationCfg((0.0, 0.1), ("vx=0.5",), episodes=1, seconds=1.5, settle=0.5)
+GRID = GridCfg(BASE, ("mujoco", "mujoco-alone", "mujoco-alone+all"), robots=(3, 4), robot_levels=("0.1",))
+FOUND = {"hip": 1.0, "thigh": 2.0, "shank": 9.0}
+"""What every bench finds [N m]: 4, 8 and 20 % of the torque limits."""
+
+
+@pytest.fixture(scope="module")
+def bundles(tmp_path_factory: pytest.TempPathFactory) -> list[Bundle]:
+    """A policy that observes its joints' friction, and one that does not; both hardly move."""
+    told = {"hip": 0.2, "thigh": 0.2, "shank": 0.2}
+    contracts = {
+        "listener": make_contract(observation=proprioception(18, known_kinds=3), known_friction=told),
+        "other": make_contract(),
+    }
+    folder = tmp_path_factory.mktemp("b")
+    return [
+        read_bundle(make_bundle(folder / name, contract, make_network(contract, gain=1e-3)))
+        for name, contract in contracts.items()
+    ]
+
+
+@pytest.fixture
+def seen(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Let benches find `FOUND`, that of robot 4 nothing of the thighs and of ML_hip; return who was on one."""
+    seen: list[str] = []
+
+    def make(bench: Bench, folder: Path, workers: int) -> None:
+        seen.append(bench.label)
+        folder.mkdir(parents=True)
+        joints = {}
+        for name in SPEC.joint_names:
+            value = FOUND[name[3:]]
+            unknown = bench.case.seed == 4 and (name.endswith("thigh") or name == "ML_hip")
+            joints[name] = JointRecord(coulomb_friction=None if unknown else Estimate(value, 0.1, (0.0, 10.0)))
+        JointsFile(joints).write(folder / "joints.json")
+
+    monkeypatch.setattr("stiction.virtual.bench.identify_on_bench", make)
+    monkeypatch.setattr(benches, "has_entry", lambda folder, key: (folder / "joints.json").is_file())
+    return seen
+
+
+def told(bundles: list[Bundle], text: str, out: Path) -> dict[tuple[str, str, int | None], tuple[float, ...] | None]:
+    """Return what the listener is told, by engine, level and robot."""
+    cfg = replace(GRID, base=replace(BASE, known_friction=text))
+    walks = with_known_friction(plan([bundle.name for bundle in bundles], cfg), bundles, cfg, out)
+    assert all(walk.known is None for walk in walks if walk.policy == "other")
+    mine = [walk for walk in walks if walk.policy == "listener"]
+    return {(walk.simulator.label, walk.level, walk.robot): walk.known for walk in mine}
+
+
+def test_on_the_data_sheet_the_truth_is_the_level_and_on_a_virtual_robot_its_own(
+    bundles: list[Bundle], tmp_path: Path, seen: list[str]
+) -> None:
+    """No bench is needed for it, and two robots of one level have different joints."""
+    found = told(bundles, "true", tmp_path)
+    for engine in ("mujoco", "mujoco-alone"):
+        np.testing.assert_allclose(found[engine, "0.1", None], [0.1] * 3)
+        np.testing.assert_allclose(found[engine, "0", None], [0.0] * 3)
+    shares = [draw(SPEC, robot).friction.share for robot in (3, 4)]
+    for robot, share in zip((3, 4), shares, strict=True):
+        expected = [0.1 * share[kind::3].mean() for kind in range(3)]
+        np.testing.assert_allclose(found["mujoco-alone+all", "0.1", robot], expected)
+        assert np.mean(found["mujoco-alone+all", "0.1", robot]) == pytest.approx(0.1)
+    assert not seen and found["mujoco-alone+all", "0.1", 3] != found["mujoco-alone+all", "0.1", 4]
+    without = Case(3, "rest", parse_level("0"))
+    np.testing.assert_array_equal(true_friction(without, SPEC), np.zeros(3))
+
+
+def test_a_virtual_robot_is_told_what_its_own_bench_found(
+    bundles: list[Bundle], tmp_path: Path, seen: list[str]
+) -> None:
+    """Each robot once, 4, 8 and 20 %; where all thighs are unknown those of training, where one hip is the others'."""
+    found = told(bundles, "bench", tmp_path)
+    assert seen == [f"saturn_lite--mujoco--all--0.1--{robot}" for robot in (3, 4)]
+    np.testing.assert_allclose(found["mujoco-alone+all", "0.1", 3], [0.04, 0.08, 0.2])
+    np.testing.assert_allclose(found["mujoco-alone+all", "0.1", 4], [0.04, 0.2, 0.2])
+    np.testing.assert_allclose(found["mujoco-alone", "0.1", None], [0.1] * 3)
+    wrong = told(bundles, "bench*0.5", tmp_path)
+    np.testing.assert_allclose(wrong["mujoco-alone+all", "0.1", 3], [0.02, 0.04, 0.1])
+    assert len(seen) == 2
+
+
+def test_a_number_goes_to_all_robots_and_the_contract_says_what_nobody_else_does(
+    bundles: list[Bundle], tmp_path: Path, seen: list[str]
+) -> None:
+    """Neither needs a bench."""
+    assert set(told(bundles, "0.15", tmp_path).values()) == {(0.15, 0.15, 0.15)}
+    assert set(told(bundles, "contract", tmp_path).values()) == {None} and not seen
+
+
+def test_what_the_bench_did_not_tell_is_in_the_summary(bundles: list[Bundle], tmp_path: Path, seen: list[str]) -> None:
+    """Two sentences for robot 4, none for robot 3 or the policy that is told nothing; and what each was told."""
+    cfg = replace(GRID, engines=("mujoco-alone+all",), base=replace(BASE, known_friction="bench"))
+    assert unidentified_notes(plan(["listener", "other"], cfg), bundles, cfg, tmp_path / "bench") == []
+    _, summary = evaluate_all(bundles, cfg, tmp_path)
+    notes = [text for text in summary["warnings"] if "not identified" in text]
+    assert len(notes) == 2 and all(
+        text.startswith("On saturn_lite--mujoco--all--0.1--4, as listener") for text in notes
+    )
+    assert "ML_hip was not" in notes[0] and "nominal friction of training is told, 20 %" in notes[1]
+    mine, other = summary["rows"]
+    assert mine["known_friction"]["3"] == pytest.approx((0.04, 0.08, 0.2)) and "known_friction" not in other
+    assert summary["evaluation"]["known_friction"] == "bench"
+
+
+def test_the_ledger_knows_a_walk_by_what_was_told(bundles: list[Bundle], tmp_path: Path) -> None:
+    """A bench that found something else must not go by the walks of the old one; who is told nothing walks once."""
+    digests = {bundle.name: bundle.digest for bundle in bundles}
+    keys: dict[str, set[str]] = {"listener": set(), "other": set()}
+    for text in ("contract", "true", "true*0.7"):
+        cfg = GridCfg(replace(BASE, friction_levels=(0.1,), known_friction=text), ("mujoco",))
+        ledger = WalkLedger(tmp_path / "walks.jsonl", cfg, digests)
+        walks: list[Walk] = with_known_friction(plan(list(digests), cfg), bundles, cfg, tmp_path)
+        for walk in walks:
+            keys[walk.policy].add(ledger.key(walk))
+    assert {name: len(found) for name, found in keys.items()} == {"listener": 3, "other": 1}

@@ -1,0 +1,325 @@
+"""A grid is walked, interrupted, gone on with, and turned into rows."""
+
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bundles import make_bundle, make_contract, make_network
+from stiction.core import cache
+from stiction.core.errors import StictionError
+from stiction.evaluation import grid as plan
+from stiction.evaluation import run
+from stiction.evaluation.evaluate import EvaluationCfg, evaluate_bundle
+from stiction.evaluation.grid import GridCfg
+from stiction.evaluation.metrics import Metrics
+from stiction.evaluation.run import LEDGER, walk_grid
+from stiction.evaluation.samples import samples_of
+from stiction.evaluation.summary import taken_together
+from stiction.evaluation.table import Sample, methods_of, rows_of
+from stiction.files.bundle import Bundle, read_bundle
+from stiction.files.observation import proprioception
+from stiction.files.results import ResultRow
+
+pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
+
+BASE = EvaluationCfg((0.0, 0.2), ("vx=0.5",), episodes=2, seconds=1.5, settle=0.5)
+ENGINES = ("mujoco", "mujoco-alone", "mujoco-alone+all")
+GRID = GridCfg(BASE, ENGINES, robots=(3,), robot_levels=("0.1",))
+
+
+@pytest.fixture(scope="module")
+def still(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+    """A bundle whose network hardly moves: the robot stands."""
+    contract = make_contract()
+    return read_bundle(make_bundle(tmp_path_factory.mktemp("b") / "still", contract, make_network(contract, gain=1e-3)))
+
+
+@pytest.fixture(scope="module")
+def walked(still: Bundle, tmp_path_factory: pytest.TempPathFactory):
+    """The whole grid, walked once, and the folder of its ledger."""
+    out = tmp_path_factory.mktemp("out")
+    return walk_grid([still], GRID, out), out
+
+
+def test_a_row_for_every_cell(still: Bundle, walked) -> None:
+    """Engine, law and level as they are looked for in results.csv."""
+    rows, details = rows_of(walked[0], [still])
+    found = [(row.engine, row.friction_law, row.friction_level, row.episodes) for row in rows]
+    plain = [(engine, "coulomb", level, 2) for engine in ENGINES[:2] for level in (0.0, 0.2)]
+    assert found == [*plain, ("mujoco-alone+all", "real", 0.1, 2)]
+    assert details[0]["fall_interval"] == (0.0, pytest.approx(3.8415 / 5.8415, abs=1e-4))
+    assert list(details[-1]["robots"]) == ["3"]
+
+
+def test_the_batch_is_the_evaluation_as_it_was(still: Bundle, walked) -> None:
+    """Results made before there was a grid stay comparable."""
+    rows, _ = rows_of(walked[0], [still])
+    before = evaluate_bundle(still, BASE).rows
+    for row, old in zip(rows, before, strict=False):
+        assert row.speed_ratio == pytest.approx(old.speed_ratio, abs=1e-4)
+        assert row.joint_jitter == pytest.approx(old.joint_jitter, rel=1e-3)
+
+
+def test_one_robot_in_its_engine_does_what_it_does_in_the_batch(walked) -> None:
+    """The same start, noise and friction: a robot that stands hardly moves in both."""
+    for walk, metrics in walked[0].items():
+        assert abs(metrics.speed_ratio) * 0.5 < 0.03, walk
+        assert metrics.fall_rate == 0.0
+
+
+def test_a_batch_in_parts_is_the_batch(still: Bundle, walked, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An episode has its own start and noise, whichever part of the batch it walks in; on stairs as well."""
+    monkeypatch.setattr(plan, "BATCH_SECONDS", 1.0)
+    done = walk_grid([still], replace(GRID, engines=("mujoco",)), tmp_path)
+    assert len((tmp_path / LEDGER).read_text().splitlines()) == 4
+    for walk, metrics in done.items():
+        assert metrics.joint_jitter == pytest.approx(walked[0][walk].joint_jitter, rel=1e-3)
+        assert metrics.distance == pytest.approx(walked[0][walk].distance, abs=1e-5)
+    first, second = (done[walk].joint_jitter for walk in list(done)[:2])
+    assert abs(first - second) > 0.01 * first
+    base = EvaluationCfg((0.1,), ("vx=2",), episodes=2, terrain="stairs=0.1")
+    both = evaluate_bundle(still, base).episodes[0]
+    (last,) = evaluate_bundle(still, replace(base, episodes=1, first_episode=1)).episodes[0]
+    assert last.joint_jitter == pytest.approx(both[1].joint_jitter, rel=1e-3) != both[0].joint_jitter
+
+
+def test_other_commands_change_no_walk(still: Bundle, walked, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A command more is walked, and nothing else."""
+    seen: list[str] = []
+
+    def stop(bundle: Bundle, unit, *rest):
+        seen.append(unit.walks[0].command)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(run, "walk_unit", stop)
+    with pytest.raises(KeyboardInterrupt):
+        walk_grid([still], replace(GRID, base=replace(BASE, commands=("vx=0.5", "stand"))), walked[1])
+    assert seen == ["stand"]
+
+
+def test_other_code_walks_anew(still: Bundle, walked, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What another engine found must not go by the new one's name."""
+    monkeypatch.setattr(run, "walk_unit", lambda *arguments: pytest.fail("walked again"))
+    monkeypatch.setattr(cache, "fingerprint", lambda *patterns: {"code": "other"})
+    with pytest.raises(pytest.fail.Exception):
+        walk_grid([still], GRID, walked[1])
+
+
+def test_nothing_is_walked_twice(still: Bundle, walked, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same command again reads its ledger; a changed setting walks anew."""
+    monkeypatch.setattr(run, "walk_unit", lambda *arguments: pytest.fail("walked again"))
+    assert walk_grid([still], GRID, walked[1]) == walked[0]
+    with pytest.raises(pytest.fail.Exception):
+        walk_grid([still], replace(GRID, base=replace(BASE, seed=1)), walked[1])
+
+
+def test_an_interrupted_grid_goes_on(still: Bundle, walked, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What had ended is kept, with a line that was cut off; the rest is walked."""
+    lines = (walked[1] / LEDGER).read_text().splitlines(keepends=True)
+    (tmp_path / LEDGER).write_text("".join(lines[:3]) + lines[3][:40] + "\n")
+    count, walk_unit = [], run.walk_unit
+
+    def counted(bundle: Bundle, unit, *rest):
+        count.append(len(unit.walks))
+        return walk_unit(bundle, unit, *rest)
+
+    monkeypatch.setattr(run, "walk_unit", counted)
+    assert walk_grid([still], GRID, tmp_path) == walked[0]
+    assert 0 < sum(count) <= len(walked[0]) - 3 + 1
+
+
+def test_a_line_that_was_cut_off_eats_no_walk(
+    still: Bundle, walked, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A walk that is done after an interruption in the middle of a line would be walked at every start, for ever."""
+    lines = (walked[1] / LEDGER).read_text().splitlines(keepends=True)
+    (tmp_path / LEDGER).write_text("".join(lines[:-1]) + lines[-1][:40])
+    assert walk_grid([still], GRID, tmp_path) == walked[0]
+    assert lines[-1][:40] not in (tmp_path / LEDGER).read_text().splitlines()
+    monkeypatch.setattr(run, "walk_unit", lambda *arguments: pytest.fail("walked again"))
+    assert walk_grid([still], GRID, tmp_path) == walked[0]
+
+
+def test_another_library_of_ode_walks_anew(still: Bundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is no package, so no version would tell; other engines' walks stand."""
+    found = [walk for walk in plan.plan(["still"], replace(GRID, engines=("ode", *ENGINES))) if walk.episode == 0]
+
+    def keys(digest: str) -> list[str]:
+        monkeypatch.setattr("stiction.engines.ode.library.library_digest", lambda: digest)
+        kept = run.WalkLedger(tmp_path / LEDGER, GRID, {"still": still.digest})
+        return [kept.key(walk) for walk in found]
+
+    same = [one == other for one, other in zip(keys("a"), keys("b"), strict=True)]
+    assert same == [walk.simulator.engine != "ode" for walk in found]
+
+
+def test_processes_do_not_change_the_result(still: Bundle, walked, tmp_path: Path) -> None:
+    """Two cores, the same numbers."""
+    assert walk_grid([still], GRID, tmp_path, jobs=2) == walked[0]
+
+
+def test_stairs_are_walked_in_every_engine(still: Bundle, tmp_path: Path) -> None:
+    """A robot that stands crosses nothing, and nothing breaks."""
+    base = EvaluationCfg((0.0,), ("vx=2",), episodes=1)
+    done = walk_grid([still], GridCfg(base, ENGINES[:2], ("stairs=0.1",)), tmp_path)
+    rows, details = rows_of(done, [still])
+    assert [(row.terrain, row.steps_climbed) for row in rows] == [("stairs=0.1", 0.0)] * 2
+    assert [detail["crossed"] for detail in details] == [0.0, 0.0]
+
+
+def test_what_is_not_installed_is_said_before_anything_walks(still: Bundle, tmp_path: Path) -> None:
+    """An engine that is missing must not end a grid after an hour."""
+    from stiction.deploy.check import robot_of
+    from stiction.engines.catalog import what_is_missing
+
+    if not what_is_missing("ode", robot_of(still.contract)):
+        pytest.skip("ODE is installed here")
+    with pytest.raises(StictionError, match=r"stiction\[engines\]"):
+        walk_grid([still], replace(GRID, engines=("mujoco", "ode")), tmp_path)
+    assert not (tmp_path / LEDGER).exists()
+
+
+def means_of(rows: list[ResultRow], bundles: list[Bundle]) -> list[Sample]:
+    """Return the speed ratio of every method over its seeds, of rows without anything beside them."""
+    details = [asdict(row) | {"crossed": None} for row in rows]
+    return [one for one in samples_of(details, methods_of(rows, bundles)) if one.column == "speed_ratio"]
+
+
+def test_a_seed_is_one_sample(still: Bundle, walked) -> None:
+    """Means over seeds 0.8 and 1.0: 0.9 ± 12.706 · 0.1; one seed has no interval."""
+    row = rows_of(walked[0], [still])[0][0]
+    bundles = [named(still, f"p{seed}", seed=seed) for seed in (0, 1)]
+    rows = [replace(row, policy=f"p{seed}", seed=seed, speed_ratio=0.8 + 0.2 * seed) for seed in (0, 1)]
+    (mean,) = means_of(rows, bundles)
+    assert (mean.method, mean.seeds, mean.mean, mean.each) == ("none", "0 1", pytest.approx(0.9), "0.8 1")
+    assert (mean.low, mean.high) == (pytest.approx(0.9 - 1.2706, abs=1e-3), pytest.approx(0.9 + 1.2706, abs=1e-3))
+    assert means_of(rows[:1], bundles)[0].low is None
+
+
+def named(bundle: Bundle, name: str, **changes: Any) -> Bundle:
+    """Return the bundle by another name, with another contract."""
+    return replace(bundle, name=name, contract=make_contract(**changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"terrain": "stairs"}, ("flat", "stairs")),
+        ({"phases": 1}, ("phases not recorded", "one phase")),
+        ({"robot": "go1"}, ("saturn_lite", "go1")),
+        (
+            {"friction_law": "stribeck", "stribeck": (1.5, 0.1), "terrain": "stairs"},
+            ("flat, coulomb", "stairs, stribeck"),
+        ),
+        ({"friction_level": 0.25}, ("0.2", "0.25")),
+        ({"friction_range": (0.0, 0.5)}, ("range 0 to 0", "range 0 to 0.5")),
+        ({"friction_spread": (0.5, 1.5)}, ("no spread", "spread 0.5 to 1.5")),
+        ({"friction_load": (0.0, 0.1)}, ("no load", "load 0 to 0.1")),
+        ({"joints_file": {"name": "j", "sha256": "0" * 64}}, ("the data sheet's joints", "joints 00000000")),
+        ({"observation": proprioception(18, 21)}, ("11 frames", "21 frames")),
+        ({"physics_timestep": 0.0025, "decimation": 8}, ("4 steps of 5 ms", "8 steps of 2.5 ms")),
+        ({"settings": {}}, ("settings not recorded", "")),
+    ],
+)
+def test_policies_of_different_trainings_are_no_seeds_of_each_other(
+    still: Bundle, walked, changes: dict, words: tuple[str, str]
+) -> None:
+    """A policy for stairs and one for flat ground would have one mean, and a t-interval over what they differ in."""
+    row = rows_of(walked[0], [still])[0][0]
+    bundles = [named(still, "a"), named(still, "b", seed=1, **changes)]
+    rows = [
+        replace(row, policy=name, method=f"none{fed}", seed=seed, speed_ratio=float(seed))
+        for fed in ("", "+forward")
+        for seed, name in enumerate((f"a{fed}", f"b{fed}"))
+    ]
+    means = means_of(rows, bundles)
+    told = [f" ({word})" if word else "" for word in words]
+    assert [mean.method for mean in means] == [f"none{fed}{word}" for fed in ("", "+forward") for word in told]
+    assert [(mean.seeds, mean.mean) for mean in means] == [("0", 0.0), ("1", 1.0)] * 2
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        (({}, {}), ("", "")),
+        (({}, {"teacher.quiet": 0, "seed": 1}), ("", "")),
+        (({"dreamwaq.beta": 1.0}, {"dreamwaq.beta": 1}), ("", "")),
+        (({}, {"dreamwaq.beta": 1.0}), (" (dreamwaq.beta 0.35)", " (dreamwaq.beta 1)")),
+        (
+            ({}, {"hinf.eta": 0.0}, {"hinf.curriculum": 0.5, "engine": "physx"}),
+            (
+                " (engine mujoco, hinf.curriculum 0, hinf.eta 2)",
+                " (hinf.eta 0)",
+                " (engine physx, hinf.curriculum 0.5)",
+            ),
+        ),
+        (
+            ({"num-envs": 4}, {"num-envs": 4, "a": 1, "b": 2, "c": 3, "d": "$|<b>"}, {"e": 1}),
+            (" (num-envs 4)", " (a 1, b 2, c 3, 2 more)", " (e 1)"),
+        ),
+        (({f"n{n}": n for n in range(9)}, {f"n{n}": n for n in range(8)} | {"x": 1}), None),
+        ((None, {"a": "$|<b>"}, {}), (" (settings not recorded)", " (a \\u0024\\u007c\\u003cb\\u003e)", " (a null)")),
+    ],
+)
+def test_methods_say_in_which_settings_bundles_differ(
+    still: Bundle, walked, settings: tuple[dict, ...], words: tuple[str, ...] | None
+) -> None:
+    """Two trainings would be seeds of one method with a confident mean; or two seeds of one training two methods."""
+    row = rows_of(walked[0], [still])[0][0]
+    bundles = [named(still, f"p{seed}", seed=seed, settings=one) for seed, one in enumerate(settings)]
+    found = methods_of([replace(row, policy=bundle.name) for bundle in bundles], bundles)
+    if words is None:
+        assert len({*found.values()}) == len(bundles)
+    else:
+        assert [*found.values()] == [f"none{word}" for word in words]
+
+
+def test_bundles_without_settings_are_named_once(still: Bundle) -> None:
+    """That they are seeds of one training would be said as if somebody knew."""
+    older = [named(still, f"p{seed}", seed=seed) for seed in (0, 1)]
+    assert taken_together(older) == ["p0", "p1"]
+    assert taken_together(older[:1]) == []
+    assert taken_together([older[0], named(still, "b", seed=1, settings={})]) == []
+    assert taken_together([older[0], named(still, "b", seed=1, terrain="stairs")]) == []
+
+
+def test_two_policies_of_one_seed_stand_alone(still: Bundle, walked) -> None:
+    """Two checkpoints of one run are not two trainings, and which of them is the sample nobody can say."""
+    row = rows_of(walked[0], [still])[0][0]
+    bundles = [named(still, name, seed=seed) for name, seed in (("a", 0), ("b", 0), ("c", 1))]
+    rows = [replace(row, policy=one.name, seed=one.contract.seed, speed_ratio=0.5) for one in bundles]
+    found = [(mean.method, mean.seeds) for mean in means_of(rows, bundles)]
+    assert found == [("none (a)", "0"), ("none (b)", "0"), ("none (c)", "1")]
+
+
+def test_a_virtual_robot_is_one_sample_of_a_rate(still: Bundle) -> None:
+    """Of three robots one falls in both walks and one in one of two: 1.5 of 3, as wide as three robots are."""
+    cfg = GridCfg(BASE, ("mujoco-alone+all",), robots=(3, 4, 5), robot_levels=("0.1",))
+    fell = {3: (1.0, 1.0), 4: (0.0, 1.0), 5: (0.0, 0.0)}
+    worth = Metrics(0.9, 0.1, 0.0, 4.0, 1.0, 50.0, 0.8, 0.0, (0.4, 0.4), 1.0, 0.45, 0.0, 0.0)
+    done = {
+        walk: replace(
+            worth,
+            fall_rate=fell[walk.robot][walk.episode],
+            crossed=1.0 - fell[walk.robot][walk.episode],
+            tracking_error=0.5 * walk.robot + walk.episode,
+            speed_ratio=0.2 * walk.robot + 0.1 * walk.episode,
+            mean_vx=0.1 * walk.robot + 0.05 * walk.episode,
+        )
+        for walk in plan.plan(["still"], cfg)
+    }
+    (row,), (detail,) = rows_of(done, [still])
+    # Wilson by hand, p = 1/2, n = 3: 1/2 -+ z/(1 + z^2/n) sqrt(1/(4 n) + z^2/(4 n^2)) = 1/2 -+ z/(2 sqrt(n + z^2)).
+    half = 1.959964 / (2 * (3 + 1.959964**2) ** 0.5)
+    assert detail["fall_rate"] == 0.5
+    assert detail["fall_interval"] == pytest.approx((0.5 - half, 0.5 + half))
+    assert detail["crossed_interval"] == pytest.approx((0.5 - half, 0.5 + half))
+    assert list(detail["robots"]) == ["3", "4", "5"]
+    # Means over two episodes of 0.6 and 0.7, and of 1.0 and 1.1: the mean of all would follow.
+    assert (row.slowest, row.speed_ratio, row.fastest) == pytest.approx((0.65, 0.85, 1.05))
+    # Of the six walks, the first of robot 3.
+    assert row.slowest_walk == detail["slowest_walk"] == pytest.approx(0.6)
+    assert (detail["robot_fall_rates"], detail["robot_crossed"]) == ([1.0, 0.5, 0.0], [0.0, 0.5, 1.0])
+    assert detail["robot_tracking_errors"] == [2.0, 2.5, 3.0]

@@ -1,0 +1,54 @@
+"""The rows of methods.csv: means over training seeds with their intervals, and trials of what counts walks."""
+
+import pytest
+
+from stiction.evaluation.samples import Evidence, Row, samples
+from stiction.evaluation.table import BOTH, Sample
+
+
+def row(seed: int, command: str, **columns: object) -> Row:
+    """Return a row of a method on flat ground in PhysX."""
+    return {
+        **{"method": "none", "engine": "physx", "friction_law": "coulomb", "friction_level": 0.1, "terrain": "flat"},
+        **{"seed": seed, "command": command, "speed_ratio": None, "tracking_error": 0.1, "joint_jitter": 50.0},
+        **{"flight_share": None, "tripod_share": None, "steps_climbed": None, "fall_rate": 0.0, "crossed": None},
+        **{"episodes": 10},
+        **columns,
+    }
+
+
+def sampled(*rows: Row) -> dict[tuple[str, str], Sample]:
+    """Return samples by command and column."""
+    return {(sample.command, sample.column): sample for sample in samples(Evidence.of(rows))}
+
+
+def test_a_sample_has_mean_interval_and_every_seed() -> None:
+    """0.9 and 1.1: mean 1, half-width 12.706 · 0.1; the seeds 3 and 5 as they are called."""
+    found = sampled(row(5, "vx=0.5", speed_ratio=1.1), row(3, "vx=0.5", speed_ratio=0.9))["vx=0.5", "speed_ratio"]
+    assert (found.seeds, found.each, found.mean, found.trials) == ("3 5", "0.9 1.1", pytest.approx(1.0), None)
+    assert (found.low, found.high) == (pytest.approx(-0.2706, abs=1e-4), pytest.approx(2.2706, abs=1e-4))
+
+
+def test_one_seed_has_no_interval_and_its_walks_are_trials() -> None:
+    """No fall in ten walks is compatible with 28 %: 3.8415 / 13.8415."""
+    found = sampled(row(0, "vx=0.5", speed_ratio=1.0))["vx=0.5", "fall_rate"]
+    assert (found.low, found.high, found.trials, found.trials_low) == (None, None, 10, pytest.approx(0.0, abs=1e-9))
+    assert found.trials_high == pytest.approx(0.27753, abs=1e-5)
+
+
+def test_both_directions_count_alike_and_columns_without_numbers_have_no_sample() -> None:
+    """Jitter of 40 and 60, falls of 0 and 20 %: 50, and 2 of 20 walks."""
+    found = sampled(
+        row(0, "vx=0.5", speed_ratio=1.0, joint_jitter=40.0),
+        row(0, "vx=-0.5", speed_ratio=1.0, joint_jitter=60.0, fall_rate=0.2),
+    )
+    assert found[BOTH, "joint_jitter"].mean == 50.0
+    assert (found[BOTH, "fall_rate"].mean, found[BOTH, "fall_rate"].trials) == (0.1, 20)
+    assert (BOTH, "flight_share") not in found
+    assert ("vx=0.5", "crossed") not in found
+
+
+def test_the_deviation_of_virtual_robots_is_that_of_each() -> None:
+    """0.5 and 1.5 have a mean of 1 and a deviation of a half."""
+    found = sampled(row(0, "vx=0.5", speed_ratio=1.0, robots={"1000": 0.5, "1001": 1.5}))
+    assert (found["vx=0.5", "speed_error"].mean, found["vx=0.5", "fall_rate"].trials) == (0.5, 2)

@@ -1,0 +1,139 @@
+"""Work on a Ray cluster: two nodes on this machine, one of which is lost, and what is refused before any work."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import cluster_tasks
+from stiction.core.errors import StictionError
+from stiction.core.parallel import spread
+from stiction_experiments.lab import cluster as module
+from stiction_experiments.lab.cluster import ClusterError, use_cluster
+
+pytestmark = [
+    pytest.mark.slow,
+    # Found, and not imported: every process that collects tests would pay for it, and one uses it.
+    pytest.mark.skipif(find_spec("ray") is None, reason="the package ray is needed"),
+]
+
+TESTS = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    """A head that does no work, and one node that does."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", os.pathsep.join((str(TESTS), str(TESTS.parent / "src"))))
+        patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+        from ray.cluster_utils import Cluster
+
+        small = {"object_store_memory": 80 * 2**20, "include_dashboard": False}
+        try:
+            found = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, **small})
+        except Exception as error:  # whatever a machine forbids: ports, shared memory, processes
+            pytest.skip(f"Ray cannot start a cluster here: {error}")
+        try:
+            found.add_node(num_cpus=1, object_store_memory=80 * 2**20)
+            yield found
+        finally:
+            found.shutdown()
+
+
+def test_a_lost_node_costs_its_tasks_and_no_result(cluster: Any, tmp_path: Path) -> None:
+    """Each task is done at least once and told once; what was on the lost node is done again elsewhere."""
+    lost = cluster.add_node(num_cpus=1, object_store_memory=80 * 2**20)
+    with use_cluster(cluster.address, tmp_path) as used:
+        assert used is not None and used.processors == 2
+        tasks = [(number, str(tmp_path)) for number in range(12)]
+        found = []
+        for number, result in spread(cluster_tasks.square, tasks, used.processors):
+            found.append((number, result))
+            if len(found) == 3:
+                cluster.remove_node(lost, allow_graceful=False)
+        assert sorted(found) == [(number, number**2) for number in range(12)]
+        begun = sorted(path.name.partition("-")[0] for path in tmp_path.glob("*-begun-*"))
+        assert set(begun) == {str(number) for number in range(12)}
+        # Who begins now finds the lost node among those that the head node still counts.
+        gone = {"NodeID": lost.node_id, "NodeManagerAddress": "a node that was lost"}
+        with pytest.raises(ClusterError, match="no node with a processor"):
+            module._checked([gone], used.code, tmp_path)
+    assert module.current_cluster() is None and not list(tmp_path.glob(".cluster-*"))
+
+
+def test_what_a_task_raises_comes_home(cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As it is, and not a second time; relative paths are those of who asked."""
+    monkeypatch.chdir(tmp_path)
+    with use_cluster(cluster.address, tmp_path) as used:
+        assert used is not None
+        with pytest.raises(StictionError, match="no walk of 3"):
+            list(spread(cluster_tasks.refuse, [(3,)], 1))
+        assert Path("refused-3").read_text() == "x"
+        task = used.start(cluster_tasks.wait_for_the_end, "stopped")
+        while not Path("waiting").exists():
+            time.sleep(0.05)
+        assert not used.finished(task)
+        used.cancel(task)
+        while not used.finished(task):
+            time.sleep(0.05)
+        assert Path("stopped").read_text() == "asked"
+
+
+def test_a_training_is_a_task(cluster: Any, tmp_path: Path) -> None:
+    """`study friction --train --cluster`: the node trains in the run's own folder, and says how it ended."""
+    pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed for training")
+    from stiction_experiments.friction.manifest import Condition, Run
+    from stiction_experiments.friction.planned import PlannedRun
+    from stiction_experiments.friction.training import train_missing
+
+    small = (
+        *("--robot", "go1", "--num-envs", "4", "--method", "deception", "--friction-level", "0.2"),
+        *("--teacher.iterations", "1", "--teacher.steps", "4", "--teacher.mini-batches", "2"),
+        *("--student.iterations", "1", "--student.steps", "4", "--student.mini-batches", "2"),
+    )
+    bad = ("--robot", "nosuch")
+    runs = [
+        PlannedRun.of(Run(Condition(name, "1", "a test", words), 0), tmp_path / "runs")
+        for name, words in (("good", small), ("bad", bad))
+    ]
+    with use_cluster(cluster.address, tmp_path) as used:
+        assert used is not None
+        failed = train_missing(runs, used.processors, poll=0.1)
+    assert [run.state() for run in runs] == ["finished", "missing"]
+    assert list(failed) == ["bad-s0"] and "nosuch" in failed["bad-s0"]
+
+
+def test_a_node_with_other_code_is_refused(cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its results would stand beside those of this one as if they were the same; one that comes later is found too."""
+    with use_cluster(cluster.address, tmp_path) as used:
+        assert used is not None
+        other = replace(used, code="0" * 64)
+        with pytest.raises(ClusterError, match="has other code"):
+            list(other.spread(cluster_tasks.square, [(1, str(tmp_path))], 1))
+    monkeypatch.setattr(module, "code_digest", lambda: "0" * 64)
+    with (
+        pytest.raises(ClusterError, match=r"has other code of stiction; install the same"),
+        use_cluster(cluster.address, tmp_path),
+    ):
+        pass
+    assert module._look("x", tmp_path / "nothing", str(tmp_path)) == (False, False)
+
+
+def test_no_cluster_is_one_line(tmp_path: Path) -> None:
+    """A wrong address is not waited for."""
+    with (
+        pytest.raises(ClusterError, match=r"no Ray cluster at '127.0.0.1:9'.*ray start --head"),
+        use_cluster("127.0.0.1:9", tmp_path),
+    ):
+        pass
+    with pytest.raises(ClusterError, match="no Ray cluster at 'nowhere'"), use_cluster("nowhere", tmp_path):
+        pass
+    with use_cluster(None, tmp_path) as nothing:
+        assert nothing is None

@@ -1,0 +1,213 @@
+"""A bundle in which anything was added, removed or altered is refused, and the message names the file."""
+
+import hashlib
+import io
+import json
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bundles import make_golden, make_network, repair_sums
+from stiction.core.errors import BundleError
+from stiction.files.bundle import FILES, SUMS, read_bundle, write_bundle
+from stiction.files.contract import Contract
+from stiction.files.golden import read_golden, write_golden
+
+EVERY_FILE = (*FILES, SUMS)
+
+
+def test_a_fresh_bundle_reads_back(bundle: Path, contract: Contract) -> None:
+    """Otherwise nothing that is exported could be used."""
+    found = read_bundle(bundle)
+    assert found.contract == contract
+    assert found.name == "toy"
+    assert found.card == "# Toy\n"
+    assert len(found.golden) == 500
+    assert found.digest == hashlib.sha256((bundle / SUMS).read_bytes()).hexdigest()
+    assert found.size == sum((bundle / name).stat().st_size for name in EVERY_FILE)
+
+
+@pytest.mark.parametrize("position", [0, 0.5, -1])
+@pytest.mark.parametrize("name", EVERY_FILE)
+def test_a_flipped_byte_is_refused(bundle: Path, name: str, position: float) -> None:
+    """A damaged download must not reach a robot."""
+    data = bytearray((bundle / name).read_bytes())
+    index = position if isinstance(position, int) else int(position * len(data))
+    data[index] ^= 1
+    (bundle / name).write_bytes(data)
+    with pytest.raises(BundleError, match=name):
+        read_bundle(bundle)
+
+
+@pytest.mark.parametrize("name", EVERY_FILE)
+def test_a_missing_file_is_named(bundle: Path, name: str) -> None:
+    """Every one of the five files is needed."""
+    (bundle / name).unlink()
+    with pytest.raises(BundleError, match=f"{name} is missing"):
+        read_bundle(bundle)
+
+
+def test_a_folder_that_is_no_bundle_is_told_apart_from_one_that_is_damaged(bundle: Path) -> None:
+    """If this failed, who names a run's folder would look for a card that was never there."""
+    run = bundle.parent / "run"
+    run.mkdir()
+    with pytest.raises(BundleError, match=r"is no policy bundle.*name the directory of one"):
+        read_bundle(run)
+    bundle.rename(run / "bundle")
+    with pytest.raises(BundleError, match=r"is no policy bundle.*did you mean .*bundle\?"):
+        read_bundle(run)
+
+
+def test_a_file_too_many_is_refused(bundle: Path) -> None:
+    """What is not covered by the checksums has no place in a bundle."""
+    (bundle / "policy.onnx.data").write_bytes(b"weights")
+    with pytest.raises(BundleError, match=r"policy\.onnx\.data"):
+        read_bundle(bundle)
+
+
+def test_a_folder_within_is_refused(bundle: Path) -> None:
+    """A directory could hide anything."""
+    (bundle / "extra").mkdir()
+    with pytest.raises(BundleError, match="extra"):
+        read_bundle(bundle)
+
+
+def test_a_link_is_refused(bundle: Path, tmp_path: Path) -> None:
+    """A link reads another file on another machine."""
+    (bundle / "card.md").rename(tmp_path / "card.md")
+    (bundle / "card.md").symlink_to(tmp_path / "card.md")
+    with pytest.raises(BundleError, match="plain file"):
+        read_bundle(bundle)
+
+
+def test_a_file_too_large_is_refused_before_it_is_read(bundle: Path) -> None:
+    """A sparse file of 65 MB costs nothing to make and would fill a robot's memory."""
+    with (bundle / "policy.onnx").open("ab") as file:
+        file.truncate(65 * 2**20)
+    with pytest.raises(BundleError, match="at most"):
+        read_bundle(bundle)
+
+
+@pytest.mark.parametrize("name", ["nothing", "file"])
+def test_what_is_no_directory_is_refused(tmp_path: Path, name: str) -> None:
+    """A wrong path must give one clear line."""
+    (tmp_path / "file").write_text("")
+    with pytest.raises(BundleError, match=name):
+        read_bundle(tmp_path / name)
+
+
+def test_an_unknown_line_in_the_sums_is_refused(bundle: Path) -> None:
+    """The list of checksums is part of what is checked."""
+    with (bundle / SUMS).open("a") as file:
+        file.write(f"{'0' * 64}  other\n")
+    with pytest.raises(BundleError, match=SUMS):
+        read_bundle(bundle)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [("kp", [50.0] * 18, "the torques of 'FL_hip'"), ("seed", 7, r"contract\.json is not the file")],
+)
+def test_a_contract_changed_with_repaired_sums_is_refused(
+    bundle: Path, field: str, value: object, message: str
+) -> None:
+    """The replay sees neither gains nor seed; the recorded torques see the one, the digest within golden.npz both."""
+    data = json.loads((bundle / "contract.json").read_text())
+    data[field] = value
+    (bundle / "contract.json").write_text(json.dumps(data))
+    repair_sums(bundle)
+    with pytest.raises(BundleError, match=message):
+        read_bundle(bundle)
+
+
+def test_a_card_changed_with_repaired_sums_is_refused(bundle: Path) -> None:
+    """The card says what the policy is good for."""
+    (bundle / "card.md").write_text("# Works everywhere\n")
+    repair_sums(bundle)
+    with pytest.raises(BundleError, match=r"card\.md is not the file"):
+        read_bundle(bundle)
+
+
+def test_an_existing_directory_is_never_overwritten(bundle: Path, contract: Contract) -> None:
+    """A second export must not mix with the first, and leaves nothing half-written."""
+    model = make_network(contract)
+    with pytest.raises(BundleError, match="exists already"):
+        write_bundle(bundle, contract, model, make_golden(contract, model), "")
+    assert [entry.name for entry in bundle.parent.iterdir()] == ["toy"]
+
+
+def test_a_policy_made_twice_has_the_same_digest(bundle: Path, tmp_path: Path, contract: Contract) -> None:
+    """The digest names the contents, not the moment of writing."""
+    model = make_network(contract)
+    again = write_bundle(tmp_path / "again", contract, model, make_golden(contract, model), "# Toy\n")
+    assert read_bundle(again).digest == read_bundle(bundle).digest
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"reset": np.zeros(500, bool)}, "reset"),
+        ({"time": np.full(500, np.nan)}, "time"),
+        ({"joint_names": np.array(["a"])}, "joints"),
+        ({"command": np.zeros((500, 2))}, "command"),
+        ({"action": np.zeros((500, 18), np.int64)}, "action"),
+    ],
+)
+def test_malformed_golden_vectors_are_refused(contract: Contract, change: dict, message: str) -> None:
+    """Golden vectors that cannot be replayed prove nothing."""
+    golden = make_golden(contract, make_network(contract))
+    data = write_golden(type(golden)(**(vars(golden) | change)), {})
+    with pytest.raises(BundleError, match=message):
+        read_golden(data, contract)
+
+
+def test_too_few_golden_steps_are_refused(contract: Contract) -> None:
+    """Ten seconds are the least that shows anything."""
+    data = write_golden(make_golden(contract, make_network(contract), steps=400), {})
+    with pytest.raises(BundleError, match="at least 500"):
+        read_golden(data, contract)
+
+
+def test_pickled_golden_vectors_are_refused(tmp_path: Path, contract: Contract) -> None:
+    """A pickle runs code when it is read."""
+    np.savez(tmp_path / "golden.npz", time=np.array([{}], dtype=object))
+    with pytest.raises(BundleError, match="not a readable NPZ file of plain arrays"):
+        read_golden((tmp_path / "golden.npz").read_bytes(), contract)
+
+
+def test_a_small_archive_that_unpacks_large_is_refused(tmp_path: Path, contract: Contract) -> None:
+    """80 MB of zeros compress to 80 kB."""
+    np.savez_compressed(tmp_path / "golden.npz", time=np.zeros(10_000_000))
+    with pytest.raises(BundleError, match="would inflate to"):
+        read_golden((tmp_path / "golden.npz").read_bytes(), contract)
+
+
+def test_no_damage_of_golden_vectors_is_read(contract: Contract) -> None:
+    """Whatever byte is damaged, it is noticed, and by the one kind of error that says so."""
+    data = write_golden(make_golden(contract, make_network(contract)), {})
+    for position in np.random.default_rng(0).integers(0, len(data), 60):
+        damaged = bytearray(data)
+        damaged[position] ^= 0xFF
+        with pytest.raises(BundleError):
+            read_golden(bytes(damaged), contract)
+
+
+def test_no_damage_within_an_intact_archive_is_read(contract: Contract) -> None:
+    """The checksums of the archive do not help where somebody packed damaged arrays on purpose."""
+    golden = make_golden(contract, make_network(contract))
+    generator = np.random.default_rng(0)
+    with zipfile.ZipFile(io.BytesIO(write_golden(golden, {}))) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    for name, data in members.items():
+        for _ in range(12):
+            damaged = bytearray(data)
+            for position in generator.integers(0, min(128, len(data)), 3):
+                damaged[position] = generator.integers(0, 256)
+            buffer = io.BytesIO()
+            with zipfile.ZipFile(buffer, "w") as archive:
+                for other, content in members.items():
+                    archive.writestr(other, bytes(damaged) if other == name else content)
+            with pytest.raises(BundleError):
+                read_golden(buffer.getvalue(), contract)

@@ -1,0 +1,112 @@
+"""`joints.json`: what is written is read, what is wrong is named, joints are found by name or kind."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from stiction.core.errors import FileError
+from stiction.files.joints import SCHEMA_VERSION, Estimate, JointRecord, JointsFile, load_joints
+
+FRICTION = Estimate(0.442, 0.01, (0.42, 0.464))
+RECORD = JointRecord(
+    inertia=Estimate(0.0145, 1e-4, (0.0143, 0.0147)),
+    viscous_friction=Estimate(-0.001, 0.002, (-0.005, 0.003)),
+    coulomb_friction=FRICTION,
+    offset=Estimate(-0.05, 0.001, (-0.052, -0.048)),
+    friction_ratio=FRICTION.scaled(1 / 45),
+    combinations={"viscous_friction + kd": Estimate(0.57, 0.01, (0.55, 0.59))},
+    test_condition="bare_motor",
+    kp=20.0,
+    diagnostics={"blocks": 30},
+    warnings=("something",),
+)
+
+
+def test_what_is_written_is_read_again(tmp_path: Path) -> None:
+    """Nothing of a record may be lost on the way to training."""
+    written = JointsFile({"shank": RECORD, "FL_shank": JointRecord()})
+    written.write(tmp_path / "joints.json")
+    assert load_joints(tmp_path / "joints.json") == written
+
+
+def test_the_file_has_the_names_of_the_contract(tmp_path: Path) -> None:
+    """Other programs read these names; changing one breaks them without a word."""
+    JointsFile({"shank": RECORD}).write(tmp_path / "joints.json")
+    data = json.loads((tmp_path / "joints.json").read_text())
+    assert data["schema_version"] == SCHEMA_VERSION == 1
+    assert data["warnings"] == ["shank: something"]
+    shank = data["joints"]["shank"]
+    assert shank["coulomb_friction"] == {"value": 0.442, "std": 0.01, "interval95": [0.42, 0.464]}
+    names = {"inertia", "viscous_friction", "coulomb_friction", "offset", "static_friction", "stribeck_velocity"}
+    names |= {"gravity_sin", "gravity_cos", "motor_strength", "encoder_bias", "delay"}
+    names |= {"load_coefficient", "friction_ratio", "dead_band", "combinations", "friction_law", "axis"}
+    names |= {"test_condition", "torque_source", "kp", "kd", "torque_limit", "diagnostics", "warnings"}
+    names |= {"objections", "dynamic_ratio"}
+    assert set(shank) == names
+    assert shank["dead_band"] is None
+
+
+def test_nominal_finds_by_name_then_by_kind_and_has_no_negative_friction() -> None:
+    """`FL_shank` takes its own record if there is one, else that of `shank`; a simulator gets no negative damping."""
+    own = JointRecord(inertia=Estimate(1.0, 0.1, (0.8, 1.2)))
+    joints = JointsFile({"shank": RECORD, "FL_shank": own})
+    assert joints.nominal(["FL_shank", "FR_shank"], "inertia") == (1.0, 0.0145)
+    assert joints.nominal(["FR_shank"], "viscous_friction") == (0.0,)
+    assert joints.nominal(["FR_shank"], "offset") == (-0.05,)
+
+
+def test_nominal_names_what_is_missing() -> None:
+    """Training must not start from a guess."""
+    joints = JointsFile({"shank": JointRecord()})
+    with pytest.raises(FileError, match=r"unknown joint 'FL_hip'; known: shank"):
+        joints.nominal(["FL_hip"], "inertia")
+    with pytest.raises(FileError, match=r"inertia of joint 'FL_shank' is null"):
+        joints.nominal(["FL_shank"], "inertia")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"inertia": 3}, "shank.inertia"),
+        ({"inertia": {"value": 1, "std": 1}}, "shank.inertia"),
+        ({"inertia": {"value": 1, "std": -1, "interval95": [0, 2]}}, "std >= 0"),
+        ({"inertia": {"value": 3, "std": 1, "interval95": [0, 2]}}, "value within"),
+        ({"inertia": {"value": True, "std": 1, "interval95": [0, 2]}}, "finite numbers"),
+        ({"inertia": {"value": 1e999, "std": 1, "interval95": [0, 2]}}, "no number of JSON"),
+        ({"innertia": None}, "expected an object with some of"),
+        ({"axis": "bent"}, "rotary, linear"),
+        ({"test_condition": "wet"}, "bare_motor"),
+        ({"kp": "20"}, "shank.kp"),
+        ({"friction_law": 1}, "friction_law"),
+        ({"warnings": {}}, "shank.warnings"),
+        ({"combinations": {"a": 1}}, "combinations.a"),
+    ],
+)
+def test_a_wrong_field_is_named(tmp_path: Path, change: dict, said: str) -> None:
+    """The user learns which field of which joint is wrong."""
+    path = tmp_path / "joints.json"
+    path.write_text(json.dumps({"schema_version": 1, "joints": {"shank": change}}))
+    with pytest.raises(FileError) as caught:
+        load_joints(path)
+    assert said in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"schema_version": 2, "joints": {}}', '{"schema_version": 1}'])
+def test_other_files_are_refused(tmp_path: Path, text: str) -> None:
+    """A file of another kind or of a later schema must not be half understood."""
+    path = tmp_path / "joints.json"
+    path.write_text(text)
+    with pytest.raises(FileError):
+        load_joints(path)
+    with pytest.raises(FileError, match="cannot read"):
+        load_joints(tmp_path / "none.json")
+
+
+def test_a_proposal_for_training_is_not_taken_for_joints(tmp_path: Path) -> None:
+    """The two files lie side by side and are easily mixed up."""
+    (tmp_path / "training.json").write_text('{"schema_version": 1, "friction": null, "joints": {}}')
+    with pytest.raises(FileError, match=r"expected the joints.json that lies beside it"):
+        load_joints(tmp_path / "training.json")

@@ -1,0 +1,60 @@
+"""JSON objects: of a bounded size, and refused in one line that names file and field."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from stiction.core.errors import BundleError, FileError
+from stiction.files.plain import is_number, object_text, read_object, take_version, write_object
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"{", "not JSON"),
+        (b"\xff", "not JSON"),
+        (b"[" * 100_000, "not JSON"),
+        (b'{"a": ' + b"9" * 5000 + b"}", "not JSON"),
+        (b'{"a": NaN}', "NaN is no number of JSON"),
+        (b'{"a": 1, "b": {"c": 1, "c": 1}}', "the key 'c' stands twice"),
+        (b"[]", "holds a list"),
+        (b" " * 101, "over 100 bytes"),
+    ],
+)
+def test_what_is_no_object_is_refused_in_one_line(tmp_path: Path, content: bytes, said: str) -> None:
+    """A file that is damaged, too large or another one must not end in a traceback, or fill the memory."""
+    path = tmp_path / "x.json"
+    path.write_bytes(content)
+    most = 100 if content == b" " * 101 else 2**20
+    with pytest.raises(BundleError, match=said) as caught:
+        read_object(path, "the thing", BundleError, most)
+    assert str(caught.value).startswith("x.json: ") and str(caught.value).endswith("; expected the thing")
+    for missing in (tmp_path / "none.json", tmp_path):
+        with pytest.raises(FileError, match=r"cannot read .*; expected the thing"):
+            read_object(missing, "the thing")
+
+
+def test_what_is_written_is_read(tmp_path: Path) -> None:
+    """Letters of every language stay readable; a number that JSON does not have is refused."""
+    write_object(tmp_path / "x.json", {"schema_version": 1, "text": "μ"})
+    assert "μ" in (tmp_path / "x.json").read_text(encoding="utf-8")
+    assert take_version(read_object(tmp_path / "x.json", "it"), 1, "x.json") == {"text": "μ"}
+    with pytest.raises(FileError, match=r"x\.json: schema version 1; this program reads version 2"):
+        take_version(read_object(tmp_path / "x.json", "it"), 2, "x.json")
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        object_text({"x": float("nan")})
+
+
+def test_what_counts_as_a_number() -> None:
+    """JSON allows 1e999 and integers of any length; a bool is none."""
+    assert is_number(0) and is_number(-1.5) and not is_number(10**400, 1e9)
+    assert not any(map(is_number, (True, "1", None, float("inf"), float("nan"))))
+
+
+def test_what_has_no_version_is_called_no_file_of_ours() -> None:
+    """If this failed, any JSON would be taken for one of an older version."""
+    said = r"^x\.json has no schema_version, so that it is no joints.json; this program reads version 2$"
+    with pytest.raises(FileError, match=said):
+        take_version({}, 2, "x.json", what="joints.json")

@@ -1,0 +1,45 @@
+"""`training.json`: written, read, and refused where it is something else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from stiction.core.errors import StictionError
+from stiction.files.joints import read_training, write_training
+
+
+def test_what_was_written_is_read(tmp_path: Path) -> None:
+    """The version is added, nothing is lost."""
+    write_training(tmp_path / "training.json", {"friction": {"method": "direct", "level": 0.1}, "text": "μ"})
+    assert read_training(tmp_path / "training.json") == {
+        "schema_version": 1,
+        "friction": {"method": "direct", "level": 0.1},
+        "text": "μ",
+    }
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"{", "not JSON"),
+        (b"[]", "holds a list"),
+        (b'{"schema_version": 1, "joints": {}}', "'friction'"),
+        (b'{"schema_version": 2, "friction": {}}', "version 2"),
+        (b'{"schema_version": 1, "friction": null, "text": "no\\nratio"}', "no ratio"),
+    ],
+)
+def test_anything_else_is_refused_with_one_line(tmp_path: Path, content: bytes, said: str) -> None:
+    """A joints.json given by mistake, a broken file, a proposal of nothing."""
+    (tmp_path / "training.json").write_bytes(content)
+    with pytest.raises(StictionError, match=said) as caught:
+        read_training(tmp_path / "training.json")
+    assert "\n" not in str(caught.value)
+
+
+def test_joints_are_not_taken_for_a_proposal(tmp_path: Path) -> None:
+    """The two files lie side by side and are easily mixed up."""
+    (tmp_path / "joints.json").write_text('{"schema_version": 1, "joints": {}, "warnings": []}')
+    with pytest.raises(StictionError, match=r"expected the training.json that lies beside them"):
+        read_training(tmp_path / "joints.json")

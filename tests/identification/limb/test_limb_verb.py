@@ -1,0 +1,99 @@
+"""`stiction identify LOG --robot FILE`: four files, the numbers in them, and one line where something is wrong."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from limb_logs import ARM6, Truth, limb_logs
+
+from stiction.cli.identify import RESULTS
+from stiction.cli.main import main
+from stiction.files.joints import ARMATURE, load_joints
+from stiction.files.log import write_log
+
+pytestmark = pytest.mark.usefixtures("undrawn")
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Truth]:
+    """Return a log of the arm of six joints, and what it was made of."""
+    path = tmp_path_factory.mktemp("arm") / "arm.npz"
+    ((log, truth),) = limb_logs(ARM6, [3], seconds=10.0)
+    write_log(path, log)
+    return path, truth
+
+
+def test_a_log_and_a_robot_give_friction_of_every_joint(
+    arm: tuple[Path, Truth], tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """All six within a quarter, the error that was admitted said with the answer, and a page."""
+    log, truth = arm
+    assert main(["identify", str(log), "--robot", ARM6.robot, "--out", str(tmp_path)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "wrist_3" in said and "off by 10%" in said and "--model-error" in said
+    assert {path.name for path in tmp_path.iterdir()} == set(RESULTS)
+    joints = load_joints(tmp_path / "joints.json").joints
+    for record, friction, rotor in zip(joints.values(), truth.coulomb_friction, truth.armature, strict=True):
+        assert record.coulomb_friction is not None
+        assert record.coulomb_friction.value == pytest.approx(friction, rel=0.25)
+        assert record.combinations[ARMATURE].value == pytest.approx(rotor, rel=0.25)
+
+
+def test_json_is_all_that_is_printed(arm: tuple[Path, Truth], tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """What programs read, with the declared error in it."""
+    command = [
+        "identify",
+        str(arm[0]),
+        "--robot",
+        ARM6.robot,
+        "--model-error",
+        "0.05",
+        "--out",
+        str(tmp_path),
+        "--json",
+    ]
+    assert main(command) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["joints"]["pan"]["diagnostics"]["model_error"] == 0.05
+
+
+def test_alone_the_joints_are_wrong_and_a_word_is_said(
+    arm: tuple[Path, Truth], tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """The elbow without the model takes its neighbours' torques for its own; --robot is named as the way out."""
+    log, truth = arm
+    main(["identify", str(log), "--joint", "elbow", "wrist_3", "--out", str(tmp_path)])
+    assert "--robot FILE" in capsys.readouterr().err
+    alone = load_joints(tmp_path / "joints.json").joints["elbow"].coulomb_friction
+    assert alone is not None and abs(alone.value / truth.coulomb_friction[2] - 1) > 0.25
+
+
+@pytest.mark.parametrize(
+    ("flags", "said"),
+    [
+        (["--robot", "none.xml"], "there is no such"),
+        (["--robot", "go3"], "unknown robot 'go3'"),
+        (["--robot", "go2"], "unknown joint 'pan'"),
+        (["--robot", ARM6.robot, "--joint", "pan"], "--joint with --robot"),
+        (["--robot", ARM6.robot, "--model-error", "-1"], "model error -1.0"),
+        (["--robot", ARM6.robot, "--up", "0", "0", "0"], "direction up"),
+        (["--robot", ARM6.robot, "--joint-map", "pan=lift"], "two joints of the log"),
+    ],
+)
+def test_what_a_user_can_mend_is_one_line(
+    arm: tuple[Path, Truth], tmp_path: Path, capsys: pytest.CaptureFixture, flags: list[str], said: str
+) -> None:
+    """Status 1, one line on standard error, nothing written."""
+    assert main(["identify", str(arm[0]), *flags, "--out", str(tmp_path / "out")]) == 1
+    captured = capsys.readouterr()
+    assert said in captured.err and captured.err.count("\n") == 1 and not captured.out
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_simulated_truth_is_not_the_regressions_own(arm: tuple[Path, Truth]) -> None:
+    """The logs come from MuJoCo with friction of six different sizes, none of them zero."""
+    friction = arm[1].coulomb_friction / arm[1].torque_limit
+    assert np.all(friction > 0.004) and len(np.unique(friction.round(6))) == 6

@@ -1,0 +1,106 @@
+"""What a table's rows mean: the unit of the stamps, the part that is used, empty cells, several files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stiction.core.errors import LogError
+from stiction.files.log import JointSignals, Log
+from stiction.identification.logs import join_logs, open_log
+from stiction.identification.logs.cells import check_stamps, complete_rows, cut, seconds
+
+STEPS = np.arange(50.0)
+
+
+@pytest.mark.parametrize(
+    ("stamps", "name", "step", "said"),
+    [
+        (0.002 * STEPS, "time", 0.002, ""),
+        (0.08 * STEPS, "time", 0.08, ""),  # 12 Hz in seconds, never 12 kHz in milliseconds
+        (2 * STEPS, "time", 0.002, "taken to be in ms"),
+        (2000 * STEPS, "time", 0.002, "taken to be in µs"),
+        (5e6 * STEPS, "time", 0.005, "taken to be in ns"),
+        (1.7e12 + STEPS, "time", 0.001, "taken to be in ms"),
+        (1.7e15 + 20 * STEPS, "t", 2e-5, "taken to be in µs"),
+        (0.5 * STEPS, "time_ms", 0.0005, "as its column 'time_ms' says"),
+        (5e6 * STEPS, "timestamp [ns]", 0.005, "as its column"),
+        (0.5 * STEPS, "time", 0.5, ""),  # 2 Hz, or 2 kHz in milliseconds: nobody can tell
+        (STEPS, "time", 1.0, ""),  # a counter of samples, perhaps
+        (1e9 * STEPS, "time", 1e9, ""),
+    ],
+)
+def test_the_unit_of_stamps_is_found_or_left(stamps: np.ndarray, name: str, step: float, said: str) -> None:
+    """A wrong guess would make a wrong inertia, so what could be two things is left for the refusal that asks."""
+    time, _, notes = seconds(stamps, name, None)
+    assert time[1] - time[0] == pytest.approx(step)
+    assert (said in notes[0]) if said else not notes
+
+
+def test_a_scale_that_is_given_is_taken() -> None:
+    """Whatever the stamps look like; large ones keep their digits."""
+    time, start, notes = seconds(1.7e18 + 1e6 * STEPS, "time", 1e-9)
+    np.testing.assert_allclose(time, 1e-3 * STEPS, atol=3e-7)
+    assert start == pytest.approx(1.7e9) and notes == ()
+    for wrong in (0.0, -1.0, float("nan"), 1e9):
+        with pytest.raises(LogError, match="expected seconds per unit"):
+            check_stamps("x", None, wrong, None, None)
+
+
+def log(time: np.ndarray, source: str = "x", **signals: np.ndarray) -> Log:
+    """Return a log of one joint."""
+    return Log(source, time, {"a": JointSignals(**signals)})
+
+
+def test_a_part_of_a_log() -> None:
+    """From the first stamp, both ends included."""
+    found = cut(log(10 + 0.5 * STEPS, position=STEPS), 1.0, 2.0)
+    np.testing.assert_array_equal(found.joints["a"].position, [2, 3, 4])
+    assert found.notes == ("3 of 50 samples are used, from 1 to 2 s",)
+    with pytest.raises(LogError, match=r"nothing between 30 and inf s; the log goes from 0 to 24\.5 s"):
+        cut(log(0.5 * STEPS, position=STEPS), 30.0, None)
+
+
+def test_empty_cells() -> None:
+    """A target is held from its row, a torque interpolated between its rows, a row without position left out."""
+    gap = np.nan
+    found = complete_rows(
+        log(
+            np.arange(6.0),
+            position=np.array([gap, 1.0, 2.0, gap, 4.0, 5.0]),
+            target=np.array([7.0, gap, gap, 8.0, gap, gap]),
+            torque=np.array([0.0, gap, 20.0, 30.0, gap, gap]),
+        )
+    )
+    signals = found.joints["a"]
+    np.testing.assert_array_equal(found.time, [1, 2])
+    np.testing.assert_array_equal(signals.target, [7, 7])
+    np.testing.assert_array_equal(signals.torque, [10, 20])
+    assert found.notes[0].startswith("4 of 6 rows have empty cells") and "target stands in other" in found.notes[0]
+    with pytest.raises(LogError, match="0 of 2 rows have a time and the position of every joint"):
+        complete_rows(log(np.arange(2.0), position=np.full(2, gap)))
+
+
+def test_parts_of_one_log_go_on_where_the_last_ended() -> None:
+    """By the clock of the files, which each reader may have counted from its own first stamp."""
+    first = Log("0", np.arange(3.0), {"a": JointSignals(position=np.arange(3.0))}, start=100.0)
+    second = Log("1", np.arange(3.0), {"a": JointSignals(position=np.arange(3.0, 6.0))}, start=103.0)
+    whole = join_logs([first, second])
+    np.testing.assert_array_equal(whole.time, np.arange(6.0))
+    np.testing.assert_array_equal(whole.joints["a"].position, np.arange(6.0))
+    with pytest.raises(LogError, match="several runs, not parts of one log"):
+        join_logs([second, first])
+    with pytest.raises(LogError, match="other joints"):
+        join_logs([first, Log("1", np.arange(3.0), {"b": JointSignals(position=np.zeros(3))}, start=103.0)])
+    with pytest.raises(LogError, match="torque of joint 'a' is in some"):
+        both = JointSignals(position=np.zeros(3), torque=np.zeros(3))
+        join_logs([first, Log("1", np.arange(3.0), {"a": both}, start=103.0)])
+
+
+def test_a_folder_is_told_its_file(tmp_path: Path) -> None:
+    """A bag of ROS 2 is a folder, and its messages are in a file."""
+    (tmp_path / "run_0.mcap").write_bytes(b"")
+    with pytest.raises(LogError, match=r"name the file in it, .*run_0.mcap"):
+        open_log(tmp_path)

@@ -1,0 +1,103 @@
+"""Which column is which signal of which joint."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import logfiles
+from stiction.core.errors import LogError
+from stiction.files.tables import Table
+from stiction.identification.logs.naming import find_signals, parse_columns
+
+
+def table(*names: str) -> Table:
+    """Return columns whose values are their place."""
+    return Table({name: np.full(3, float(place)) for place, name in enumerate(names)})
+
+
+def test_a_mapping_is_parsed() -> None:
+    """`torque=vir` says that the column vir is the torque; a name may hold an equals sign."""
+    assert parse_columns(["time=t", "torque=a=b"]) == {"time": "t", "torque": "a=b"}
+    assert parse_columns(["state=/s", "command=/c"]) == {"state": "/s", "command": "/c"}
+    assert parse_columns(["disturbance=d"]) == {"disturbance": "d"}
+
+
+@pytest.mark.parametrize("words", [["position"], ["position="], ["angle=q"], ["time=t", "time=u"]])
+def test_a_bad_mapping_is_refused(words: list[str]) -> None:
+    """The message repeats the word and lists the roles."""
+    with pytest.raises(LogError, match=r"(expected ROLE=NAME|unknown role 'angle').*velocity"):
+        parse_columns(words)
+
+
+def test_one_joint_by_a_mapping() -> None:
+    """Names of other programs; the time may keep its usual name."""
+    found = find_signals("x", table("t", "qm", "vir"), {"position": "qm", "torque": "vir"}, "knee")
+    time, joints = found.time, found.joints
+    assert time is not None and time[0] == 0
+    assert joints["knee"].position[0] == 1 and joints["knee"].torque[0] == 2  # type: ignore[index]
+    with pytest.raises(LogError, match=r"no column 'q'; the columns are t, qm, vir"):
+        find_signals("x", table("t", "qm", "vir"), {"position": "q"}, None)
+    with pytest.raises(LogError, match="unknown role 'angle'"):
+        find_signals("x", table("t"), {"angle": "t"}, None)
+    with pytest.raises(LogError, match="names no signal"):
+        find_signals("x", table("t"), {"time": "t"}, None)
+
+
+def test_the_columns_of_actuator_network_scripts() -> None:
+    """The motor's report is the torque, not what the controller asked for; joints come in the order of numbers."""
+    names = [f"{word}_{i}" for word in ("tau_cal", "tau_est", "joint_pos", "joint_pos_target") for i in range(12)]
+    found = find_signals("x", table(*names), None, None)
+    time, joints = found.time, found.joints
+    assert time is None and list(joints) == [f"joint_{i}" for i in range(12)]
+    last = joints["joint_11"]
+    assert [s[0] for s in (last.torque, last.position, last.target)] == [23, 35, 47]  # type: ignore[index]
+    assert last.velocity is None
+
+
+def test_patterns_for_numbers_and_for_names() -> None:
+    """`q_{joint}` finds q_0 and q_1 and not q_des_0, which another pattern names; names work as well as numbers."""
+    columns = {"position": "q_{joint}", "target": "q_des_{joint}"}
+    found = find_signals("x", table("t", "q_1", "q_0", "q_des_0", "q_des_1"), columns, None)
+    joints = found.joints
+    assert list(joints) == ["joint_0", "joint_1"]
+    assert joints["joint_0"].position[0] == 2 and joints["joint_0"].target[0] == 3  # type: ignore[index]
+    found = find_signals("x", table("t", "q_FL", "q_des_FL", "q_FR", "q_des_FR"), columns, None)
+    joints = found.joints
+    assert list(joints) == ["FL", "FR"] and joints["FR"].target[0] == 4  # type: ignore[index]
+    found = find_signals("x", table("t", "FL.angle"), {"position": "{joint}.angle"}, None)
+    joints = found.joints
+    assert list(joints) == ["FL"]
+
+
+@pytest.mark.parametrize(
+    ("columns", "said"),
+    [
+        ({"position": "p_{joint}"}, r"no column fits position=p_\{joint\}; the columns are t, q_0"),
+        ({"position": "q_{joint}", "torque": "tau"}, "torque=tau names one column, the others patterns"),
+        ({"position": "q_{joint}{joint}"}, "more than once"),
+    ],
+)
+def test_a_bad_pattern_is_refused(columns: dict[str, str], said: str) -> None:
+    """What came, and what there is."""
+    with pytest.raises(LogError, match=said):
+        find_signals("x", table("t", "q_0", "tau"), columns, None)
+
+
+def test_canonical_names_go_before_wide_ones() -> None:
+    """A file with both was named on purpose."""
+    found = find_signals("x", Table(table("time", "position.knee").columns | logfiles.wide_table()), None, None)
+    joints = found.joints
+    assert list(joints) == ["knee"]
+
+
+def test_nothing_recognised_is_refused_with_a_way_out() -> None:
+    """The message shows the nearest mapping that could be meant, or both kinds."""
+    for names, said in (
+        (("time", "spin"), r"position=NAME, or position=NAME_\{joint\}"),
+        (("time", "angle", "tau"), "perhaps --columns position=angle torque=tau"),
+        (("stamp", "q1", "q2", "effort1"), r"--columns time=stamp position=q\{joint\} torque=effort\{joint\}"),
+        (("0", "1", "2"), r"--columns time=0 position=1 torque=2, or position=1,2,3"),
+    ):
+        with pytest.raises(LogError, match=said):
+            find_signals("x", table(*names), None, None)

@@ -1,0 +1,102 @@
+"""Logs cost what they weigh: files made to cost more are refused in one line, in little memory and little time."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import log_attacks
+from stiction.cli.main import main
+
+TESTS = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def said(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict]:
+    """Return what one process with bounded memory and processor time said of every attack."""
+    folder = tmp_path_factory.mktemp("log_attacks")
+    paths = {}
+    for name, attack in log_attacks.ATTACKS.items():
+        (folder / name).mkdir()
+        paths[name] = str(attack(folder / name))
+    (folder / "attacks.json").write_text(json.dumps(paths))
+    done = subprocess.run(
+        [sys.executable, str(TESTS / "log_attacks.py"), str(folder)],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, f"{done.returncode} {done.stderr[-800:]}"
+    return json.loads(done.stdout)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("sidecar_of_names", "names has 80001 entries; expected at most 256"),
+        ("sidecar_of_joints", "joints has 40001 entries; expected at most 256"),
+        ("mcap_of_zeros", "bytes"),
+        ("mcap_of_one_message", "expected at most 65536"),
+        ("mcap_of_small_messages", "is damaged"),
+        ("npz_of_bytes", "its arrays would take 1006632960 bytes"),
+        ("tensors_of_one_storage", "its tensors would take"),
+        ("csv_with_a_bad_end", "line 30002: 'x' in column 'position' is not a number"),
+        ("csv_of_one_line", "a line of over"),
+        ("csv_of_commas", "a line of over 4096 columns"),
+        ("gzip_of_lines", "no log shrinks that far"),
+        ("json_of_objects", "as JSON it would take"),
+        ("json_of_depth", "not JSON"),
+        ("parquet_of_one_number", "rows would take 805306368 bytes"),
+        ("parquet_of_lists", "rows would take 268435"),
+        ("database_of_views", "without the table messages"),
+        ("database_of_a_column", "rosbag2"),
+        ("database_of_one_cell", "expected at most 65536"),
+    ],
+)
+def test_an_attack_is_refused_in_one_line(said: dict[str, dict], name: str, expected: str) -> None:
+    """Before what it asks for is allocated: the reason is the reader's own, not that memory was short."""
+    found = said[name]
+    assert expected in found["said"] and "\n" not in found["said"] and "not enough memory" not in found["said"]
+    assert found["grown"] < log_attacks.MEMORY / 2 + 2 * found["size"], found
+
+
+def test_every_attack_is_tested(said: dict[str, dict]) -> None:
+    """One that is only written is no test."""
+    listed = next(iter(test_an_attack_is_refused_in_one_line.pytestmark)).args[1]
+    assert {name for name, _ in listed} == said.keys()
+
+
+def stiction(*arguments: str, limit: int | None = None) -> subprocess.CompletedProcess:
+    """Run the program, with a limit to its address space [B] if there is one."""
+    code = "import sys\nfrom stiction.cli.main import entry\nimport stiction.identification.pipeline, tyro\n"
+    if limit is not None:
+        code += f"import resource; resource.setrlimit(resource.RLIMIT_AS, ({limit}, {limit}))\n"
+    return subprocess.run(
+        [sys.executable, "-c", code + "entry()", *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=dict(os.environ) | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+    )
+
+
+def test_want_of_memory_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """A log that is what it says, in a process that has too little for it; and a limit that the log is over."""
+    rows = np.random.default_rng(0).standard_normal((100_000, 40))
+    columns = {"time": np.arange(100_000) * 1e-3, "position": rows[:, 0]} | {f"c{i}": rows[:, i] for i in range(40)}
+    np.savez(tmp_path / "log.npz", **columns)
+    done = stiction("identify", str(tmp_path / "log.npz"), "--memory-limit", "0.125")
+    assert done.returncode == 1 and done.stderr.count("\n") == 1, done.stderr
+    assert "at most 33554432 are read" in done.stderr and "--memory-limit" in done.stderr
+    done = stiction("identify", str(tmp_path / "log.npz"), limit=2**30 + 2**27)
+    assert done.returncode == 1 and "Traceback" not in done.stderr, done.stderr
+    for wrong in ("0", "nan", "1e9"):
+        assert main(["identify", str(tmp_path / "log.npz"), "--memory-limit", wrong]) == 1
+        assert "memory limit" in capsys.readouterr().err

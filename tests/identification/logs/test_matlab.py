@@ -1,0 +1,75 @@
+"""MATLAB 5 files, compressed and not, and how damaged ones are refused."""
+
+from __future__ import annotations
+
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+import logfiles
+from stiction.core.errors import LogError
+from stiction.identification.logs import open_log
+from stiction.identification.logs.matlab import read_mat
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_vectors_either_way_scalars_left_out(tmp_path: Path, compressed: bool) -> None:
+    """Row or column vectors; what is shorter, or no number, is no signal."""
+    content = {"t": np.arange(5.0), "q": np.arange(5.0)[:, None], "kp": 3.0, "other": np.ones(3), "text": "abcde"}
+    savemat(tmp_path / "x.mat", content | {"cell": np.array([1, "a"], dtype=object)}, do_compression=compressed)
+    log = open_log(tmp_path / "x.mat", {"time": "t", "position": "q"}, "knee")
+    np.testing.assert_array_equal(log.joint("knee")[1].position, np.arange(5.0))
+    with pytest.raises(LogError, match=r"no column 'kp'; the columns are t, q"):
+        open_log(tmp_path / "x.mat", {"time": "t", "position": "kp"})
+
+
+@pytest.mark.parametrize("dtype", ["f8", "f4", "i8", "i4", "i2", "i1", "u1"])
+def test_matrices_are_joints_whatever_their_numbers(tmp_path: Path, dtype: str) -> None:
+    """Samples by joints or joints by samples: the longer side is time."""
+    values = np.arange(24).reshape(12, 2).astype(dtype)
+    savemat(tmp_path / "x.mat", {"t": np.arange(12.0), "q": values, "p": values.T})
+    columns = read_mat(tmp_path / "x.mat").columns
+    assert sorted(columns) == ["p_0", "p_1", "q_0", "q_1", "t"]
+    np.testing.assert_array_equal(columns["q_1"], np.arange(1, 24, 2))
+    np.testing.assert_array_equal(columns["p_1"], columns["q_1"])
+
+
+def test_known_names_need_no_mapping(tmp_path: Path) -> None:
+    """The names of the public scripts are known in every kind of file."""
+    assert list(open_log(logfiles.matlab(tmp_path)).joints) == ["joint_0", "joint_1"]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda data: b"hello", "not a MATLAB 5.0 file"),
+        (lambda data: data[:126] + b"XX" + data[128:], "no byte order"),
+        (lambda data: data[:-3], "cut off: an element of"),
+        (lambda data: data + data[128:], "comes twice"),
+        (lambda data: data[:128], "no arrays of samples"),
+        (lambda data: data + b"\x0f\0\0\0\xff\0\0\0garbage", "cut off"),
+        (lambda data: data.replace(np.arange(50.0).tobytes(), bytes(400)[:-8], 1), "cut off|numbers of"),
+        (lambda data: data.replace(b"\x32\0\0\0", b"\x31\0\0\0", 1), "numbers of float64 in 400 bytes"),
+    ],
+)
+def test_damage_is_refused(tmp_path: Path, change: object, said: str) -> None:
+    """Sizes, dimensions and the number of bytes must agree."""
+    savemat(tmp_path / "x.mat", {"t": np.arange(50.0) + 0.5, "q": np.arange(50.0)}, do_compression=False)
+    path = tmp_path / "x.mat"
+    path.write_bytes(change(path.read_bytes()))  # type: ignore[operator]
+    with pytest.raises(LogError, match=said):
+        read_mat(path)
+
+
+def test_a_variable_that_inflates_too_far_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No more is inflated than a log may have."""
+    monkeypatch.setattr("stiction.core.memory.SHARES", 2**15)
+    data = zlib.compress(bytes(2**17))
+    (tmp_path / "x.mat").write_bytes(
+        b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\x01IM" + b"\x0f\0\0\0" + len(data).to_bytes(4, "little") + data
+    )
+    with pytest.raises(LogError, match="inflates to more than 65536 bytes"):
+        read_mat(tmp_path / "x.mat")

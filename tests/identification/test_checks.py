@@ -1,0 +1,147 @@
+"""Logs that must be refused, each with one line that says why."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stiction.core.errors import LogError
+from stiction.files.log import JointSignals, Log
+from stiction.identification.checks import check_excitation, check_log, unit_doubts
+
+TIME = np.arange(400) * 0.002
+WAVE = np.sin(20 * TIME)
+SIGNALS = JointSignals(position=WAVE, torque=2 * WAVE, target=WAVE)
+
+
+def check(time: np.ndarray = TIME, signals: JointSignals = SIGNALS, scale: float = 1.0):
+    """Check a log of one joint named knee."""
+    return check_log(Log("x.csv", time, {"knee": signals}), "knee", signals, scale)
+
+
+def changed(values: np.ndarray, place: int, value: float) -> np.ndarray:
+    """Return a copy with one entry replaced."""
+    copy = values.copy()
+    copy[place] = value
+    return copy
+
+
+@pytest.mark.parametrize(
+    ("time", "signals", "said"),
+    [
+        (TIME, replace(SIGNALS, torque=None, target=None), "joint 'knee' has no torque and no target"),
+        (TIME, replace(SIGNALS, torque=None, target=0 * WAVE), r"target of joint 'knee' is \(nearly\) constant at 0"),
+        (TIME, replace(SIGNALS, position=None), "joint 'knee' has no position"),
+        (TIME, replace(SIGNALS, torque=changed(WAVE, 7, np.nan)), "torque of joint 'knee' has 1 values .* sample 8;"),
+        (TIME, replace(SIGNALS, target=changed(WAVE, 0, np.inf)), "target of joint 'knee' .* sample 1;"),
+        (changed(TIME, 3, np.nan), SIGNALS, "time of joint 'knee' .* sample 4;"),
+        (TIME[:100], JointSignals(WAVE[:100], None, None, WAVE[:100]), "100 samples; at least 200"),
+        (TIME[::-1], SIGNALS, "time runs backwards at sample 2[12]"),
+        (1000 * TIME, SIGNALS, "one sample every 2 s.*in seconds"),
+        (TIME, replace(SIGNALS, position=np.full(400, 0.3)), "position .* constant at 0.3; the joint must move"),
+        (TIME, replace(SIGNALS, torque=changed(WAVE, 8, 1e12)), "torque .* beyond 1e.09, the first in sample 9"),
+        (TIME, replace(SIGNALS, torque=changed(WAVE, 8, 90.0)), "torque of joint 'knee' jumps .* to 90 at sample 9"),
+        (
+            TIME,
+            replace(SIGNALS, position=np.where(TIME > 0.4, WAVE + 6.28, WAVE)),
+            "position .* jumps .* at sample 202",
+        ),
+        (TIME, replace(SIGNALS, position=1e-200 * WAVE), "position of joint 'knee' is .nearly. constant"),
+        (TIME, replace(SIGNALS, torque=np.zeros(400)), "constant at 0; the driver seems not to report it: .* --kp and"),
+    ],
+)
+def test_bad_logs_are_refused(time: np.ndarray, signals: JointSignals, said: str) -> None:
+    """Everything that would make the fit meaningless is named before the fit."""
+    with pytest.raises(LogError, match=said):
+        check(time, signals)
+
+
+def test_jittered_signals_are_put_on_an_even_grid() -> None:
+    """Stamps that are 20 % of a step off are used as they are: the sine must come out at even times."""
+    uneven = TIME + 0.2 * 0.002 * np.random.default_rng(0).uniform(-0.5, 0.5, 400)
+    even = check(uneven, replace(SIGNALS, position=np.sin(20 * uneven)))
+    np.testing.assert_allclose(even.position, np.sin(20 * (even.time + uneven[0])), atol=2e-7)
+    assert even.step == pytest.approx(0.002, rel=1e-3) and even.valid.all()
+    assert even.timing and even.timing.jitter == pytest.approx(0.2 * np.sqrt(2 / 12), rel=0.1)
+
+
+def test_a_log_without_torque_is_taken_if_the_target_is_there() -> None:
+    """Position controllers log no torque; the PD law gives it."""
+    even = check(signals=replace(SIGNALS, torque=None))
+    assert even.torque is None and even.target is not None
+
+
+def test_torque_may_jump_and_stay() -> None:
+    """A step of the target is a step of the torque: only there and back at once is damage."""
+    torque = np.where(TIME > 0.4, 2 * WAVE + 90.0, 2 * WAVE)
+    np.testing.assert_array_equal(check(signals=replace(SIGNALS, torque=torque)).torque, torque)
+
+
+def test_a_spike_is_no_motion_and_a_short_burst_is_no_spike() -> None:
+    """Three damaged samples once cost all others, and the advice was to move further; a joint may rest and then run."""
+    time = np.arange(10000) * 0.002
+    wave, spike = np.sin(5 * time), np.zeros(10000)
+    spike[2000:2003] = 0.4
+    signals = replace(SIGNALS, position=wave + spike, torque=wave, target=wave)
+    with pytest.raises(LogError, match=r"position of joint 'knee' jumps from .* at sample 2001, over 20 times"):
+        check(time, signals)
+    # At most 60 times the usual step, and at most 6 more from step to step.
+    burst = 1e-4 * wave + np.cumsum(1e-4 * 0.6 * np.interp(time, (9.98, 10.0, 10.02), (0.0, 1.0, 0.0)))
+    assert np.ptp(check(time, replace(signals, position=burst)).position) > 1e-4
+
+
+def test_a_known_disturbance_comes_along_and_stays_stairs() -> None:
+    """Force pulses are held, not rounded off by a spline."""
+    pulses = np.where((TIME > 0.2) & (TIME < 0.3), 5.0, 0.0)
+    uneven = TIME + 0.1 * 0.002 * np.random.default_rng(0).uniform(-0.5, 0.5, 400)
+    even = check(uneven, replace(SIGNALS, disturbance=pulses))
+    assert even.disturbance is not None and set(np.unique(even.disturbance)) == {0.0, 5.0}
+
+
+def test_what_lies_in_a_gap_is_marked() -> None:
+    """Half a second of nothing must not enter a fit."""
+    even = check(np.where(TIME > 0.4, TIME + 0.05, TIME))
+    lost = (even.time > 0.4) & (even.time < 0.45)
+    assert not even.valid[lost].any() and even.valid[even.time < 0.39].all() and even.valid[even.time > 0.46].all()
+    assert even.timing and even.timing.dropped == 25
+
+
+def test_degrees_and_strange_torques_are_noticed() -> None:
+    """A slip of units is said, for a joint could do it; metres have no such limits."""
+    assert unit_doubts(check()) == ()
+    degrees = check(signals=JointSignals(position=57.3 * WAVE, target=WAVE, torque=5000 * WAVE))
+    said, remedies = zip(*unit_doubts(degrees), strict=True)
+    assert len(said) == 3
+    assert "in degrees, or at the motor" in said[0] and "is the position in degrees" in said[1] and "N mm" in said[2]
+    assert "--position-scale 0.0174533" in remedies[0] and "--torque-scale" in remedies[2]
+    assert "convert the position to rad in the log, for --position-scale is of both" in remedies[1]
+    assert "is the target in degrees" in unit_doubts(check(signals=replace(SIGNALS, target=57.3 * WAVE)))[0][0]
+    assert unit_doubts(degrees, "linear") == ()
+
+
+def test_stamps_may_count_from_1970() -> None:
+    """Loggers write Unix time: the seconds are used, not their distance from 1970; other units are named as such."""
+    even = check(TIME + 1.7e9)
+    assert even.time[0] == 0 and even.step == pytest.approx(0.002, rel=1e-4)
+    with pytest.raises(LogError, match="in seconds"):
+        check(1e9 * (TIME + 1.7e9))
+
+
+def test_torque_is_scaled_to_newton_metres() -> None:
+    """Volts times a torque constant."""
+    np.testing.assert_allclose(check(scale=-3.0).torque, -6 * WAVE)
+
+
+def test_motion_in_one_direction_is_refused() -> None:
+    """Without turning round, friction and offset are one number."""
+    with pytest.raises(LogError, match="turns round 0 times"):
+        check_excitation("x.csv", 2 + np.sin(3 * np.arange(2000) * 0.002), 0.002)
+
+
+def test_slow_sampling_is_refused() -> None:
+    """At 8 samples a period derivatives are guesses."""
+    time = np.arange(1000) / 80
+    with pytest.raises(LogError, match=r"sampled at 80 Hz, but the motion reaches 10"):
+        check_excitation("x.csv", np.cos(2 * np.pi * 10 * time), 1 / 80)

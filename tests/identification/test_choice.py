@@ -1,0 +1,155 @@
+"""Which friction law is chosen, on logs whose law is known, and whether the words say why."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from equation import autoregressive, equation_rows
+from shanks import ASYMMETRIC, GO1, LOADED_LEG, STRIBECK
+from stiction.identification.choice import Candidate, Choice, choose_law
+from stiction.identification.example import LEG, SATURN_LITE, Excitation, Motor, example_log
+from stiction.identification.model import Law, Model
+from stiction.identification.prepare import Rows
+from stiction.identification.regression import fit_rows
+from stiction.identification.runs import make_run
+from stiction.identification.setup import IdentifySetup
+from stiction.joints.friction import PositionDependent
+from stiction.joints.pd import PDGains
+from stiction.joints.simulate import Joint
+
+SLOW = Excitation((0.5, 0.2, 0.1), (0.1, 0.7, 2.0), 40.0)
+"""Slow enough for the fall of the friction above rest to show through the filter that the encoder's noise asks for."""
+
+KNEE = Motor("knee", Joint(0.0145, 0.0704, PositionDependent(0.35, 0.25, 0.3), -0.05), PDGains(20.0, 0.5, 45.0))
+"""Saturn Lite's shank with friction that grows by half over the range."""
+
+PLAIN = {"inertia": 0.02, "viscous_friction": 0.07, "coulomb_friction": 0.4, "offset": -0.05}
+
+
+def chosen(motor: Motor, excitation: Excitation | None = None, seed: int = 0) -> Choice:
+    """Choose the law of a simulated log, with the noise of a real one."""
+    run = make_run(example_log(motor, excitation, seed=seed), None, IdentifySetup())
+    return choose_law(run.rows, fit_rows(run.rows, run.model))
+
+
+def chosen_of(rows: Rows, gravity: bool = False) -> dict[str, Candidate]:
+    """Choose the law of made rows; return all candidates by name."""
+    choice = choose_law(rows, fit_rows(rows, Model("coulomb", gravity)))
+    return {candidate.law: candidate for candidate in choice.candidates}
+
+
+def white(seed: int = 0, size: float = 0.05) -> np.ndarray:
+    """Return white noise of the torque for `equation_rows` [N m]."""
+    return size * np.random.default_rng(seed).standard_normal(2000)
+
+
+@pytest.mark.parametrize(
+    ("motor", "excitation", "law"),
+    [
+        (SATURN_LITE, None, "coulomb"),
+        (SATURN_LITE, SLOW, "coulomb"),
+        (LEG, None, "coulomb"),
+        (ASYMMETRIC, None, "asymmetric"),
+        (STRIBECK, SLOW, "stribeck"),
+        (LOADED_LEG, None, "load"),
+        (KNEE, None, "position"),
+    ],
+    ids=["plain", "plain_slow", "leg", "asymmetric", "stribeck", "loaded_leg", "knee"],
+)
+def test_the_law_that_made_the_log_is_chosen(motor: Motor, excitation: Excitation | None, law: Law) -> None:
+    """Three logs each: a wrong law would be trained with, and its parameters mean something else."""
+    for seed in range(3):
+        choice = chosen(motor, excitation, seed)
+        assert choice.law == law, (seed, choice.candidates)
+        verdicts = {candidate.law: candidate.verdict for candidate in choice.candidates}
+        assert verdicts[law] == "chosen" and list(verdicts.values()).count("chosen") == 1
+        assert verdicts["coulomb"] == ("chosen" if law == "coulomb" else "beaten")
+
+
+def test_plain_friction_stays_plain() -> None:
+    """The simplest within noise: on 20 logs of a plain joint a richer law is chosen at most once."""
+    laws = [chosen(GO1, seed=seed).law for seed in range(20)]
+    assert laws.count("coulomb") >= 19, laws
+
+
+def test_the_sentence_says_what_was_gained() -> None:
+    """In white noise of σ the asymmetric law of f = 0.5 and 0.3 leaves σ², plain friction σ² and what it lacks more.
+
+    The symmetric fit takes the mean difference as an offset, so what it lacks is viscous friction of 0.03 either way.
+    """
+    values = {"inertia": 0.02, "viscous_friction_forward": 0.03, "viscous_friction_backward": 0.09}
+    values |= {"coulomb_friction_forward": 0.5, "coulomb_friction_backward": 0.3}
+    rows = equation_rows(values, noise=white())
+    choice = choose_law(rows, fit_rows(rows, Model()))
+    lacking = fit_rows(equation_rows(values), Model()).residual
+    expected = np.mean(lacking**2) / (np.mean(lacking**2) + 0.05**2)
+    candidate = next(candidate for candidate in choice.candidates if candidate.law == "asymmetric")
+    assert candidate.gain == pytest.approx(expected, rel=0.1) and candidate.verdict == "chosen"
+    assert candidate.held_out == pytest.approx(0.05 / np.sqrt(np.mean(rows.torque**2)), rel=0.05)
+    assert candidate.gain > 2 * candidate.gain_std > 0
+
+
+def test_the_load_law_needs_a_load() -> None:
+    """Upright and with nothing known from outside there is none; gravity, or a known torque, is one."""
+    assert "load" not in chosen_of(equation_rows(PLAIN, noise=white()))
+    assert "load" in chosen_of(equation_rows(PLAIN, load=0.5, noise=white()))
+    assert "load" in chosen_of(equation_rows(PLAIN | {"gravity_sin": 2.0}, noise=white()), gravity=True)
+
+
+def test_a_richer_law_that_is_no_better_than_a_simpler_one_is_not_chosen() -> None:
+    """Friction that grows with the load also follows the angle: both beat plain friction, the simpler stands."""
+    rows = equation_rows(PLAIN | {"load_coefficient": 0.15, "gravity_sin": 2.0}, noise=white())
+    found = chosen_of(rows, gravity=True)
+    assert found["load"].verdict == "chosen"
+    assert found["position"].gain > 0.1
+    assert found["position"].verdict == "no simpler law is as good, and this one is not beyond it"
+
+
+def test_friction_that_falls_toward_rest_is_no_stribeck_law() -> None:
+    """b_s of 0.2 under a b_c of 0.4: it would fit, but it is not what the law means."""
+    rows = equation_rows(PLAIN | {"static_friction": 0.2, "stribeck_velocity": 0.8}, noise=white(size=0.02))
+    found = chosen_of(rows)["stribeck"]
+    assert found.gain > 0.1 and found.verdict == "friction does not rise toward rest"
+
+
+def test_friction_that_would_drive_the_joint_is_not_chosen() -> None:
+    """A slope that takes friction of 0.2 below nothing at the end of the range describes the log, and no joint."""
+    made = PLAIN | {"coulomb_friction": 0.2, "position_slope": 0.5, "position_curvature": 0.0}
+    found = chosen_of(equation_rows(made, noise=white()))["position"]
+    assert found.gain > 0.1 and found.verdict == "its friction would drive the joint"
+
+
+def test_a_load_that_is_guesswork_is_not_chosen() -> None:
+    """Over 0.1 rad the sine, the cosine and the offset are one straight line: the load they stand for is unknown."""
+    rows = equation_rows(PLAIN | {"load_coefficient": 0.15, "gravity_sin": 2.0}, noise=white(size=0.01))
+    near = rows.take(np.abs(rows.position - 0.2) < 0.05)
+    verdict = chosen_of(near, gravity=True)["load"].verdict
+    assert "gravity cannot be told from the offset" in verdict
+
+
+def test_the_evidence_of_white_residuals_by_hand() -> None:
+    """It is n ln(SS₀/SS₁) − Δp ln n, all n = 2000 rows being independent; the sums of squares are made here."""
+    rows = equation_rows(PLAIN, noise=white(3))
+    found = chosen_of(rows)
+    up, down = rows.velocity > 0, rows.velocity < 0
+    plain = np.column_stack([rows.acceleration, rows.velocity, np.sign(rows.velocity), np.ones(2000)])
+    both = np.column_stack([rows.acceleration, rows.velocity * up, rows.velocity * down, up, -1.0 * down])
+    away = rows.position - (rows.position.min() + rows.position.max()) / 2
+    bent = np.column_stack([plain, rows.direction * away, rows.direction * away**2])
+    squares = [float(np.linalg.lstsq(design, rows.torque)[1][0]) for design in (plain, both, bent)]
+    for law, square, more in (("asymmetric", squares[1], 1), ("position", squares[2], 2)):
+        expected = 2000 * np.log(squares[0] / square) - more * np.log(2000)
+        assert found[law].evidence == pytest.approx(expected, abs=1e-6), law
+        assert found[law].evidence < 0 and found[law].parameters == 4 + more
+    assert found["coulomb"].evidence == 0.0
+
+
+def test_rows_that_remember_are_less_evidence() -> None:
+    """The same asymmetry under noise that remembers 20 rows: a twentieth of the samples, and as much less evidence."""
+    values = {"inertia": 0.02, "viscous_friction_forward": 0.05, "viscous_friction_backward": 0.09}
+    values |= {"coulomb_friction_forward": 0.4, "coulomb_friction_backward": 0.4}
+    slow = autoregressive(np.random.default_rng(0), 2000, np.exp(-1 / 20), 0.05)
+    fresh = chosen_of(equation_rows(values, noise=white()))["asymmetric"].evidence
+    remembered = chosen_of(equation_rows(values, noise=slow))["asymmetric"].evidence
+    assert fresh > 100 and remembered < 0.2 * fresh

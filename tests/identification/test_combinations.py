@@ -1,0 +1,206 @@
+"""What is said where the motor's strength is not known, and what it takes to know it; the truth is simulated."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from carried import QUIET, carrying_log, weak_log, without_torque
+from stiction.core.errors import StictionError
+from stiction.files.joints import PARAMETERS, Estimate, JointRecord
+from stiction.identification.combinations import DAMPED, exact, product, shifted
+from stiction.identification.example import LEG, SATURN_LITE, Excitation, Motor, SensorNoise, example_log
+from stiction.identification.pipeline import identify_joint
+from stiction.identification.setup import IdentifySetup
+from stiction.joints.friction import Coulomb
+from stiction.joints.simulate import Gravity, Joint
+
+K = 0.8
+LOAD = (0.5, 0.2, 0.3)
+"""0.5 kg at 0.2 m, hanging straight down at 0.3 rad: 0.98 N m."""
+
+OVER_K = {"I/k": 0.0145 / K, DAMPED: (0.0704 + K * 0.5) / K, "f/k": 0.442 / K, "offset/k": -0.05 / K}
+"""Truth of Saturn Lite's shank at kd 0.5 under a motor that gives 80 %."""
+
+
+def values(record: JointRecord) -> list[float]:
+    """Return inertia, viscous and Coulomb friction."""
+    found = [getattr(record, name) for name in PARAMETERS[:3]]
+    assert all(found), found
+    return [estimate.value for estimate in found]
+
+
+def test_positions_alone_tell_what_is_over_k() -> None:
+    """At k = 0.8 each combination holds its truth in 5 or more of 6 logs; parameters are null."""
+    inside = dict.fromkeys(OVER_K, 0)
+    for seed in range(6):
+        record = identify_joint(weak_log(SATURN_LITE, K, seed)).record
+        assert [getattr(record, name) for name in PARAMETERS] == [None] * 4 and record.motor_strength is None
+        assert set(record.combinations) == set(OVER_K)
+        for name, truth in OVER_K.items():
+            low, high = record.combinations[name].interval95
+            inside[name] += low <= truth <= high
+            assert record.combinations[name].value == pytest.approx(truth, rel=0.03), name
+        # What stays in units of the command: f/k over the limit asked for, and over kp.
+        assert record.friction_ratio is not None and record.dead_band is not None
+        assert record.friction_ratio.value == pytest.approx(0.442 / K / 45, rel=0.01)
+        assert record.dead_band.value == pytest.approx(0.442 / K / 20, rel=0.01)
+    assert min(inside.values()) >= 5, inside
+    assert any("known mass" in text and "commanded torque at its word" in text for text in record.warnings)
+
+
+@pytest.mark.parametrize("factor", [0.5, 3.0])
+def test_a_joint_and_its_motor_may_grow_together_unseen(factor: float) -> None:
+    """I, B, f, offset, gravity and k times any number: the same log, and so the same result to the last digits."""
+    joint = Joint(0.06, 0.07, Coulomb(0.44), -0.05, Gravity(2.2, 0.4))
+    grown = Joint(
+        0.06 * factor, 0.07 * factor, Coulomb(0.44 * factor), -0.05 * factor, Gravity(2.2 * factor, 0.4 * factor)
+    )
+    gains = LEG.gains
+    one, other = (
+        identify_joint(weak_log(Motor("leg", which, gains), strength, noise=QUIET)).record
+        for which, strength in ((joint, 1.0), (grown, factor))
+    )
+    assert set(one.combinations) == set(other.combinations) and len(one.combinations) == 7
+    for name, estimate in one.combinations.items():
+        assert other.combinations[name].value == pytest.approx(estimate.value, rel=1e-6), name
+    assert one.friction_ratio is not None and other.friction_ratio is not None
+    assert other.friction_ratio.value == pytest.approx(one.friction_ratio.value, rel=1e-6)
+
+
+def test_a_payload_in_one_log_of_two_tells_the_strength() -> None:
+    """A log with 0.5 kg and one without: k = 0.8 and the parameters in N m, in either order of the two logs."""
+    heavy, bare = carrying_log(SATURN_LITE, K, *LOAD, noise=QUIET), weak_log(SATURN_LITE, K, 1, QUIET)
+    for first, second in ((heavy, bare), (bare, heavy)):
+        record = identify_joint(first, repeats=(second,)).record
+        assert record.motor_strength is not None
+        assert record.motor_strength.value == pytest.approx(K, rel=1e-3)
+        assert values(record) == pytest.approx([0.0145, 0.0704, 0.442], rel=0.01)
+        assert record.combinations == {} and record.diagnostics["strength"]["source"] == "known_load"
+        assert record.friction_ratio is not None and record.dead_band is not None
+
+
+def test_a_payload_tells_the_strength_through_noise() -> None:
+    """Encoder noise of 1e-4 rad in the regressors: k and the inertia are off by no more than 0.5 and 1 %."""
+    record = identify_joint(carrying_log(SATURN_LITE, K, *LOAD), repeats=(weak_log(SATURN_LITE, K, 1),)).record
+    assert record.motor_strength is not None
+    assert record.motor_strength.value == pytest.approx(K, rel=5e-3)
+    assert values(record) == pytest.approx([0.0145, 0.0704, 0.442], rel=0.015)
+
+
+def test_a_known_torque_from_outside_tells_the_strength() -> None:
+    """A sine of 2 N m on the joint: k = 0.8 and parameters in N m, and the same where 0.8 was declared."""
+    time, _ = Excitation().target()
+    pulled = without_torque(
+        example_log(
+            replace(SATURN_LITE, gains=replace(SATURN_LITE.gains, strength=K)),
+            load=2.0 * np.sin(7.0 * time),
+            noise=QUIET,
+        )
+    )
+    record = identify_joint(pulled).record
+    assert record.motor_strength is not None and record.motor_strength.value == pytest.approx(K, rel=2e-3)
+    assert values(record) == pytest.approx([0.0145, 0.0704, 0.442], rel=0.01)
+    declared = identify_joint(pulled, setup=IdentifySetup(motor_strength=K)).record
+    assert values(declared) == pytest.approx([0.0145, 0.0704, 0.442], rel=0.01)
+    assert declared.diagnostics["method"] == "output_error"
+
+
+def test_a_payload_under_a_declared_strength() -> None:
+    """0.98 N m of payload are 1.23 in units of a motor that gives 80 %: the joint's own parameters come out."""
+    heavy = carrying_log(SATURN_LITE, K, *LOAD, noise=QUIET)
+    record = identify_joint(heavy, setup=IdentifySetup(motor_strength=K)).record
+    assert values(record) == pytest.approx([0.0145, 0.0704, 0.442], rel=0.01)
+    assert record.diagnostics["output_error"]["inertia"]["value"] == pytest.approx(0.0145 / K, rel=0.01)
+
+
+def test_the_links_own_weight_hides_a_payload() -> None:
+    """One log of a leg with a payload says nothing of k, and says so; with the leg's own log beside it, it does."""
+    heavy = carrying_log(LEG, K, *LOAD)
+    with pytest.raises(StictionError, match=r"cannot be told from the link's own.*log once without the payload"):
+        identify_joint(heavy)
+    record = identify_joint(heavy, repeats=(weak_log(LEG, K, 1),)).record
+    assert record.motor_strength is not None and record.gravity_sin is not None
+    assert record.motor_strength.value == pytest.approx(K, rel=0.01)
+    assert record.gravity_sin.value == pytest.approx(2.2, rel=0.01)
+    assert values(record) == pytest.approx([0.06, 0.0704, 0.442], rel=0.02)
+
+
+def test_a_declared_strength_gives_parameters_and_a_warning() -> None:
+    """The user's word, 0.8, is taken: parameters in N m, no combinations, and the record says what it rests on."""
+    record = identify_joint(weak_log(SATURN_LITE, K), setup=IdentifySetup(motor_strength=K)).record
+    assert values(record) == pytest.approx([0.0145, 0.0704, 0.442], rel=0.01)
+    assert record.combinations == {} and record.motor_strength is None
+    assert any("rests on the motor strength that was declared, 0.8" in text for text in record.warnings)
+    wrong = identify_joint(weak_log(SATURN_LITE, K), setup=IdentifySetup(motor_strength=1.0)).record
+    assert values(wrong)[2] == pytest.approx(0.442 / K, rel=0.01)
+    assert wrong.friction_ratio == record.friction_ratio
+
+
+def test_torque_without_a_unit_gives_what_is_over_its_scale() -> None:
+    """A current of 0.137 N m a unit, not declared: I, B and f over 0.137, kd in none of them, and no parameter."""
+    log = example_log(SATURN_LITE, seed=2)
+    signals = log.joints["shank"]
+    log = replace(log, joints={"shank": replace(signals, torque=np.asarray(signals.torque) / 0.137)})
+    record = identify_joint(log, setup=IdentifySetup(torque_calibrated=False)).record
+    assert [getattr(record, name) for name in PARAMETERS] == [None] * 4
+    expected = {"I/k": 0.0145, "B/k": 0.0704, "f/k": 0.442, "offset/k": -0.05}
+    assert set(record.combinations) == set(expected)
+    for name, truth in expected.items():
+        estimate = record.combinations[name]
+        assert abs(estimate.value - truth / 0.137) < 4 * estimate.std, name
+    # In the unit of the current the limit may be given too; kp is in N m/rad, so there is no f/kp.
+    assert record.friction_ratio is not None and record.dead_band is None
+    text = " ".join(record.warnings)
+    assert (
+        "no known unit" in text
+        and "takes the column to be in N m" in text
+        and "--torque-scale" in text
+        and "unit of the torque column" in text
+    )
+
+
+def test_measured_torque_needs_no_strength() -> None:
+    """Torque in N m is what the joint gets, whatever was asked for: parameters, and no word of k."""
+    record = identify_joint(example_log(SATURN_LITE)).record
+    assert values(record) == pytest.approx([0.0145, 0.0704, 0.442], rel=0.05)
+    assert record.combinations == {} and record.diagnostics["strength"] == {"source": "measured", "missing": None}
+    assert record.friction_ratio is not None and record.dead_band is not None
+
+
+def test_an_offset_that_gravity_hides_is_null_and_the_holding_torque_is_known() -> None:
+    """Within 0.1 rad offset and cosine are one: null, while what holds the link in mid-range, −0.05 + 0.4, is known."""
+    small = Excitation((0.06, 0.05), (0.5, 2.0))
+    log = example_log(LEG, small, SensorNoise.white(1e-5, 0.05))
+    position = log.joints["shank"].position
+    assert position is not None and 0.05 < abs(position).max() < 0.12
+    record = identify_joint(log).record
+    assert record.offset is None and record.gravity_cos is None
+    assert any("cannot be told from gravity: it is null" in text for text in record.warnings)
+    held = record.combinations["holding torque at mid-range"]
+    middle = float(position.min() + position.max()) / 2
+    truth = -0.05 + 2.2 * np.sin(middle) + 0.4 * np.cos(middle)
+    assert abs(held.value - truth) < 4 * held.std and held.std < 0.01
+
+
+def test_a_foundby_hand() -> None:
+    """2 (1.8 to 2.2) times 0.5 (0.4 to 0.65): 1, down by √(0.1² + 0.2²) and up by √(0.1² + 0.3²).
+
+    Of −2 the ends change places: a larger factor makes it more negative.
+    """
+    factor = Estimate(0.5, 0.05, (0.4, 0.65))
+    found = product(Estimate(2.0, 0.1, (1.8, 2.2)), factor)
+    assert found.value == 1.0 and found.std == pytest.approx((0.05**2 + 0.1**2) ** 0.5)
+    assert found.interval95 == pytest.approx((1 - 0.05**0.5, 1 + 0.1**0.5))
+    negative = product(Estimate(-2.0, 0.1, (-2.2, -1.8)), factor)
+    assert negative.interval95 == pytest.approx((-1 - 0.1**0.5, -1 + 0.05**0.5))
+    assert product(found, exact(1.0)) == found
+
+
+def test_a_shift_by_hand() -> None:
+    """0.57 less a kd of 0.5 is 0.07, as uncertain as before."""
+    found = shifted(Estimate(0.57, 0.01, (0.55, 0.6)), -0.5)
+    assert (found.value, found.std) == (pytest.approx(0.07), 0.01)
+    assert found.interval95 == pytest.approx((0.05, 0.1))

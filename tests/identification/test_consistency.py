@@ -1,0 +1,201 @@
+"""Parts of a log against each other, drift, and what a residual remembers: by hand where a hand can do it."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from equation import autoregressive, equation_rows
+from stiction.files.joints import Estimate
+from stiction.identification.consistency import (
+    COMPARED,
+    Comparison,
+    common_speed,
+    compare,
+    compare_parts,
+    find_drift,
+    friction_at,
+    splits,
+    whiteness,
+    widened,
+)
+from stiction.identification.model import Model
+from stiction.identification.prepare import Rows
+from stiction.identification.regression import Fit, fit_rows
+from stiction.identification.setup import Payload
+
+PLAIN = {"inertia": 0.02, "viscous_friction": 0.07, "coulomb_friction": 0.4, "offset": -0.05}
+
+
+def noisy(seed: int = 0, size: float = 0.05, **changes: float) -> Rows:
+    """Return rows of a plain joint in white noise, its parameters changed."""
+    noise = size * np.random.default_rng(seed).standard_normal(2000)
+    grows = changes.pop("grows", 0.0)
+    return equation_rows(PLAIN | changes, noise=noise, grows=grows)
+
+
+def fitted(rows: Rows) -> Fit:
+    """Fit viscous and Coulomb friction."""
+    return fit_rows(rows, Model())
+
+
+def around(value: float, std: float) -> Estimate:
+    """Return an estimate whose interval is two deviations to each side."""
+    return Estimate(value, std, (value - 2 * std, value + 2 * std))
+
+
+def apart(values: tuple[Estimate, Estimate]) -> Comparison:
+    """Return a comparison that differs in dry friction alone."""
+    same = (around(1.0, 0.1), around(1.0, 0.1))
+    table = {"inertia": same, "viscous_friction": same, "coulomb_friction": values}
+    return Comparison("halves", ("first half", "second half"), table, 1.0, same)
+
+
+def test_a_log_is_cut_in_half_by_time_and_by_speed() -> None:
+    """Fast in stretches 3, 7, 11 and so on of 16: too few for the median, so the slow part is the other twelve."""
+    time = 5.0 + 0.01 * np.arange(1600)
+    stretch = np.arange(1600) // 100
+    velocity = np.where(stretch % 4 == 3, 2.0, 0.5) * np.where(np.arange(1600) % 2, 1.0, -1.0)
+    halves, speeds = splits(time, velocity)
+    np.testing.assert_array_equal(np.flatnonzero(halves.first), np.arange(800))
+    np.testing.assert_array_equal(speeds.first, stretch % 4 != 3)
+    assert halves.parts == ("first half", "second half") and speeds.parts == ("slow part", "fast part")
+
+
+def test_a_stretch_is_slow_or_fast_as_a_whole() -> None:
+    """Every sample of a sine passes through zero speed: cut by samples, the slow part would be reversals only."""
+    time = np.arange(3200) * 0.01
+    velocity = np.where(time < 16, 1.0, 3.0) * np.sin(2 * np.pi * time)
+    np.testing.assert_array_equal(splits(time, velocity)[1].first, time < 16)
+
+
+def test_sigmas_and_disputes_by_hand() -> None:
+    """0.5 and 0.6 with deviations 0.03 and 0.04 are 0.1/0.05 = 2 apart: chance; 0.65 is 3 apart: a dispute."""
+    chance, dispute = (apart((around(0.5, 0.03), around(other, 0.04))) for other in (0.6, 0.65))
+    assert chance.sigmas("coulomb_friction") == pytest.approx(2.0) and chance.disputed == ()
+    assert dispute.sigmas("coulomb_friction") == pytest.approx(3.0) and dispute.disputed == ("coulomb_friction",)
+    assert dispute.sigmas("inertia") == 0.0
+    data = dispute.to_dict()
+    assert data["disputed"] == ["coulomb_friction"] and data["values"]["coulomb_friction"][1]["value"] == 0.65
+
+
+def test_a_disputed_interval_admits_both_parts() -> None:
+    """Between 0.5 and 0.7 stands 0.58 ± 0.02: from 0.5 to 0.7 after it, its deviation half the gap."""
+    seen = {name: around(0.58, 0.01) for name in COMPARED}
+    wide = widened(seen, (apart((around(0.5, 0.01), around(0.7, 0.01))),))
+    assert wide["coulomb_friction"].interval95 == (0.5, 0.7)
+    assert wide["coulomb_friction"].std == pytest.approx(0.1) and wide["coulomb_friction"].value == 0.58
+    assert wide["inertia"] == seen["inertia"] and wide["viscous_friction"] == seen["viscous_friction"]
+
+
+def test_an_interval_is_never_narrowed() -> None:
+    """Parts inside a wide interval leave it; two disputes widen it twice."""
+    seen = {name: around(0.6, 0.2) for name in COMPARED}
+    inside = apart((around(0.55, 0.01), around(0.65, 0.01)))
+    assert inside.disputed and widened(seen, (inside,))["coulomb_friction"] == seen["coulomb_friction"]
+    narrow = {name: around(0.6, 0.01) for name in COMPARED}
+    twice = widened(narrow, (inside, apart((around(0.6, 0.01), around(0.9, 0.01)))))
+    assert twice["coulomb_friction"].interval95 == (0.55, 0.9)
+
+
+def test_parts_of_one_joint_agree_and_two_joints_do_not() -> None:
+    """Ten logs of one joint: at most two disputes among 60 comparisons; with 0.05 N m more friction: always."""
+    disputes = []
+    for seed in range(10):
+        rows = noisy(seed)
+        found = compare_parts(rows, fitted(rows))
+        assert [comparison.label for comparison in found] == ["halves", "slow and fast"]
+        disputes += [name for comparison in found for name in comparison.disputed]
+        other = compare("repeat 1", ("a", "b"), rows, noisy(seed + 10, coulomb_friction=0.45), fitted(rows))
+        assert other.disputed == ("coulomb_friction",) and other.parts == ("a", "b")
+        one, two = other.values["coulomb_friction"]
+        assert one.value == pytest.approx(0.4, abs=0.02) and two.value == pytest.approx(0.45, abs=0.02)
+    assert len(disputes) <= 2, disputes
+
+
+def test_parts_without_enough_rows_are_not_compared() -> None:
+    """40 rows a half say nothing about their own scatter."""
+    rows = noisy().take(np.arange(80))
+    assert compare_parts(rows, fitted(rows)) == ()
+
+
+def test_friction_at_a_speed_by_hand() -> None:
+    """0.07 · 3 + 0.4 = 0.61 N m; B and b_c err against each other, so their sum is better known than b_c alone."""
+    rows = noisy()
+    fit = fitted(rows)
+    found = friction_at(fit, 3.0)
+    assert found.value == pytest.approx(3.0 * fit.values[1] + fit.values[2]) and abs(found.value - 0.61) < 4 * found.std
+    weights = np.array([0.0, 3.0, 1.0, 0.0])
+    assert found.std == pytest.approx(np.sqrt(weights @ fit.covariance @ weights))
+    assert found.std < fit.estimates()["coulomb_friction"].std
+
+
+def test_the_common_speed_is_one_that_both_reach() -> None:
+    """Speeds evenly up to 1 and up to 3, either way round: nine tenths of the slower one's."""
+    slow, fast = np.linspace(-1, 1, 1001), np.linspace(-3, 3, 1001)
+    assert common_speed(slow, fast) == pytest.approx(0.9) == common_speed(fast, slow)
+
+
+@pytest.mark.parametrize("grows", [0.2, -0.2, 0.0])
+def test_friction_that_grows_is_found(grows: float) -> None:
+    """From 10 % under its mean at the start to 10 % over it at the end: 20 %, within the interval, and not without."""
+    inside = 0
+    for seed in range(20):
+        rows = noisy(seed, grows=grows)
+        change = find_drift(rows, fitted(rows)).change
+        assert change is not None and abs(change.value - grows) < 5 * change.std
+        assert change.std < 0.02
+        inside += change.interval95[0] <= grows <= change.interval95[1]
+    assert inside >= 17
+
+
+def test_a_chirp_cannot_tell_drift_from_speed() -> None:
+    """Where speed follows time, friction that falls with speed looks like friction that falls with time: no answer."""
+    rows = noisy()
+    chirp = replace(rows, velocity=rows.velocity * (0.2 + rows.time / rows.time[-1]))
+    drift = find_drift(chirp, fitted(chirp))
+    assert drift.change is None and drift.reason is not None and "speed follows time" in drift.reason
+
+
+def test_white_noise_has_no_memory() -> None:
+    """The portmanteau probability of white noise is even from 0 to 1: under 0.05 in about 5 of 100."""
+    found = [whiteness(np.random.default_rng(seed).standard_normal(1000)) for seed in range(100)]
+    assert 1 <= sum(one.probability < 0.05 for one in found) <= 11
+    assert 0.35 < np.mean([one.probability for one in found]) < 0.65
+    assert max(abs(one.first_lag) for one in found) < 0.15
+    assert np.median([one.correlation_time for one in found]) == pytest.approx(1.0, abs=0.1)
+
+
+def test_noise_that_remembers_is_told() -> None:
+    """A first-order memory of 0.8: neighbours correlate 0.8, and it lasts (1 + 0.8)/(1 − 0.8) = 9 rows."""
+    found = whiteness(autoregressive(np.random.default_rng(0), 20_000, 0.8))
+    assert found.first_lag == pytest.approx(0.8, abs=0.02)
+    assert found.correlation_time == pytest.approx(9.0, rel=0.15) and found.probability < 1e-10
+
+
+def test_no_residual_is_white() -> None:
+    """A constant has no memory to speak of, and must not divide by zero."""
+    nothing = whiteness(np.full(100, 0.3))
+    assert (nothing.correlation_time, nothing.first_lag, nothing.probability) == (1.0, 0.0, 1.0)
+
+
+def test_parts_of_which_one_has_no_payload_share_the_strength() -> None:
+    """A run with a payload and one without, k = 0.8: only together do they tell k; each gives I/k, B/k and f/k."""
+    heavy = equation_rows(PLAIN, strength=0.8, payload=Payload(1.0, 0.2, 0.3))
+    bare = equation_rows(PLAIN, strength=0.8)
+    later = replace(bare, time=bare.time + 20.0, run=bare.run + 1)
+    both = Rows(
+        **{
+            item.name: np.concatenate([getattr(heavy, item.name), getattr(later, item.name)])
+            for item in fields(Rows)
+            if item.name not in ("slowest", "attenuation")
+        },
+        slowest=0.0,
+    )
+    rows = replace(both, torque=both.torque + 0.01 * np.random.default_rng(0).standard_normal(len(both)))
+    halves, _ = compare_parts(rows, fit_rows(rows, Model(), strength_unknown=True))
+    for name in COMPARED:
+        for part in halves.values[name]:
+            assert abs(part.value - PLAIN[name] / 0.8) < 4 * part.std + 1e-3 * part.value, name

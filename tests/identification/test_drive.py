@@ -1,0 +1,96 @@
+"""A torque column that holds a current, a voltage or a duty: the conversion by hand, and what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stiction.core.errors import ConfigurationError, LogError
+from stiction.files.log import setup_from_dict
+from stiction.identification.drive import Drive
+from stiction.identification.runs import make_run
+from stiction.identification.setup import IdentifySetup
+from stiction_experiments.flags.servo import SERVO
+
+COLUMN, SPEED = np.array([0.5, -0.5, 0.0]), np.array([1.0, 0.0, -2.0])
+
+
+@pytest.mark.parametrize(
+    ("drive", "torque"),
+    [
+        (Drive(), [0.5, -0.5, 0.0]),
+        (Drive("current", kt=2.0), [1.0, -1.0, 0.0]),
+        (Drive("current"), [0.5, -0.5, 0.0]),
+        (Drive("duty", 10.0, kt=2.0, resistance=4.0), [1.5, -2.5, 2.0]),
+        (Drive("duty", 10.0, kt=2.0, resistance=4.0, ke=3.0), [1.0, -2.5, 3.0]),
+        (Drive("voltage", kt=2.0, resistance=4.0), [-0.75, -0.25, 2.0]),
+        (Drive("duty", 10.0, kt=2.0), [3.0, -5.0, 4.0]),
+        (Drive("duty", 10.0), [5.0, -5.0, 0.0]),
+    ],
+)
+def test_torque_by_hand(drive: Drive, torque: list[float]) -> None:
+    """Kt (10 V times the duty less ke θ') / 4 ohm; volts across the resistance where kt/R is not known."""
+    assert drive.torque("log", COLUMN, 1.0, SPEED) == pytest.approx(torque)
+
+
+def test_what_is_in_the_viscous_friction_and_what_lacks() -> None:
+    """Kt ke/R = 2 * 3 / 4 was taken off, or is still in; without kt or R the scale is not known."""
+    assert Drive("duty", 10.0, 2.0, 4.0, 3.0).brake == 1.5 and not Drive("duty", 10.0, 2.0).brakes_unseen
+    assert Drive("voltage", None, None, 4.0).brakes_unseen and Drive("voltage", None, None, 4.0).brake == 0.0
+    assert Drive("duty", 10.0).lacking == ("--kt", "--resistance") and Drive("duty", 10.0, 2.0).lacking == (
+        "--resistance",
+    )
+    assert Drive("current").lacking == ("--kt",) and Drive().lacking == Drive("current", kt=1.0).lacking == ()
+
+
+@pytest.mark.parametrize(
+    ("flags", "said"),
+    [
+        ({"torque_column": "duty"}, "--duty-voltage"),
+        ({"kt": 1.5}, "kt 1.5 has no effect on a torque column that holds torque"),
+        ({"torque_column": "torque", "resistance": 4.0}, "resistance 4 has no effect"),
+        ({"torque_column": "voltage", "duty_voltage": 12.0}, "duty voltage 12 has no effect"),
+        ({"duty_voltage": 12.0, "kt": -1.0}, "kt -1.0: expected a positive number"),
+        ({"duty_voltage": float("nan")}, "duty voltage nan"),
+        ({"pendulum_mass": 0.5}, "pendulum_mass without pendulum_length"),
+        ({"pendulum_length": 0.5}, "pendulum_length without pendulum_mass"),
+        ({"pendulum_mass": 0.5, "pendulum_length": 0.2, "gravity": True}, "leave gravity out"),
+        ({"pendulum_mass": 0.5, "pendulum_length": 0.2, "axis": "linear"}, "linear axis"),
+    ],
+)
+def test_flags_that_cannot_be(flags: dict[str, object], said: str) -> None:
+    """A number without effect, or half of what is needed, is refused and named."""
+    with pytest.raises(ConfigurationError, match=said):
+        IdentifySetup(**flags).check()  # type: ignore[arg-type]
+
+
+def test_a_duty_is_a_share() -> None:
+    """Percent and counts are refused with the scale that mends them; so is a share that is taken for percent."""
+    duty = SERVO.log(noise=0.0)
+    percent = SERVO.log(noise=0.0, torque_scale=0.01)
+    hundred = SERVO.log(column="voltage", noise=0.0)
+    setup = IdentifySetup(duty_voltage=12.0, kt=1.5, resistance=4.0)
+    with pytest.raises(LogError, match=r"the duty reaches 9\.\d+; expected a share from -1 to 1: in percent"):
+        make_run(hundred, None, setup)
+    with pytest.raises(LogError, match=r"the duty column reaches 0\.\d+, .* looks like a share already"):
+        make_run(percent, None, setup)
+    assert np.abs(make_run(duty, None, setup).torque).max() < 4.5
+
+
+def test_a_drive_without_its_column() -> None:
+    """A log of positions and targets has no duty: the flag is not left without effect."""
+    (name, signals), *_ = SERVO.log().joints.items()
+    log = replace(SERVO.log(), joints={name: replace(signals, torque=None, target=signals.position)})
+    with pytest.raises(LogError, match="holds duty was declared, and the log has none; map it: --columns torque=NAME"):
+        make_run(log, None, IdentifySetup(duty_voltage=12.0, kp=1.0, kd=0.1))
+
+
+def test_each_joint_has_its_own_motor_in_the_sidecar() -> None:
+    """One supply for all, kt and R by the kind of joint, as the sidecar has every flag."""
+    data = {"duty_voltage": 12.0, "joints": {"knee": {"kt": 1.5, "resistance": 4.0}, "hip": {"kt": 2.0}}}
+    log = replace(SERVO.log(noise=0.0), setup=setup_from_dict(data, "log.json"))
+    run = make_run(log, None, IdentifySetup())
+    assert run.setup.drive == Drive("duty", 12.0, 1.5, 4.0)
+    assert run.torque == pytest.approx(SERVO.log("torque", noise=0.0).joints["knee"].torque, abs=0.05)

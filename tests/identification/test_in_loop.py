@@ -1,0 +1,89 @@
+"""Why the loop of a log was not simulated, and that this costs the user no more than it must."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from carried import without_torque
+from stiction.core.errors import StictionError
+from stiction.identification import in_loop
+from stiction.identification.closed_loop import LoopError
+from stiction.identification.example import SATURN_LITE, example_log
+from stiction.identification.in_loop import close_loop, controller, fit_in_loop
+from stiction.identification.model import Model
+from stiction.identification.output_error import OutputError
+from stiction.identification.pipeline import identify_joint
+from stiction.identification.regression import fit_rows
+from stiction.identification.runs import make_run
+from stiction.identification.setup import IdentifySetup
+
+PAYLOAD = IdentifySetup(payload_mass=1.0, payload_distance=0.2, payload_angle=0.3)
+
+
+def test_the_reason_is_what_happened(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A k below zero, several logs, gravity beside k, a simulation that cannot be done: four reasons, not one.
+
+    If this failed, a user would look for further logs where gains or gravity are what is in the way.
+    """
+    run = make_run(without_torque(example_log()), None, PAYLOAD)
+    base = fit_rows(run.rows, run.model, strength_unknown=True)
+    assert "a strength k of -" in (close_loop(run, base, base).reason or "")
+    base = replace(base, values=np.abs(base.values))
+    several = replace(base, rows=replace(base.rows))
+    assert "only several logs together" in (close_loop(run, several, base).reason or "")
+    hanging = fit_rows(run.rows, Model("coulomb", True), strength_unknown=True)
+    assert "gravity on the link" in (close_loop(run, hanging, base).reason or "")
+
+    def refuse(*arguments: object, **words: object) -> OutputError:
+        raise LoopError("output error is not done: the joint would run away")
+
+    monkeypatch.setattr(in_loop, "fit_output_error", refuse)
+    assert close_loop(run, base, base).reason == "output error is not done: the joint would run away"
+
+
+def test_parameters_that_the_simulation_does_not_tell_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """If this failed, the user would be told that no joint follows the log, and doubt the gains."""
+    run = make_run(example_log(), None, IdentifySetup())
+    base = fit_rows(run.rows, run.model)
+    found = close_loop(run, base, base).symmetric
+    assert found is not None
+    blurred = replace(found, unidentified=("offset", "viscous_friction"))
+    monkeypatch.setattr(in_loop, "fit_output_error", lambda *arguments, **words: blurred)
+    reason = close_loop(run, base, base).reason
+    assert reason is not None and reason.endswith("does not tell viscous_friction")
+
+
+def test_a_simulation_that_cannot_be_done_costs_the_joint_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the symmetric law cannot be simulated, as a richer one, regression stands, and a warning says why."""
+    monkeypatch.setattr("stiction.identification.closed_loop.simulate", _runs_away)
+    record = identify_joint(example_log()).record
+    assert record.coulomb_friction is not None and record.diagnostics["output_error"] is None
+    assert "output error is not done: it runs away" in record.warnings
+    run = make_run(example_log(), None, IdentifySetup())
+    assert fit_in_loop(run, fit_rows(run.rows, run.model)) is None
+
+
+def _runs_away(*arguments: object, **words: object) -> None:
+    raise StictionError("it runs away")
+
+
+def test_delays_that_no_joint_has_are_the_users_to_mend() -> None:
+    """A declared delay that would take half of the inertia is refused, with what is allowed, and not passed over."""
+    with pytest.raises(StictionError, match=r"velocity delay 0.5 s: with kd .* expected 0 to"):
+        identify_joint(without_torque(example_log()), setup=IdentifySetup(velocity_delay=0.5))
+
+
+@pytest.mark.parametrize(("lacking", "said"), [("kp", "no kp and kd"), ("target", "no target")])
+def test_without_gains_or_target_there_is_no_loop(lacking: str, said: str) -> None:
+    """If this failed, a joint without a known controller would be simulated under another one."""
+    run = make_run(example_log(SATURN_LITE), None, IdentifySetup())
+    changes = {"kp": {"setup": replace(run.setup, kp=None)}, "target": {"signals": replace(run.signals, target=None)}}
+    with pytest.raises(LoopError, match=said):
+        controller(replace(run, **changes[lacking]))
+    base = fit_rows(run.rows, run.model)
+    loop = close_loop(replace(run, **changes[lacking]), base, base)
+    assert loop.symmetric is None and loop.reason is not None and loop.reason.startswith(said)
+    assert np.isfinite(base.values).all()

@@ -1,0 +1,127 @@
+"""All joints of a log: in order, alike on one core and on several, each refused or identified for itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shanks import GO1
+from stiction.core.errors import StictionError
+from stiction.core.provenance import THREADS_VARIABLE
+from stiction.files.log import JointSignals, Log
+from stiction.identification.example import SATURN_LITE, Excitation, example_log
+from stiction.identification.pipeline import REFUSED, identify_joint, identify_log
+from stiction.identification.warnings import repeat_lines
+
+SHORT = Excitation(duration=8.0)
+
+
+def signals(seed: int = 0, motor=SATURN_LITE) -> JointSignals:
+    """Return the signals of a simulated joint."""
+    return example_log(motor, SHORT, seed=seed).joints["shank"]
+
+
+def robot(**joints: JointSignals) -> Log:
+    """Return a log of several joints under Saturn Lite's gains."""
+    return replace(example_log(SATURN_LITE, SHORT), source="robot.csv", joints=joints)
+
+
+def stuck() -> JointSignals:
+    """Return the signals of a joint that nobody moved."""
+    moving = signals()
+    return replace(moving, position=np.zeros_like(moving.position))
+
+
+@pytest.fixture
+def serial(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keep the work in this process: to start others takes longer than the joints do."""
+    monkeypatch.setenv(THREADS_VARIABLE, "1")
+
+
+def test_several_processes_give_exactly_what_one_gives(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every number of every joint the same, the refusal too, and the order that of the log, whoever was done first."""
+    log = robot(zeta=signals(1), mid=stuck(), alpha=signals(2, GO1), beta=signals(3))
+    results, reported = [], []
+    for threads in ("1", "2"):
+        monkeypatch.setenv(THREADS_VARIABLE, threads)
+        heard: list[str] = []
+        results.append(identify_log(log, done=heard.append))
+        reported.append(sorted(heard))
+    (alone, refused), (together, also) = results
+    assert list(alone) == list(together) == ["zeta", "alpha", "beta"]
+    for name, one in alone.items():
+        assert one.record == together[name].record, name
+        for field in ("time", "position", "fitted_torque", "simulated_torque", "used"):
+            np.testing.assert_array_equal(getattr(one.fit, field), getattr(together[name].fit, field))
+    assert list(refused) == ["mid"] and refused == also
+    assert reported == [["alpha", "beta", "zeta"]] * 2
+
+
+@pytest.mark.usefixtures("serial")
+def test_each_joint_is_what_it_would_be_alone() -> None:
+    """Neighbours in the log must not change a joint's numbers."""
+    log = robot(hip=signals(1), knee=signals(2, GO1))
+    found, refused = identify_log(log)
+    assert refused == {}
+    for name in ("hip", "knee"):
+        single = identify_joint(robot(**{name: log.joints[name]}), name)
+        assert found[name].record == single.record and found[name].name == name
+    assert found["hip"].record.coulomb_friction != found["knee"].record.coulomb_friction
+
+
+@pytest.mark.usefixtures("serial")
+def test_a_refused_joint_says_why_and_stops_nobody() -> None:
+    """Its record is empty but for one warning with the reason."""
+    found, refused = identify_log(robot(hip=stuck(), knee=signals(1)))
+    assert list(found) == ["knee"] and list(refused) == ["hip"]
+    assert refused["hip"].coulomb_friction is None and len(refused["hip"].warnings) == 1
+    assert refused["hip"].warnings[0].startswith(REFUSED + "robot.csv: ")
+
+
+@pytest.mark.usefixtures("serial")
+def test_where_no_joint_can_be_identified_the_first_reason_is_raised() -> None:
+    """There is nothing to write, so the program has to fail."""
+    log = robot(hip=stuck(), knee=replace(stuck(), torque=None, target=None))
+    with pytest.raises(StictionError, match=r"robot\.csv") as caught:
+        identify_log(log)
+    with pytest.raises(StictionError) as first:
+        identify_joint(log, "hip")
+    assert str(caught.value) == str(first.value)
+
+
+@pytest.mark.usefixtures("serial")
+def test_only_the_joints_asked_for_in_that_order() -> None:
+    """A joint that the log does not have stops before any work is done."""
+    log = robot(a=signals(1), b=signals(2), c=signals(3))
+    assert list(identify_log(log, joints=("c", "a"))[0]) == ["c", "a"]
+    heard: list[str] = []
+    with pytest.raises(StictionError, match=r"unknown joint 'd'.*a, b, c"):
+        identify_log(log, joints=("a", "d"), done=heard.append)
+    assert heard == []
+
+
+@pytest.mark.usefixtures("serial")
+def test_repeats_go_with_their_joint() -> None:
+    """Each joint is compared with the same joint of the repeat, and agrees with it."""
+    log = robot(hip=signals(1), knee=signals(2, GO1))
+    found, _ = identify_log(log, repeats=(robot(knee=signals(12, GO1), hip=signals(11)),))
+    for name in ("hip", "knee"):
+        labels = {item["label"]: item for item in found[name].record.diagnostics["comparisons"]}
+        assert labels["repeat 1"]["disputed"] == [], name
+
+
+@pytest.mark.usefixtures("serial")
+@pytest.mark.parametrize("others", [("hip",), ("hip", "ankle")], ids=["one_other", "two_others"])
+def test_a_repeat_that_lacks_a_joint_costs_nothing_but_itself(others: tuple[str, ...]) -> None:
+    """Least of all may the repeat's only joint stand in for it; the good log's result stands, and says so."""
+    log = robot(hip=signals(1), knee=signals(2, GO1))
+    repeat = replace(robot(**{name: signals(11) for name in others}), source="again.csv")
+    found, refused = identify_log(log, repeats=(repeat,))
+    assert list(found) == ["hip", "knee"] and not refused
+    alone = identify_joint(robot(knee=log.joints["knee"]), "knee").record
+    assert found["knee"].record.coulomb_friction == alone.coulomb_friction
+    said = "the repeat again.csv could not be used, and the rest stands without it: again.csv: unknown joint 'knee'"
+    assert any(text.startswith(said) for text in found["knee"].record.warnings)
+    assert [line.partition(": not used")[0] for line in repeat_lines(found["knee"].record)] == ["repeat again.csv"]

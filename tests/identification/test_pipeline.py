@@ -1,0 +1,228 @@
+"""Identification from end to end on motors whose parameters are known."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shanks import GO1
+from stiction.core.errors import StictionError
+from stiction.files.joints import PARAMETERS, Estimate
+from stiction.files.log import JointSignals, Log, LogSetup
+from stiction.identification.example import SATURN_LITE, Excitation, Motor, SensorNoise, example_log
+from stiction.identification.pipeline import identify_joint
+from stiction.identification.setup import IdentifySetup
+from stiction.joints.friction import Coulomb
+
+QUIET = SensorNoise(position=0.0, resolution=0.0, velocity=0.0, torque=0.0, ripple=0.0)
+
+
+def truth(motor: Motor) -> list[float]:
+    """Return the parameters in the order of `PARAMETERS`."""
+    return [motor.joint.inertia, motor.joint.viscous, motor.joint.friction.level, motor.joint.offset]
+
+
+def scaled(log: Log, **changes) -> Log:
+    """Return the log with fields of its only joint's signals replaced."""
+    (name, signals), *_ = log.joints.items()
+    return replace(log, joints={name: replace(signals, **changes)})
+
+
+@pytest.mark.parametrize("motor", [GO1, SATURN_LITE], ids=lambda motor: motor.name)
+def test_without_noise_both_estimators_find_the_truth(motor: Motor) -> None:
+    """A bias that noise would hide: regression within 1 % (filter blur), output error within 0.1 %."""
+    record = identify_joint(example_log(motor, noise=QUIET)).record
+    for name, true in zip(PARAMETERS, truth(motor), strict=True):
+        assert getattr(record, name).value == pytest.approx(true, rel=0.01)
+        assert record.diagnostics["output_error"][name]["value"] == pytest.approx(true, rel=1e-3)
+
+
+@pytest.mark.parametrize("motor", [GO1, SATURN_LITE], ids=lambda motor: motor.name)
+def test_with_noise_the_truth_is_near(motor: Motor) -> None:
+    """Within four standard deviations by both, and no warning on a good log with a full setup."""
+    record = identify_joint(example_log(motor, seed=3)).record
+    for name, true in zip(PARAMETERS, truth(motor), strict=True):
+        own = getattr(record, name)
+        other = Estimate.from_dict(record.diagnostics["output_error"][name], name)
+        assert abs(own.value - true) < 4 * own.std
+        assert abs(other.value - true) < 4 * other.std
+        assert other.std < own.std
+    assert record.warnings == ()
+
+
+def test_a_joint_without_friction_is_identified_and_said_to_have_none_that_can_be_told() -> None:
+    """Its estimate scatters about zero, below it in this log; the simulation that follows takes it as none."""
+    smooth = replace(SATURN_LITE, joint=replace(SATURN_LITE.joint, friction=Coulomb(0.0)))
+    record = identify_joint(example_log(smooth)).record
+    assert record.coulomb_friction.value < 0 < record.coulomb_friction.interval95[1] < 0.01
+    assert record.inertia.value == pytest.approx(SATURN_LITE.joint.inertia, rel=0.02)
+    simulated = record.diagnostics["output_error"]["coulomb_friction"]
+    assert simulated["value"] == 0 and -0.003 < simulated["interval95"][0] < 0
+    assert record.diagnostics["instrumental_variable"] is not None
+    assert record.diagnostics["verdict"]["text"].startswith("No dry friction can be told from zero")
+    assert any("interval of coulomb_friction reaches zero" in warning for warning in record.warnings)
+
+
+def test_ratio_and_dead_band_follow_from_friction() -> None:
+    """f/τ_max with τ_max 45 and f/kp with kp 20, value and interval alike."""
+    record = identify_joint(example_log(SATURN_LITE)).record
+    assert record.friction_ratio.value == pytest.approx(record.coulomb_friction.value / 45)
+    assert record.dead_band.interval95[1] == pytest.approx(record.coulomb_friction.interval95[1] / 20)
+    assert record.test_condition == "bare_motor" and record.torque_source == "motor_side"
+    assert 0.009 < record.friction_ratio.value < 0.0106
+
+
+def test_what_is_not_given_is_null_and_warned_of() -> None:
+    """No gains, limit, side or condition: the fit stands, the rest is null, and each gap has its warning."""
+    log = replace(example_log(), setup=LogSetup())
+    record = identify_joint(log).record
+    assert record.coulomb_friction is not None
+    assert record.friction_ratio is None and record.dead_band is None
+    assert record.diagnostics["output_error"] is None and record.diagnostics["disagreement"] is None
+    text = " ".join(record.warnings)
+    for word in ("--kp", "--torque-limit", "--torque-source", "--test-condition", "dead band"):
+        assert word in text
+    untargeted = identify_joint(scaled(example_log(), target=None)).record
+    assert any("no target" in warning for warning in untargeted.warnings)
+    assert untargeted.diagnostics["output_error"] is None
+
+
+def test_flags_go_before_the_sidecar() -> None:
+    """A user who types a gain means it."""
+    record = identify_joint(example_log(), setup=IdentifySetup(torque_limit=90.0)).record
+    assert record.torque_limit == 90.0 and record.kp == 20.0
+
+
+def test_wrong_gains_are_noticed() -> None:
+    """Half of the true kp cannot have made this torque: said, and output error, which rests on it, is not done."""
+    record = identify_joint(example_log(), setup=IdentifySetup(kp=10.0)).record
+    text = " ".join(record.warnings)
+    assert "not as declared" in text and record.diagnostics["output_error"] is None
+    assert record.diagnostics["controller_mismatch"] > 0.15
+
+
+def test_a_velocity_delay_that_is_not_declared_is_noticed() -> None:
+    """A controller whose velocity is 4 ms late looks like δ kd = 0.002 kg m² less inertia: 14 %, so both are shown."""
+    log = example_log()
+    signals = log.joints["shank"]
+    velocity = np.gradient(signals.position, log.time)
+    late = signals.torque + 0.5 * (velocity - np.interp(log.time - 0.004, log.time, velocity))
+    assert any("disagree on inertia" in text for text in identify_joint(scaled(log, torque=late)).record.warnings)
+
+
+def test_a_velocity_in_other_units_is_noticed() -> None:
+    """Degrees a second in a column of radians a second."""
+    log = example_log(noise=QUIET)
+    position = log.joints["shank"].position
+    degrees = np.rad2deg(np.gradient(position, log.time))
+    text = " ".join(identify_joint(scaled(log, velocity=degrees)).record.warnings)
+    assert "57.3 times" in text
+    assert "times the derivative" not in " ".join(
+        identify_joint(scaled(log, velocity=np.deg2rad(degrees))).record.warnings
+    )
+
+
+def test_a_load_that_the_model_lacks_is_noticed() -> None:
+    """Half a newton metre of gravity on a joint whose model has none."""
+    log = example_log()
+    signals = log.joints["shank"]
+    text = " ".join(identify_joint(scaled(log, torque=signals.torque + np.cos(3 * signals.position))).record.warnings)
+    assert "of the torque is not explained" in text
+
+
+def test_gravity_that_hides_in_the_inertia_is_noticed() -> None:
+    """0.2 N m sin θ: 7 % of the torque unexplained looks harmless, and the inertia is 8 % off.
+
+    With θ as a regressor the slope is 0.2 cos θ over the motion, a little under 0.2, and the inertia the true one.
+    """
+    log = example_log()
+    signals = log.joints["shank"]
+    record = identify_joint(scaled(log, torque=signals.torque + 0.2 * np.sin(signals.position))).record
+    assert any("follows the position" in text and "inertia would change" in text for text in record.warnings)
+    found = record.diagnostics["position_torque"]
+    assert found["slope"] == pytest.approx(0.19, abs=0.01)
+    assert record.inertia.value * (1 + found["changes"]["inertia"]) == pytest.approx(0.0145, rel=0.02)
+
+
+def test_friction_beyond_the_torque_limit_is_refused() -> None:
+    """A torque column in N mm would give a friction level of 1000 % and a plan to train at it."""
+    with pytest.raises(StictionError, match="beyond the torque limit 45"):
+        identify_joint(example_log(), setup=IdentifySetup(torque_scale=1000.0))
+    record = identify_joint(example_log(), setup=IdentifySetup(torque_limit=1.0)).record
+    assert any("beyond the torque limit 1:" in text for text in record.warnings)
+
+
+def test_torque_of_another_joint_is_refused() -> None:
+    """Noise in the torque column explains nothing, so nothing is printed."""
+    noise = np.random.default_rng(0).standard_normal(10_000)
+    with pytest.raises(StictionError, match="excitation too poor"):
+        identify_joint(scaled(example_log(), torque=noise))
+
+
+def test_friction_that_drowns_the_inertia_is_an_excitation_too_poor() -> None:
+    """To ask whether the torque's sign is right would send one the wrong way: a joint that sticks shows no inertia."""
+    log = example_log()
+    (signals,) = log.joints.values()
+    noise = np.random.default_rng(0).standard_normal(len(signals.position))
+    friction = 2.0 * np.sign(np.gradient(signals.position))
+    with pytest.raises(StictionError, match=r"excitation too poor: the fitted inertia is .* sticks less"):
+        identify_joint(scaled(log, torque=friction + noise))
+
+
+def test_a_motor_at_its_limit_is_noticed() -> None:
+    """Saturated stretches say nothing about gains."""
+    text = " ".join(identify_joint(example_log(), setup=IdentifySetup(torque_limit=1.0)).record.warnings)
+    assert "at its torque limit" in text
+
+
+@pytest.mark.parametrize(
+    ("log", "setup", "said"),
+    [
+        (scaled(example_log(), torque=None, target=None), IdentifySetup(), "no torque"),
+        (example_log(), IdentifySetup(torque_source="output_side"), "behind the gear"),
+        (example_log(), IdentifySetup(torque_scale=-1.0), r"must be positive.*--torque-scale \(about 1 would fit\)"),
+        (example_log(), IdentifySetup(torque_scale=0.0), "torque scale 0.0"),
+        (example_log(), IdentifySetup(kp=-1.0), "kp -1.0: expected a positive"),
+        (example_log(), IdentifySetup(velocity_delay=-1.0), "velocity delay -1.0"),
+        (example_log(), IdentifySetup(cutoff=1e4), "cutoff"),
+        (example_log(excitation=Excitation((1e-4,), (1.0,))), IdentifySetup(), "excitation too poor|constant"),
+        (
+            example_log(excitation=Excitation((0.5,), (0.1,), 10.0)),
+            IdentifySetup(),
+            "excitation too poor: the joint turns",
+        ),
+    ],
+    ids=["no_torque", "output_side", "sign", "scale", "kp", "delay", "cutoff", "stuck", "too_few_turns"],
+)
+def test_what_cannot_be_done_is_refused(log: Log, setup: IdentifySetup, said: str) -> None:
+    """A number from such a log would be believed."""
+    with pytest.raises(StictionError, match=said) as caught:
+        identify_joint(log, setup=setup)
+    assert "\n" not in str(caught.value)
+
+
+def test_one_speed_does_not_tell_viscous_from_dry_friction() -> None:
+    """A triangle at one speed: B v and b_c sign(v) are the same signal, so there is no answer to give."""
+    time = np.arange(0, 20, 0.002)
+    rng = np.random.default_rng(0)
+    position = 0.25 * np.abs((time % 2.0) - 1.0) + 1e-7 * rng.standard_normal(len(time))
+    torque = 0.4 * np.sign((time % 2.0) - 1.0) + 0.01 * rng.standard_normal(len(time))
+    log = Log("triangle", time, {"knee": JointSignals(position=position, torque=torque)})
+    with pytest.raises(StictionError, match="excitation too poor"):
+        identify_joint(log)
+
+
+def test_the_record_is_plain_json() -> None:
+    """Whatever stands in the diagnostics must survive a file."""
+    record = identify_joint(example_log()).record
+    assert json.loads(json.dumps(record.to_dict(), allow_nan=False)) == record.to_dict()
+
+
+def test_the_same_seed_gives_the_same_log() -> None:
+    """Tests and the demo rest on it; another seed gives another log."""
+    first, again, other = (example_log(seed=seed).joints["shank"].torque for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other)

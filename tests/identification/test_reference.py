@@ -1,0 +1,57 @@
+"""The table of public joints, and where a joint stands in it."""
+
+from __future__ import annotations
+
+import pytest
+
+from stiction.files.joints import Estimate
+from stiction.identification.reference import CONDITIONS, REFERENCE, SOURCES, place
+
+
+def ratio(value: float, half: float = 0.0) -> Estimate:
+    """Return an estimate with a symmetric interval."""
+    return Estimate(value, half / 2, (value - half, value + half))
+
+
+def test_every_entry_has_a_source_and_a_condition() -> None:
+    """A number without a source would be an invention."""
+    assert {entry.source for entry in REFERENCE} == set(SOURCES)
+    assert {entry.condition for entry in REFERENCE} == set(CONDITIONS)
+    assert len({entry.robot for entry in REFERENCE}) >= 12
+    assert all(entry.note and 0 < entry.friction < entry.torque_limit for entry in REFERENCE)
+
+
+def test_the_papers_ratios_come_out_of_its_table() -> None:
+    """0.0481 of 35.55 N m is 0.135 %, 0.442 of 45 is 0.982 %; the paper prints 0.13 and 0.98 %."""
+    paper = {entry.robot: 100 * entry.friction_ratio for entry in REFERENCE if entry.source == "paper"}
+    assert paper == {"Unitree Go1": pytest.approx(0.1353, abs=1e-4), "Saturn Lite": pytest.approx(0.9822, abs=1e-4)}
+
+
+def test_a_rank_counts_entries_of_the_same_condition_only() -> None:
+    """Between the two bare motors of the paper, whatever stands in simulation models."""
+    placed = place(ratio(0.005), "bare_motor")
+    assert placed is not None and (placed.below, placed.count, placed.within) == (1, 2, 0)
+    assert "Go1" in (placed.next_below or "") and "Saturn Lite" in (placed.next_above or "")
+    assert f"{len(REFERENCE) - 2} of other conditions" in placed.text
+
+
+def test_a_wide_interval_makes_the_rank_uncertain() -> None:
+    """From 0 to 10 %, every leg in the air is within it."""
+    placed = place(ratio(0.05, 0.05), "in_air")
+    assert placed is not None and placed.within == placed.count == placed.below
+    assert placed.next_above is None and "the largest" in placed.text
+    lowest = place(ratio(1e-4), "in_air")
+    assert lowest is not None and lowest.next_below is None and "the smallest" in lowest.text
+
+
+def test_dead_bands_are_compared_where_the_gain_is_known() -> None:
+    """Go2 hip: 0.16 N m at kp 20 is 0.008 rad; the AlienGo has no gain and is not counted."""
+    placed = place(ratio(0.009), "in_air", "dead_band")
+    known = [entry for entry in REFERENCE if entry.condition == "in_air" and entry.kp is not None]
+    assert placed is not None and placed.count == len(known) < place(ratio(0.009), "in_air").count
+    assert placed.next_below == "Unitree Go2 hip (0.008 rad)"
+
+
+def test_without_a_condition_nothing_is_comparable() -> None:
+    """Nobody said what hung on the motor."""
+    assert place(ratio(0.01), None) is None

@@ -1,0 +1,139 @@
+"""Repeats, torque that the controller adds, and what a log with other joints in motion is told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from equation import equation_rows
+from stiction.core.errors import LogError
+from stiction.files.joints import Estimate
+from stiction.files.log import JointSignals, Log
+from stiction.identification.checks import moving_beside
+from stiction.identification.example import LEG, SATURN_LITE, Excitation, example_log
+from stiction.identification.model import Model
+from stiction.identification.pipeline import identify_joint, identify_log
+from stiction.identification.record import admitting, contradicted, inertia_known
+from stiction.identification.regression import fit_rows
+from stiction.identification.setup import IdentifySetup
+from stiction.identification.timing import even_grid
+from stiction.identification.warnings import repeat_lines
+
+SHORT = Excitation(duration=8.0)
+
+
+def shank(log: Log) -> JointSignals:
+    """Return the only joint's signals."""
+    return log.joints["shank"]
+
+
+def changed(log: Log, **signals: np.ndarray | None) -> Log:
+    """Return the log with other signals."""
+    return replace(log, joints={"shank": replace(shank(log), **signals)})
+
+
+def test_a_repeat_is_a_line_and_a_bad_one_a_warning() -> None:
+    """Another log of the joint is predicted as well as its own; one with twice the torque is not, and costs nothing."""
+    log = example_log(SATURN_LITE, SHORT)
+    good = replace(example_log(SATURN_LITE, SHORT, seed=1), source="good")
+    bad = replace(changed(good, torque=2.0 * np.asarray(shank(good).torque)), source="bad")
+    short = replace(good, source="short", time=good.time[:50])
+    short = changed(short, **{name: row[:50] for name, row in vars(shank(good)).items() if row is not None})
+    record = identify_joint(log, repeats=(good, bad, short)).record
+    alone = identify_joint(log).record
+    assert record.coulomb_friction == alone.coulomb_friction and record.objections == ()
+    lines = repeat_lines(record)
+    assert lines[0].startswith("repeat good: ") and "agree" in lines[0] and "times the fit's own" in lines[0]
+    assert "do not" in lines[1] and lines[2].startswith("repeat short: not used: short: 50 samples")
+    said = [text for text in record.warnings if "the repeat " in text]
+    assert len(said) == 2 and said[0].startswith("the repeat bad is predicted badly: 5") and "short" in said[1]
+
+
+def test_feedforward_belongs_to_the_controller() -> None:
+    """Pulses that the controller adds are in the torque already; without their column the gains seem wrong."""
+    time, target = SHORT.target()
+    pulses = 1.5 * np.sign(np.sin(2 * np.pi * 0.7 * time))
+    kp = SATURN_LITE.gains.kp
+    pushed = _followed(target + pulses / kp)
+    blind = identify_joint(changed(pushed, target=target)).record
+    assert blind.diagnostics["controller_mismatch"] > 0.15 and blind.diagnostics["output_error"] is None
+    log = changed(pushed, target=target, feedforward=pulses / 3.0)
+    found = identify_joint(log, setup=IdentifySetup(feedforward_scale=3.0))
+    assert found.record.diagnostics["controller_mismatch"] < 0.06 and found.record.objections == ()
+    assert found.record.coulomb_friction.value == pytest.approx(0.442, rel=0.03)
+    assert found.record.diagnostics["output_error"]["coulomb_friction"]["value"] == pytest.approx(0.442, rel=0.03)
+    np.testing.assert_allclose(found.fit.target, target, atol=1e-12)
+    positions = identify_joint(changed(log, torque=None), setup=IdentifySetup(feedforward_scale=3.0)).record
+    assert positions.combinations["f/k"].value == pytest.approx(0.442, rel=0.03)
+    with_no_loop = identify_joint(replace(log, setup=replace(log.setup, kp=None))).record
+    assert any("feedforward has no effect" in text for text in with_no_loop.warnings)
+
+
+def _followed(target: np.ndarray) -> Log:
+    """Return a log whose controller followed another target than the excitation's."""
+    from stiction.joints.simulate import simulate
+
+    log, rng = example_log(SATURN_LITE, SHORT), np.random.default_rng(0)
+    motion = simulate(SATURN_LITE.joint, SATURN_LITE.gains, 0.002, target, position=float(target[0]))
+    noise = rng.standard_normal((2, len(target)))
+    return changed(
+        log, target=target, position=motion.position + 1e-5 * noise[0], torque=motion.torque + 0.02 * noise[1]
+    )
+
+
+def test_a_joint_that_others_disturb_is_not_told_to_move_faster() -> None:
+    """Of a walk it was said that the excitation is too poor; what is wrong is that everything else moves too."""
+    time = np.arange(0, 20, 0.002)
+    rng = np.random.default_rng(0)
+    position = 0.25 * np.abs((time % 2.0) - 1.0) + 1e-7 * rng.standard_normal(len(time))
+    torque = 0.4 * np.sign((time % 2.0) - 1.0) + 0.01 * rng.standard_normal(len(time))
+    poor = JointSignals(position=position, torque=torque)
+    hip, rod = JointSignals(position=2 * position), JointSignals(position=0 * time)
+    log = Log("walk", time, {"knee": poor, "hip": hip, "rod": rod})
+    assert moving_beside(log, "knee") == ("hip",)
+    with pytest.raises(LogError, match=r"walk: joint 'knee': .*: other joints move in this log \(hip\)") as caught:
+        identify_log(log, joints=("knee",), workers=1)
+    assert "excitation too poor" not in str(caught.value)
+    with pytest.raises(LogError, match=r"joint 'knee': excitation too poor: .*; use at least two frequencies"):
+        identify_joint(replace(log, joints={"knee": poor}))
+
+
+def test_stamps_that_alternate_have_nothing_missing() -> None:
+    """10 and 12 ms in turn, and in blocks, are 1001 samples at a mean of 11 ms; one sample taken out is one missing."""
+    for steps in (np.tile([0.010, 0.012], 500), np.repeat([0.010, 0.012], 500)):
+        stamps = np.concatenate(([0.0], np.cumsum(steps)))
+        _, timing = even_grid("x", stamps)
+        assert timing.dropped == 0 and timing.rate == pytest.approx(1 / 0.011)
+    even = np.delete(np.arange(1000) * 0.01, 500)
+    assert even_grid("x", even)[1].dropped == 1
+
+
+def test_an_interval_that_contradicts_the_laws_own_is_widened() -> None:
+    """12.9 to 17.3 beside 18.5 to 23: from 12.9 to 23; intervals that touch stay as they are, and so does friction."""
+    plain = {"inertia": Estimate(15.1, 1.1, (12.9, 17.3)), "coulomb_friction": Estimate(1.0, 0.1, (0.8, 1.2))}
+    law = {"inertia": Estimate(20.7, 1.1, (18.5, 23.0)), "coulomb_friction": Estimate(3.0, 0.1, (2.8, 3.2))}
+    assert contradicted(plain, law) == ("inertia",)
+    wide = admitting(plain, law)
+    assert wide["inertia"].interval95 == (12.9, 23.0) and wide["inertia"].std == pytest.approx(2.8)
+    assert wide["coulomb_friction"] == plain["coulomb_friction"] and wide["inertia"].value == 15.1
+    assert contradicted(plain, law | {"inertia": Estimate(18.0, 1.0, (17.0, 19.0))}) == ()
+
+
+def test_an_inertia_smaller_than_what_is_unexplained_is_not_known() -> None:
+    """It takes 0.02 kg m² times the acceleration's norm; a residual beyond that could be all of it."""
+    made = {"inertia": 0.02, "viscous_friction": 0.07, "coulomb_friction": 0.4}
+    size = float(np.std(0.02 * equation_rows(made).acceleration))
+    rng = np.random.default_rng(0)
+    for share, known in ((0.5, True), (1.5, False)):
+        noise = share * size * rng.standard_normal(2000)
+        assert inertia_known(fit_rows(equation_rows(made, noise=noise), Model())) == known
+
+
+def test_a_hanging_angle_without_gravity_says_that_it_has_no_effect() -> None:
+    """It is gravity's phase that tells the bias; upright there is none."""
+    record = identify_joint(example_log(SATURN_LITE, SHORT), setup=IdentifySetup(hanging_angle=0.2)).record
+    assert any(text.startswith("--hanging-angle has no effect: no gravity") for text in record.warnings)
+    leg = identify_joint(example_log(LEG, SHORT), setup=IdentifySetup(hanging_angle=0.2)).record
+    assert not any("--hanging-angle has no effect" in text for text in leg.warnings)

@@ -1,0 +1,112 @@
+"""A walk with a wrong flag: no level comes out of it, and what to look at stands in the place of the answer."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to have a robot walk")
+
+from stiction.files.joints import JointRecord, JointsFile
+from stiction.identification.proposal import propose
+from stiction.identification.walking.setup import WalkSetup
+from stiction_experiments.flags import walks as wrong
+from stiction_experiments.flags.study import outcome
+from stiction_experiments.flags.walks import walk_cases
+
+QUICK = ("degrees", "sign of the torque", "half the rate", "no IMU", "a Go1 for a Go2", "left and right exchanged")
+"""Mistakes of the study that are made here too; all of them are in results/identification."""
+
+
+@pytest.mark.parametrize(
+    ("given", "mistake", "reason", "seen"),
+    [
+        (wrong.trotting, wrong.scaled("torque", 1.2), "weight", r"hold 1\.1\d .* times the robot's weight, 15\.2 kg"),
+        (wrong.trotting, wrong.heavier(0.5), "weight", r"1\.8\d .* 7\.6 kg: the torques"),
+        (wrong.by_targets, wrong.gains(2.0), "weight", "the gains, the masses"),
+        (
+            wrong.trotting,
+            wrong.late("foot_force", 0.03),
+            "swing_load",
+            "of the robot's weight where it is said to",
+        ),
+        (
+            wrong.trotting,
+            wrong.late("torque", 0.006),
+            "late_torque",
+            r"3\.\d ms late against the angles",
+        ),
+        (wrong.without_orientation, wrong.stamps(2.0), "rates", "2 times the rates of their angles"),
+        (wrong.without_orientation, wrong.scaled("gyroscope", 0.5), "turns", r"2\.\d+ .* times as fast"),
+    ],
+    ids=["scale", "masses", "gains", "contact", "torque", "rate", "gyroscope"],
+)
+def test_no_level_comes_out_of_a_wrong_walk(
+    given: Callable[[], Any], mistake: Callable[[Any], Any], reason: str, seen: str
+) -> None:
+    """A log that contradicts the robot, or itself, is identified all the same, and a level proposed."""
+    found = mistake(given()).identified()
+    assert found
+    for _, _, record in found:
+        assert reason in [one.reason for one in record.objections]
+        verdict = record.diagnostics["verdict"]
+        assert verdict["friction_level"] is None and verdict["lines"][0].startswith("Do first: ")
+        assert record.warnings[0] == record.objections[0].seen
+        assert JointRecord.from_dict(record.to_dict(), "x").objections == record.objections
+    (said,) = {one.seen for *_, record in found for one in record.objections if one.reason == reason}
+    assert re.search(seen, said), said
+    assert propose(JointsFile({name: record for name, _, record in found}))["friction"] is None
+
+
+@pytest.mark.parametrize("given", [wrong.trotting, wrong.without_feet, wrong.by_targets, wrong.without_orientation])
+def test_a_right_walk_has_no_objection(given: Callable[[], Any]) -> None:
+    """A gate that is always shut protects nobody; and the verdict says what the torque's scale rests on."""
+    found = given().identified()
+    assert len(found) >= 4
+    for _, friction, record in found:
+        low, high = record.diagnostics["torque_by_weight"]["interval95"]
+        assert 0.9 < low < high < 1.1
+        assert record.objections == ()
+        known = record.coulomb_friction or record.combinations["f/k"]
+        assert known.interval95[0] <= friction <= known.interval95[1] or abs(known.value / friction - 1) < 0.1
+        verdict = record.diagnostics["verdict"]
+        assert verdict["assumes"][0] == ("--kp" if record.coulomb_friction is None else "--torque-scale")
+        assert (
+            record.coulomb_friction is None
+            or "the robot's weight says so of all joints together" in verdict["lines"][0]
+        )
+
+
+def test_what_a_robot_carries_is_declared() -> None:
+    """A payload that is weighed and declared is an objection all the same, or one that is not is none."""
+    given = wrong.heavier(1 / 1.3)(wrong.trotting())
+    log = wrong.opened(wrong.find_robot("go2"), given.raw)
+    walk = wrong.foreign_walk(log, given.spec, given.declared, wrong.RobotLogSetup(imu_position=wrong.IMU))
+    missing = wrong.find_robot("go2").mass - given.spec.mass
+    for payload, reasons in ((0.0, {"weight"}), (missing, set())):
+        setup = WalkSetup(payload=payload)
+        joints = wrong.identify_walk(walk.log, given.spec, setup, walk.notes, True, walk.unplaced).joints.joints
+        assert {one.reason for record in joints.values() for one in record.objections} == reasons
+
+
+def test_a_walk_too_short_to_be_weighed_says_so() -> None:
+    """Nothing holds the scale of the torque, and the verdict is silent about it."""
+    given = wrong.trotting()
+    short = replace(given, raw={name: values[:700] for name, values in given.raw.items()})
+    found = short.identified()
+    assert found
+    for _, _, record in found:
+        assert record.diagnostics["torque_by_weight"] is None
+        assert record.objections or "nothing in so short a walk shows it" in record.diagnostics["verdict"]["lines"][0]
+
+
+@pytest.mark.parametrize("case", [one for one in walk_cases() if one.mistake in QUICK and "hexapod" not in one.record])
+def test_no_mistake_ends_in_a_confident_wrong_level(case: Any) -> None:
+    """The study's own judgement, of a part of its cases."""
+    row = outcome(case)
+    assert not row.confident and not row.false_alarm and np.isfinite(row.right)

@@ -1,0 +1,77 @@
+"""The figures of an iteration, against numbers worked out by hand."""
+
+import pytest
+import torch
+from tensordict import TensorDict
+
+from stiction.learning.figures import RolloutFigures, adaptation_figures, friction_figures
+from stiction.task.config import TaskCfg
+from stiction.task.env import LocomotionEnv
+from stiction.task.friction import FrictionCfg
+
+
+class KnownActor:
+    """Says what it is told to say."""
+
+    adapts = False
+
+    def __init__(self, z: list, star: list, estimate: list) -> None:
+        """Latents (N, latent) and the estimate of o_exp (N, 3 + legs)."""
+        self.z, self.star, self.estimate = torch.tensor(z), torch.tensor(star), torch.tensor(estimate)
+
+    def latents(self, _: TensorDict) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return z and z*."""
+        return self.z, self.star
+
+    def estimator(self, _: torch.Tensor) -> torch.Tensor:
+        """o_exp*."""
+        return self.estimate
+
+
+def observation(explicit: list) -> TensorDict:
+    """What the estimate is compared with."""
+    truth = torch.tensor(explicit)
+    return TensorDict({"history": torch.zeros(len(truth), 1), "explicit": truth}, batch_size=[len(truth)])
+
+
+def test_explained_share_and_estimator_errors_by_hand() -> None:
+    """Var z = 1 + 4 = 5, MSE = 0 + 1 = 1: 0.8 explained. Errors of 5 and 0 m/s; one foot of four misjudged."""
+    z, star = [[-1.0, 0.0], [1.0, 4.0]], [[-1.0, 1.0], [1.0, 3.0]]
+    guess = [[3.0, 4.0, 0.0, 0.9, 0.1], [0.0, 0.0, 0.0, 0.6, 0.4]]
+    truth = [[0.0, 0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0, 1.0]]
+    figures = adaptation_figures(KnownActor(z, star, guess), observation(truth), 2)
+    assert figures["latent/explained"] == pytest.approx(0.8)
+    assert figures["estimator/velocity_error"] == pytest.approx(2.5)
+    assert figures["estimator/contact_error"] == pytest.approx(0.25)
+
+
+def test_a_latent_that_does_not_vary_has_no_share() -> None:
+    """One robot, or a dead encoder: 0/0 would stop the run as diverged."""
+    figures = adaptation_figures(KnownActor([[1.0]], [[1.0]], [[0.0] * 4]), observation([[0.0] * 4]), 1)
+    assert "latent/explained" not in figures
+
+
+def test_means_are_over_the_steps_that_log_a_name() -> None:
+    """Whatever a task logs appears, also now and then; unstable simulations are counted, not averaged."""
+    rollout = RolloutFigures(control_period=0.02)
+    rollout.add({"reward": torch.tensor(1.0), "walk/blown_up": torch.tensor(2.0)})
+    rollout.add({"reward": torch.tensor(3.0), "walk/blown_up": torch.tensor(1.0), "terrain/level": 4.0})
+    assert rollout.means() == {"reward": 2.0, "walk/blown_up": 3.0, "terrain/level": 4.0}
+
+
+def test_episodes_are_measured_where_they_end() -> None:
+    """Ages of 99 and 49 steps before the step that ends them: 100 and 50 steps of 0.02 s, on average 1.5 s."""
+    rollout = RolloutFigures(control_period=0.02)
+    rollout.end(torch.tensor([99, 7]), torch.tensor([True, False]))
+    rollout.end(torch.tensor([0, 49]), torch.tensor([False, True]))
+    assert rollout.means() == {"episode/length": pytest.approx(1.5)}
+
+
+def test_friction_figures_are_those_of_the_stage() -> None:
+    """A schedule that never enters its second stage would look like a robust policy."""
+    friction = FrictionCfg("finetune", level=0.2, range=(0.5, 0.5))
+    env = LocomotionEnv(TaskCfg(robot="go1", friction=friction), 2, seed=0)
+    assert friction_figures(env) == dict.fromkeys([f"friction/{n}" for n in ("stage", "low", "high", "mean")], 0.0)
+    env.enter_stage(1)
+    names = [f"friction/{n}" for n in ("stage", "low", "high", "mean")]
+    assert friction_figures(env) == dict(zip(names, (1.0, 0.5, 0.5, 0.5), strict=True))

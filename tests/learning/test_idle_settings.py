@@ -1,0 +1,247 @@
+"""Settings without effect are refused where somebody changed them, and a preset's own never are."""
+
+from dataclasses import replace
+from operator import attrgetter
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+from stiction.core.errors import ConfigurationError
+from stiction.learning.arguments import parse
+from stiction.learning.begin import begin_run
+from stiction.learning.config import StopCfg, TeacherCfg
+from stiction.learning.effects import check_effects, idle
+from stiction.learning.presets import PresetName, preset
+from stiction.task.friction import FRICTION_RANGES, FrictionCfg
+from stiction_experiments.friction.manifest import ONE_PHASE, TWO_PHASE, runs_of
+
+REFUSED = [
+    ("--student.iterations 0 --teacher.latent history --student.steps 12", "--student.steps 12", "second phase"),
+    ("--preset quick --student.learning-rate 0.001", "--student.learning-rate 0.001", "second phase"),
+    ("--preset full --student.noise half", "--student.noise half", "with --student.iterations 0"),
+    ("--preset full --student.algorithm ppo", "--student.algorithm ppo", "with --student.iterations 0"),
+    ("--student.algorithm ppo --student.mini-batches 2", "--student.mini-batches 2", "is of distillation"),
+    ("--student.algorithm ppo --student.adaptation-weight 1", "--student.adaptation-weight 1.0", "is of distillation"),
+    ("--student.algorithm ppo --student.estimator-weight 1", "--student.estimator-weight 1.0", "is of distillation"),
+    ("--teacher.latent groups --teacher.alternate 2", "--teacher.alternate 2", "only with alternate"),
+    ("--preset full --teacher.alternate 20", "--teacher.alternate 20", "with --teacher.latent history"),
+    ("--teacher.student-share 0.5", "--teacher.student-share 0.5", "only with groups"),
+    ("--preset full --network.privileged 32 16", "--network.privileged 32 16", "nobody walks on"),
+    ("--network.terrain 32", "--network.terrain 32", "on flat ground"),
+    ("--network.terrain-latent 8", "--network.terrain-latent 8", "on flat ground"),
+    ("--task.terrain.levels 5", "--task.terrain.levels 5", "on flat ground"),
+    ("--task.terrain.speed 0.3 0.4", "--task.terrain.speed 0.3 0.4", "on flat ground"),
+    ("--preset full --teacher.quiet 20 --teacher.iterations 3", "--teacher.quiet 20", "at most a quarter"),
+    ("--dreamwaq.code 8", "--dreamwaq.code 8", "without --method dreamwaq"),
+    (
+        "--preset full --method dreamwaq --dreamwaq.beta 0 --dreamwaq.free-bits 0.1",
+        "--dreamwaq.free-bits 0.1",
+        "with --dreamwaq.beta 0",
+    ),
+    (
+        "--preset full --method dreamwaq --symmetry half --network.recurrent",
+        "--network.recurrent True",
+        "with --method dreamwaq",
+    ),
+    ("--hinf.curriculum 0.5", "--hinf.curriculum 0.5", "without --method hinf"),
+    ("--preset full --method hinf --hinf.curriculum 0.001", "--hinf.curriculum 0.001", "the limit is there at once"),
+    ("--method none --task.friction.per joint", "--task.friction.per joint", "no friction in training"),
+    ("--method none --task.friction.steps 2", "--task.friction.steps 2", "no friction in training"),
+    ("--preset full --method hinf --task.friction.spread 0.5 1.5", "--task.friction.spread 0.5 1.5", "asks for it"),
+    ("--preset full --method dreamwaq --task.friction.per joint", "--task.friction.per joint", "asks for it"),
+    ("--task.friction.spread 1 1", "--task.friction.spread 1.0 1.0", "a factor of 1"),
+    ("--task.friction.load 0 0", "--task.friction.load 0.0 0.0", "a coefficient of 0"),
+    ("--task.friction.range 1 1 --task.friction.per joint", "--task.friction.per joint", "the same multiplier"),
+    (
+        "--friction-level 0 --task.friction.load 0 0.1 --task.friction.range 0 2",
+        "--task.friction.range 0.0 2.0",
+        "at --friction-level 0",
+    ),
+    ("--method direct --task.friction.pretraining 0.3", "--task.friction.pretraining 0.3", "only with finetune"),
+    ("--method finetune --task.friction.steps 8", "--task.friction.steps 8", "only with iterative"),
+    ("--task.friction.static-ratio 2", "--task.friction.static-ratio 2.0", "only with stribeck"),
+    ("--task.friction.stribeck-velocity 0.3", "--task.friction.stribeck-velocity 0.3", "only with stribeck"),
+    (
+        "--friction-law stribeck --task.friction.static-ratio 1 --task.friction.stribeck-velocity 0.3",
+        "--task.friction.stribeck-velocity 0.3",
+        "the same at every speed",
+    ),
+    ("--task.physics.impedance 0.9", "--task.physics.impedance 0.9", "only with rows"),
+    ("--physics rows --task.physics.stiffness 500", "--task.physics.stiffness 500.0", "only with plastic"),
+    ("--method none --task.physics.stiffness 500", "--task.physics.stiffness 500.0", "the training has none"),
+    ("--engine physx --task.physics.iterations 20", "--task.physics.iterations 20", "a solver of its own"),
+    ("--task.randomization.known-friction 1 1", "--task.randomization.known-friction 1.0 1.0", "without --task.known"),
+    (
+        "--task.randomization.push-interval 0 --task.randomization.push-velocity 2",
+        "--task.randomization.push-velocity 2.0",
+        "no robot is pushed",
+    ),
+    ("--task.randomization.push-interval 0.005", "--task.randomization.push-interval 0.005", "less than a control"),
+    (
+        "--task.episode 5 --task.randomization.push-velocity 2",
+        "--task.randomization.push-velocity 2.0",
+        "over before the first push",
+    ),
+    (
+        "--task.randomization.push-velocity 0 --task.randomization.push-interval 4",
+        "--task.randomization.push-interval 4.0",
+        "no robot is pushed",
+    ),
+    ("--actuator net --task.randomization.stiffness 0.8 1.2", "--task.randomization.stiffness 0.8 1.2", "in the net"),
+    ("--actuator net --task.randomization.action-delay 0 0", "--task.randomization.action-delay 0.0 0.0", "in the net"),
+    (
+        "--task.commands.standing-share 1 --task.commands.forward 0 1",
+        "--task.commands.forward 0.0 1.0",
+        "every robot is told to stand",
+    ),
+    ("--contacts 64", "--contacts 64", "only on MuJoCo Warp"),
+    ("--stop.iterations 5", "--stop.iterations 5", "without --stop-at-tracking-error"),
+    ("--stop.falls 0.1", "--stop.falls 0.1", "without --stop-at-tracking-error"),
+    (
+        "--preset full --method finetune --teacher.iterations 30 --stop-at-tracking-error 0.2",
+        "--stop.tracking-error 0.2",
+        "no phase has more than 15",
+    ),
+]
+"""Words for `stiction train`, what they are told has no effect, and why."""
+
+
+@pytest.mark.parametrize(("words", "named", "why"), REFUSED, ids=[words for words, _, _ in REFUSED])
+def test_what_has_no_effect_is_refused(words: str, named: str, why: str) -> None:
+    """Two runs that differ in it would be compared, and are the same run."""
+    preset_words = [] if "--preset" in words else ["--preset", "two-phase"]
+    with pytest.raises(ConfigurationError) as caught:
+        parse([*preset_words, *words.split()])
+    said = str(caught.value)
+    assert said.startswith(f"{named} has no effect") and why in said and said.endswith("; leave it out"), said
+    assert "\n" not in said
+
+
+ACCEPTED = [
+    "--student.steps 12 --student.noise half --student.mini-batches 2 --student.adaptation-weight 1",
+    "--student.algorithm ppo --student.learning-rate 0.001 --student.steps 12",
+    "--teacher.alternate 20 --network.privileged 32 --teacher.adaptation-passes 2",
+    "--teacher.latent groups --network.privileged 32 --teacher.student-share 0.5",
+    "--terrain stairs --task.terrain.levels 5 --network.terrain 32 --network.terrain-latent 8",
+    "--preset full --teacher.adaptation-learning-rate 0.002 --teacher.adaptation-batches 2 --network.recurrent "
+    "--symmetry half",
+    "--preset full --method dreamwaq --dreamwaq.free-bits 0.1 --teacher.adaptation-passes 2",
+    "--preset full --method hinf --hinf.curriculum 0.5 --hinf.multiplier-rate 0 --hinf.eta 1",
+    "--preset full --method hinf --task.friction.load 0 0.1 --hinf.disturber friction",
+    "--preset full --method hinf --task.friction.range 0 1.2 --task.friction.spread 0.5 1.5 --task.friction.per robot",
+    "--method none --friction-level 0.2 --friction-law stribeck --task.friction.static-ratio 2",
+    "--method none --friction-law load",
+    "--friction-level 0 --task.friction.load 0 0.1",
+    "--task.friction.range 0 0 --task.friction.load 0 0.1",
+    "--task.friction.mixture 0.2 0 0 0.8 1 1 --task.friction.per joint",
+    "--method iterative --task.friction.steps 8 --task.friction.pretraining 0.3",
+    "--physics rows --task.physics.impedance 0.9",
+    "--task.physics.stiffness 500 --task.physics.iterations 20",
+    "--task.known-friction --task.randomization.known-friction 1 1",
+    "--task.known-friction --friction-law stribeck --friction-level 0.2",
+    "--task.randomization.push-interval 0",
+    "--task.randomization.push-velocity 0",
+    "--task.commands.standing-share 1",
+    "--actuator net --task.randomization.damping 0.5 1.5",
+    "--device warp-cpu --contacts 64",
+    "--stop-at-tracking-error 0.2 --stop.iterations 5 --stop.falls 0.1",
+]
+"""Words for `stiction train` that all have an effect."""
+
+
+@pytest.mark.parametrize("words", ACCEPTED)
+def test_what_has_an_effect_is_not(words: str) -> None:
+    """A rule that goes too far would take a training away."""
+    preset_words = [] if "--preset" in words else ["--preset", "two-phase"]
+    parse([*preset_words, *words.split()])
+
+
+@pytest.mark.parametrize("name", get_args(PresetName))
+@pytest.mark.parametrize("method", FRICTION_RANGES)
+@pytest.mark.parametrize("where", ["", "--device warp-cpu", "--engine physx"])
+def test_a_preset_with_a_method_is_never_refused(name: str, method: str, where: str) -> None:
+    """What a preset brings along nobody has typed; a method that a preset cannot train says so itself."""
+    words = ["--preset", name, "--method", method, *where.split()]
+    one_phase = method in ("dreamwaq", "hinf")
+    if one_phase and (name not in ("full", "quick") or (method == "hinf" and "physx" in where)):
+        with pytest.raises(ConfigurationError, match=r"learns in one phase|cannot train with"):
+            parse(words)
+        return
+    cfg = parse(words).config
+    check_effects(cfg)
+    assert cfg.task.friction.method == method
+
+
+@pytest.mark.parametrize("chosen", [TWO_PHASE, ONE_PHASE])
+def test_every_run_of_the_experiment_can_still_be_trained(chosen: str) -> None:
+    """The command lines behind the results are repeated, and none of their words is without effect."""
+    runs = runs_of((), chosen)
+    assert len(runs) > 20
+    for run in runs:
+        check_effects(run.configuration())
+
+
+def test_every_idle_place_is_a_field() -> None:
+    """A name that has changed would be an `AttributeError` in front of a user: all rules are looked up."""
+    cases = [preset(name, method=method) for name in ("full", "two-phase") for method in ("none", "deception")]
+    cases += [preset("full", method="dreamwaq"), preset("full", engine="physx"), preset("literal")]
+    cases.append(replace(cases[0], actuator="net", stop=StopCfg(tracking_error=0.1)))
+    for cfg in cases:
+        places = list(idle(cfg))
+        assert places
+        for place, why in places:
+            attrgetter(place)(cfg)
+            assert why.startswith((" with ", " without ", " on ", ": "))
+
+
+def test_a_configuration_of_ones_own_is_judged_too() -> None:
+    """Of Python nobody knows what was typed: the presets' own values count as unchanged."""
+    quick = preset("quick")
+    check_effects(replace(quick, num_envs=64))
+    other = replace(quick, teacher=replace(quick.teacher, student_share=0.5))
+    with pytest.raises(ConfigurationError, match=r"--teacher\.student-share 0\.5 has no effect"):
+        check_effects(other)
+    dream = replace(quick, task=replace(quick.task, friction=FrictionCfg("dreamwaq")), teacher=TeacherCfg("history"))
+    with pytest.raises(ConfigurationError, match=r"--task\.estimated-friction True has no effect with --method dream"):
+        check_effects(dream)
+
+
+@pytest.mark.parametrize("law", ["load", "effort"])
+def test_a_coefficient_is_not_told(law: str) -> None:
+    """There is no share of the torque limit that a bench could find."""
+    words = f"--task.known-friction --friction-law {law} --friction-level 0.1"
+    with pytest.raises(ConfigurationError, match=f"under --friction-law {law} there is none"):
+        parse(words.split())
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--task.friction.range 0 0", "--method deception with a range, mixture or spread that ends at 0"),
+        ("--task.friction.mixture 1 0 0", "trains without friction"),
+        ("--task.friction.spread 0 0", "trains without friction"),
+        ("--method hinf --task.friction.range 0 0", "--method hinf with a range"),
+        ("--method dreamwaq --friction-level 0 --task.friction.range 0 1", "at --friction-level 0 trains without"),
+        ("--robot go2", "that the joints of go2 have, which nobody has measured"),
+        ("--robot go2 --method hinf --task.friction.range 0 1.2", "--method hinf draws multiples of the friction"),
+    ],
+)
+def test_friction_that_cannot_be_there_is_refused(words: str, said: str, tmp_path: Path) -> None:
+    """A run that is named after friction would have none, and its policy be believed to cope with it."""
+    with pytest.raises(ConfigurationError, match=said):
+        begin_run(tmp_path / "run", parse(words.split()).config, "stiction train")
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        *("--robot go2 --friction-level 0.1", "--robot go2 --method none", "--robot go1"),
+        *("--robot go2 --method hinf", "--robot go1 --friction-level 0 --task.friction.load 0 0.1"),
+    ],
+)
+def test_friction_that_somebody_has_measured_or_said_is_not(words: str, tmp_path: Path) -> None:
+    """Nor is a training without any."""
+    begin_run(tmp_path / "run", parse([*words.split(), "--num-envs", "8"]).config, "stiction train")
+    assert (tmp_path / "run" / "config.json").exists()

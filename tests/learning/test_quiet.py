@@ -1,0 +1,132 @@
+"""The quiet iterations at the end of one phase: who walks, what learns, and that nothing else of a run changes."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from rollouts import phase_runner, rollout
+from stiction.core.errors import ConfigurationError
+from stiction.learning.arguments import parse
+from stiction.learning.config import StopCfg, StudentCfg, TeacherCfg, TrainCfg
+from stiction.learning.phase import Interrupted
+from stiction.learning.run import RunDirectory, latest_checkpoint, load_checkpoint
+from stiction.learning.runner import train
+from stiction.task.config import TaskCfg
+from stiction.task.friction import FrictionCfg
+
+CFG = TrainCfg(
+    task=TaskCfg(friction=FrictionCfg(method="deception", level=0.2)),
+    num_envs=8,
+    teacher=TeacherCfg(latent="history", iterations=8, steps=4, final_std=0.4, quiet=30),
+    student=StudentCfg(iterations=0),
+)
+"""Eight iterations, of which two may be quiet: the sixth is the last that is not."""
+
+
+def weights(module: torch.nn.Module) -> list[torch.Tensor]:
+    """Copies of the parameters of a network."""
+    return [parameter.detach().clone() for parameter in module.parameters()]
+
+
+@pytest.mark.parametrize(("quiet", "iterations", "first"), [(0, 8, 8), (1, 8, 7), (30, 8, 6), (30, 440, 410)])
+def test_they_are_the_last_and_at_most_a_quarter(quiet: int, iterations: int, first: int) -> None:
+    """Short trainings would else be quiet from the start, and learn nothing."""
+    assert TeacherCfg(quiet=quiet, iterations=iterations).quiet_from == first
+
+
+def test_who_walks_is_deployed_and_the_estimator_alone_learns(tmp_path: Path) -> None:
+    """Actions are the policy's means; actor, encoder, critic and noise stay as they are, and f_est does not."""
+    runner = phase_runner(CFG, tmp_path)
+    runner.alg.iteration = 6
+    runner.alg._prepare_rollout()
+    actor, obs = runner.alg.actor, runner.env.get_observations()
+    torch.testing.assert_close(runner.alg.act(obs), actor(obs))
+    runner.alg.transition.clear()
+    still = {name: weights(part) for name, part in (("actor", actor.mlp), ("z*", actor.adaptation))}
+    still |= {"critic": weights(runner.alg.critic), "noise": [actor.std.clone()]}
+    before = weights(actor.estimator)
+    rollout(runner)
+    losses = runner.alg.update()
+    now = {"actor": weights(actor.mlp), "z*": weights(actor.adaptation), "critic": weights(runner.alg.critic)}
+    now["noise"] = [actor.std]
+    assert all(torch.equal(a, b) for name in still for a, b in zip(still[name], now[name], strict=True))
+    assert any(not torch.equal(a, b) for a, b in zip(before, weights(actor.estimator), strict=True))
+    assert set(losses) == {"estimator"}
+    assert runner.alg.kl == 0.0
+    # The next rollout finds an empty storage.
+    rollout(runner)
+
+
+def test_before_them_robots_walk_with_noise(tmp_path: Path) -> None:
+    """Without it PPO would learn nothing."""
+    runner = phase_runner(CFG, tmp_path)
+    obs = runner.env.get_observations()
+    assert (runner.alg.act(obs) - runner.alg.actor(obs)).abs().min() > 0
+
+
+def test_the_step_falls_and_the_passes_double(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two quiet iterations the first has the whole step, 1e-3, the second half of it; four batches become eight."""
+    runner, seen = phase_runner(CFG, tmp_path), []
+    take = runner.alg.adaptation_optimizer.step
+    monkeypatch.setattr(
+        runner.alg.adaptation_optimizer,
+        "step",
+        lambda: (seen.append(runner.alg.adaptation_optimizer.param_groups[0]["lr"]), take())[1],
+    )
+    for _ in range(8):
+        rollout(runner)
+        runner.alg.update()
+    assert seen == pytest.approx([1e-3] * (6 * 4 + 8) + [5e-4] * 8)
+
+
+def test_a_run_that_was_cut_in_them_ends_in_the_same_weights(tmp_path: Path) -> None:
+    """The first quiet iteration is remembered, and with it the step."""
+    whole, cut = (RunDirectory.create(tmp_path / name, CFG, "test", None) for name in ("whole", "cut"))
+    train(CFG, whole)
+    made: list[int] = []
+    with pytest.raises(Interrupted, match="after iteration 7 of 8"):
+        train(CFG, cut, interrupted=lambda: made.append(1) or len(made) > 6)
+    train(CFG, cut)
+    ends = [load_checkpoint(latest_checkpoint(run.checkpoints, "student"))["algorithm"] for run in (whole, cut)]
+    states = [end["actor_state_dict" if "actor_state_dict" in end else "student_state_dict"] for end in ends]
+    assert all(torch.equal(value, states[1][name]) for name, value in states[0].items())
+    rows = [row for row in whole.rows() if row["phase"] == "teacher"]
+    assert ["loss/value" in row for row in rows] == [True] * 6 + [False] * 2
+
+
+def test_a_target_met_early_ends_with_them(tmp_path: Path) -> None:
+    """A phase that ends for its tracking error has quiet iterations first, as many as it would have had."""
+    cfg = replace(
+        CFG,
+        teacher=replace(CFG.teacher, iterations=12, final_std=None),
+        stop=StopCfg(tracking_error=10.0, iterations=2, falls=1e3),
+    )
+    run = RunDirectory.create(tmp_path / "run", cfg, "test", None)
+    summary = train(cfg, run)
+    rows = [row for row in run.rows() if row["phase"] == "teacher"]
+    assert ["loss/value" in row for row in rows] == [True] * 2 + [False] * 3
+    assert summary["stopped"]["teacher"]["iteration"] == 5
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "--teacher.quiet 30 --teacher.latent alternate --student.iterations 80",
+        "--teacher.quiet 30 --student.algorithm ppo --student.iterations 5",
+        "--method dreamwaq --teacher.quiet 30",
+        "--method hinf --teacher.quiet 30",
+    ],
+)
+def test_where_they_mean_nothing_they_are_refused(words: str) -> None:
+    """A teacher's estimator goes on to learn in the second phase; a context's code would drift under the policy."""
+    with pytest.raises(ConfigurationError, match=r"--teacher\.quiet 30 .* add --teacher\.quiet 0"):
+        parse(["--preset", "quick", "--friction-level", "0.2", *words.split()])
+
+
+@pytest.mark.parametrize("quiet", [-1, 2_000_000])
+def test_a_number_that_nobody_could_mean_is_refused(quiet: int) -> None:
+    """Before any folder is made."""
+    with pytest.raises(ConfigurationError, match=r"teacher\.quiet"):
+        replace(CFG, teacher=replace(CFG.teacher, quiet=quiet))

@@ -1,0 +1,166 @@
+"""The teacher: who trains what, the ratio before the first step, the alternating latent."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from rollouts import phase_runner, rollout
+from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
+from stiction.learning.models import StudentPolicy
+from stiction.learning.phase import PhaseRunner
+from stiction.task.config import TaskCfg
+from stiction.task.env import LocomotionEnv
+from stiction.task.friction import FrictionCfg
+
+CFG = TrainCfg(
+    task=TaskCfg(robot="go1", friction=FrictionCfg("deception", level=0.2)),
+    network=NetworkCfg(actor=(16,), critic=(16,), privileged=(8,), history_frame=4, history=(8,), latent=3),
+    teacher=TeacherCfg(iterations=4, steps=4, epochs=2, mini_batches=2, alternate=2),
+    student=StudentCfg(iterations=2, steps=4, epochs=1, mini_batches=2),
+    num_envs=8,
+)
+
+
+@pytest.fixture
+def env() -> LocomotionEnv:
+    """Eight small robots."""
+    torch.manual_seed(0)
+    return LocomotionEnv(CFG.task, CFG.num_envs, seed=0)
+
+
+def phase(env: LocomotionEnv, tmp_path, name: str = "teacher", cfg: TrainCfg = CFG) -> PhaseRunner:
+    """A runner of one phase."""
+    return phase_runner(cfg, tmp_path, name, env)
+
+
+def test_latent_sources_alternate(env: LocomotionEnv, tmp_path) -> None:
+    """One iteration in `alternate` walks on z*."""
+    runner = phase(env, tmp_path)
+    seen = []
+    for _ in range(4):
+        seen.append(runner.alg.actor.latent_source)
+        runner.iterate()
+    assert seen == ["privileged", "history", "privileged", "history"]
+
+
+def test_ppo_and_the_supervised_losses_train_different_parameters(env: LocomotionEnv, tmp_path, monkeypatch) -> None:
+    """PPO must not reach f_est and f_ada_stu, nor L_ada and L_est the policy and z."""
+    runner = phase(env, tmp_path)
+    actor = runner.alg.actor
+    supervised, policy = actor.supervised_parameters(), actor.policy_parameters()
+    assert len(supervised) + len(policy) == len(list(actor.parameters()))
+
+    def copies(parameters: list) -> list:
+        return [p.detach().clone() for p in parameters]
+
+    rollout(runner)
+    before, before_policy = copies(supervised), copies(policy)
+    monkeypatch.setattr(type(runner.alg), "_supervise", lambda self: {})
+    runner.alg.update()
+    assert all(torch.equal(a, b) for a, b in zip(before, supervised, strict=True))
+    assert not all(torch.equal(a, b) for a, b in zip(before_policy, policy, strict=True))
+    monkeypatch.undo()
+    before_policy = copies(policy)
+    runner.alg._supervise()
+    assert all(torch.equal(a, b) for a, b in zip(before_policy, policy, strict=True))
+    assert not all(torch.equal(a, b) for a, b in zip(before, supervised, strict=True))
+
+
+def test_supervised_gradients_do_not_linger(env: LocomotionEnv, tmp_path) -> None:
+    """PPO clips the norm over the whole actor: gradients left behind would shrink its step, and only until a resume."""
+    runner = phase(env, tmp_path)
+    runner.iterate()
+    assert all(parameter.grad is None for parameter in runner.alg.actor.supervised_parameters())
+
+
+def test_storage_keeps_its_contents_after_clear(env: LocomotionEnv, tmp_path) -> None:
+    """The second pass reads the rollout after PPO has cleared it: an accident of rsl_rl's that this pins."""
+    runner = phase(env, tmp_path)
+    rollout(runner)
+    before = runner.alg.storage.observations.clone()
+    runner.alg.storage.clear()
+    assert runner.alg.storage.step == 0
+    assert all(torch.equal(before[k], runner.alg.storage.observations[k]) for k in ("history", "explicit"))
+
+
+def test_supervised_losses_by_hand(env: LocomotionEnv, tmp_path) -> None:
+    """L_ada = MSE(z, z*), L_est = MSE(o_exp, o_exp*), means over robots and entries."""
+    actor, obs = phase(env, tmp_path).alg.actor, env.get_observations()
+    z, star = actor.privileged_encoder(obs["privileged"]), actor.adaptation(obs["history"])
+    torch.testing.assert_close(actor.supervised_losses(obs)["adaptation"], ((z - star) ** 2).sum() / z.numel())
+    guess = actor.estimator(obs["history"])
+    torch.testing.assert_close(
+        actor.supervised_losses(obs)["estimator"], ((guess - obs["explicit"]) ** 2).sum() / guess.numel()
+    )
+
+
+def test_actor_never_sees_the_true_explicit_state(env: LocomotionEnv, tmp_path) -> None:
+    """What is not measured on the robot may not leak into the action, and on z* neither may the privileged state."""
+    actor, obs = phase(env, tmp_path).alg.actor, env.get_observations()
+    other = obs.clone()
+    other["explicit"] = other["explicit"] + 1.0
+    assert torch.equal(actor(obs), actor(other))
+    other["privileged"] = other["privileged"] + 1.0
+    assert not torch.equal(actor(obs), actor(other))
+    actor.latent_source = "history"
+    assert torch.equal(actor(obs), actor(other))
+
+
+def test_critic_sees_everything(env: LocomotionEnv, tmp_path) -> None:
+    """Each group changes the value."""
+    critic, obs = phase(env, tmp_path).alg.critic, env.get_observations()
+    for name in ("proprioception", "history", "privileged", "explicit"):
+        other = obs.clone()
+        other[name] = other[name] + 1.0
+        assert not torch.allclose(critic(obs), critic(other)), name
+
+
+def test_student_starts_as_the_teacher_on_its_own_latent(env: LocomotionEnv, tmp_path) -> None:
+    """Warm start: the student acts as the teacher does with z*, and the deployed module as the student."""
+    teacher = phase(env, tmp_path)
+    teacher.iterate()
+    actor = teacher.alg.get_policy()
+    student = phase(env, tmp_path, "student")
+    student.alg.warm_start(actor.state_dict(), {})
+    obs = env.get_observations()
+    actor.latent_source = "history"
+    torch.testing.assert_close(student.alg.student(obs), actor(obs))
+    torch.testing.assert_close(StudentPolicy(student.alg.student)(obs["history"]), actor(obs))
+    actor.latent_source = "privileged"
+    torch.testing.assert_close(student.alg.teacher(obs), actor(obs))
+
+
+@pytest.mark.parametrize("norm", [None, 1e-3])
+def test_gradients_of_distillation_are_clipped_as_asked(norm: float | None, env: LocomotionEnv, tmp_path) -> None:
+    """None is no clipping: a step of plain gradient descent is as long as the gradient, or as the norm asked for."""
+    cfg = replace(CFG, student=replace(CFG.student, epochs=1, mini_batches=1))
+    runner = phase(env, tmp_path, "student", cfg)
+    student = runner.alg
+    student.teacher_loaded, student.max_grad_norm = True, norm
+    student.optimizer = torch.optim.SGD(student.student.parameters(), lr=1.0)
+    with torch.no_grad():
+        for parameter in student.teacher.parameters():
+            parameter.mul_(10.0)
+    rollout(runner)
+    before = torch.nn.utils.parameters_to_vector(student.student.parameters()).clone()
+    student.update()
+    step = (torch.nn.utils.parameters_to_vector(student.student.parameters()) - before).norm().item()
+    assert step > 1.5 if norm is None else step == pytest.approx(norm, rel=1e-2)
+
+
+def test_distillation_brings_the_student_to_the_teacher(env: LocomotionEnv, tmp_path) -> None:
+    """All three losses fall, and the teacher stays as it is."""
+    cfg = replace(CFG, student=replace(CFG.student, iterations=40, learning_rate=3e-3))
+    teacher = phase(env, tmp_path)
+    student = phase(env, tmp_path, "student", cfg)
+    with torch.no_grad():
+        for parameter in teacher.alg.actor.privileged_encoder.parameters():
+            parameter.mul_(3.0)
+    student.alg.warm_start(teacher.alg.get_policy().state_dict(), {})
+    kept = [p.clone() for p in student.alg.teacher.parameters()]
+    losses = [student.iterate() for _ in range(40)]
+    for name in ("clone", "adaptation", "estimator"):
+        early, late = (sum(row[f"loss/{name}"] for row in part) for part in (losses[:5], losses[-5:]))
+        assert late < early, name
+    assert all(torch.equal(a, b) for a, b in zip(kept, student.alg.teacher.parameters(), strict=True))

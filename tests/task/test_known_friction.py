@@ -1,0 +1,134 @@
+"""What the task tells a policy of its joints' friction: the robot's own, with the error of a bench."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from stiction.core.errors import StictionError
+from stiction.deploy.observation import ObservationBuilder, Sensors
+from stiction.learning.run import load_checkpoint, save_checkpoint
+from stiction.task.config import NoiseCfg, RandomizationCfg, TaskCfg
+from stiction.task.env import LocomotionEnv
+from stiction.task.friction import FrictionCfg
+
+FRICTION = FrictionCfg("deception", level=0.2, per="joint")
+
+
+def make(num_envs: int = 64, error: tuple[float, float] = (0.7, 1.3), **changes: object) -> LocomotionEnv:
+    """Robots whose joints all have friction of their own, and which are told of it."""
+    cfg = TaskCfg(robot="go1", friction=FRICTION, known_friction=True, noise=NoiseCfg(0.0, 0.0, 0.0, 0.0))
+    cfg = replace(cfg, randomization=replace(RandomizationCfg(), known_friction=error), **changes)
+    return LocomotionEnv(cfg, num_envs, seed=1)
+
+
+def told(env: LocomotionEnv) -> np.ndarray:
+    """What each robot's newest frame says, f/τ_max of hip, thigh and shank, shape (N, 3)."""
+    return env.get_observations()["proprioception"][:, -3:].double().numpy() / 5.0
+
+
+def present(env: LocomotionEnv) -> np.ndarray:
+    """What the simulated joints have, the mean over four legs, shape (N, 3)."""
+    share = env.fleet.friction / env.fleet.torque_limit
+    return np.stack([share[:, kind::3].mean(axis=1) for kind in range(3)], axis=-1)
+
+
+def test_without_an_error_it_is_the_mean_over_the_legs() -> None:
+    """Of the friction that MuJoCo holds the joints with, over their torque limits."""
+    env = make(error=(1.0, 1.0))
+    np.testing.assert_allclose(told(env), present(env), atol=1e-6)
+    assert present(env).min() > 0 and present(env).max() < 0.24
+
+
+def test_the_error_is_drawn_once_for_every_episode_and_kind_of_joint() -> None:
+    """Uniform within its ends, other for each kind, the same in all of an episode, another in the next."""
+    env = make(num_envs=500)
+    error = told(env) / present(env)
+    assert 0.7 - 1e-5 <= error.min() < 0.72 and 1.28 < error.max() <= 1.3 + 1e-5
+    assert error.mean() == pytest.approx(1.0, abs=4 * 0.6 / 12**0.5 / 1500**0.5)
+    assert abs(np.corrcoef(error.T) - np.eye(3)).max() < 4 / 500**0.5
+    first = told(env)
+    for _ in range(3):
+        env.step(torch.zeros(500, 12))
+        going = env.episode_length_buf > 0
+        np.testing.assert_array_equal(told(env)[going], first[going])
+    env.episode_length_buf[:250] = env.max_episode_length
+    _, _, dones, _ = env.step(torch.zeros(500, 12))
+    changed = ~np.isclose(told(env), first)
+    assert dones[:250].all() and changed[:250].all()
+    assert not changed[~dones.numpy()].any()
+    again = told(env) / present(env)
+    assert again.min() >= 0.7 - 1e-5 and again.max() <= 1.3 + 1e-5
+    assert (abs(again[:250] - error[:250]) > 1e-4).mean() > 0.98
+
+
+def test_a_joint_without_friction_is_never_said_to_have_some() -> None:
+    """The error is relative, and follows the friction into its stages: `iterative` begins without any."""
+    env = make(friction=FrictionCfg("iterative", level=0.2, steps=2))
+    assert not told(env).any()
+    env.enter_stage(2)
+    env.step(torch.zeros(64, 12))
+    error = told(env) / present(env)
+    assert present(env).min() > 0.1 and 0.7 <= error.min() < 0.8 and 1.2 < error.max() <= 1.3
+
+
+def test_friction_with_a_coefficient_is_told_as_a_share_of_the_torque_limit() -> None:
+    """As in o_priv: 5 % of the load, a leg's share of the weight, over 23.7 or 35.55 N m."""
+    env = make(error=(1.0, 1.0), friction=FrictionCfg("direct", level=0.05, law="load", range=(1.0, 1.0)))
+    expected = 0.05 * env.spec.weight / 4 / env.fleet.torque_limit[:3]
+    np.testing.assert_allclose(told(env), np.tile(expected, (64, 1)), rtol=1e-5)
+
+
+def test_the_runtime_observes_the_same() -> None:
+    """The builder of the deployed policy, told the same, gives the task's observation."""
+    env = make(num_envs=4)
+    known = present(env) * env.bench_error.numpy()
+    builder, fleet = ObservationBuilder(env.layout, env.fleet.standing, (4,), known), env.fleet
+    offset = env.randomizer.draws.encoder_offset.numpy()
+    for _ in range(13):
+        sensors = Sensors(
+            fleet.base_quaternion, fleet.base_angular_velocity, fleet.joint_position + offset, fleet.joint_velocity
+        )
+        built = builder.step(sensors, env.commands.value.numpy(), env.last_action.numpy())
+        np.testing.assert_allclose(built, env.get_observations()["history"].numpy(), atol=2e-6)
+        assert not env.step(torch.zeros(4, 12))[2].any()
+
+
+def test_without_the_option_a_policy_observes_what_the_papers_does() -> None:
+    """11 + 3J entries, as in every bundle from before; with it one more for each kind of joint."""
+    names = [term.name for term in make(num_envs=1, known_friction=False).layout.terms]
+    assert make(num_envs=1, known_friction=False).layout.frame_size == 11 + 3 * 12 and "known_friction" not in names
+    layout = make(num_envs=1).layout
+    assert layout.frame_size == 11 + 3 * 12 + 3 and [term.name for term in layout.terms] == [*names, "known_friction"]
+
+
+def test_a_checkpoint_holds_what_each_robot_was_told(tmp_path: Path) -> None:
+    """A resumed run would tell the same robot another number in the middle of its episode."""
+    env = make(num_envs=8)
+    save_checkpoint(tmp_path / "c.safetensors", env.state())
+    other = make(num_envs=8)
+    other._reset(torch.arange(8))
+    other.load_state(load_checkpoint(tmp_path / "c.safetensors"))
+    for one in (env, other):
+        one.step(torch.zeros(8, 12))
+    np.testing.assert_array_equal(told(env), told(other))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"friction": FrictionCfg("none")}, "no friction in training of which a policy could be told"),
+        ({"friction": FrictionCfg("hinf", 0.2, load=(0.0, 0.1))}, "no friction in training of which"),
+        ({"friction": FrictionCfg("deception", 0.2, range=(0.0, 0.0))}, "no friction in training of which"),
+        ({"error": (1.3, 0.7)}, "known_friction is the range"),
+        ({"error": (-0.1, 1.0)}, "known_friction is the range"),
+    ],
+)
+def test_what_cannot_be_told_is_refused(changes: dict, message: str) -> None:
+    """Before hours of training."""
+    with pytest.raises(StictionError, match=message):
+        make(**changes)
