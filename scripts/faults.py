@@ -203,8 +203,8 @@ PAGE = """# How runs are stopped
 
 * **Event to damping** is the time, on the machine's monotonic clock, from just before the event to when the robot's own
   process has read the first damping frame, for which it looks every 2 ms. The event: the signal is sent; the policy's
-  process is killed with SIGKILL; the supervisor, halted for 200 ms, is let go on with SIGCONT; the second robot's first
-  state.
+  process is killed with SIGKILL; the supervisor, halted for 200 ms, is let go on with SIGCONT; the second robot is
+  about to send its first state (UDP) or to open the network (DDS).
 * **Refused**: the run ended before any stiff command was sent. **Stiff**: the robot's last command was stiff.
   **Before**: the run ended before its event, three times over.
 * The robot is a process that follows its commands, without physics. `policy killed` and `supervisor halted` are runs of

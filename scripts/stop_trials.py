@@ -61,8 +61,8 @@ COLUMNS = ("situation", "trial", "outcome", "rule", "status", "event_to_damping_
 COLUMNS += ("second_stiff", "probe_ms", "line")
 """Outcome: damped, refused (nothing stiff was ever sent), stiff (the last command was) or before (the run ended before
 its event). The event is that of the situation: the signal, the kill, the resumption (SIGCONT) of the halted supervisor,
-the first state of the second robot. damped_s: from the first damping frame to the last [s]; second_stiff: 1 where a
-second robot ever heard a stiff command, 0 where it did not."""
+when the second robot says its first state (UDP) or opens the network (DDS: it is known by that). damped_s: from the
+first damping frame to the last [s]; second_stiff: 1 where a second robot ever heard a stiff command, 0 where not."""
 
 
 class Body:
@@ -153,15 +153,15 @@ def dds_robot(contract: Contract, domain: int) -> None:
     from stiction.deploy.transports.dds import domain_settings, wire_type
     from stiction.files.unitree import GO_COMMAND, GO_STATE
 
+    kind, at = wire_type(GO_STATE), time.monotonic()
     settings = Domain(domain, domain_settings("lo"))
     participant = DomainParticipant(domain)
-    kind = wire_type(GO_STATE)
     writer = DataWriter(participant, Topic(participant, "rt/lowstate", kind))
     reader = DataReader(participant, Topic(participant, "rt/lowcmd", wire_type(GO_COMMAND)))
     state, count = GO_STATE.blank(), contract.num_joints
     state["imu_state"]["quaternion"], state["imu_state"]["accelerometer"] = (1, 0, 0, 0), (0, 0, 9.81)
     body = Body(contract.array("standing"))
-    print(json.dumps({"at": time.monotonic()}), flush=True)
+    print(json.dumps({"at": at}), flush=True)
     for at in beats():
         for sample in reader.take(64):
             if hasattr(sample, "data"):

@@ -68,11 +68,13 @@ def trained_as(run: Run) -> dict:
     def after(flag: str, default: str) -> str:
         return words[words.index(flag) + 1] if flag in words else default
 
-    same = {"friction_range": (0.2, 0.2)} if "--task.friction.range" in words else {}
+    method = after("--method", "none")
+    low, high = (0.0, 0.0) if method == "none" else (0.2, 0.2) if "--task.friction.range" in words else (0.0, 0.24)
     joints = {"joints_file": JOINTS} if "--joints" in words else {}
     side = {name: side for side, name in ACTUATOR_RUNS.items()}.get(run.condition.name)
     net = {"actuator": NET, "torque_source": side} if side else {}
-    return {"method": after("--method", "none"), "terrain": after("--terrain", "flat"), **same, **joints, **net}
+    trained = {"method": method, "terrain": after("--terrain", "flat"), "friction_range": (low, high)}
+    return {**trained, **joints, **net}
 
 
 def worth(walk: Walk) -> Metrics:
