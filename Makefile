@@ -53,8 +53,8 @@ test: $(READY)
 	STICTION_THREADS=$${STICTION_THREADS:-1} $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
 check: $(READY)
-	$(BIN)/ruff check src experiments tests scripts tools
-	$(BIN)/ruff format --check src experiments tests scripts tools
+	$(BIN)/ruff check src experiments tests tools
+	$(BIN)/ruff format --check src experiments tests tools
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
 
@@ -62,8 +62,8 @@ bench: $(READY)
 	$(BIN)/stiction bench $(ARGS)
 
 format: $(READY)
-	$(BIN)/ruff check --fix src experiments tests scripts tools
-	$(BIN)/ruff format src experiments tests scripts tools
+	$(BIN)/ruff check --fix src experiments tests tools
+	$(BIN)/ruff format src experiments tests tools
 
 # What the lock does not have comes as pyproject.toml's bounds say.
 docs: $(READY)
@@ -71,7 +71,7 @@ docs: $(READY)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 dist: $(READY)
-	$(BIN)/python scripts/dist.py dist --torch-flags="$(TORCH_FLAGS)"
+	$(BIN)/python tools/dist.py dist --torch-flags="$(TORCH_FLAGS)"
 
 # A build of torch for one kind of machine is named like 2.13.0+cpu; the lock holds for all, but for packages that some
 # machines have no wheel of, as in pyproject.toml. Not `pip freeze`, which names the file that torch came from. The
@@ -84,7 +84,7 @@ lock: $(READY) $(TOOLS)/.ready
 	cp requirements.lock $(VENV)/hashed.txt
 	$(TOOLS)/bin/uv pip compile --quiet --generate-hashes --no-deps --no-header --no-annotate --no-strip-markers \
 		--universal --python-version 3.11 $(VENV)/versions.txt --output-file $(VENV)/hashed.txt
-	$(BIN)/python scripts/lock.py $(VENV)/hashed.txt requirements.lock
+	$(BIN)/python tools/lock.py $(VENV)/hashed.txt requirements.lock
 	@touch $(READY)
 
 # The bill of materials of what the lock installs, as CycloneDX.

@@ -18,8 +18,8 @@ CHECKOUT = Path(__file__).parents[1]
 
 
 def script(name: str):
-    """Return a module of scripts/, which is no package."""
-    spec = importlib.util.spec_from_file_location(f"script_{name}", CHECKOUT / "scripts" / f"{name}.py")
+    """Return a module of tools/, which is no package."""
+    spec = importlib.util.spec_from_file_location(f"script_{name}", CHECKOUT / "tools" / f"{name}.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
@@ -27,9 +27,7 @@ def script(name: str):
     return module
 
 
-SCRIPTS = sorted(
-    str(path.relative_to(CHECKOUT)) for name in ("scripts", "tools") for path in CHECKOUT.glob(f"{name}/*.py")
-)
+SCRIPTS = sorted(str(path.relative_to(CHECKOUT)) for path in CHECKOUT.glob("tools/*.py"))
 
 
 @pytest.mark.parametrize("name", SCRIPTS)
@@ -43,7 +41,7 @@ def test_no_script_takes_its_words_unchecked(name: str) -> None:
     assert not set(taken) - set(whole) and (not whole or "parse_args" in ast.unparse(tree))
 
 
-@pytest.mark.parametrize("name", ["scripts/dist", "scripts/lock", "scripts/robots", "tools/corpus", "tools/counters"])
+@pytest.mark.parametrize("name", ["tools/dist", "tools/lock", "tools/robots", "tools/corpus", "tools/counters"])
 def test_a_script_says_how_it_is_used(name: str, tmp_path: Path) -> None:
     """Status 0 for --help, 2 for a flag that there is not, and nothing is made."""
     for flag, status in (("--help", 0), ("--nonsense", 2)):

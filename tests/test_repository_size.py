@@ -11,13 +11,13 @@ from stiction.core.records import read_rows
 
 CHECKOUT = Path(__file__).parents[1]
 
-TREE = 146_000_000
+TREE = 68_000_000
 """Largest size of all files together [B]. It only falls: 45 MB is the aim."""
 
 FILE = 700_000
 """Largest size of a file outside the shipped policies [B]."""
 
-LARGER = {"results/adaptation/summary.json", "results/replication/summary.json", "results/student/designs/each.png"}
+LARGER = {"results/adaptation/summary.json", "results/replication/summary.json"}
 """Files that are larger, until they are made anew or go."""
 
 SHIPPED = "src/stiction/policies/"
@@ -49,7 +49,7 @@ def test_results_are_text_figures_and_networks(sizes: dict[str, int]) -> None:
 
 def test_every_network_of_the_results_is_listed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Holds names, commands and hashes of the table to the folders; a policy that was removed keeps its row."""
-    monkeypatch.syspath_prepend(str(CHECKOUT / "scripts"))
+    monkeypatch.syspath_prepend(str(CHECKOUT / "tools"))
     import policy_records
 
     listed = read_rows(policy_records.RESULTS / "policies.csv", policy_records.PolicyRow)

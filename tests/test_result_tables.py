@@ -74,7 +74,7 @@ PAGES = sorted(path for path in RESULTS.rglob("*.md") if list(written(path.read_
 
 def test_there_are_pages_with_tables() -> None:
     """If this failed, the tests below would look at nothing."""
-    assert len(PAGES) >= 8 and sum(len(list(written(path.read_text()))) for path in PAGES) >= 200
+    assert len(PAGES) >= 5 and sum(len(list(written(path.read_text()))) for path in PAGES) >= 150
 
 
 def test_a_row_is_read_as_it_is_written() -> None:

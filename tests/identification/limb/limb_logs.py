@@ -1,4 +1,4 @@
-"""Simulated logs of whole limbs with known truth, in MuJoCo, many at once; the tests and `scripts/limbs.py` use it."""
+"""Simulated logs of whole limbs with known truth, in MuJoCo, many at once; the tests and `tools/limbs.py` use it."""
 
 from __future__ import annotations
 

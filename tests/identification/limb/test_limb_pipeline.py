@@ -230,7 +230,7 @@ def test_the_jackknife_is_leaving_blocks_out() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("masses", ["right", "scattered"])
 def test_intervals_hold_the_truth_of_a_simulated_arm(masses: str) -> None:
-    """Six joints in MuJoCo, noise in the loop, links as the model says or a tenth off: `scripts/limbs.py` in small.
+    """Six joints in MuJoCo, noise in the loop, links as the model says or a tenth off: `tools/limbs.py` in small.
 
     36 intervals of 95 % miss five or more in one case of forty.
     """

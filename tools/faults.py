@@ -1,0 +1,254 @@
+"""Injects every fault into runs on the virtual robot, in real time, and measures how soon the robot is damped.
+
+    python tools/faults.py --trials 50 --out results/deploy
+    python tools/faults.py --stops --trials 20 --out results/deploy/stops
+
+The second is of stops themselves, see `stop_trials`: `stops.csv` and `README.md`, all of them anew each time.
+
+One line a trial in `faults.csv`, with which it goes on where it was, killed or not; `faults.md` is the table. Times are
+taken by the robot's own process: when it said something true last, and when the first damping frame came. Each trial is
+a run of its own, with its own standing up. Run it on an idle machine: how late an idle loop is stands beside every
+trial. A run that ended before its fault came, as on a busy machine, is kept, counted apart, and made again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import json
+import sys
+import tempfile
+import time
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import redirect_stderr, redirect_stdout
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+
+from stiction.cli.main import main as deploy
+from stiction.core.files import write_text
+from stiction.core.provenance import git_revision
+from stiction.deploy.runtime.ticker import QUIET
+from stiction.virtual.faults import FAULTS, OF_ROBOT
+
+BUNDLE = "saturn_lite-flat-deception-0.2"
+
+COLUMNS = ("fault", "trial", "rule", "joint", "status", "detected_ms", "bus_ms", "good_ms", "fault_ms", "probe_ms")
+"""From the fault to its detection; from there to the bus; from the last good state, and from the fault, to the bus;
+p99 of an idle loop's lateness."""
+
+
+BUS, GOOD, KILLED = 20.0, 60.0, 100.0
+"""What is asked for [ms]: from detection to the bus, from the last good state to the bus, from SIGKILL to the bus."""
+
+TRIES = 3
+"""How often a trial is made whose run ended before its fault came, as it does on a machine that is too busy."""
+
+
+def trial(fault: str, number: int, folder: Path) -> dict[str, object]:
+    """Run once, by the program's own entry; return a row."""
+    second = 0.3 + 0.02 * (number % 50)
+    words = ["deploy", BUNDLE, "--robot", "virtual", "--armed", "--command", "vx=0.5", "--json", "--duration", "20"]
+    words += ["--robot-seed", str(number), "--keep-minutes", "0", "--out", str(folder), "--fault", f"{fault}@{second}"]
+    said, errors = io.StringIO(), io.StringIO()
+    with redirect_stdout(said), redirect_stderr(errors):
+        status = deploy(words)
+    row: dict[str, object] = {"fault": fault, "trial": number, "status": status}
+    try:
+        report = json.loads(said.getvalue())
+    except ValueError:
+        return row | {"rule": f"{BEFORE} {errors.getvalue().strip()[:100]}"}
+    stop, seen = report["stop"], report["virtual"]
+    if stop is None:
+        return row | {"rule": "none", "probe_ms": report["probe_ms"]["p99"]}
+    row |= {"rule": stop["rule"], "joint": stop["joint"] or "", "probe_ms": report["probe_ms"]["p99"]}
+    if fault not in report["faults"]:
+        return row | {"rule": f"{BEFORE} {stop['rule']}"}
+    if "damped" not in seen:
+        return row
+    at, bus = report["faults"][fault], seen["damped"]
+    ends = {"detected_ms": (at, stop["time"]), "bus_ms": (stop["time"], bus), "fault_ms": (at, bus)}
+    ends |= {"good_ms": (seen["last_good"], bus)} if fault in OF_ROBOT else {}
+    return row | {name: round(1e3 * (end - begin), 3) for name, (begin, end) in ends.items()}
+
+
+BEFORE = "before the fault:"
+"""How the rule of a row begins whose run ended before the fault came; it is no trial of the fault."""
+
+
+def whole_rows(file: Path) -> list[dict[str, str]]:
+    """Return the rows of a table; what a kill left half written at its end is taken away."""
+    if not file.exists():
+        return []
+    text = file.read_text(encoding="utf-8")
+    whole = text[: text.rfind("\n") + 1]
+    if whole != text:
+        write_text(file, whole)
+    return list(csv.DictReader(whole.splitlines()))
+
+
+def numbers(rows: list[dict[str, str]], name: str) -> np.ndarray:
+    """Return a column's numbers, without empty cells."""
+    return np.array([float(row[name]) for row in rows if row[name]])
+
+
+def spread(values: np.ndarray, most: float | None = None) -> str:
+    """Return median and largest [ms], and how many are within a limit."""
+    if not len(values):
+        return ""
+    within = "" if most is None else f", {int((values <= most).sum())} of {len(values)}"
+    return f"{np.median(values):.1f} ({values.max():.1f}){within}"
+
+
+def table(rows: list[dict[str, str]]) -> str:
+    """Return the table, one row a fault, and what was asked for; busy trials are in it, and counted."""
+    lines = [
+        f"| fault | trials | damped | rules | detection to bus [ms], within {BUS:g} "
+        f"| last good state to bus [ms], within {GOOD:g} | fault to bus [ms] | on a quiet machine | ended before |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    trials = [row for row in rows if not row["rule"].startswith(BEFORE)]
+    for fault in dict.fromkeys(row["fault"] for row in rows):
+        own = [row for row in trials if row["fault"] == fault]
+        timed = [row for row in own if row["fault_ms"]]
+        quiet = int((numbers(timed, "probe_ms") <= QUIET).sum())
+        cells = [f"`{fault}`", len(own), len(timed), ", ".join(sorted({row["rule"] for row in own}))]
+        cells += [spread(numbers(timed, "bus_ms"), BUS), spread(numbers(timed, "good_ms"), GOOD)]
+        killed = KILLED if fault == "policy-kill" else None
+        cells += [spread(numbers(timed, "fault_ms"), killed), quiet]
+        cells.append(sum(row["fault"] == fault for row in rows) - len(own))
+        lines.append("| " + " | ".join(map(str, cells)) + " |")
+    return "\n".join(
+        ["Median (largest), and how many of how many are within what is asked for.", "", *lines, "", asked(trials)]
+    )
+
+
+def asked(rows: list[dict[str, str]]) -> str:
+    """Return, of all trials and of those on a quiet machine, how many are within what is asked for."""
+    lines = []
+    for name, own in (
+        ("all trials", rows),
+        ("trials on a quiet machine", [row for row in rows if row["probe_ms"] and float(row["probe_ms"]) <= QUIET]),
+    ):
+        timed = [row for row in own if row["fault_ms"]]
+        killed = [row for row in timed if row["fault"] == "policy-kill"]
+        parts = [f"damped {len(timed)} of {len(own)}"]
+        for what, found, most in (
+            (f"within {BUS:g} ms of detection", numbers(timed, "bus_ms"), BUS),
+            (f"within {GOOD:g} ms of the last good state", numbers(timed, "good_ms"), GOOD),
+            (f"within {KILLED:g} ms of SIGKILL", numbers(killed, "fault_ms"), KILLED),
+        ):
+            parts.append(f"{what} {int((found <= most).sum())} of {len(found)}")
+        lines.append(f"* {name}: {'; '.join(parts)}")
+    return "\n".join(lines) + "\n"
+
+
+def judge(rows: list[dict[str, object]]) -> str:
+    """Return the table of stops, one row a situation, with the figures that are asked for."""
+    outcomes = ("damped", "refused", "stiff", "before")
+    lines = [
+        f"| situation | trials | {' | '.join(outcomes)} | rules | event to damping [ms], median (largest) | within |"
+    ]
+    lines += ["|---" * 9 + "|"]
+    for situation in dict.fromkeys(str(row["situation"]) for row in rows):
+        own = [row for row in rows if row["situation"] == situation]
+        counts = [sum(row["outcome"] == name for row in own) for name in outcomes]
+        rules = ", ".join(sorted({str(row["rule"]) for row in own if "rule" in row}))
+        times = np.array([float(str(row["event_to_damping_ms"])) for row in own if row.get("event_to_damping_ms")])
+        asked_for = ASKED_OF_STOPS.get(situation)
+        within = "" if asked_for is None else f"{int((times <= asked_for).sum())} of {len(own)} in {asked_for:g} ms"
+        cells = [situation, len(own), *counts, rules, spread(times), within]
+        lines.append("| " + " | ".join(map(str, cells)) + " |")
+    return "\n".join(lines)
+
+
+ASKED_OF_STOPS = {"supervisor halted": 80.0, "policy killed": 20.0}
+"""Situation -> longest time from its event to the first damping frame at the robot that is asked for [ms]."""
+
+
+def stops(trials: int, out: Path, patient: bool) -> None:
+    """Make every trial of stops, and write table and rows."""
+    import stop_trials as of
+
+    begin, rows = time.monotonic(), list[dict[str, object]]()
+    with tempfile.TemporaryDirectory() as folder:
+        bundles = of.prepare(Path(folder))
+        missing = [(name, number) for number in range(trials) for name in of.SITUATIONS]
+        for workers, wanted in ((2, of.QUIET), (5, of.SITUATIONS[len(of.QUIET) :])):
+            own = [each for each in missing if each[0] in wanted]
+            # Forked: everything is imported once, and the bundles are checked once.
+            with ProcessPoolExecutor(workers, get_context("fork")) as pool:
+                waiting = [pool.submit(of.trial, *each, bundles, 1 + n % 200, patient) for n, each in enumerate(own)]
+                for done in as_completed(waiting):
+                    rows.append(done.result())
+                    print(f"{len(rows)} of {len(missing)}, {time.monotonic() - begin:.0f} s", file=sys.stderr)
+    rows.sort(key=lambda row: (of.SITUATIONS.index(str(row["situation"])), int(str(row["trial"]))))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, of.COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_text(out / "stops.csv", text.getvalue())
+    command = f"python tools/faults.py --stops --trials {trials}{' --patient' if patient else ''}"
+    write_text(out / "README.md", PAGE.format(command=command, revision=git_revision(), table=judge(rows)))
+    print(judge(rows))
+
+
+PAGE = """# How runs are stopped
+
+{table}
+
+`{command} --out results/deploy/stops`, revision `{revision}`; rows in [stops.csv](stops.csv).
+
+* **Event to damping** is the time, on the machine's monotonic clock, from just before the event to when the robot's own
+  process has read the first damping frame, for which it looks every 2 ms. The event: the signal is sent; the policy's
+  process is killed with SIGKILL; the supervisor, halted for 200 ms, is let go on with SIGCONT; the second robot is
+  about to send its first state (UDP) or to open the network (DDS).
+* **Refused**: the run ended before any stiff command was sent. **Stiff**: the robot's last command was stiff.
+  **Before**: the run ended before its event, three times over.
+* The robot is a process that follows its commands, without physics. `policy killed` and `supervisor halted` are runs of
+  the shipped policy, which stands, two at once; all others play a motion that stands still, five at once: their
+  times are those of a busy machine. Signals come while the robot stands up.
+* `stop with lost commands`: three of ten commands are lost, by a generator whose seed is the trial's number.
+"""
+
+
+def main() -> None:
+    """Run the trials that are missing, then write the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--trials", type=int, default=50, help="trials of each fault")
+    parser.add_argument("--faults", nargs="*", default=list(FAULTS), choices=list(FAULTS))
+    parser.add_argument("--stops", action="store_true", help="trials of stops, in place of faults, all of them anew")
+    parser.add_argument("--patient", action="store_true", help="of --stops: on a machine that does other work")
+    parser.add_argument("--out", type=Path, default=Path("results/deploy"), help="folder of faults.csv and faults.md")
+    args = parser.parse_args()
+    args.out.mkdir(parents=True, exist_ok=True)
+    if args.stops:
+        stops(args.trials, args.out, args.patient)
+        return
+    file = args.out / "faults.csv"
+    rows = whole_rows(file)
+    done = {(row["fault"], int(row["trial"])) for row in rows if not row["rule"].startswith(BEFORE)}
+    missing = [(number, fault) for number in range(args.trials) for fault in args.faults if (fault, number) not in done]
+    with file.open("a", newline="", encoding="utf-8") as out:
+        writer = csv.DictWriter(out, COLUMNS)
+        if not rows:
+            writer.writeheader()
+        begin = time.monotonic()
+        for count, (number, fault) in enumerate(missing, 1):
+            for _ in range(TRIES):
+                with tempfile.TemporaryDirectory() as folder:
+                    row = trial(fault, number, Path(folder) / "run")
+                writer.writerow(row)
+                out.flush()
+                if not str(row["rule"]).startswith(BEFORE):
+                    break
+            each = (time.monotonic() - begin) / count
+            left = each * (len(missing) - count) / 60
+            print(f"{count} of {len(missing)} trials, {each:.1f} s each, {left:.0f} minutes left", file=sys.stderr)
+    write_text(args.out / "faults.md", f"Revision {git_revision()}.\n\n{table(whole_rows(file))}")
+
+
+if __name__ == "__main__":
+    main()
