@@ -25,7 +25,7 @@ LONG = (
     *("experiments/actuator/test_actuator_loop.py", "experiments/engines/test_study_engines.py"),
     *("experiments/friction/test_experiment_page.py", "experiments/friction/test_study_friction.py"),
     *("experiments/replication/test_replicate.py", "experiments/wear/test_wear_study.py"),
-    *("api/test_examples.py", "test_code_blocks.py"),
+    *("api/test_examples.py", "house/test_code_blocks.py"),
     *(
         "identification/excite/test_excite_plan.py",
         "identification/logs/test_limits.py",

@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 ROOT = Path(__file__).parents[1]
-sys.path[:0] = [str(ROOT / "tests" / folder) for folder in (".", "helpers", "learning")]
+sys.path[:0] = [str(ROOT / "tests" / folder) for folder in ("helpers", "learning")]
 
 POLICY = "saturn_lite-flat-deception-0.2"
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGHUP)
@@ -150,11 +150,11 @@ def folders(first: int, count: int) -> dict[str, Any]:
 
 def separately(program: str, *words: str) -> dict[str, Any]:
     """Return what one of the tests' programs, which bounds its own memory and time, says of what it has attacked."""
-    path = os.pathsep.join([str(ROOT / "tests"), str(ROOT / "src"), *filter(None, sys.path)])
+    path = os.pathsep.join([str(ROOT / "tests/helpers"), str(ROOT / "src"), *filter(None, sys.path)])
     threads = dict.fromkeys(THREADS, "1")
     with tempfile.TemporaryDirectory() as folder:
         done = subprocess.run(
-            [sys.executable, str(ROOT / "tests" / program), folder, *words],
+            [sys.executable, str(ROOT / "tests/helpers" / program), folder, *words],
             env=os.environ | threads | {"PYTHONPATH": path},
             capture_output=True,
             text=True,

@@ -133,7 +133,7 @@ def main() -> None:
     parser.add_argument("--torch-flags", default="", help="options of pip where it installs torch, in one word")
     options = parser.parse_args()
     # Not before: the files that its commands read are made by packages of half a second and more.
-    sys.path.insert(0, str(ROOT / "tests"))
+    sys.path.insert(0, str(ROOT / "tests/helpers"))
     from helpers.installs import INSTALLS
 
     wheel, sdist = distributions(ROOT, options.out)

@@ -249,7 +249,7 @@ CHECKED: dict[Path, Any] = {}
 
 def prepare(folder: Path) -> dict[str, Path]:
     """Check the bundles of all trials; return them by transport."""
-    sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+    sys.path.insert(0, str(Path(__file__).parents[1] / "tests/helpers"))
     from bundles import make_bundle, make_contract
     from stiction.robots.catalog import find_robot
 

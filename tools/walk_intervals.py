@@ -4,10 +4,10 @@
 
 Two robots (a Go2 in an open-loop trot, the hexapod under a trained policy, commands drawn), physics and motor
 controllers at 1 kHz, targets at 50 Hz. Dry friction of each joint is drawn anew for each log, 1 to 8 % of its limit.
-What a computer on board would log is taken of it (`tests/trots.py`), at several rates, with the IMU's place declared
-and not, and contact from force, torque and height. One row per robot and condition. Walks are kept in --walks.
-`identify walk` states viscous friction and rotor from 400 Hz on, dry friction from 200 Hz on; here all are, so that the
-table shows why.
+What a computer on board would log is taken of it (`tests/helpers/trots.py`), at several rates, with the IMU's place
+declared and not, and contact from force, torque and height. One row per robot and condition. Walks are kept in
+--walks. `identify walk` states viscous friction and rotor from 400 Hz on, dry friction from 200 Hz on; here all are,
+so that the table shows why.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests/helpers"))
 
 import trots
 from stiction.core.errors import StictionError

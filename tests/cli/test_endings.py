@@ -151,7 +151,9 @@ def test_nothing_outlives_a_command_that_is_ended(number: signal.Signals, tmp_pa
     script.write_text(WAIT)
     for folder in (out / "pids", temporary):
         folder.mkdir(parents=True)
-    path = os.pathsep.join([str(Path(__file__).parents[1] / "core"), str(Path(__file__).parents[1]), *sys.path])
+    path = os.pathsep.join(
+        [str(Path(__file__).parents[1] / "core"), str(Path(__file__).parents[1] / "helpers"), *sys.path]
+    )
     environment = os.environ | {"TMPDIR": str(temporary), "PYTHONPATH": path}
     words = [sys.executable, str(script), "robot", str(out)]
     command = subprocess.Popen(words, env=environment, stderr=subprocess.PIPE, text=True)

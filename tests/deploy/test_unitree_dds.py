@@ -27,7 +27,7 @@ pytest.importorskip("cyclonedds", reason="the package cyclonedds, of the extra '
 
 PATIENT = ("--stale", "5", "--silence", "5", "--gap", "5")
 
-ROBOT = Path(__file__).parents[1] / "unitree_robot.py"
+ROBOT = Path(__file__).parents[1] / "helpers/unitree_robot.py"
 
 IDENTITIES = {
     GO_COMMAND.kind: "832876ceec9737d69f6ed62a3f63 52cc8eb0d427d692aa2b20a90540",

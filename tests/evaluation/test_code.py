@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from source_tree import BY_NAME, NAMES, all_imports
 from stiction.core.provenance import source_files
 from stiction.evaluation.code import RUN_WALK_CODE, WALK_CODE
 from stiction.virtual.bench import BENCH_CODE
 from stiction_experiments.wear.run import WEARING
-from test_house import BY_NAME, NAMES, all_imports
 
 BY_FILE = {name: path for path, name in NAMES.items()}
 """Path below the package -> module."""

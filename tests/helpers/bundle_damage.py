@@ -30,8 +30,6 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
 import damage
 from bundles import linear_network, make_contract, make_golden, make_wear
 from stiction.core.errors import StictionError

@@ -24,7 +24,7 @@ from stiction.core.errors import StictionError
 from stiction.learning import ranks as ranks_module
 from stiction.learning.ranks import ALONE, PeerGone, Ranks, named_ranks
 
-TESTS = Path(__file__).parents[1]
+TESTS = Path(__file__).parents[1] / "helpers"
 
 TINY = [
     *("--robot", "go1", "--method", "deception", "--friction-level", "0.1", "--preset", "two-phase"),
@@ -46,7 +46,7 @@ def free_port() -> int:
 def start(number: int, port: int, *words: str) -> subprocess.Popen:
     """Start one of two processes, as torchrun does."""
     names = {"RANK": str(number), "LOCAL_RANK": str(number), "WORLD_SIZE": "2"}
-    place = {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(port), "PYTHONPATH": f"{TESTS}:{TESTS.parent / 'src'}"}
+    place = {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(port), "PYTHONPATH": f"{TESTS}:{TESTS.parents[1] / 'src'}"}
     environment = os.environ | names | place | {"OMP_NUM_THREADS": "1", "STICTION_THREADS": "1"}
     return subprocess.Popen(
         [sys.executable, *words], env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True

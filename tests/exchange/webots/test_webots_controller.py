@@ -280,7 +280,7 @@ def test_the_program_runs_without_torch_and_without_a_simulator(project: Path, t
     """If this failed, the machine with Webots would need what training needs; the whole program, as it is started."""
     (tmp_path / "controller.py").write_text(FAKE.format(project=str(project)))
     argv = [str(project / "controllers/stiction_policy/stiction_policy.py"), "--seconds", "3", "--command", "vx=0.3"]
-    path = [str(tmp_path), str(Path(__file__).parents[2]), *sys.path]
+    path = [str(tmp_path), str(Path(__file__).parents[2] / "helpers"), *sys.path]
     code = START.format(path=path, blocked=BLOCKED, argv=argv)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -98,7 +98,7 @@ def test_a_training_ends_with_the_study_that_started_it(tmp_path: Path) -> None:
         "follow_parent(signal.SIGTERM); print(1, flush=True); time.sleep(60)']; "
         "print(start(at, lambda _: command).process.pid, flush=True); import time; time.sleep(60)"
     )
-    words = [sys.executable, "-c", script, str(Path(__file__).parents[2]), str(tmp_path)]
+    words = [sys.executable, "-c", script, str(Path(__file__).parents[2] / "helpers"), str(tmp_path)]
     study = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
     assert study.stdout is not None
     training = int(study.stdout.readline())

@@ -24,14 +24,14 @@ pytestmark = [
     pytest.mark.skipif(find_spec("ray") is None, reason="the package ray is needed"),
 ]
 
-TESTS = Path(__file__).parents[2]
+TESTS = Path(__file__).parents[2] / "helpers"
 
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
     """A head that does no work, and one node that does."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PYTHONPATH", os.pathsep.join((str(TESTS), str(TESTS.parent / "src"))))
+        patch.setenv("PYTHONPATH", os.pathsep.join((str(TESTS), str(TESTS.parents[1] / "src"))))
         patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
         from ray.cluster_utils import Cluster
 

@@ -1,6 +1,6 @@
 """Thousands of damaged inputs: a complete log or the one error, soon, in little memory, never a part as the whole.
 
-Most by injuries to valid files (`tests/damage.py`, in processes with a bound on memory), the rest by hypothesis.
+Most by injuries to valid files (`tests/helpers/damage.py`, in processes with a bound on memory), others by hypothesis.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from stiction.identification.logs import open_log
 EACH = count(60, 650)
 """Injuries a kind of file; there are eighteen kinds."""
 
-TESTS = Path(__file__).parents[2]
+TESTS = Path(__file__).parents[2] / "helpers"
 
 QUICK = settings(deadline=5000, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 

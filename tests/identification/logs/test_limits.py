@@ -14,7 +14,7 @@ import pytest
 import log_attacks
 from stiction.cli.main import main
 
-TESTS = Path(__file__).parents[2]
+TESTS = Path(__file__).parents[2] / "helpers"
 
 
 @pytest.fixture(scope="module")

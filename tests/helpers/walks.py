@@ -38,7 +38,7 @@ NO_NOISE = LogNoiseCfg(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 @cache
 def walking_bundle() -> Bundle:
     """Return a policy that walks at every friction level and lifts its feet: tests do not change with shipped ones."""
-    return check_bundle(Path(__file__).parent / "data" / "walker").bundle
+    return check_bundle(Path(__file__).parents[1] / "data" / "walker").bundle
 
 
 def start(friction: np.ndarray, seed: int = 0) -> Rollout:

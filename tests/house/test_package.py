@@ -49,7 +49,7 @@ def base_install(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     folder = tmp_path_factory.mktemp("base_install")
     (folder / "sitecustomize.py").write_text(BLOCKER)
     return dict(os.environ) | {
-        "PYTHONPATH": os.pathsep.join((str(folder), str(PACKAGE.parent), str(CHECKOUT / "tests")))
+        "PYTHONPATH": os.pathsep.join((str(folder), str(PACKAGE.parent), str(CHECKOUT / "tests/helpers")))
     }
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-FILE = Path(__file__).parents[1] / "tools/nodes.py"
+FILE = Path(__file__).parents[2] / "tools/nodes.py"
 SPEC = util.spec_from_file_location("nodes", FILE)
 assert SPEC is not None and SPEC.loader is not None
 nodes = util.module_from_spec(SPEC)

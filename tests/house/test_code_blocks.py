@@ -22,7 +22,7 @@ from code_blocks import MADE, Block, blocks_of, files_of
 from stiction.cli.main import VERBS, main
 from stiction.joints.friction import LAWS
 
-CHECKOUT = Path(__file__).parents[1]
+CHECKOUT = Path(__file__).parents[2]
 PAGES = [
     page
     for page in (*sorted(CHECKOUT.glob("*.md")), *sorted(CHECKOUT.glob("docs/*.md")))

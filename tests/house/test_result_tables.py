@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-RESULTS = Path(__file__).parents[1] / "results"
+RESULTS = Path(__file__).parents[2] / "results"
 
 BOTH_WAYS = re.compile(r"\**(-?\d\.\d\d) / (-?\d\.\d\d)\**(?: \([^)]*\))?\**")
 """A cell of speed over command, forward and backward."""

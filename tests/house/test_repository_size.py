@@ -9,7 +9,7 @@ import pytest
 
 from stiction.core.records import read_rows
 
-CHECKOUT = Path(__file__).parents[1]
+CHECKOUT = Path(__file__).parents[2]
 
 TREE = 68_000_000
 """Largest size of all files together [B]. It only falls: 45 MB is the aim."""
