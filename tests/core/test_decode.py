@@ -68,7 +68,7 @@ def test_values_become_what_the_fields_declare() -> None:
         ({"scale": [1.0, "x"]}, r"x.json: scale\[1\] is x; expected a finite number"),
         ({"scale": "x"}, "x.json: scale is x; expected a finite number"),
         ({"scale": float("nan")}, "x.json: scale is nan; expected a finite number"),
-        ({"tail": 3}, "x.json: tail is '3'; expected str"),
+        ({"tail": 3}, "x.json: tail is '3'; expected text"),
         ({"gait": "walk"}, "x.json: gait is 'walk'; expected trot, pace"),
         ({"noise": {"gyro": True}}, "x.json: noise: gyro is True; expected a finite number"),
         ({"weights": [[1.0]]}, r"x.json: weights\[0\] is .*; expected ndarray"),

@@ -70,19 +70,19 @@ def test_nominal_names_what_is_missing() -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"inertia": 3}, "shank.inertia"),
-        ({"inertia": {"value": 1, "std": 1}}, "shank.inertia"),
+        ({"inertia": 3}, "shank: inertia"),
+        ({"inertia": {"value": 1, "std": 1}}, "shank: inertia"),
         ({"inertia": {"value": 1, "std": -1, "interval95": [0, 2]}}, "std >= 0"),
         ({"inertia": {"value": 3, "std": 1, "interval95": [0, 2]}}, "value within"),
-        ({"inertia": {"value": True, "std": 1, "interval95": [0, 2]}}, "finite numbers"),
+        ({"inertia": {"value": True, "std": 1, "interval95": [0, 2]}}, "finite number"),
         ({"inertia": {"value": 1e999, "std": 1, "interval95": [0, 2]}}, "no number of JSON"),
-        ({"innertia": None}, "expected an object with some of"),
+        ({"innertia": None}, "no field 'innertia'; did you mean 'inertia'?"),
         ({"axis": "bent"}, "rotary, linear"),
         ({"test_condition": "wet"}, "bare_motor"),
-        ({"kp": "20"}, "shank.kp"),
+        ({"kp": "20"}, "shank: kp"),
         ({"friction_law": 1}, "friction_law"),
-        ({"warnings": {}}, "shank.warnings"),
-        ({"combinations": {"a": 1}}, "combinations.a"),
+        ({"warnings": {}}, "shank: warnings"),
+        ({"combinations": {"a": 1}}, "combinations: a"),
     ],
 )
 def test_a_wrong_field_is_named(tmp_path: Path, change: dict, said: str) -> None:

@@ -44,11 +44,11 @@ def test_what_is_written_is_read_again() -> None:
     ("data", "said"),
     [
         ({"torque_calibrated": 1}, "torque_calibrated is '1'; expected true or false"),
-        ({"delay": "2ms"}, "delay is '2ms'; expected a number"),
-        ({"payload_angle": True}, "payload_angle is 'True'; expected a number"),
-        ({"kp": float("inf")}, "expected a number"),
-        ({"kp": 10**400}, "expected a number of a physical size"),
-        ({"names": "a"}, "expected a list of joint names"),
+        ({"delay": "2ms"}, "delay is 2ms; expected a finite number"),
+        ({"payload_angle": True}, "payload_angle is True; expected a finite number"),
+        ({"kp": float("inf")}, "expected a finite number"),
+        ({"kp": 10**400}, "kp is a huge integer; expected a finite number"),
+        ({"names": "a"}, "names is a; expected a list"),
         ({"names": ["a", "a"]}, "has 'a' twice"),
         ({"joints": []}, "expected an object"),
         ({"joints": {"calf": 3}}, "x.json: joint 'calf': expected an object"),
@@ -59,7 +59,7 @@ def test_what_is_written_is_read_again() -> None:
         ({"joints": {"calf": {"rate": 3}}}, "x.json: joint 'calf': rate is of the whole log"),
         ({"joints": {"calf": {"from": 3}}}, "x.json: joint 'calf': from is of the whole log"),
         ({"joints": {"calf": {"axis": "bent"}}}, "joint 'calf': axis is 'bent'; expected one of rotary, linear"),
-        ({"axis": {}}, "expected one of rotary"),
+        ({"axis": {}}, "expected text"),
     ],
 )
 def test_a_bad_field_is_named(data: dict, said: str) -> None:
@@ -102,8 +102,8 @@ def test_what_holds_for_the_file_is_said_once(tmp_path: Path) -> None:
     for wrong, said in (
         ({"joints": {"a": {"from": 1.0}}}, "joint 'a': from is of the whole log"),
         ({"begin": 1.0}, "unknown field 'begin': write 'from'"),
-        ({"columns": ["q"]}, "expected an object: role -> column"),
-        ({"columns": {"position": 3}}, "expected an object: role -> column"),
+        ({"columns": ["q"]}, "expected an object"),
+        ({"columns": {"position": 3}}, "columns: position is '3'; expected text"),
         ({"unknowns": ["dealy"]}, "did you mean 'delay'"),
         ({"gravity": 1}, "gravity is '1'; expected true or false"),
         ({"names": [f"j{i}" for i in range(300)]}, "names has 300 entries; expected at most 256"),

@@ -23,7 +23,7 @@ def test_it_comes_back_to_the_last_digit(name: str, tmp_path: Path) -> None:
     ("path", "value", "message"),
     [
         (("version",), 2, "no robot of version 1"),
-        (("name",), 3, "name is '3'; expected str"),
+        (("name",), 3, "name is '3'; expected text"),
         (("base", "mass"), "heavy", "base: mass is heavy; expected a finite number"),
         (("links", 0, "origin"), [1, 2], r"links\[0\]: origin is .* expected a list of 3"),
         (("joints", 1, "kp"), float("nan"), r"joints\[1\]: kp is nan"),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
+from stiction.core.decode import from_plain
 from stiction.files.results import ResultRow
 from stiction.report.page import (
     COLORS,
@@ -218,7 +219,13 @@ def report(found: dict[str, Any]) -> Report:
     return Report(
         title="What does adaptation do?",
         lead="\n".join(lead(found)),
-        tables={"results": [ResultRow(**row) for run in found["runs"].values() for row in run["latents"]["rows"]]},
+        tables={
+            "results": [
+                from_plain(ResultRow, row, name)
+                for name, run in found["runs"].items()
+                for row in run["latents"]["rows"]
+            ]
+        },
         sections=sections(found, effects, probes),
         summary=found,
         figures={"latents": effects, "probes": probes},

@@ -16,6 +16,7 @@ from statistics import median
 import numpy as np
 
 from stiction.core.cache import has_entry, publish_entry, read_entry, sealed
+from stiction.core.decode import from_plain
 from stiction.core.errors import EngineError, StictionError, UnwrittenError
 from stiction.core.files import write_text
 from stiction.core.parallel import spread
@@ -229,7 +230,7 @@ def study_benches(
         for bench in benches
         if has_entry(out / bench.label, bench.key) and (stored := read_entry(_judged(out, bench), bench.key))
     }
-    rows |= {label: [IdentifiedFriction(**row) for row in found] for label, found in there.items()}
+    rows |= {label: [from_plain(IdentifiedFriction, row, label) for row in found] for label, found in there.items()}
     new = [bench for bench in benches if bench.label not in there]
     if there:
         _write(table, list(chain.from_iterable(rows.values())))

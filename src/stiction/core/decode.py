@@ -15,6 +15,9 @@ T = TypeVar("T")
 LARGEST = 1e300
 """Size from which a number of a file counts as none; an integer has its bound where it is used."""
 
+WORDS = {str: "text", bool: "true or false", int: "a whole number"}
+"""Type -> what a message calls it."""
+
 
 @cache
 def _declared(kind: type) -> tuple[dict[str, Any], frozenset[str]]:
@@ -79,7 +82,7 @@ def _typed(kind: Any, value: Any, where: str, error: type[StictionError]) -> Any
         return float(value)
     # To isinstance a bool is an int.
     if isinstance(value, bool) != (kind is bool) or not isinstance(value, kind):
-        raise error(f"{where} is {short(value)!r}; expected {kind.__name__}")
+        raise error(f"{where} is {short(value)!r}; expected {WORDS.get(kind, kind.__name__)}")
     return value
 
 

@@ -17,10 +17,11 @@ from typing import Any
 
 import numpy as np
 
+from stiction.core.decode import from_plain
 from stiction.core.errors import FileError, unknown_name
 from stiction.core.names import kind_of
 from stiction.files.log import AXES, TEST_CONDITIONS
-from stiction.files.plain import is_number, read_object, take_version, write_object
+from stiction.files.plain import read_object, take_version, write_object
 from stiction.files.tables import publish_npz, read_npz_arrays
 from stiction.joints.friction import SYMMETRIC
 from stiction.joints.net import TORQUE_SOURCES
@@ -67,18 +68,15 @@ class Estimate:
     @classmethod
     def from_dict(cls, data: Any, where: str) -> Estimate:
         """Build from plain data; `where` is named in messages."""
-        try:
-            low, high = data["interval95"]
-            numbers = (data["value"], data["std"], low, high)
-        except (KeyError, TypeError, ValueError) as error:
-            raise FileError(
-                f"{where}: expected an object with value, std and interval95, got {str(data)[:80]}"
-            ) from error
-        if not all(map(is_number, numbers)):
-            raise FileError(f"{where}: expected finite numbers, got {str(data)[:80]}")
-        if data["std"] < 0 or not low <= data["value"] <= high:
-            raise FileError(f"{where}: expected std >= 0 and the value within interval95, got {str(data)[:80]}")
-        return cls(float(data["value"]), float(data["std"]), (float(low), float(high)))
+        estimate = from_plain(cls, data, where)
+        estimate.check(where)
+        return estimate
+
+    def check(self, where: str) -> None:
+        """Raise `FileError`, which begins with `where`, if the numbers contradict each other."""
+        low, high = self.interval95
+        if self.std < 0 or not low <= self.value <= high:
+            raise FileError(f"{where}: expected std >= 0 and the value within interval95, got {self.to_dict()}")
 
 
 FRICTION_REACHES_ZERO = "friction_reaches_zero"
@@ -122,18 +120,6 @@ class Objection:
     def text(self) -> str:
         """Both in one sentence."""
         return f"{self.seen}. Do first: {self.remedy}"
-
-    @classmethod
-    def from_dict(cls, data: Any, where: str) -> Objection:
-        """Build from plain data; `where` is named in messages."""
-        names = [item.name for item in fields(cls)]
-        if (
-            not isinstance(data, dict)
-            or set(data) != set(names)
-            or not all(isinstance(data[one], str) for one in names)
-        ):
-            raise FileError(f"{where}: expected an object with the texts {', '.join(names)}, got {str(data)[:80]}")
-        return cls(**data)
 
 
 @dataclass(frozen=True)
@@ -254,46 +240,27 @@ class JointRecord:
     @classmethod
     def from_dict(cls, data: Any, where: str) -> JointRecord:
         """Build from plain data; `where` is named in messages. Absent fields take their defaults."""
-        known = [item.name for item in fields(cls)]
-        if not isinstance(data, dict) or set(data) - set(known):
-            raise FileError(f"{where}: expected an object with some of {', '.join(known)}, got {str(data)[:80]}")
-        values = dict(data)
-        for name in QUANTITIES:
-            if values.get(name) is not None:
-                values[name] = Estimate.from_dict(values[name], f"{where}.{name}")
-        for name, kind in (("combinations", dict), ("diagnostics", dict), ("objections", list), ("warnings", list)):
-            if not isinstance(values.get(name, kind()), kind):
-                raise FileError(f"{where}.{name}: expected a JSON {kind.__name__}, got {str(values[name])[:80]}")
-        values["combinations"] = {
-            name: Estimate.from_dict(entry, f"{where}.combinations.{name}")
-            for name, entry in values.get("combinations", {}).items()
-        }
-        values["objections"] = tuple(
-            Objection.from_dict(entry, f"{where}.objections") for entry in values.get("objections", [])
-        )
-        values["warnings"] = tuple(str(text) for text in values.get("warnings", []))
-        _check_settings(values, where)
-        record = cls(**values)
+        record = from_plain(cls, data, where)
+        estimates = {name: getattr(record, name) for name in QUANTITIES} | record.combinations
+        for name, estimate in estimates.items():
+            if estimate is not None:
+                estimate.check(f"{where}: {name}")
+        record._check_settings(where)
         ratio, moving, holding = record.friction_ratio, record.moving_friction, record.holding_friction
-        if "dynamic_ratio" in values or not (ratio and moving and moving.value > 0 and holding):
+        if "dynamic_ratio" in data or not (ratio and moving and moving.value > 0 and holding):
             return record
         # Older files have Coulomb friction in the ratio even where more holds the joint at rest.
         return replace(record, friction_ratio=holding.scaled(ratio.value / moving.value), dynamic_ratio=ratio)
 
-
-def _check_settings(values: dict[str, Any], where: str) -> None:
-    """Refuse settings of the test that are not what they should be."""
-    choices = {"axis": AXES, "test_condition": (*TEST_CONDITIONS, None), "torque_source": (*TORQUE_SOURCES, None)}
-    for name, allowed in choices.items():
-        if name in values and values[name] not in allowed:
-            raise FileError(f"{where}.{name}: {values[name]!r}; expected one of {', '.join(map(str, allowed))}")
-    for name in ("kp", "kd", "torque_limit"):
-        value = values.get(name)
-        if value is not None and not (is_number(value) and value >= 0):
-            raise FileError(f"{where}.{name}: {value!r}; expected a number that is not negative, or null")
-    law = values.get("friction_law")
-    if law is not None and not isinstance(law, dict):
-        raise FileError(f"{where}.friction_law: {str(law)[:80]}; expected an object or null")
+    def _check_settings(self, where: str) -> None:
+        """Refuse settings of the test that are not what they should be."""
+        choices = {"axis": AXES, "test_condition": (*TEST_CONDITIONS, None), "torque_source": (*TORQUE_SOURCES, None)}
+        for name, allowed in choices.items():
+            if (value := getattr(self, name)) not in allowed:
+                raise FileError(f"{where}: {name} is {value!r}; expected one of {', '.join(map(str, allowed))}")
+        for name in ("kp", "kd", "torque_limit"):
+            if (value := getattr(self, name)) is not None and value < 0:
+                raise FileError(f"{where}: {name} is {value!r}; expected a number that is not negative, or null")
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,11 @@ from typing import Any
 
 import numpy as np
 
+from stiction.core.decode import from_plain, short
 from stiction.core.errors import LogError, escaped, nearest, unknown_name
 from stiction.core.files import write_text
 from stiction.core.names import kind_of
-from stiction.files.plain import is_number, read_object
+from stiction.files.plain import read_object
 from stiction.files.tables import Columns, Table, read_npz, read_parquet, write_csv, write_npz, write_parquet
 from stiction.files.text import read_csv
 from stiction.joints.net import TORQUE_SOURCES
@@ -183,20 +184,20 @@ def setup_from_dict(data: Any, source: str) -> LogSetup:
 def _build(data: Any, source: str, allowed: tuple[str, ...]) -> LogSetup:
     """Build a setup, or the part of one joint, of which only the fields `allowed` may be given."""
     if not isinstance(data, dict):
-        raise LogError(f"{source}: expected an object: field -> value, got {str(data)[:80]}")
+        raise LogError(f"{source}: expected an object: field -> value, got {short(data)}")
     given: dict[str, Any] = data
     _check_names(given, source, allowed)
     values: dict[str, Any] = {WRITTEN.get(name, name): value for name, value in given.items() if value is not None}
-    for name, value in values.items():
-        if name in ("names", "unknowns"):
-            values[name] = _names(name, value, source)
-        elif name == "columns":
-            values[name] = _columns(value, source)
-        elif name == "joints":
-            values[name] = _joints(value, source, tuple(item for item in allowed if item not in WHOLE_LOG))
-        else:
-            _check_field(name, value, source)
-    return LogSetup(**values)
+    parts = values.pop("joints", {})
+    setup = from_plain(LogSetup, values, source, LogError)
+    for name in values:
+        _check_field(name, getattr(setup, name), source)
+    if not isinstance(parts, dict):
+        raise LogError(f"{source}: joints is {short(parts)}; expected an object: joint name or kind -> its fields")
+    if len(parts) > MOST_JOINTS:
+        raise LogError(f"{source}: joints has {len(parts)} entries; expected at most {MOST_JOINTS}")
+    own = tuple(name for name in allowed if name not in WHOLE_LOG)
+    return replace(setup, joints={name: _build(part, f"{source}: joint {name!r}", own) for name, part in parts.items()})
 
 
 def _check_names(data: Mapping[str, Any], source: str, allowed: tuple[str, ...]) -> None:
@@ -213,51 +214,24 @@ def _check_names(data: Mapping[str, Any], source: str, allowed: tuple[str, ...])
 
 
 def _check_field(name: str, value: Any, source: str) -> None:
-    """Refuse a word that is not one of the field's, and what is not a finite number where one belongs."""
+    """Refuse a word that is none of the field's, a number of no physical size, names that are twice or too many."""
     words = CHOICES.get(name)
-    if words is not None:
-        if value not in words:
-            given, listed = str(value)[:80], ", ".join(words)
-            raise LogError(f"{source}: {name} is {given!r}; expected one of {listed}{nearest(given, words)}")
-    elif name in ("torque_calibrated", "gravity"):
-        if not isinstance(value, bool):
-            raise LogError(f"{source}: {name} is {str(value)[:80]!r}; expected true or false")
-    elif not is_number(value, LARGEST_NUMBER):
-        raise LogError(f"{source}: {name} is {str(value)[:80]!r}; expected a number of a physical size")
-
-
-def _names(field: str, value: Any, source: str) -> tuple[str, ...]:
-    """Return the names of joints, or of unknowns, each different."""
-    if not isinstance(value, list) or not all(isinstance(name, str) and name for name in value):
-        raise LogError(
-            f"{source}: {field} is {str(value)[:80]}; expected a list of {'joint ' * (field == 'names')}names"
-        )
+    if words is not None and value not in words:
+        raise LogError(f"{source}: {name} is {value!r}; expected one of {', '.join(words)}{nearest(value, words)}")
+    if isinstance(value, float) and not abs(value) < LARGEST_NUMBER:
+        raise LogError(f"{source}: {name} is {value}; expected a number of a physical size")
+    if name == "columns" and (len(value) > 2 * len(SIGNALS + BODY) or not all(value.values())):
+        raise LogError(f"{source}: columns is {short(value)}; expected an object: role -> column, as --columns has it")
+    if name not in ("names", "unknowns"):
+        return
+    if not all(value):
+        raise LogError(f"{source}: {name} has an empty name; expected names")
     if len(value) > MOST_JOINTS:
-        raise LogError(f"{source}: {field} has {len(value)} entries; expected at most {MOST_JOINTS}")
+        raise LogError(f"{source}: {name} has {len(value)} entries; expected at most {MOST_JOINTS}")
     if len(set(value)) != len(value):
-        raise LogError(f"{source}: {field} has {max(value, key=value.count)!r} twice; expected different names")
-    if field == "unknowns" and (odd := sorted(set(value) - set(UNKNOWNS))):
+        raise LogError(f"{source}: {name} has {max(value, key=value.count)!r} twice; expected different names")
+    if name == "unknowns" and (odd := sorted(set(value) - set(UNKNOWNS))):
         raise LogError(f"{source}: {unknown_name('unknown', odd[0], UNKNOWNS)}")
-    return tuple(value)
-
-
-def _columns(value: Any, source: str) -> dict[str, str]:
-    """Return a mapping of columns."""
-    plain = isinstance(value, dict) and all(isinstance(name, str) and name for name in value.values())
-    if not plain or len(value) > 2 * len(SIGNALS + BODY):
-        raise LogError(
-            f"{source}: columns is {str(value)[:80]}; expected an object: role -> column, as --columns has it"
-        )
-    return dict(value)
-
-
-def _joints(value: Any, source: str, allowed: tuple[str, ...]) -> dict[str, LogSetup]:
-    """Return the setups of single joints or kinds."""
-    if not isinstance(value, dict):
-        raise LogError(f"{source}: joints is {str(value)[:80]}; expected an object: joint name or kind -> its fields")
-    if len(value) > MOST_JOINTS:
-        raise LogError(f"{source}: joints has {len(value)} entries; expected at most {MOST_JOINTS}")
-    return {name: _build(entry, f"{source}: joint {name!r}", allowed) for name, entry in value.items()}
 
 
 SIGNALS = ("position", "velocity", "target", "torque", "disturbance", "feedforward")
