@@ -32,6 +32,7 @@ def snapshot(**changes: torch.Tensor) -> rewards.Snapshot:
         unsync=torch.zeros(2),
         landed_air_time=torch.zeros(2, 2),
         fallen=torch.tensor([False, False]),
+        blown_up=torch.tensor([False, False]),
     )
     return dataclasses.replace(rest, **changes)
 

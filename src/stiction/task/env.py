@@ -19,15 +19,14 @@ from stiction.sim.fleet import Fleet
 from stiction.sim.net_motors import NetMotors
 from stiction.task.config import CommandCfg, TaskCfg
 from stiction.task.device import CPU, Device
+from stiction.task.events import INTERVALS, RESET
 from stiction.task.gait import UnsyncWindow, exactly_one_group, group_imbalance
-from stiction.task.observations import FrameBuilder, History, SlowMeans, roll_pitch
-from stiction.task.randomization import FRICTION_UNIT, Randomizer, friction_angle, nominal_joints
+from stiction.task.observations import ESTIMATED, FRAME_TERMS, FrameBuilder, History, SlowMeans
+from stiction.task.randomization import Randomizer, friction_angle, nominal_joints
 from stiction.task.rewards import TASK, Snapshot
 from stiction.task.task_fleet import HostFleet, TaskFleet, to_tensor
+from stiction.task.terminations import ended
 from stiction.task.terrain import SCAN_POINTS, UNDER, Curriculum
-
-RESET_NOISE = (0.1, 0.3)
-"""Half-width of the initial joint angles about standing [rad] and of the base's initial velocity [m/s, rad/s]."""
 
 RATIO_FROM = 0.3
 """Commanded speed from which on robots count for the figures of speed over command [m/s]."""
@@ -136,8 +135,8 @@ class LocomotionEnv(VecEnv):
         self.unsync = UnsyncWindow(num_envs, len(self.spec.feet), home=home)
         self.terms = cfg.rewards.terms_for(self.spec)
         self.max_episode_length = round(cfg.episode / cfg.control_period)
-        self.push_interval = round(cfg.randomization.push_interval / cfg.control_period)
-        self.command_interval = round(cfg.commands.interval / cfg.control_period)
+        self.intervals = [(event, round(every(cfg) / cfg.control_period)) for event, every in INTERVALS]
+        """Events within an episode, and the control periods between two of them; 0: never."""
         self.episode_length_buf = torch.zeros(num_envs, dtype=torch.long, device=home)
         self.last_action = torch.zeros(num_envs, self.num_actions, device=home)
         self.last_velocity = torch.zeros(num_envs, self.num_actions, device=home)
@@ -182,7 +181,7 @@ class LocomotionEnv(VecEnv):
         """Return the robots of a mask, (N,) bool, as they are chosen here."""
         return mask if self.by_mask else mask.nonzero().flatten()
 
-    def _uniform(self, *size: int) -> torch.Tensor:
+    def uniform(self, *size: int) -> torch.Tensor:
         """Draw numbers in [-1, 1), of shape `size`."""
         return 2 * torch.rand(*size, generator=self.generator, device=self.home) - 1
 
@@ -216,13 +215,12 @@ class LocomotionEnv(VecEnv):
         reward, task = (torch.where(blown_up, 0.0, paid * self.cfg.control_period) for paid in (reward, task))
         self.last_action = actions
 
-        fallen = snapshot.fallen | blown_up
-        time_outs = (self.episode_length_buf >= self.max_episode_length) & ~fallen
+        fallen = ended(self, snapshot, fails=True)
         if self.course:
             self.course.walk(self.fleet.qvel[:, :2], self.cfg.control_period)
             left = (self.max_episode_length - self.episode_length_buf) * self.cfg.control_period
             self.course.fall(fallen.numpy(), left.numpy())
-            time_outs |= torch.from_numpy(self.course.crossed(self.fleet.base_position[:, :2])) & ~fallen
+        time_outs = ended(self, snapshot, fails=False) & ~fallen
         dones = fallen | time_outs
         log = means | self._log(snapshot, fallen, blown_up)
         if self.course:
@@ -234,7 +232,7 @@ class LocomotionEnv(VecEnv):
             # Before the reset, for after it these states are gone.
             extras["terminal"] = self._frame_without_reset().to(self.device)
         self._reset(self._which(dones))
-        self._push_and_command(dones)
+        self._happen(dones)
         self._observation = self._observe(dones)
         return self._observation, reward.to(self.device), dones.to(self.device), extras
 
@@ -280,6 +278,7 @@ class LocomotionEnv(VecEnv):
             unsync=unsync,
             landed_air_time=landed,
             fallen=fleet.fallen() & ~blown_up,
+            blown_up=blown_up,
         )
 
     def _log(self, snapshot: Snapshot, fallen: torch.Tensor, blown_up: torch.Tensor) -> dict[str, torch.Tensor]:
@@ -309,66 +308,36 @@ class LocomotionEnv(VecEnv):
         """Start new episodes with newly drawn robots."""
         if not len(which):
             return
-        num = len(which)
-        self.randomizer.draw(which, self.generator)
-        angle, speed = RESET_NOISE
-        offset, heading = angle * self._uniform(num, self.num_actions), np.pi * self._uniform(num, 1)[:, 0]
-        velocity = speed * self._uniform(num, 6)
-        if self.course:
-            ids = which.numpy()
-            difficulty, uniform, self.host.start, course = self.course.begin(ids)
-            self.fleet.place_terrain(ids, difficulty, uniform)
-            heading = torch.from_numpy(course)
-        self.robots.reset(which, offset, heading, velocity)
-        self.commands.draw(which, self.generator)
-        if self.cfg.known_friction:
-            low, high = self.cfg.randomization.known_friction
-            size = (num, self.bench_error.shape[1])
-            error = low + (high - low) * torch.rand(size, generator=self.generator, device=self.home)
-            put(self.bench_error, which, error)
-        self.unsync.reset(which)
-        for buffer in (self.episode_length_buf, self.last_action, self.last_velocity, self.air_time):
-            put(buffer, which, 0)
+        for event in RESET:
+            event(self, which)
 
-    def _push_and_command(self, fresh: torch.Tensor) -> None:
-        """Push robots and draw new commands where their time has come."""
-        age = self.episode_length_buf
-        if self.push_interval:
-            which = self._which((age % self.push_interval == 0) & ~fresh)
-            self.robots.push(self.cfg.randomization.push_velocity * self._uniform(len(which), 2), which)
-        self.commands.draw(self._which((age % self.command_interval == 0) & ~fresh), self.generator)
+    def _happen(self, fresh: torch.Tensor) -> None:
+        """Let events come to the robots whose interval is over; not to those that are `fresh`, (N,) bool."""
+        for event, interval in self.intervals:
+            if interval:
+                event(self, self._which((self.episode_length_buf % interval == 0) & ~fresh))
 
     def _observe(self, fresh: torch.Tensor) -> TensorDict:
         """Build every observation group from the state after resets and pushes."""
         elevation = self._look_around() if self.course else {}
         frame = self._frame(fresh)
-        explicit = [self.robots.base_linear_velocity, self.robots.foot_contact.float()]
-        if self.cfg.estimated_friction:
-            explicit.append(self.randomizer.friction_share() @ self.kind_average / FRICTION_UNIT)
         groups = {
             "proprioception": frame,
             "history": self.history.push(frame, fresh),
             "privileged": self.randomizer.privileged(),
-            "explicit": torch.cat(explicit, -1),
+            "explicit": torch.cat([term(self) for term, asked in ESTIMATED if asked(self.cfg)], -1),
             **elevation,
         }
         return self._hand_out(groups)
 
     def _frame(self, fresh: torch.Tensor) -> torch.Tensor:
         """Measure, with noise, and return one frame of every robot, (N, frame_size); `fresh`: as of `History.push`."""
-        fleet, noise = self.robots, self.cfg.noise
-        raw = {
-            "angular_velocity": fleet.base_angular_velocity,
-            "roll_pitch": roll_pitch(fleet.base_quaternion),
-            "joint_position": fleet.joint_position + self.randomizer.draws.encoder_offset,
-            "joint_velocity": fleet.joint_velocity,
-        }
-        for name, value in raw.items():
-            raw[name] = value + getattr(noise, name) * self._uniform(*value.shape)
+        raw = {}
+        for name in (term.name for term in self.layout.terms):
+            if name in FRAME_TERMS:
+                value, noise = FRAME_TERMS[name](self), getattr(self.cfg.noise, name, None)
+                raw[name] = value if noise is None else value + noise * self.uniform(*value.shape)
         self.measured_position, self.measured_velocity = raw["joint_position"], raw["joint_velocity"]
-        raw |= {"command": self.commands.value, "last_action": self.last_action}
-        if self.cfg.known_friction:
-            raw["known_friction"] = self.randomizer.unloaded_share() @ self.kind_average * self.bench_error
         if self.slow is not None:
             error = self.standing + self.action_scale * self.last_action - self.measured_position
             raw |= self.slow.push(error, raw["joint_velocity"], fresh)
@@ -396,7 +365,7 @@ class LocomotionEnv(VecEnv):
         scan = fleet.ground_around(SCAN_POINTS)
         fleet.ground[:] = scan[:, UNDER].mean(-1)
         below = to_tensor(fleet.base_position[:, 2:3] - self.spec.standing_height - scan)
-        noise = self._uniform(*below.shape)
+        noise = self.uniform(*below.shape)
         return {"elevation": ((below + self.cfg.terrain.elevation_noise * noise) / ELEVATION_SCALE).clamp(-5.0, 5.0)}
 
     def state(self) -> dict[str, Any]:

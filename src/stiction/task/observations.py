@@ -1,10 +1,26 @@
-"""The observation layout of `formats.observation`, built batched in torch. `deploy` builds the same in NumPy."""
+"""What robots observe, batched in torch: terms, frames by `files.observation.ObservationLayout`, and histories.
+
+`deploy` builds the same frames in NumPy. A new term of a frame is a function here and a line in `FRAME_TERMS`, and its
+name in `files.observation`, by which a contract tells the robot's runtime what to measure. A new quantity for the
+policy to estimate is a function and a line in `ESTIMATED`.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import torch
 
 from stiction.files.observation import PLACEHOLDERS, SLOW_TERMS, ObservationLayout
+from stiction.task.config import TaskCfg
+from stiction.task.randomization import FRICTION_UNIT
+
+if TYPE_CHECKING:
+    from stiction.task.env import LocomotionEnv
+
+ObservationTerm = Callable[["LocomotionEnv"], torch.Tensor]
+"""Return one quantity of every robot, (N, size), without noise."""
 
 
 def roll_pitch(quaternion: torch.Tensor) -> torch.Tensor:
@@ -14,6 +30,76 @@ def roll_pitch(quaternion: torch.Tensor) -> torch.Tensor:
     # Rounding may lead out of asin's domain, and a robot on end would measure NaN.
     pitch = torch.asin((2 * (w * y - z * x)).clamp(-1.0, 1.0))
     return torch.stack((roll, pitch), -1)
+
+
+def angular_velocity(env: LocomotionEnv) -> torch.Tensor:
+    """Rates of the base in its own frame [rad/s]."""
+    return env.robots.base_angular_velocity
+
+
+def tilt(env: LocomotionEnv) -> torch.Tensor:
+    """Roll and pitch of the base [rad]."""
+    return roll_pitch(env.robots.base_quaternion)
+
+
+def joint_position(env: LocomotionEnv) -> torch.Tensor:
+    """Angles as the encoders show them [rad]."""
+    return env.robots.joint_position + env.randomizer.draws.encoder_offset
+
+
+def joint_velocity(env: LocomotionEnv) -> torch.Tensor:
+    """Velocities of the joints [rad/s]."""
+    return env.robots.joint_velocity
+
+
+def command(env: LocomotionEnv) -> torch.Tensor:
+    """Commanded vx, vy [m/s] and yaw rate [rad/s]."""
+    return env.commands.value
+
+
+def last_action(env: LocomotionEnv) -> torch.Tensor:
+    """The action of the step before."""
+    return env.last_action
+
+
+def known_friction(env: LocomotionEnv) -> torch.Tensor:
+    """f/τ_max of each kind of joint, wrong by as much as a bench may be [1]."""
+    return env.randomizer.unloaded_share() @ env.kind_average * env.bench_error
+
+
+FRAME_TERMS: dict[str, ObservationTerm] = {
+    "angular_velocity": angular_velocity,
+    "roll_pitch": tilt,
+    "joint_position": joint_position,
+    "joint_velocity": joint_velocity,
+    "command": command,
+    "last_action": last_action,
+    "known_friction": known_friction,
+}
+"""Name in the layout -> term. What a sensor measures has noise: the field of that name of `NoiseCfg`."""
+
+
+def base_velocity(env: LocomotionEnv) -> torch.Tensor:
+    """Velocity of the base in its own frame [m/s]."""
+    return env.robots.base_linear_velocity
+
+
+def foot_contact(env: LocomotionEnv) -> torch.Tensor:
+    """1 for each foot that carries load."""
+    return env.robots.foot_contact.float()
+
+
+def kind_friction(env: LocomotionEnv) -> torch.Tensor:
+    """Friction of each kind of joint over the torque limit, in units of `FRICTION_UNIT`."""
+    return env.randomizer.friction_share() @ env.kind_average / FRICTION_UNIT
+
+
+ESTIMATED: tuple[tuple[ObservationTerm, Callable[[TaskCfg], bool]], ...] = (
+    (base_velocity, lambda cfg: True),
+    (foot_contact, lambda cfg: True),
+    (kind_friction, lambda cfg: cfg.estimated_friction),
+)
+"""Terms of o_exp, which the policy estimates, and whether a task has each."""
 
 
 class FrameBuilder:

@@ -63,6 +63,8 @@ class Snapshot:
     """Time each foot that touches down in this step has been in the air [s], 0 for the others, (N, legs)."""
     fallen: torch.Tensor
     """Whether the robot fell in this step, (N,) bool."""
+    blown_up: torch.Tensor
+    """Whether its simulation diverged in this step, and it was reset: its other values say nothing, (N,) bool."""
 
 
 Term = Callable[[Snapshot], "torch.Tensor"]

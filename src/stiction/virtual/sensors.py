@@ -37,7 +37,7 @@ def drawn_width(joints: int) -> int:
 
 INITIAL_ANGLE = 0.1
 """Half-width of the initial joint angles about the standing pose [rad], as in training: the first entry of
-`locomotion.env.RESET_NOISE`, a module that needs torch. A test compares the two."""
+`task.events.RESET_NOISE`, a module that needs torch. A test compares the two."""
 
 WANDERING = 1.0
 """Correlation time of the orientation filter's error [s]."""

@@ -1,0 +1,79 @@
+"""What happens to robots: at the begin of an episode, and after every interval of it.
+
+An event is a function of the task and of the robots that it happens to, `which` as of `sim.chosen`. A new one is a
+function here and a line in `RESET` or `INTERVALS`; its settings are a field of the configuration beside it. Their order
+is that of the random numbers: a training that is resumed draws the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from stiction.sim.chosen import put
+from stiction.task.config import TaskCfg
+
+if TYPE_CHECKING:
+    from stiction.task.env import LocomotionEnv
+
+RESET_NOISE = (0.1, 0.3)
+"""Half-width of the initial joint angles about standing [rad] and of the base's initial velocity [m/s, rad/s]."""
+
+Event = Callable[["LocomotionEnv", torch.Tensor], None]
+"""What happens to the robots `which`."""
+
+
+def draw_robot(env: LocomotionEnv, which: torch.Tensor) -> None:
+    """Draw masses, gains, delays, friction and ground, see `RandomizationCfg`."""
+    env.randomizer.draw(which, env.generator)
+
+
+def place_robot(env: LocomotionEnv, which: torch.Tensor) -> None:
+    """Put robots about their standing pose, anywhere on flat ground or at the begin of a course."""
+    num, (angle, speed) = len(which), RESET_NOISE
+    offset, heading = angle * env.uniform(num, env.num_actions), np.pi * env.uniform(num, 1)[:, 0]
+    velocity = speed * env.uniform(num, 6)
+    if env.course:
+        ids = which.numpy()
+        difficulty, uniform, env.host.start, course = env.course.begin(ids)
+        env.fleet.place_terrain(ids, difficulty, uniform)
+        heading = torch.from_numpy(course)
+    env.robots.reset(which, offset, heading, velocity)
+
+
+def draw_command(env: LocomotionEnv, which: torch.Tensor) -> None:
+    """Draw a command, see `CommandCfg`."""
+    env.commands.draw(which, env.generator)
+
+
+def draw_bench_error(env: LocomotionEnv, which: torch.Tensor) -> None:
+    """Draw by how much the friction that a policy is told is wrong, where it is told."""
+    if env.cfg.known_friction:
+        low, high = env.cfg.randomization.known_friction
+        size = (len(which), env.bench_error.shape[1])
+        put(env.bench_error, which, low + (high - low) * torch.rand(size, generator=env.generator, device=env.home))
+
+
+def forget(env: LocomotionEnv, which: torch.Tensor) -> None:
+    """Forget the episode before."""
+    env.unsync.reset(which)
+    for buffer in (env.episode_length_buf, env.last_action, env.last_velocity, env.air_time):
+        put(buffer, which, 0)
+
+
+def push(env: LocomotionEnv, which: torch.Tensor) -> None:
+    """Add a horizontal velocity to the base, up to `RandomizationCfg.push_velocity` along each axis."""
+    env.robots.push(env.cfg.randomization.push_velocity * env.uniform(len(which), 2), which)
+
+
+RESET: tuple[Event, ...] = (draw_robot, place_robot, draw_command, draw_bench_error, forget)
+"""Events at the begin of an episode, in their order."""
+
+INTERVALS: tuple[tuple[Event, Callable[[TaskCfg], float]], ...] = (
+    (push, lambda cfg: cfg.randomization.push_interval),
+    (draw_command, lambda cfg: cfg.commands.interval),
+)
+"""Events that come again within an episode, and the time between two of them [s]; 0: never."""
