@@ -315,10 +315,14 @@ def test_all_commands_are_told_at_the_nearest_level() -> None:
 
 def test_the_counts_over_all_commands_are_those_of_the_rows() -> None:
     """Advice of numbers that no row has would be invented."""
-    rows = read_results(RESULTS / "friction-training" / "rows" / "commands.csv")
-    for count in shipped()[TRAINING].commands:
-        wanted = count.method, count.engine, count.friction_level
-        here = [row for row in rows if (row.method, row.engine, row.friction_level) == wanted]
+    folder = RESULTS / "friction-training" / "rows"
+    rows = {robot: read_results(folder / f"commands{robot and '-'}{robot}.csv") for robot in ("", "1000", "1001")}
+    counts = shipped()[TRAINING].commands
+    assert {count.engine.partition(" ")[2] for count in counts} == set(rows)
+    for count in counts:
+        engine, _, robot = count.engine.partition(" ")
+        wanted = count.method, engine, count.friction_level
+        here = [row for row in rows[robot] if (row.method, row.engine, row.friction_level) == wanted]
         verdicts = [verdict for row in here if (verdict := judge_row(row)) is not None]
         missed = {verdict.row.policy for verdict in verdicts if not verdict.follows}
         assert (count.cells, count.followed) == (len(here), sum(verdict.follows for verdict in verdicts)) != (0, 0)

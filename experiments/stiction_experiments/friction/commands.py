@@ -1,4 +1,4 @@
-"""Write commands.csv and commands.md: commands that a cohort follows, from folders of `stiction evaluate`.
+"""Write commands.csv, commands-ROBOT.csv and commands.md: commands that policies follow, by `stiction evaluate`.
 
     python -m stiction_experiments.friction.commands OUT RESULTS... [--advice FILE]
 
@@ -23,12 +23,17 @@ Place = tuple[str, str]
 """Training method and engine."""
 
 ENGINES = {
-    "mujoco": "MuJoCo, 8 walks a cell",
-    "physx": "PhysX, 2 walks a cell",
-    "mujoco-alone+all 1000": "virtual robot 1000, 4 walks a cell",
-    "mujoco-alone+all 1001": "virtual robot 1001, 4 walks a cell",
+    "mujoco": "MuJoCo",
+    "physx": "PhysX",
+    "mujoco-alone+all 1000": "virtual robot 1000",
+    "mujoco-alone+all 1001": "virtual robot 1001",
 }
 """Engine, and virtual robot, as the page calls them."""
+
+
+def label(rows: Sequence[ResultRow], engine: str) -> str:
+    """Return how the page calls a place of so many rows."""
+    return f"{ENGINES[engine]}, {rows[0].episodes} walks a cell"
 
 
 def read_places(folders: Sequence[Path]) -> tuple[dict[Place, list[ResultRow]], list[str]]:
@@ -82,7 +87,7 @@ def summary_table(places: dict[Place, list[ResultRow]]) -> list[str]:
     for count in count_commands(places):
         share = f"{100 * count.friction_level:.0f} %"
         lines.append(
-            f"| `{count.method}` | {ENGINES[count.engine]} | {share} | {count.follow_all} of {count.seeds} | "
+            f"| `{count.method}` | {label(places[count.method, count.engine], count.engine)} | {share} | {count.follow_all} of {count.seeds} | "
             f"{count.followed} of {count.cells} | {count.worst or '–'} |"
         )
     return lines
@@ -111,10 +116,13 @@ def main() -> None:
     places, origins = read_places(cfg.results)
     parts = [(cfg.out / "commands.head.md").read_text(), *summary_table(places), ""]
     for (method, engine), rows in places.items():
-        parts += [f"## `{method}`, {ENGINES[engine]}", "", *command_table(rows), ""]
+        parts += [f"## `{method}`, {label(rows, engine)}", "", *command_table(rows), ""]
     parts += ["## Made by", "", *(f"* {origin}" for origin in origins), ""]
     (cfg.out / "commands.md").write_text("\n".join(parts))
-    write_results(cfg.out / "commands.csv", [row for rows in places.values() for row in rows])
+    # Rows do not name their virtual robot: each has a file of its own.
+    for robot in {engine.partition(" ")[2] for _, engine in places}:
+        rows = [row for (_, engine), own in places.items() if engine.partition(" ")[2] == robot for row in own]
+        write_results(cfg.out / f"commands{robot and '-'}{robot}.csv", rows)
     if cfg.advice is not None:
         source = read_advice(cfg.advice)[TRAINING]
         write_source(cfg.advice, TRAINING, replace(source, commands=tuple(count_commands(places))))

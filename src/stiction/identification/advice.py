@@ -42,7 +42,10 @@ TRAINED_UNDER = "coulomb"
 
 def place_text(engine: str) -> str:
     """Return where something was seen, in words."""
-    return "on virtual robots" if "+" in engine else PLACES.get(engine, f"in {engine}")
+    kind, _, robot = engine.partition(" ")
+    if "+" in kind:
+        return f"on virtual robot {robot}" if robot else "on virtual robots"
+    return PLACES.get(engine, f"in {engine}")
 
 
 @dataclass(frozen=True)
