@@ -57,7 +57,7 @@ BENCHES = {
 """Code of benches, whose numbers are in the key of each walk that is told them; and who does which walk."""
 
 TRAINING = {
-    *(f"task/{name}.py" for name in ("commands", "device", "env", "gait")),
+    *(f"task/{name}.py" for name in ("commands", "device", "env", "events", "gait", "terminations")),
     *(
         f"learning/{name}.py"
         for name in ("config", "figures", "health", "hinf_config", "identity", "phase", "ppo", "quick", "run")
@@ -100,7 +100,7 @@ def imported(start: str) -> set[str]:
 
 def counted(code: tuple[str, ...]) -> set[str]:
     """Return the modules that patterns name."""
-    return {NAMES[file] for pattern in code for file in source_files(pattern)}
+    return {NAMES[file] for pattern in code for file in source_files(pattern) if file.suffix == ".py"}
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from stiction.robots.shipped import go1
+import go1
 
 LEG = """
 <body name="{n}_hip" pos="{x} {y} 0"><inertial pos="0 {c} 0" mass="0.7" diaginertia="5e-4 7e-4 5e-4"/>

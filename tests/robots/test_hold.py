@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import g1
 import mujoco
 import numpy as np
 import pytest
@@ -11,7 +12,6 @@ from stiction.core.rotation import matrix, quaternion_of
 from stiction.robots.hold import hold, merge
 from stiction.robots.mjcf import build_model
 from stiction.robots.model import Body, link_poses
-from stiction.robots.shipped import g1
 
 
 def test_two_points_by_hand() -> None:

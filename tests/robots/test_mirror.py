@@ -7,14 +7,14 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+import saturn_lite
+from boxes import Leg
 
 from stiction.core.errors import StictionError
-from stiction.robots.boxes import Leg
 from stiction.robots.catalog import find_robot
 from stiction.robots.mirror import POSITION, match_links, robot_mirror
 from stiction.robots.mjcf import build_model
 from stiction.robots.model import Link, Robot
-from stiction.robots.shipped import saturn_lite
 
 ROBOTS = ["saturn_lite", "go1", "go2", "g1"]
 

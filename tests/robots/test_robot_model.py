@@ -9,9 +9,9 @@ import types
 import mujoco
 import numpy as np
 import pytest
+from boxes import Leg
 
 from stiction.core.errors import StictionError
-from stiction.robots.boxes import Leg
 from stiction.robots.catalog import find_robot, robot_names
 from stiction.robots.mjcf import build_model
 from stiction.robots.model import Robot, box_inertia, link_poses
@@ -84,7 +84,7 @@ def test_box_inertia_by_hand() -> None:
 
 def test_a_robot_of_ones_own_touches_no_other_file(monkeypatch: pytest.MonkeyPatch) -> None:
     """Named as module:VARIABLE, an eight-legged robot is found and built."""
-    from stiction.robots.shipped import saturn_lite
+    import saturn_lite
 
     legs = [Leg(f"L{i}", (0.5 - 0.3 * i, 0.05, 0.0), i % 2) for i in range(4)]
     legs += [Leg(f"R{i}", (0.5 - 0.3 * i, -0.05, 0.0), 1 - i % 2) for i in range(4)]

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import g1
 import numpy as np
 import pytest
 
@@ -17,7 +18,6 @@ from stiction.robots.check import check_robot
 from stiction.robots.load import load_robot
 from stiction.robots.mirror import robot_mirror
 from stiction.robots.model import Robot, link_poses
-from stiction.robots.shipped import g1
 
 WHEELS = Path(os.environ.get("STICTION_ROBOTS", "/nowhere"))
 

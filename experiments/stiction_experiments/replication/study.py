@@ -35,7 +35,7 @@ EXPORTING = (
     *("evaluation/export.py", "evaluation/golden.py", "evaluation/rollout.py"),
     *("files/contract*.py", "files/golden.py", "files/observation.py"),
     *("task/config.py", "task/randomization.py", "learning/identity.py", "learning/models.py", "learning/run.py"),
-    *("robots/*.py", "robots/shipped/*.py"),
+    *("robots/*.py", "robots/shipped/*.json"),
 )
 """Code that makes a bundle of a run."""
 

@@ -12,7 +12,7 @@ FLEET = (
         "joints/pd.py",
         "joints/friction.py",
     ),
-    *("robots/*.py", "robots/shipped/*.py"),
+    *("robots/*.py", "robots/shipped/*.json"),
     *("task/friction.py", "task/terrain.py", "files/contract.py", "files/known_friction.py"),
     *("files/observation.py", "files/velocity.py", "files/walk.py"),
     *(

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import pkgutil
 import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
-import stiction.robots.shipped as shipped
 from stiction.core.errors import RobotError, unknown_name
 from stiction.core.plugins import find_named
 from stiction.robots.mechanism import Mechanism, on_a_stand
 from stiction.robots.model import Robot
 from stiction.robots.record import read_robot
+
+SHIPPED = Path(__file__).with_name("shipped")
+"""Folder of the records of the robots that come with the package."""
 
 VARIATIONS = ("kp", "torque")
 """What `NAME@...` can multiply: gains, torque limits."""
@@ -25,7 +26,13 @@ FILES = (".yaml", ".yml", ".xml", ".urdf", ".json")
 @cache
 def robot_names() -> tuple[str, ...]:
     """Return the names of the shipped robots."""
-    return tuple(module.name for module in pkgutil.iter_modules(shipped.__path__))
+    return tuple(sorted(path.stem for path in SHIPPED.glob("*.json")))
+
+
+@cache
+def _shipped(name: str) -> Robot:
+    """Return the shipped robot of that name."""
+    return read_robot(SHIPPED / f"{name}.json")
 
 
 def find_robot(name: str) -> Robot:
@@ -130,7 +137,7 @@ def _find(name: str) -> Robot:
             raise RobotError(
                 f"{message}; one of your own: the path of its robot.yaml, .xml or .urdf, or package.module:ROBOT"
             )
-        module_name = f"stiction.robots.shipped.{name}"
+        return _shipped(name)
     found = find_named("robot", f"{module_name}:{variable or 'ROBOT'}")
     if isinstance(found, Robot):
         return found

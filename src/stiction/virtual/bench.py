@@ -135,7 +135,7 @@ BENCH_CODE = (
         "identification/excite/task.py",
         "joints/*.py",
         "robots/*.py",
-        "robots/shipped/*.py",
+        "robots/shipped/*.json",
         "sim/friction.py",
     ),
     *("engines/*.py", "engines/ode/*.py", "virtual/*.py", "deploy/control.py", "deploy/pilot.py"),

@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from saturn_lite import BOXES
 
 from stiction.core.errors import StictionError
 from stiction.core.rotation import UPRIGHT, matrix
@@ -16,7 +17,6 @@ from stiction.engines.ground import Ground, flat
 from stiction.engines.mujoco_engine import MujocoEngine
 from stiction.robots.catalog import find_robot
 from stiction.robots.model import Robot, foot_places
-from stiction.robots.shipped.saturn_lite import BOXES
 from stiction_experiments.engines.conformance.contact import _lifts, raised
 from stiction_experiments.engines.conformance.rig import Figure
 from stiction_experiments.engines.conformance.suite import CHECKS, check_timestep, conformance, steps_per_second

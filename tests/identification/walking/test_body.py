@@ -9,6 +9,8 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to identify a walk")
 
+from saturn_lite import BOXES
+
 from stiction.identification.walking.body import (
     BaseMotion,
     JointMotion,
@@ -23,7 +25,6 @@ from stiction.identification.walking.body import (
 from stiction.robots.catalog import find_robot
 from stiction.robots.hold import hold
 from stiction.robots.model import Body
-from stiction.robots.shipped.saturn_lite import BOXES
 
 SPEC = find_robot("saturn_lite")
 

@@ -8,8 +8,9 @@ and stands with 40, at which the paper's friction is usually turned into a dead 
 
 from dataclasses import replace
 
+from quadruped import Quadruped, Segment
+
 from stiction.robots.model import Base, Joint
-from stiction.robots.quadruped import Quadruped, Segment
 
 _HIP = Joint(
     name="",

@@ -18,7 +18,8 @@ III). It gives neither geometry, nor gains, nor the other joints' friction. Thos
 
 from dataclasses import replace
 
-from stiction.robots.boxes import Box, BoxLegs, Leg
+from boxes import Box, BoxLegs, Leg
+
 from stiction.robots.model import Joint
 
 _HIP = Joint(

@@ -8,8 +8,9 @@ gains doubled as for the Go1, of the same legs. Friction is what `stiction ident
 
 from dataclasses import replace
 
+from quadruped import Quadruped, Segment
+
 from stiction.robots.model import Base, Joint
-from stiction.robots.quadruped import Quadruped, Segment
 
 _HIP = Joint(
     name="",

@@ -1,1 +1,0 @@
-"""Robots that come with the package, a module each with a `ROBOT`."""
