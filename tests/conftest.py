@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
 
 import pytest
@@ -42,22 +41,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     here = Path(__file__).parent
     slow = {item.path for item in items if item.get_closest_marker("slow")} | {here / name for name in LONG}
     items.sort(key=lambda item: item.path not in slow)
-    remember()
-
-
-def remember() -> None:
-    """Let libraries compute once what is the same for every command line and every export, and no part of ours."""
-    from tyro import _docstrings
-
-    # Tokens of the source of a class, which tyro forgets after each command line.
-    classes = _docstrings._ClassTokenization
-    classes.make = staticmethod(cache(classes.make.__wrapped__))
-    if "torch" in sys.modules:
-        from torch.onnx._internal.exporter import _registration
-
-        # The table of ONNX's operators, a third of the time of an export.
-        table = _registration.ONNXRegistry
-        table.from_torchlib = staticmethod(cache(table.from_torchlib))
 
 
 @pytest.fixture

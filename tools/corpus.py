@@ -93,7 +93,7 @@ PLAIN = (
     "matplotlib.figure",
     "matplotlib.backends.backend_agg",
 )
-PLAIN += ("jinja2", "tyro", "rich.table", "rich.progress", "mujoco")
+PLAIN += ("jinja2", "yaml", "rich.table", "rich.progress", "mujoco")
 TORCH = (*PLAIN, "torch", "rsl_rl", "tensordict", "safetensors")
 TRAINING = {"train", "train-actuator", "export", "study", "replicate"}
 LEARNING = {"walks", "training", "ground", "studies", "replication"}

@@ -178,7 +178,7 @@ def test_a_supervisor_that_is_killed_leaves_a_log_and_no_orphan(tmp_path: Path) 
         (["--expect-digest", "0" * 64], "digest"),
         (["--operator.heartbeat", "9000"], "HOST:PORT"),
         (["--limits.slew", "0"], "slew"),
-        (["--safety.tilt", "nan"], "tilt"),
+        (["--set", "safety.tilt=-1"], "tilt"),
     ],
 )
 def test_wrong_words_are_one_line_and_nothing_moves(

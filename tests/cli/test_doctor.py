@@ -26,7 +26,7 @@ def test_randomisation_that_does_nothing_is_status_one(
     assert "motor_strength, stiffness" in captured.err and "DOES NOTHING" in captured.out.replace("\n", " ")
 
 
-@pytest.mark.parametrize("options", [["--task.randomization.payload", "0", "0"], ["--task.timestep", "0.002"]])
+@pytest.mark.parametrize("options", [["--set", "task.randomization.payload=[0,0]"], ["--set", "task.timestep=0.002"]])
 def test_other_tasks_are_audited_or_refused_without_a_traceback(options: list[str]) -> None:
     """A row switched off is skipped; a delay that the model cannot hold is refused."""
     try:
@@ -37,7 +37,7 @@ def test_other_tasks_are_audited_or_refused_without_a_traceback(options: list[st
 
 def test_what_the_audit_would_not_see_is_refused(capsys: pytest.CaptureFixture) -> None:
     """If this failed, a range would be called sound that no robot is drawn from."""
-    words = ["doctor", "--randomization", "--robot", "go1", "--task.randomization.known-friction", "0.5", "1.5"]
+    words = ["doctor", "--randomization", "--robot", "go1", "--set", "task.randomization.known_friction=[0.5,1.5]"]
     assert main(words) == 1
     printed = capsys.readouterr().err
     assert "has no effect without --task.known-friction; leave it out" in printed and printed.count("\n") == 1

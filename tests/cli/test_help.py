@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import re
 import shlex
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+from typing import Any
 
 import pytest
 
 from stiction.cli.main import VERBS, main
+from stiction.learning.config import TrainCfg
 from stiction_experiments.lab.command import find_study, study_names
 
 SCREEN = 48
@@ -59,7 +63,36 @@ def test_training_is_explained_on_one_screen(capsys: pytest.CaptureFixture, monk
     named = re.findall(r"^  (--[\w.-]+)", brief, re.MULTILINE)
     everything = re.findall(r"^  (--[\w.-]+)", whole, re.MULTILINE)
     assert "--view" in named
-    assert 15 <= len(named) <= 25 and len(everything) > 100 and set(named) < set(everything)
+    assert 15 <= len(named) <= 25 and set(named) < set(everything)
+
+
+@pytest.mark.parametrize("words", PROGRAMS, ids=[" ".join(words) for words in PROGRAMS])
+def test_flags_are_few(capsys: pytest.CaptureFixture, words: list[str]) -> None:
+    """At most 60 of a training, whose options one study has among its own, and 40 of others; the rest are settings."""
+    flags = set(re.findall(r"^  (--[\w.-]+)", help_of(capsys, *words, "--help-all"), re.MULTILINE))
+    assert len(flags) <= (60 if words in (["train"], ["study", "actuator"]) else 40), sorted(flags)
+
+
+def places(options: Any, place: str = "") -> Iterator[str]:
+    """Yield the paths of all fields of an options dataclass."""
+    for field in fields(options):
+        value = getattr(options, field.name)
+        yield from places(value, f"{place}{field.name}.") if is_dataclass(value) else (f"{place}{field.name}",)
+
+
+def test_all_settings_of_a_training_are_listed(capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lists every field of the configuration with what it means, as a preset has it, within 80 columns."""
+    monkeypatch.setenv("COLUMNS", "80")
+    text = help_of(capsys, "train", "--preset", "quick", "--set", "help")
+    listed = re.findall(r"^  ([a-z][\w.]*)", text, re.MULTILINE)
+    assert {*places(TrainCfg())} < {*listed} and len(listed) > 100 and max(map(len, text.splitlines())) <= 80
+    plain = " ".join(text.split())
+    assert (
+        "teacher.iterations INT Rollouts, each followed by an update. Default: 440. Flag: --teacher.iterations."
+        in plain
+    )
+    assert not re.search(r"\s(?:INT|FLOAT|BOOL|WORD|STR|PATH) Default:", plain), "a setting without a meaning"
+    assert "stiction train --set help" in help_of(capsys, "train", "--help")
 
 
 @pytest.mark.parametrize("what", ["all", "robots", "policies", "engines"])

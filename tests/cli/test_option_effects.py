@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Annotated
 
 import pytest
-import tyro
 
 from stiction.cli.main import main
 from stiction.core.effects import changed_options, check_effects, excludes, needs
 from stiction.core.errors import ConfigurationError
+from stiction.core.flags import ARGUMENT, FLAG
 
 POLICY = "saturn_lite-flat-deception-0.2"
 
@@ -20,7 +20,7 @@ POLICY = "saturn_lite-flat-deception-0.2"
 class Inner:
     """Nested options."""
 
-    deep: int = 1
+    deep: Annotated[int, FLAG] = 1
     shallow: int = 2
 
 
@@ -29,7 +29,7 @@ class Verb:
     """Options of a verb."""
 
     to: str
-    names: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
+    names: Annotated[tuple[str, ...], ARGUMENT] = ()
     log: bool = False
     log_seconds: float = field(default=1.0, metadata=needs("--log"))
     inner: Inner = field(
@@ -69,7 +69,10 @@ def test_options_with_what_they_require_are_taken(options: Verb) -> None:
             "--model requires --to urdf, mujoco or webots; add --to urdf, mujoco or webots or remove --model",
         ),
         (Verb("x", log=True, loop=True), "--loop and --log exclude each other; remove one of them"),
-        (Verb("x", inner=Inner(1, 5), loop=True), "--loop and --inner.shallow exclude each other; remove one of them"),
+        (
+            Verb("x", inner=Inner(1, 5), loop=True),
+            "--loop and --set inner.shallow exclude each other; remove one of them",
+        ),
         (Verb("x", plan=True), "--plan requires --to urdf; add --to urdf or remove --plan"),
         (Verb("urdf", log=True, plan=True), "--plan and --log exclude each other; remove one of them"),
         (Verb("urdf", ("a",), plan=True), "--plan and NAMES exclude each other; remove one of them"),

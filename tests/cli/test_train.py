@@ -137,6 +137,14 @@ def test_a_proposal_of_identify_is_what_is_trained(tmp_path: Path, capsys: pytes
         value = [] if "=" in other else ["0.1" if "level" in other else "joint"]
         assert main(["train", *SMALL, *source, other, *value, "--out", str(tmp_path / "two")]) == 1
         assert other.partition("=")[0] in capsys.readouterr().err
+    (tmp_path / "a.yaml").write_text("task: {friction: {per: joint}}")
+    for more, name in (
+        (["--set", "task.friction.per=joint"], "--set task.friction.per"),
+        (["--config", str(tmp_path / "a.yaml")], "a.yaml: task.friction.per"),
+    ):
+        assert main(["train", *SMALL, *source, *more, "--out", str(tmp_path / "two")]) == 1
+        printed = capsys.readouterr().err
+        assert "--friction-from and" in printed and f"{name} exclude each other" in printed
 
 
 @pytest.mark.parametrize(
@@ -219,7 +227,7 @@ def test_a_run_that_reached_its_target_is_exported(tmp_path: Path, capsys: pytes
     """Both phases end in their first iteration of three, and the bundle is of a finished run."""
     out = tmp_path / "run"
     more = ["--teacher.iterations", "3", "--student.iterations", "3", "--method", "none", "--out", str(out)]
-    target = ["--stop-at-tracking-error", "100", "--stop.iterations", "1", "--stop.falls", "100"]
+    target = ["--stop-at-tracking-error", "100", "--set", "stop.iterations=1", "--set", "stop.falls=100"]
     assert main(["train", *but(SMALL, *more, *target)]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert {name: stop["iteration"] for name, stop in summary["stopped"].items()} == {"teacher": 1, "student": 1}
@@ -260,7 +268,13 @@ def test_one_phase_ends_with_quiet_iterations_where_the_estimator_alone_would_le
 
 def test_resume_with_other_options_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """They would be ignored without a word; --json is no setting of the run."""
-    for other in (["--seed", "3"], ["--preset=quick"], ["--out", str(tmp_path)], ["--teacher.iterations", "9"]):
+    for other in (
+        ["--seed", "3"],
+        ["--preset=quick"],
+        ["--out", str(tmp_path)],
+        ["--teacher.iterations", "9"],
+        ["--set", "teacher.gamma=0.9"],
+    ):
         assert main(["train", "--resume", str(tmp_path), *other]) == 1
         assert other[0].partition("=")[0] in capsys.readouterr().err
     assert main(["train", f"--resume={tmp_path}", "--json"]) == 1
@@ -281,13 +295,13 @@ def test_bad_input_is_one_line_and_status_one(tmp_path: Path, capsys: pytest.Cap
         (["--video-every", "-1"], "video_every"),
         (["--stop-at-tracking-error", "0"], "stop.tracking_error"),
         (["--student.iterations", "-1"], "student.iterations"),
-        (["--task.commands.interval", "0"], "new commands every 0.0 s"),
-        (["--terrain", "stairs", "--task.terrain.speed", "0.3", "inf"], "speed on terrain"),
-        (["--stop-at-tracking-error", "0.2", "--stop.terrain-level", "3"], "stop.terrain_level"),
+        (["--set", "task.commands.interval=0"], "new commands every 0.0 s"),
+        (["--terrain", "stairs", "--set", "task.terrain.speed=[0.3,11]"], "speed on terrain"),
+        (["--stop-at-tracking-error", "0.2", "--set", "stop.terrain_level=3"], "stop.terrain_level"),
         (["--robot", "go1@kp=0.5,kp=2", "--method", "none"], "each at most once"),
         (["--friction-level", "0.1", "--task.friction.mixture", "inf", "0", "1", "1", "0", "1"], "finite weight"),
-        (["--task.randomization.payload", "3", "-2"], "payload"),
-        (["--task.randomization.payload", "-9", "0"], "payload"),
+        (["--set", "task.randomization.payload=[3,-2]"], "payload"),
+        (["--set", "task.randomization.payload=[-9,0]"], "payload"),
     ]
     for arguments, word in cases:
         assert main(["train", *but(SMALL, "--out", str(tmp_path / "bad"), *arguments)]) == 1, arguments

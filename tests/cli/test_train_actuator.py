@@ -102,7 +102,7 @@ def test_training_with_a_net_resumes_bit_for_bit(
     ("side", "options", "message"),
     [
         ("output_side", ["--method", "direct"], "would add it again"),
-        ("motor_side", ["--task.timestep", "0.01", "--task.decimation", "2"], "period of 0.005 s"),
+        ("motor_side", ["--set", "task.timestep=0.01", "--set", "task.decimation=2"], "period of 0.005 s"),
         ("motor_side", ["--robot", "saturn_lite"], "for the joints of 'go1'"),
     ],
 )

@@ -65,7 +65,7 @@ def test_the_nearest_name_is_named(name: str, known: tuple[str, ...], said: str)
 @pytest.mark.parametrize(
     ("words", "kind"),
     [
-        ("train --method none --teacher.epochs 0", ConfigurationError),
+        ("train --method none --set teacher.epochs=0", ConfigurationError),
         ("evaluate {policy} --commands jump", ConfigurationError),
         ("convert nothing.json --to mujoco", FileError),
         ("identify nothing.csv", LogError),

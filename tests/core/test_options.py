@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import pytest
-import tyro
 
+from stiction.core.flags import ARGUMENT, flag
 from stiction.core.options import read_options
 
 
@@ -16,7 +16,7 @@ from stiction.core.options import read_options
 class Walk:
     """Options of a walk."""
 
-    robot: Annotated[str, tyro.conf.Positional]
+    robot: Annotated[str, ARGUMENT]
     """Who walks."""
     gait: Literal["tripod", "ripple"] | None = None
     """How. More of it in the second sentence."""
@@ -32,7 +32,7 @@ class Walk:
     """From hip to hip [m]."""
     weights: tuple[tuple[str, float], ...] = ()
     """What for, and how much."""
-    load: Annotated[float | None, tyro.conf.arg(aliases=("--on.back",))] = None
+    load: Annotated[float | None, flag("--on.back")] = None
     """On its back [kg]."""
 
 
@@ -58,6 +58,9 @@ def test_words_become_options() -> None:
     """If this failed, no verb would do what it was asked for."""
     assert read_options(Walk, ["go2", "--steps", "4", "--no-log"], "x", TEXT) == Walk("go2", steps=4, log=False)
     assert read_options(Walk, ["go2"], "x", TEXT, Walk("", seconds=9.0)).seconds == 9.0
+    words = ["--pace", "-1e-3", "0.5", "go2", "--weights", "a", "1", "b", "-2", "--on.back", "None"]
+    assert read_options(Walk, words, "x", TEXT) == Walk("go2", pace=(-1e-3, 0.5), weights=(("a", 1.0), ("b", -2.0)))
+    assert read_options(Walk, ["--seconds=-1", "--", "-go2"], "x", TEXT) == Walk("-go2", seconds=-1.0)
 
 
 @pytest.mark.parametrize(
@@ -68,7 +71,7 @@ def test_words_become_options() -> None:
         (("go2", "--gait", "tirpod"), ("--gait 'tirpod'", "expected tripod, ripple", "did you mean 'tripod'?")),
         (("go2", "--steps", "many"), ("--steps 'many'", "expected a whole number")),
         (("go2", "--seconds", "long"), ("--seconds 'long'", "expected a number")),
-        (("go2", "--load", "much"), ("--load", "'much'", "expected a number")),
+        (("go2", "--on.back", "much"), ("--on.back", "'much'", "expected a number")),
         (("go2", "--pace", "0.3"), ("--pace '0.3': expected two numbers, such as 0.1 0.5",)),
         (("go2", "--pace", "slow", "fast", "--steps", "3"), ("--pace 'slow fast': expected two numbers",)),
         (("go2", "--pace=0.1,0.5"), ("--pace '0.1,0.5': expected two numbers",)),
@@ -77,7 +80,10 @@ def test_words_become_options() -> None:
         (("go2", "--weights", "speed"), ("--weights 'speed': expected a word and a number",)),
         (("go2", "--steps", "3", "--steps", "4"), ("--steps is given twice; say it once",)),
         (("go2", "--steps=3", "--steps", "3"), ("--steps is given twice; say it once",)),
-        (("go2", "--load", "3", "--on.back", "4"), ("--load and --on.back are one option, given twice",)),
+        (("go2", "--load", "3"), ("unknown option --load; did you mean '--on.back'?",)),
+        (("go2", "--log=yes"), ("--log takes no value; --no-log is its opposite",)),
+        (("go2", "-x"), ("unknown option -x",)),
+        (("go2", "--log", "--no-log"), ("--log and --no-log are one option, given twice",)),
         (("go2", "--seconds"), ("--seconds", "a value is missing")),
         (("go2", "go1"), ("go1", "a word that no option takes")),
         ((), ("ROBOT is missing", "Who walks")),
@@ -118,7 +124,7 @@ def test_help_shows_what_is_needed_and_the_rest_on_demand(capsys: pytest.Capture
 class Show:
     """Options of a show."""
 
-    what: Annotated[Literal["robots", "policies"], tyro.conf.Positional] = "robots"
+    what: Annotated[Literal["robots", "policies"], ARGUMENT] = "robots"
     """What to show."""
 
 
@@ -138,7 +144,7 @@ def test_an_argument_that_may_be_left_out_is_in_brackets_and_its_typo_is_found(c
 class Carry:
     """Options of a carrier."""
 
-    what: Annotated[Path, tyro.conf.Positional]
+    what: Annotated[Path, ARGUMENT]
     """What to carry."""
     to: Path
     """Where to."""
@@ -157,7 +163,7 @@ def test_only_what_is_missing_is_said_to_be_missing(capsys: pytest.CaptureFixtur
 class Ways:
     """Options that are paths."""
 
-    source: Annotated[Path, tyro.conf.Positional]
+    source: Annotated[Path, ARGUMENT]
     """From where."""
     out: Path = Path("out")
     """To where."""

@@ -39,7 +39,7 @@ def test_the_same_net_is_the_same_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"period": 0.01}, "period of 0.01 s, the simulation steps by 0.005 s; use --task.timestep 0.01"),
+        ({"period": 0.01}, "period of 0.01 s, the simulation steps by 0.005 s; use --set task.timestep=0.01"),
         ({"joint_names": SPEC.joint_names[::-1]}, "for the joints of 'saturn_lite', RR_shank"),
         ({"torque_limit": tuple(2 * LIMITS)}, "torque limits of 50 to 90 N m"),
     ],

@@ -137,7 +137,7 @@ def test_verbs_and_studies_load_their_rooms_only_when_called() -> None:
 
     What a verb's flags are made of, configuration without libraries, may be imported at the top.
     """
-    light = sys.stdlib_module_names | {"stiction", "stiction_experiments", "rich", "tyro", "numpy"}
+    light = sys.stdlib_module_names | {"stiction", "stiction_experiments", "rich", "numpy"}
     early = [path for path in MODULES if NAMES[path].startswith("cli/") or path.name in ("study.py", "verb.py")]
     assert len(early) > 20
     heavy = {NAMES[path]: set(loaded(path)) - light for path in early}

@@ -155,7 +155,7 @@ def test_the_overview_lists_every_verb_and_loads_no_room() -> None:
     listed = re.findall(r"^  ([\w-]+) +\S", done.stdout.partition("Examples:")[0], re.MULTILINE)
     assert listed == list(VERBS)
     loaded = set(done.stderr.split())
-    assert not loaded & {"numpy", "torch", "mujoco", "matplotlib", "tyro"}
+    assert not loaded & {"numpy", "torch", "mujoco", "matplotlib", "yaml"}
     assert {name for name in loaded if name.count(".") == 1 and name.startswith("stiction.")} <= {
         "stiction.cli",
         "stiction.core",

@@ -134,6 +134,6 @@ def test_an_inertia_smaller_than_what_is_unexplained_is_not_known() -> None:
 def test_a_hanging_angle_without_gravity_says_that_it_has_no_effect() -> None:
     """It is gravity's phase that tells the bias; upright there is none."""
     record = identify_joint(example_log(SATURN_LITE, SHORT), setup=IdentifySetup(hanging_angle=0.2)).record
-    assert any(text.startswith("--hanging-angle has no effect: no gravity") for text in record.warnings)
+    assert any(text.startswith("--set hanging_angle has no effect: no gravity") for text in record.warnings)
     leg = identify_joint(example_log(LEG, SHORT), setup=IdentifySetup(hanging_angle=0.2)).record
-    assert not any("--hanging-angle has no effect" in text for text in leg.warnings)
+    assert not any("--set hanging_angle has no effect" in text for text in leg.warnings)

@@ -58,7 +58,7 @@ def test_too_much_taken_off_is_an_objection() -> None:
     """A kt of 2 in place of 1.5 without friction in the grease: the brake is more than there is."""
     flags = MOTOR | {"ke": 2.0}
     record = identify_joint(replace(SERVO, viscous=0.0).log(), setup=IdentifySetup(**flags)).record  # type: ignore[arg-type]
-    assert "check --kt, --ke, --resistance" in record.objections[0].remedy
+    assert "check --kt, --set ke, --resistance" in record.objections[0].remedy
 
 
 @pytest.mark.parametrize(("flag", "missing"), [("kt", "--kt"), ("resistance", "--resistance")])
@@ -142,5 +142,5 @@ def test_unknown_units_are_not_mixed() -> None:
 def test_a_swing_too_small_does_not_show_where_the_pendulum_hangs() -> None:
     """A torque column of noise has no phase of a weight: the angle is asked for."""
     log = SERVO.log(mass=0.001, pendulum_mass=0.001, pendulum_length=0.2)
-    with pytest.raises(LogError, match="give --pendulum-angle"):
+    with pytest.raises(LogError, match="give --set pendulum_angle"):
         identify_joint(log, setup=IdentifySetup(**MOTOR))

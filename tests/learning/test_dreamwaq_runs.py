@@ -168,11 +168,11 @@ def test_a_symmetric_run_is_exported(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "name"),
     [
-        ("--method dreamwaq --dreamwaq.code 5", "dreamwaq.code is 5"),
-        ("--method dreamwaq --dreamwaq.decoder 8 5", r"dreamwaq.decoder\[1\] is 5"),
-        ("--method none --network.latent 5", "network.latent is 5"),
-        ("--method none --network.history 10", r"network.history\[-1\] / 2 is 5"),
-        ("--method hinf --network.critic 5", r"network.critic\[0\] is 5"),
+        ("--method dreamwaq --set dreamwaq.code=5", "dreamwaq.code is 5"),
+        ("--method dreamwaq --set dreamwaq.decoder=[8,5]", r"dreamwaq.decoder\[1\] is 5"),
+        ("--method none --set network.latent=5", "network.latent is 5"),
+        ("--method none --set network.history=[10]", r"network.history\[-1\] / 2 is 5"),
+        ("--method hinf --set network.critic=[5]", r"network.critic\[0\] is 5"),
     ],
 )
 def test_an_odd_layer_has_no_halves(words: str, name: str) -> None:
@@ -184,7 +184,11 @@ def test_an_odd_layer_has_no_halves(words: str, name: str) -> None:
 
 @pytest.mark.parametrize(
     "words",
-    ["--method dreamwaq --dreamwaq.decoder", "--method hinf --hinf.actor", "--method none --network.critic"],
+    [
+        "--method dreamwaq --set dreamwaq.decoder=[]",
+        "--method hinf --set hinf.actor=[]",
+        "--method none --set network.critic=[]",
+    ],
 )
 def test_a_network_without_hidden_layers_is_refused(words: str) -> None:
     """Not an error of an index, which would be called a fault of the program."""
@@ -237,7 +241,7 @@ def test_the_method_alone_makes_a_run(tmp_path: Path) -> None:
     said: list[str] = []
     begin_run(tmp_path / "run", replace(cfg, num_envs=8), "stiction train", (), said.append)
     assert said == ["dreamwaq trains without dry friction, as in its paper; with: --task.friction.range 0 1.2"]
-    words = ["--task.friction.method=dreamwaq", "--friction-level", "0", "--dreamwaq.beta", "0.1"]
+    words = ["--method=dreamwaq", "--friction-level", "0", "--set", "dreamwaq.beta=0.1"]
     begin_run(tmp_path / "level", replace(parse(words).config, num_envs=8), "stiction train")
 
 
@@ -246,12 +250,12 @@ def test_the_method_alone_makes_a_run(tmp_path: Path) -> None:
     [
         ("--method dreamwaq --preset two-phase", "learns in one phase.*--preset full or quick"),
         ("--method dreamwaq --student.iterations 5", "learns in one phase"),
-        ("--method dreamwaq --network.latent 8", "--network.latent 8 has no effect with --method dreamwaq"),
-        ("--method dreamwaq --task.estimated-friction", "--task.estimated-friction True has no effect"),
-        ("--method dreamwaq --teacher.velocity-weight 3", "--teacher.velocity-weight 3.0 has no effect"),
-        ("--method deception --dreamwaq.beta 1", "--dreamwaq.beta 1.0 has no effect without --method dreamwaq"),
-        ("--method dreamwaq --dreamwaq.beta -1", "dreamwaq.beta is -1.0; expected at least 0"),
-        ("--method dreamwaq --dreamwaq.code 0", "dreamwaq.code is 0; expected at least 1"),
+        ("--method dreamwaq --set network.latent=8", "--set network.latent=8 has no effect with --method dreamwaq"),
+        ("--method dreamwaq --set task.estimated_friction=true", "--set task.estimated_friction=true has no effect"),
+        ("--method dreamwaq --set teacher.velocity_weight=3", "--set teacher.velocity_weight=3.0 has no effect"),
+        ("--method deception --set dreamwaq.beta=1", "--set dreamwaq.beta=1.0 has no effect without --method dreamwaq"),
+        ("--method dreamwaq --set dreamwaq.beta=-1", "dreamwaq.beta is -1.0; expected at least 0"),
+        ("--method dreamwaq --set dreamwaq.code=0", "dreamwaq.code is 0; expected at least 1"),
         ("--method dreamwaq --task.known-friction", "known_friction with the method 'dreamwaq'"),
     ],
 )

@@ -176,7 +176,9 @@ def test_the_method_alone_makes_a_run(tmp_path: Path) -> None:
         frictional = replace(cfg.task, friction=replace(cfg.task.friction, range=(0.0, 1.2)))
         begin_run(tmp_path / kind, replace(cfg, num_envs=8, task=frictional, hinf=hinf), "train", (), quiet.append)
         assert not quiet, kind
-    words = "--method hinf --friction-level 0.2 --task.friction.range 0 1.2 --hinf.disturber friction --hinf.eta 0"
+    words = (
+        "--method hinf --friction-level 0.2 --task.friction.range 0 1.2 --set hinf.disturber=friction --set hinf.eta=0"
+    )
     adversary = parse(words.split()).config.hinf
     assert adversary.learns and adversary.by_torque and adversary.share == 1.0 and adversary.eta == 0.0
 
@@ -187,21 +189,21 @@ def test_the_method_alone_makes_a_run(tmp_path: Path) -> None:
         ("--method hinf --preset two-phase", "'hinf' learns in one phase.*--preset full or quick"),
         ("--method hinf --student.iterations 5", "learns in one phase"),
         ("--method hinf --terrain stairs", "on flat ground alone, not on 'stairs'"),
-        ("--method deception --hinf.eta 1", "--hinf.eta 1.0 has no effect without --method hinf"),
-        ("--method hinf --hinf.limit 0.6", "of up to 0.6: expected a share of the robot's weight from 0 to 0.5"),
-        ("--method hinf --hinf.disturber friction", "bounded by the joints' friction, and there is none"),
+        ("--method deception --set hinf.eta=1", "--set hinf.eta=1.0 has no effect without --method hinf"),
+        ("--method hinf --set hinf.limit=0.6", "of up to 0.6: expected a share of the robot's weight from 0 to 0.5"),
+        ("--method hinf --set hinf.disturber=friction", "bounded by the joints' friction, and there is none"),
         (
-            "--method hinf --hinf.disturber none --hinf.eta 1",
-            "--hinf.eta 1.0 has no effect: with --hinf.disturber none",
+            "--method hinf --set hinf.disturber=none --set hinf.eta=1",
+            "--set hinf.eta=1.0 has no effect: with --set hinf.disturber=none",
         ),
-        ("--method hinf --hinf.disturber none --hinf.limit 0.1", "--hinf.limit 0.1 has no effect"),
-        ("--method hinf --hinf.limit 0 --hinf.curriculum 0.5", "--hinf.curriculum 0.5 has no effect"),
-        ("--method hinf --hinf.disturber random --hinf.eta 1", "--hinf.disturber random does not learn"),
-        ("--method hinf --hinf.hold 1", "--hinf.hold 1.0 has no effect: a disturber that learns acts anew"),
-        ("--method hinf --hinf.eta 0 --hinf.tightening 0.9", "there is nothing to tighten"),
-        ("--method hinf --hinf.tightening 0", "hinf.tightening is 0.0; expected more than 0 and at most 1"),
-        ("--method hinf --hinf.eta -1", "hinf.eta is -1.0; expected 0 to 1000"),
-        ("--method hinf --hinf.actor 0", r"hinf.actor\[0\] is 0; expected at least 1"),
+        ("--method hinf --set hinf.disturber=none --set hinf.limit=0.1", "--set hinf.limit=0.1 has no effect"),
+        ("--method hinf --set hinf.limit=0 --set hinf.curriculum=0.5", "--set hinf.curriculum=0.5 has no effect"),
+        ("--method hinf --set hinf.disturber=random --set hinf.eta=1", "--set hinf.disturber=random does not learn"),
+        ("--method hinf --set hinf.hold=1", "--set hinf.hold=1.0 has no effect: a disturber that learns acts anew"),
+        ("--method hinf --set hinf.eta=0 --set hinf.tightening=0.9", "there is nothing to tighten"),
+        ("--method hinf --set hinf.tightening=0", "hinf.tightening is 0.0; expected more than 0 and at most 1"),
+        ("--method hinf --set hinf.eta=-1", "hinf.eta is -1.0; expected 0 to 1000"),
+        ("--method hinf --set hinf.actor=[0]", r"hinf.actor\[0\] is 0; expected at least 1"),
     ],
 )
 def test_options_that_contradict_the_method_are_refused(words: str, said: str) -> None:

@@ -59,7 +59,7 @@ def test_settings_are_what_differs_from_the_defaults() -> None:
 
 def test_names_are_those_of_the_command_line() -> None:
     """If this failed, nobody could train the same again from what a card says."""
-    words = ["--teacher.final-std", "0.3", "--task.randomization.contact-time", "0.01", "0.03", "--num-envs", "256"]
+    words = ["--set", "teacher.final_std=0.3", "--task.randomization.contact-time", "0.01", "0.03", "--num-envs", "256"]
     plain, other = (settings_of(parse(["--preset", "two-phase", *more]).config) for more in ([], words))
     expected = {"teacher.final-std": 0.3, "task.randomization.contact-time": [0.01, 0.03], "num-envs": 256}
     assert {name: value for name, value in other.items() if plain.get(name) != value} == expected

@@ -28,7 +28,7 @@ TESTS = Path(__file__).parents[1] / "helpers"
 
 TINY = [
     *("--robot", "go1", "--method", "deception", "--friction-level", "0.1", "--preset", "two-phase"),
-    *("--num-envs", "8", "--teacher.steps", "4", "--student.steps", "4", "--teacher.epochs", "1"),
+    *("--num-envs", "8", "--teacher.steps", "4", "--student.steps", "4", "--set", "teacher.epochs=1"),
     *("--video-every", "0", "--checkpoint-every", "2", "--student.iterations", "2"),
 ]
 

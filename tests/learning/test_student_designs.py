@@ -225,11 +225,11 @@ def test_phases_that_nobody_could_mean_are_refused(change: dict, named: str) -> 
     ("words", "said"),
     [
         ("--student.algorithm ppo --student.noise half", "--student.noise half"),
-        ("--student.algorithm ppo --student.epochs 3", "--student.epochs 3"),
-        ("--teacher.student-share 0.5", "--teacher.student-share 0.5"),
-        ("--teacher.latent groups --teacher.student-share 0.5", ""),
-        ("--student.noise half --student.epochs 3", ""),
-        ("--student.algorithm ppo --student.noise all --student.epochs 2 --teacher.student-share 0.25", ""),
+        ("--student.algorithm ppo --set student.epochs=3", "--set student.epochs=3"),
+        ("--set teacher.student_share=0.5", "--set teacher.student_share=0.5"),
+        ("--teacher.latent groups --set teacher.student_share=0.5", ""),
+        ("--student.noise half --set student.epochs=3", ""),
+        ("--student.algorithm ppo --student.noise all --set student.epochs=2 --set teacher.student_share=0.25", ""),
     ],
 )
 def test_a_setting_without_effect_is_refused(words: str, said: str) -> None:

@@ -84,7 +84,7 @@ def test_what_the_line_advises_is_enough() -> None:
     robot = find_robot("g1")
     line = stiff_sliders(robot, FAST, STEP, lightest(robot))
     assert line is not None
-    softer, shorter = (float(re.search(f"{flag} ([0-9.]+)", line)[1]) for flag in ("stiffness", "timestep"))
+    softer, shorter = (float(re.search(f"{flag}[ =]([0-9.]+)", line)[1]) for flag in ("stiffness", "timestep"))
     for factor, passes in ((1.0, True), (1.2, False)):
         assert (
             stiff_sliders(robot, PhysicsCfg("plastic", stiffness=factor * softer), STEP, lightest(robot)) is None

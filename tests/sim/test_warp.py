@@ -145,7 +145,7 @@ def test_constants_are_recomputed_for_the_chosen_robots_alone() -> None:
 def test_contacts_without_room_are_an_error() -> None:
     """Warp drops what does not fit and goes on: robots would sink through the ground without a word."""
     fleet = build(lambda model, num, threads: WarpSimulation(model, num, threads, contacts=1))
-    with pytest.raises(StictionError, match=r"room for 1 contacts a robot.*--contacts"):
+    with pytest.raises(StictionError, match=r"room for 1 contacts a robot.*--set contacts"):
         walk(fleet, 2)
 
 

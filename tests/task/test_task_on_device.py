@@ -106,7 +106,7 @@ def test_a_robot_that_blows_up_is_counted_stood_up_and_touches_no_other() -> Non
 def test_contacts_without_room_end_the_training() -> None:
     """Warp drops what does not fit: it is looked at now and then, and before a checkpoint."""
     env = LocomotionEnv(replace(TASK, history=2), 2, 0, device=find_device("warp-cpu", 1, on_host=False))
-    with pytest.raises(StictionError, match=r"room for 1 contacts a robot.*--contacts"):
+    with pytest.raises(StictionError, match=r"room for 1 contacts a robot.*--set contacts"):
         for _ in range(LOOKED_AT):
             env.step(torch.zeros(2, env.num_actions))
     with pytest.raises(StictionError, match=r"room for 1 contacts a robot"):

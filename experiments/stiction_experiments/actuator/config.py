@@ -6,9 +6,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
-from tyro.conf import arg
-
 from stiction.core.errors import ConfigurationError
+from stiction.core.flags import FLAT
 from stiction.files.results import DIRECTIONS
 from stiction.joints.net import ActuatorCfg
 from stiction.learning.config import TrainCfg
@@ -60,7 +59,7 @@ class LoopCfg:
     """Data sets to go through, some of backward, everywhere, three-robots."""
     net: ActuatorCfg = field(default_factory=ActuatorCfg)
     """How the nets are fitted; both sets of inputs are, f1 is trained with that of `inputs`."""
-    train: Annotated[TrainCfg, arg(name="")] = field(default_factory=conventional)
+    train: Annotated[TrainCfg, FLAT] = field(default_factory=conventional)
     """Training of f0 and of every f1."""
     episodes: int = 32
     """Episodes per policy, robot and command of the evaluation."""

@@ -84,7 +84,7 @@ class ActuatorLoop:
         if (contract.robot, contract.physics_timestep) != (task.robot, task.timestep):
             raise ConfigurationError(
                 f"{path} is for {contract.robot} at steps of {contract.physics_timestep} s, the study trains "
-                f"{task.robot} at {task.timestep} s; say --task.robot and --task.timestep"
+                f"{task.robot} at {task.timestep} s; say --robot and --set task.timestep"
             )
 
     def run(self) -> dict[str, Any]:

@@ -6,8 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
+from stiction.core.flags import FLAT
 from stiction_experiments.actuator.config import LoopCfg
 from stiction_experiments.lab.study import RedrawnOptions, Report, Study, Work, recorded
 
@@ -30,7 +29,7 @@ GROUPS = {
 class ActuatorOptions(RedrawnOptions):
     """Options of `stiction study actuator`."""
 
-    config: Annotated[LoopCfg, tyro.conf.arg(name="")] = field(default_factory=LoopCfg)
+    config: Annotated[LoopCfg, FLAT] = field(default_factory=LoopCfg)
     """What is run."""
     out: Path = Path("actuator-study")
     """Folder of the study."""

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
+from stiction.core.flags import ARGUMENT
 from stiction.core.records import part_of
 from stiction.files.results import DIRECTIONS
 from stiction_experiments.lab.study import RedrawnOptions, Report, Study, UsageError, Work, recorded
@@ -17,7 +16,7 @@ from stiction_experiments.lab.study import RedrawnOptions, Report, Study, UsageE
 class AdaptationOptions(RedrawnOptions):
     """Options of `stiction study adaptation`."""
 
-    runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    runs: Annotated[tuple[Path, ...], ARGUMENT]
     """Directories of finished training runs; several seeds of a method are put together."""
     friction_levels: tuple[float, ...] = (0.0, 0.1, 0.2, 0.3)
     """Dry friction of the walks on other latents, fractions of the torque limit [-]; at least two."""

@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
 from stiction.core.errors import BundleError, ConfigurationError
 from stiction.core.files import write_text
+from stiction.core.flags import ARGUMENT
 from stiction.core.records import make_folder
 from stiction.report.terminal import RobotSeeds
 from stiction_experiments.lab.study import ParallelOptions, Report, Study, Work
@@ -30,7 +29,7 @@ Example:
 class CalibrationOptions(ParallelOptions):
     """Options of `stiction study calibration`."""
 
-    bundle: Annotated[Path, tyro.conf.Positional]
+    bundle: Annotated[Path, ARGUMENT]
     """Directory of the bundle, or name of a shipped one; with a wear monitor."""
     robots: RobotSeeds = tuple(range(500, 540))
     """Seeds of the calibration robots; below 1000, which are not for results. Two-sided intervals of 95 % take 39."""

@@ -6,9 +6,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import tyro
-
 from stiction.core.errors import check_once
+from stiction.core.flags import ARGUMENT
 from stiction.files.results import DIRECTIONS
 from stiction.joints.compensation import parse_compensation
 from stiction.report.terminal import RobotSeeds
@@ -49,7 +48,7 @@ STANDING = (
 class CompensationOptions(ParallelOptions, RedrawnOptions):
     """Options of `stiction study compensation`."""
 
-    policies: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    policies: Annotated[tuple[Path, ...], ARGUMENT]
     """Directories of the bundles, or names of shipped ones."""
     ways: tuple[str, ...] = WAYS
     """How friction is fed forward while robots walk, and which share of it."""

@@ -7,9 +7,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import tyro
-
 from stiction.core.errors import check_once
+from stiction.core.flags import ARGUMENT
 from stiction_experiments.lab.study import Options, Report, Study, UsageError, Work
 
 if TYPE_CHECKING:
@@ -34,7 +33,7 @@ Examples:
 class DisturberOptions(Options):
     """Options of `stiction study disturber`."""
 
-    policies: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    policies: Annotated[tuple[Path, ...], ARGUMENT]
     """Directories of the bundles, or names of shipped ones."""
     disturber: str = "force"
     """`force`: pushes the base. `friction`: a torque on each joint, bounded by its friction."""

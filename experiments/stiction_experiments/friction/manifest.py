@@ -204,14 +204,14 @@ WIDE = ("--task.friction.range", "0", "1.2")
 
 LITERAL = (
     *("--method", "deception", "--friction-level", "0.01", "--task.friction.per", "joint", "--teacher.both-ways"),
-    *("--task.randomization.action-delay", "0", "0", "--task.randomization.encoder-offset", "0", "0"),
-    *("--task.noise.angular-velocity", "0", "--task.noise.roll-pitch", "0"),
-    *("--task.noise.joint-position", "0", "--task.noise.joint-velocity", "0"),
+    *("--set", "task.randomization.action_delay=[0, 0]", "--set", "task.randomization.encoder_offset=[0, 0]"),
+    *("--set", "task.noise.angular_velocity=0", "--set", "task.noise.roll_pitch=0"),
+    *("--set", "task.noise.joint_position=0", "--set", "task.noise.joint_velocity=0"),
     *("--physics", "rows"),
 )
 """Options by which the preset `two-phase` becomes the preset `literal` with the budget of all conditions."""
 
-NO_TROT, NO_UNSYNC = ("--task.rewards.trot", "0"), ("--task.rewards.unsync", "0")
+NO_TROT, NO_UNSYNC = ("--set", "task.rewards.trot=0"), ("--set", "task.rewards.unsync=0")
 
 MANIFEST: tuple[Condition, ...] = (
     _coulomb("none", "1", "conventional randomisation", "none", seeds=5),
@@ -226,11 +226,11 @@ MANIFEST: tuple[Condition, ...] = (
         *("deception-student240", "2", "three times the student's budget: does it overshoot less?", "deception"),
         *LONG_STUDENT,
     ),
-    _coulomb("direct-strong", "2", "first actions of 40 N m (σ)", "direct", "--network.initial-std", "1.6"),
-    _coulomb("direct-weak", "2", "first actions of 3.75 N m (σ)", "direct", "--network.initial-std", "0.15"),
-    _coulomb("none-weak", "2", "the same, without friction", "none", "--network.initial-std", "0.15"),
-    _coulomb("direct-mid", "2", "first actions of 7.5 N m (σ)", "direct", "--network.initial-std", "0.3"),
-    _coulomb("none-mid", "2", "the same, without friction", "none", "--network.initial-std", "0.3"),
+    _coulomb("direct-strong", "2", "first actions of 40 N m (σ)", "direct", "--set", "network.initial_std=1.6"),
+    _coulomb("direct-weak", "2", "first actions of 3.75 N m (σ)", "direct", "--set", "network.initial_std=0.15"),
+    _coulomb("none-weak", "2", "the same, without friction", "none", "--set", "network.initial_std=0.15"),
+    _coulomb("direct-mid", "2", "first actions of 7.5 N m (σ)", "direct", "--set", "network.initial_std=0.3"),
+    _coulomb("none-mid", "2", "the same, without friction", "none", "--set", "network.initial_std=0.3"),
     _coulomb("narrow", "3", "the mean of deception, no easy robots", "direct", "--task.friction.range", "0.48", "0.72"),
     _coulomb("mean-kept", "3", "easy robots, mean kept: 0 to 2", "deception", "--task.friction.range", "0", "2"),
     _coulomb(
@@ -276,10 +276,13 @@ MANIFEST: tuple[Condition, ...] = (
     _design("slow-means", "one phase, means over a second as inputs", "--task.slow-means", "1"),
     _design("drawn-contact", "one phase, ground of drawn softness", *DRAWN),
     _design(
-        *("fine-contact", "the same, stiffer ground and half the physics step", "--task.timestep", "0.0025"),
-        *("--task.decimation", "8", GROUND, "0.005", "0.02"),
+        *("fine-contact", "the same, stiffer ground and half the physics step", "--set", "task.timestep=0.0025"),
+        *("--set", "task.decimation=8", GROUND, "0.005", "0.02"),
     ),
-    _design("recurrent", "one phase, a recurrent encoder", "--network.recurrent", "--symmetry", "half", *RECURRENT),
+    _design(
+        *("recurrent", "one phase, a recurrent encoder", "--set", "network.recurrent=true", "--symmetry", "half"),
+        *RECURRENT,
+    ),
     _design("groups", "teacher and student side by side, one actor", "--teacher.latent", "groups"),
     _design("alternate", "the paper's two phases in the budget of one", *PHASES),
     _design("both-ways", "the same, L_ada through both encoders", *PHASES, "--teacher.both-ways"),
@@ -292,14 +295,16 @@ MANIFEST: tuple[Condition, ...] = (
         *("--teacher.iterations", "300", "--student.algorithm", "ppo", "--student.iterations", "140"),
     ),
     _design(
-        "estimate-weight1", "one phase, velocity weighs as a contact does in L_est", "--teacher.velocity-weight", "1"
+        *("estimate-weight1", "one phase, velocity weighs as a contact does in L_est"),
+        *("--set", "teacher.velocity_weight=1"),
     ),
     _design(
         *("estimate-narrow", "one phase, the estimator as wide as that of two phases"),
-        *("--network.estimator-frame", "24", "--network.estimator", "64"),
+        *("--set", "network.estimator_frame=24", "--set", "network.estimator=[64]"),
     ),
     _design(
-        "estimate-passes4", "one phase, four supervised passes a rollout", "--teacher.adaptation-passes", "4", *PASSES
+        *("estimate-passes4", "one phase, four supervised passes a rollout", "--set", "teacher.adaptation_passes=4"),
+        *PASSES,
     ),
     _design("asymmetric", "one phase, nothing says left from right", "--symmetry", "none"),
     _design("mirrored-half", "the same, half of each mini-batch mirrored, at no cost", "--symmetry", "half"),
@@ -307,27 +312,27 @@ MANIFEST: tuple[Condition, ...] = (
     _method("dreamwaq", "DreamWaQ as in its paper, without dry friction", "dreamwaq"),
     _method("dreamwaq-friction", "DreamWaQ with the friction of deception", "dreamwaq", *WIDE),
     *(
-        _method(f"dreamwaq-beta{beta}", f"the same, beta {beta}", "dreamwaq", *WIDE, "--dreamwaq.beta", beta)
+        _method(f"dreamwaq-beta{beta}", f"the same, beta {beta}", "dreamwaq", *WIDE, "--set", f"dreamwaq.beta={beta}")
         for beta in ("0", "0.1", "1")
     ),
     *(
         _method(f"hinf-{name}", purpose, "hinf", *WIDE, *options)
         for name, purpose, *options in (
             ("force", "H∞ beside a disturber that pushes the base"),
-            ("joints", "H∞ beside a disturber that adds to friction", "--hinf.disturber", "friction"),
-            ("random", "PPO under random pushes", "--hinf.disturber", "random"),
-            ("random-joints", "PPO under random torques of friction's size", "--hinf.disturber", "random-friction"),
+            ("joints", "H∞ beside a disturber that adds to friction", "--set", "hinf.disturber=friction"),
+            ("random", "PPO under random pushes", "--set", "hinf.disturber=random"),
+            ("random-joints", "PPO under random torques of friction's size", "--set", "hinf.disturber=random-friction"),
             (
                 *("random-curriculum", "PPO under random pushes that grow over half of the training"),
-                *("--hinf.disturber", "random", "--hinf.curriculum", "0.5"),
+                *("--set", "hinf.disturber=random", "--set", "hinf.curriculum=0.5"),
             ),
-            ("curriculum", "H∞, the push grows over half of the training", "--hinf.curriculum", "0.5"),
+            ("curriculum", "H∞, the push grows over half of the training", "--set", "hinf.curriculum=0.5"),
             (
                 *("gentle", "the same, a fifth of the weight at most"),
-                *("--hinf.limit", "0.2", "--hinf.curriculum", "0.5"),
+                *("--set", "hinf.limit=0.2", "--set", "hinf.curriculum=0.5"),
             ),
-            ("eta0", "H∞, every cost counts", "--hinf.eta", "0"),
-            ("nobody", "PPO as H∞ has it, and nobody disturbs", "--hinf.disturber", "none"),
+            ("eta0", "H∞, every cost counts", "--set", "hinf.eta=0"),
+            ("nobody", "PPO as H∞ has it, and nobody disturbs", "--set", "hinf.disturber=none"),
         )
     ),
     _method(
@@ -347,8 +352,8 @@ MANIFEST: tuple[Condition, ...] = (
         *("--task.friction.spread", "0.5", "1.5", *DRAWN, *QUIET, "--physics", "rows"),
     ),
     # The set that runs from t - H to t has H + 1 frames.
-    _coulomb("deception-history20", "history", "H = 20 in place of 10", "deception", "--task.history", "21"),
-    _coulomb("deception-history50", "history", "H = 50", "deception", "--task.history", "51"),
+    _coulomb("deception-history20", "history", "H = 20 in place of 10", "deception", "--set", "task.history=21"),
+    _coulomb("deception-history50", "history", "H = 50", "deception", "--set", "task.history=51"),
 )
 """The conditions in the order in which they are trained."""
 

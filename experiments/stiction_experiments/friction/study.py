@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
-
-from tyro.conf import arg
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from stiction.core.effects import excludes, needs
 from stiction.core.errors import FileError, TrainingError
@@ -66,9 +64,7 @@ class FrictionOptions(ParallelOptions, RedrawnOptions):
     robots. Without them the advice says that these have not walked there."""
     ship: Path | None = None
     """Export the median seed of each training method of the first part into this folder."""
-    plan: Annotated[bool, arg(aliases=("--list",))] = field(
-        default=False, metadata=excludes(but=("--preset", "--runs", "--policies", "--parts"))
-    )
+    plan: bool = field(default=False, metadata=excludes(but=("--preset", "--runs", "--policies", "--parts")))
     """Only say what the experiment is made of: runs, seeds, where each stands, its cost in minutes of one core, and
     what is missing in all."""
     json: bool = False

@@ -249,8 +249,8 @@ class FootRow:
     """Touch-downs per second of moving [Hz]."""
 
 
-REWARDS = "--task.rewards."
-"""How the flags of reward weights begin."""
+REWARDS = "task.rewards."
+"""How the settings of reward weights begin; they were flags once."""
 
 
 def trained_variant(command: str) -> str:
@@ -269,7 +269,8 @@ def trained_variant(command: str) -> str:
     flags = [word for argument in words for word in argument.split("=", 1)]
     weights = {name: float(getattr(RewardCfg(), name)) for name in ("trot", "unsync")}
     for word, value in zip(flags, [*flags[1:], ""], strict=True):
-        if (name := word.removeprefix(REWARDS)) in weights and word.startswith(REWARDS):
+        setting = word.removeprefix("--")
+        if (name := setting.removeprefix(REWARDS)) in weights and setting != name:
             try:
                 weights[name] = float(value)
             except ValueError as error:

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-import tyro
-
 from stiction.core.errors import ConfigurationError
+from stiction.core.flags import ARGUMENT
 from stiction.core.records import part_of, read_rows
 from stiction.files.results import DIRECTIONS
 from stiction_experiments.lab.study import RedrawnOptions, Report, Study, UsageError, Work, recorded
@@ -17,7 +16,7 @@ DESCRIPTION = (
     "Drive policies over commands and show which feet are on the ground when: gait diagram, shares of each contact "
     "group, flight, synchrony; and judge the paper's sentences on its two gait rewards. Which rewards a policy had is "
     "read off the training command in its contract, or off the run. Train the ablations with `stiction train "
-    "--task.rewards.trot 0`, `--task.rewards.unsync 0`, and both.\n\n"
+    "--set task.rewards.trot=0`, `--set task.rewards.unsync=0`, and both.\n\n"
     "Example:\n  stiction study gait saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out gait"
 )
 
@@ -26,7 +25,7 @@ DESCRIPTION = (
 class GaitOptions(RedrawnOptions):
     """Options of `stiction study gait`."""
 
-    policies: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    policies: Annotated[tuple[Path, ...], ARGUMENT]
     """Policy bundles: directories, names of shipped ones, or finished training runs, which are exported first."""
     variants: tuple[Literal["both", "no-trot", "no-unsync", "neither"], ...] = ()
     """Gait rewards of each policy, in order, where its training command does not name them."""

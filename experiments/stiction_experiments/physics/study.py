@@ -6,8 +6,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
+from stiction.core.flags import ARGUMENT, FLAT
 from stiction_experiments.lab.study import Options, Report, Study, Work
 from stiction_experiments.physics.config import WalkCfg
 
@@ -23,9 +22,9 @@ DESCRIPTION = (
 class PhysicsOptions(Options):
     """Options of `stiction study physics`."""
 
-    policies: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    policies: Annotated[tuple[Path, ...], ARGUMENT]
     """Policy bundles: directories, or names of shipped ones."""
-    config: Annotated[WalkCfg, tyro.conf.arg(name="")] = field(default_factory=WalkCfg)
+    config: Annotated[WalkCfg, FLAT] = field(default_factory=WalkCfg)
     """What the policies are put through."""
     out: Path = Path("stiction-physics")
     """Directory for physics.csv and summary.json."""

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from tyro.conf import Fixed, Suppress
-
 from stiction.core.errors import ConfigurationError, check_once
+from stiction.core.flags import FIXED
 from stiction.joints.friction import MAX_LEVEL
 from stiction.robots.terrain import STEEPEST
 from stiction.task.config import NoiseCfg
@@ -27,7 +26,7 @@ class ClimbCfg:
     """Commanded speed [m/s]."""
     seed: int = 0
     """Seed of starts and sensor noise."""
-    noise: Annotated[NoiseCfg, Fixed, Suppress] = field(default_factory=NoiseCfg)
+    noise: Annotated[NoiseCfg, FIXED] = field(default_factory=NoiseCfg)
     """Sensor noise, as in training."""
 
     def __post_init__(self) -> None:

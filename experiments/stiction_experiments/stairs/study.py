@@ -7,8 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
+from stiction.core.flags import ARGUMENT, FLAT
 from stiction.core.records import read_rows
 from stiction_experiments.lab.study import RedrawnOptions, Report, Study, UsageError, Work, recorded
 from stiction_experiments.stairs.config import ClimbCfg
@@ -23,9 +22,9 @@ Example:
 class StairsOptions(RedrawnOptions):
     """Options of `stiction study stairs`."""
 
-    bundles: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    bundles: Annotated[tuple[Path, ...], ARGUMENT]
     """Directories of the bundles, or names of shipped ones."""
-    config: Annotated[ClimbCfg, tyro.conf.arg(name="")] = field(default_factory=ClimbCfg)
+    config: Annotated[ClimbCfg, FLAT] = field(default_factory=ClimbCfg)
     """What the policies are put through."""
     out: Path = Path("stiction-stairs")
     """Directory for stairs.csv, summary.json, stairs.png and report.html."""

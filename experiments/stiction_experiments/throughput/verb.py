@@ -14,7 +14,7 @@ from stiction.core.errors import ConfigurationError
 from stiction.core.options import read_options
 from stiction.learning.presets import PresetName, preset
 from stiction.sim.protocol import DeviceName
-from stiction.task.friction import law_choice, law_help
+from stiction.task.friction import law_flag
 from stiction.task.terrain import TerrainName
 
 if TYPE_CHECKING:
@@ -44,9 +44,7 @@ class Bench:
     """Friction in the joints during the measurement: rows of dry friction cost the simulator half its speed."""
     friction_level: float = field(default=0.2, metadata=needs("--method direct or deception"))
     """Nominal friction, as a fraction of the torque limit, or the coefficient of the law."""
-    friction_law: Annotated[str, law_choice(), law_help("All but coulomb stop the simulator at every step.")] = (
-        "coulomb"
-    )
+    friction_law: Annotated[str, law_flag("All but coulomb stop the simulator at every step.")] = "coulomb"
     robot: str = "saturn_lite"
     """The robot to measure with."""
     terrain: TerrainName = "flat"

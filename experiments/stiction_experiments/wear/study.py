@@ -6,9 +6,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
 from stiction.core.errors import FileError
+from stiction.core.flags import ARGUMENT
 from stiction.core.records import part_of, read_rows
 from stiction.files.following import FAST, SLOW
 from stiction.report.terminal import RobotSeeds
@@ -30,7 +29,7 @@ Example:
 class WearOptions(ParallelOptions, RedrawnOptions):
     """Options of `stiction study wear`."""
 
-    bundles: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    bundles: Annotated[tuple[Path, ...], ARGUMENT]
     """Directories of the bundles, or names of shipped ones; none for --judge-again."""
     engine: str = "physx"
     """Physics engine: physx, ode, ode-webots, mujoco."""

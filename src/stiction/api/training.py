@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from markupsafe import Markup
 
@@ -24,6 +24,10 @@ from stiction.learning.effects import check_effects
 from stiction.learning.presets import PresetName
 from stiction.learning.presets import preset as preset_of
 from stiction.task.friction import FrictionMethod
+
+if TYPE_CHECKING:
+    from stiction.learning.ranks import Ranks
+    from stiction.learning.run import RunDirectory
 
 Watch = Callable[..., Any]
 """Called after every iteration; see `stiction.learning.phase.Progress`."""
@@ -114,29 +118,50 @@ def train(
     """
     # Before torch, which these bring in.
     open_fast_gemm()
-    from stiction.learning.begin import begin_run, with_friction
     from stiction.learning.run import identified_values
     from stiction.learning.runner import train as run_training
 
     given = preset_of(preset, device, method) if config is None else config
     cfg = replace(given, seed=seed, device=device, joints=given.joints if joints is None else str(joints))
     cfg = replace(cfg, task=replace(cfg.task, robot=str(robot)))
-    if friction_from is not None:
-        if method is not None or friction_level is not None:
+    if method is not None or friction_level is not None:
+        if friction_from is not None:
             raise ConfigurationError(exclusion("friction_from", "method or friction_level"))
-        proposed, where = _proposal(friction_from)
-        cfg = with_friction(cfg, proposed, where)
-        given = replace(given, task=replace(given.task, friction=cfg.task.friction))
-    elif method is not None or friction_level is not None:
         old = cfg.task.friction
         friction = replace(
             old, method=method or old.method, level=old.level if friction_level is None else friction_level
         )
         cfg = replace(cfg, task=replace(cfg.task, friction=friction))
-    check_effects(cfg, given if config is None else None)
-    run, cfg = begin_run(Path(out), cfg, "stiction.train(...)", several(joint_map), say)
+    base = given if config is None else None
+    run, cfg = begin(Path(out), cfg, base, "stiction.train(...)", friction_from, several(joint_map), say)
     with output_folder(run.path):
         return Trained(run.path, run_training(cfg, run, identified_values(run.header()), progress))
+
+
+def begin(
+    out: Path,
+    cfg: TrainCfg,
+    base: TrainCfg | None,
+    command: str,
+    friction_from: Identified | str | Path | None = None,
+    joint_map: tuple[str, ...] = (),
+    say: Callable[[str], None] = lambda line: None,
+    ranks: Ranks | None = None,
+) -> tuple[RunDirectory, TrainCfg]:
+    """Make the folder of a new run, with the friction that an identification proposes; return it with what it trains.
+
+    base: the configuration before anybody changed it, by default that of any preset; command: words that asked for the
+    run; ranks: processes that train it, by default this one. Raises as `train`, and `ConfigurationError` for a setting
+    without effect.
+    """
+    from stiction.learning.begin import begin_run, with_friction
+    from stiction.learning.ranks import ALONE
+
+    if friction_from is not None:
+        cfg = with_friction(cfg, *_proposal(friction_from))
+        base = base and replace(base, task=replace(base.task, friction=cfg.task.friction))
+    check_effects(cfg, base)
+    return begin_run(out, cfg, command, joint_map, say, ranks or ALONE)
 
 
 def _proposal(given: Identified | str | Path) -> tuple[dict[str, Any], str]:

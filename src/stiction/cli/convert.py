@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
 from stiction.core.files import keep_inputs, write_text
+from stiction.core.flags import ARGUMENT
 from stiction.core.options import read_options
 from stiction.exchange.targets import ConvertOptions, convert, convert_training
 from stiction.files.joints import is_training, load_joints
@@ -32,7 +31,7 @@ Examples:
 class Convert(ConvertOptions):
     """Options of the verb."""
 
-    joints: Annotated[Path, tyro.conf.Positional]
+    joints: Annotated[Path, ARGUMENT]
     """The `joints.json` of `stiction identify`, or the `training.json` beside it."""
     out: Path | None = None
     """File to write; by default standard output."""

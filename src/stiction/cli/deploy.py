@@ -11,11 +11,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import tyro
-
 from stiction.core.effects import excludes, exclusion, needs
 from stiction.core.errors import ConfigurationError, UnwrittenError
 from stiction.core.files import write_text
+from stiction.core.flags import ARGUMENT
 from stiction.core.options import read_options
 from stiction.core.records import part_of
 from stiction.deploy.runtime.config import LimitsCfg, OperatorCfg, SafetyCfg
@@ -82,7 +81,7 @@ def _has_heartbeat(cfg: DeployCfg) -> bool:
 class DeployCfg:
     """Options of the verb."""
 
-    bundle: Annotated[Path, tyro.conf.Positional]
+    bundle: Annotated[Path, ARGUMENT]
     """Directory of the bundle, or the name of one that comes with the package."""
     robot: str = "virtual"
     """How the robot is reached: virtual, unitree-go:INTERFACE, unitree-hg:INTERFACE, ros2:/NAMESPACE."""

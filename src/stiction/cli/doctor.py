@@ -5,9 +5,6 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import asdict, dataclass, field, replace
-from typing import Annotated
-
-import tyro
 
 from stiction.core.options import read_options, refuse
 from stiction.task.config import TaskCfg
@@ -28,7 +25,7 @@ class Doctor:
 
     randomization: bool = False
     """Audit the randomisation."""
-    task: Annotated[TaskCfg, tyro.conf.arg(name="task")] = field(default_factory=TaskCfg)
+    task: TaskCfg = field(default_factory=TaskCfg)
     """The task whose ranges are audited."""
     json: bool = False
     """Print the audit as JSON on standard output, and nothing else."""
@@ -36,7 +33,7 @@ class Doctor:
 
 GROUPS = {
     "usually needed": ("--randomization", "--robot", "--json"),
-    "whose ranges": ("--terrain", "--task.friction.law", "--task.friction.level", "--task.friction.range"),
+    "whose ranges": ("--terrain", "--friction-law", "--friction-level", "--task.friction.range"),
 }
 """The options that people use; the others are those of the task, as `stiction train --help-all` has them."""
 

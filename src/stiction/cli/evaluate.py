@@ -8,16 +8,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import tyro
-
 from stiction.core.effects import excludes, needs, requirement
 from stiction.core.errors import ConfigurationError, FileError
+from stiction.core.flags import ARGUMENT
 from stiction.core.lock import output_folder
 from stiction.core.options import read_options, refuse
 from stiction.files.results import DIRECTIONS
 from stiction.files.settings import results_folder
 from stiction.report.terminal import RobotSeeds, jobs_of
-from stiction.task.friction import law_choice, law_help
+from stiction.task.friction import law_flag
 
 if TYPE_CHECKING:
     from stiction.files.results import ResultRow
@@ -31,7 +30,7 @@ VIRTUAL = needs("--engines mujoco+all", lambda cfg: any("+" in engine for engine
 class EvaluateCfg:
     """Drive policy bundles over engines, friction levels, grounds and commands."""
 
-    bundles: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
+    bundles: Annotated[tuple[Path, ...], ARGUMENT] = ()
     """Directories of the bundles."""
     policy_callable: str | None = None
     """A policy of your own in Python, `package.module:FUNCTION`, on --robot, in the engine mujoco alone: called as
@@ -40,9 +39,7 @@ class EvaluateCfg:
     """Time between two calls of it [s]."""
     friction_levels: tuple[float, ...] = (0.0, 0.1, 0.2)
     """Dry friction in every joint, as fractions of its torque limit [-]; of the laws load and effort, coefficients."""
-    friction_law: Annotated[str, law_choice(), law_help("Law of the dry friction, whatever the training's.")] = (
-        "coulomb"
-    )
+    friction_law: Annotated[str, law_flag("Law of the dry friction, whatever the training's.")] = "coulomb"
     static_ratio: float = field(default=1.5, metadata=needs("--friction-law stribeck"))
     """Friction at rest over friction in motion, of the law stribeck."""
     stribeck_velocity: float = field(default=0.1, metadata=needs("--friction-law stribeck"))

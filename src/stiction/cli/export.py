@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal, get_args
 
-import tyro
-
 from stiction.core.effects import needs
 from stiction.core.errors import ConfigurationError, FileError
+from stiction.core.flags import ARGUMENT
 from stiction.core.lock import replaced_folder
 from stiction.core.options import read_options
 
@@ -40,7 +39,7 @@ Target = Literal["bundle", "webots", "deploy.yaml", "rl_sar", "mjlab"]
 class ExportCfg:
     """Options of the verb."""
 
-    source: Annotated[Path, tyro.conf.Positional]
+    source: Annotated[Path, ARGUMENT]
     """Directory of a run, as `stiction train` made it. With another --to than bundle: of a bundle, or the name of a
     shipped one, or a run with its bundle in it."""
     to: Target = "bundle"

@@ -10,12 +10,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import tyro
 from rich.console import Console
 
 from stiction.cli.identified import show, show_limb, show_walk
 from stiction.core.effects import excludes, flag_of, needs
 from stiction.core.errors import ConfigurationError, LogError, RobotError, nearest
+from stiction.core.flags import ARGUMENT, SETTING, flag
 from stiction.core.memory import DEFAULT_LIMIT, limit_memory
 from stiction.core.options import read_options, refuse
 from stiction.core.records import part_of
@@ -108,9 +108,9 @@ class ReadOptions:
     of a walk also quaternion, gyroscope, accelerometer and foot_force, as quaternion=W,X,Y,Z, and imu=TOPIC."""
     time_scale: float | None = None
     """Seconds per unit of the time stamps, 1e-3 for milliseconds; by default found from them, and said."""
-    begin: Annotated[float | None, tyro.conf.arg(name="from")] = None
+    begin: Annotated[float | None, flag("--from")] = None
     """Where to begin in the log, from its first stamp [s]."""
-    end: Annotated[float | None, tyro.conf.arg(name="to")] = None
+    end: Annotated[float | None, flag("--to")] = None
     """Where to end in the log, from its first stamp [s]."""
     rate: float | None = None
     """Samples per second of a log without time stamps [Hz]."""
@@ -136,7 +136,7 @@ class WriteOptions:
 class IdentifyConfig(WriteOptions, ReadOptions, IdentifySetup, LimbSetup):
     """Options of the verb; those of `LimbSetup` count with --robot."""
 
-    log: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    log: Annotated[tuple[Path, ...], ARGUMENT]
     """The log: .csv, .tsv, .txt (.gz), .npz, .parquet, .json, .jsonl, .mcap, .db3, .pt or .mat; or several runs of the
     same joints, which are fitted together."""
     join: bool = False
@@ -154,7 +154,7 @@ class IdentifyConfig(WriteOptions, ReadOptions, IdentifySetup, LimbSetup):
     shipped one. All joints are then identified together, with the links' torques from the model."""
     repeat: tuple[Path, ...] = ()
     """Further logs of the same joints: repeats, hot and cold, with and without a payload. Each may have a sidecar."""
-    repeat_columns: tuple[str, ...] = field(default=(), metadata=needs("--repeat"))
+    repeat_columns: Annotated[tuple[str, ...], SETTING] = field(default=(), metadata=needs("--repeat"))
     """ROLE=NAME pairs that the repeats have and the log has not: disturbance=pulses, say."""
 
 
@@ -162,7 +162,7 @@ class IdentifyConfig(WriteOptions, ReadOptions, IdentifySetup, LimbSetup):
 class WalkOptions(WriteOptions, ReadOptions, WalkSetup, RobotLogSetup):
     """Options for the log of a walk; those on columns, time and motors are for logs that are not of evaluate --log."""
 
-    log: Annotated[Path, tyro.conf.Positional]
+    log: Annotated[Path, ARGUMENT]
     """The log: of evaluate --log, or one with columns of its own, of any kind that identify reads."""
     robot: str | None = None
     """The robot, with its masses and link lengths: a MuJoCo or URDF file, a robot.yaml, or the name of a shipped one;

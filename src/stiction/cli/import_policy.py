@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
+from stiction.core.flags import ARGUMENT
 from stiction.core.lock import replaced_folder
 from stiction.core.options import read_options
 
@@ -31,7 +30,7 @@ Examples:
 class Import:
     """Options of the verb."""
 
-    network: Annotated[Path, tyro.conf.Positional]
+    network: Annotated[Path, ARGUMENT]
     """The network: one ONNX file, one input of observations and one output of actions."""
     robot: str
     """The robot: its name, robot.yaml, MJCF or URDF."""

@@ -7,9 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Annotated, Any, Literal
 
-import tyro
-
 from stiction.core.extras import install_command, installed_by, installed_from, is_installed
+from stiction.core.flags import ARGUMENT
 from stiction.core.options import read_options
 from stiction.core.records import column, header, texts
 
@@ -25,7 +24,7 @@ Examples:
 class ListCfg:
     """Options of the verb."""
 
-    what: Annotated[Literal["all", "robots", "policies", "engines"], tyro.conf.Positional] = "all"
+    what: Annotated[Literal["all", "robots", "policies", "engines"], ARGUMENT] = "all"
     """What to list."""
     json: bool = False
     """Print the list as JSON on standard output, and nothing else."""

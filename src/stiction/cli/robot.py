@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
-
-from tyro.conf import Positional
+from typing import Annotated, Any
 
 from stiction.core.errors import RobotError, unknown_name
 from stiction.core.files import keep_inputs
+from stiction.core.flags import ARGUMENT
 from stiction.core.options import HELP, HELP_ALL, read_options, refuse
 from stiction.files.settings import check_settings, results_folder
 from stiction.robots.catalog import is_file_name
@@ -20,7 +19,7 @@ from stiction.robots.catalog import is_file_name
 class CheckCfg:
     """Check a robot: mass, inertias, limits, motors, gravity in the pose, feet, mirror, order, and that it stands."""
 
-    robot: Positional[str]
+    robot: Annotated[str, ARGUMENT]
     """robot.yaml, a MuJoCo (.xml) or URDF (.urdf) file, a shipped robot, or package.module:ROBOT."""
     json: bool = False
     """Print the findings as JSON on standard output, and nothing else."""
@@ -30,7 +29,7 @@ class CheckCfg:
 class ShowCfg:
     """Show a robot: every value with where it came from; draws it standing and writes its complete robot.yaml."""
 
-    robot: Positional[str]
+    robot: Annotated[str, ARGUMENT]
     """robot.yaml, a MuJoCo (.xml) or URDF (.urdf) file, a shipped robot, or package.module:ROBOT."""
     out: Path | None = None
     """Folder for robot.png, robot.yaml and robot.xml (the model that is simulated); none: print only."""

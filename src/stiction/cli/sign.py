@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
 from stiction.core.errors import BundleError, ConfigurationError, FileError
+from stiction.core.flags import ARGUMENT
 from stiction.core.options import read_options, refuse
 from stiction.files.bundle import SIGNATURE, shipped_bundles, shipped_folder
 
@@ -20,7 +19,7 @@ from stiction.files.bundle import SIGNATURE, shipped_bundles, shipped_folder
 class SignCfg:
     """Sign a policy bundle."""
 
-    bundle: Annotated[Path | None, tyro.conf.Positional] = None
+    bundle: Annotated[Path | None, ARGUMENT] = None
     """Directory of the bundle, one of your own: none that came with the package. It is checked first, as `stiction
     verify` does."""
     key: Path | None = None

@@ -9,7 +9,6 @@ import sys
 import warnings
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,36 +16,23 @@ from stiction.core.effects import exclusion
 from stiction.core.errors import ConfigurationError, StictionError
 from stiction.core.extras import require
 from stiction.core.gemm import fast_gemm_note, open_fast_gemm
-from stiction.learning.arguments import Train, defaults, parse
+from stiction.core.options import Given
+from stiction.learning.arguments import Train, parse, parse_given
 from stiction.learning.config import TrainCfg
-from stiction.learning.effects import check_effects
 
 if TYPE_CHECKING:
     from stiction.learning.run import RunDirectory
 
 
-def _friction_from(path: Path, cfg: TrainCfg, arguments: list[str]) -> TrainCfg:
-    """Return the configuration with the friction that a `training.json` proposes; refuse flags that say otherwise."""
-    from stiction.files.joints import read_training
-    from stiction.learning.begin import with_friction
-
-    own = ("--method", "--friction-level", "--friction-law", "--task.friction.")
-    given = [flag for word in arguments if (flag := word.partition("=")[0].replace("_", "-")).startswith(own)]
-    if given:
-        raise ConfigurationError(exclusion("--friction-from", given[0]))
-    return with_friction(cfg, read_training(path), path.name)
+AGAIN = ("resume", "json", "view", "config.task.robot", "config.task.rewards.own")
+"""Options beside --resume. Two may name a module and have to be given again: a module that a file names is not run."""
 
 
-AGAIN = ("--robot", "--task.robot", "--task.rewards.own")
-"""Options that may name a module. With --resume they have to be said again: a module that a file names is not run."""
-
-
-def _only_resume(arguments: list[str]) -> None:
+def _only_resume(given: Given) -> None:
     """Refuse options beside --resume, with their default values too: the run continues as its config.json says."""
-    for word in arguments:
-        flag = word.partition("=")[0].replace("_", "-")
-        if word.startswith("--") and flag not in ("--resume", "--json", "--view", *AGAIN):
-            raise ConfigurationError(exclusion("--resume", flag))
+    for path, typed in given.typed.items():
+        if path not in AGAIN:
+            raise ConfigurationError(exclusion("--resume", typed))
 
 
 def main(arguments: list[str]) -> int:
@@ -56,12 +42,12 @@ def main(arguments: list[str]) -> int:
     # Only the first of torchrun's processes prints; the others would say everything again.
     if os.environ.get("RANK", "0") != "0":
         return _follow(arguments)
-    options = parse(arguments)
+    options, base, given = parse_given(arguments)
     if options.view:
         require("view")
     if options.resume is not None:
-        return _resume(options, arguments)
-    return _run(options, *_begin(options, arguments))
+        return _resume(options, given)
+    return _run(options, *_begin(options, base, given, shlex.join(["stiction", "train", *arguments])))
 
 
 def _follow(arguments: list[str]) -> int:
@@ -95,18 +81,16 @@ def _follow(arguments: list[str]) -> int:
     return 0
 
 
-def _begin(options: Train, arguments: list[str]) -> tuple[RunDirectory, TrainCfg]:
-    """Make the folder of a new run."""
-    from stiction.learning.begin import begin_run
+def _begin(options: Train, base: TrainCfg, given: Given, command: str) -> tuple[RunDirectory, TrainCfg]:
+    """Make the folder of a new run. base: its configuration before anything was given."""
+    from stiction.api.training import begin
     from stiction.learning.ranks import named_ranks
 
-    cfg = options.config
-    if options.friction_from is not None:
-        cfg, base = _friction_from(options.friction_from, cfg, arguments), defaults(arguments)
-        # Once more, with the file's friction: nobody typed that, but what was typed has to go with it.
-        check_effects(cfg, replace(base, task=replace(base.task, friction=cfg.task.friction)))
-    command = shlex.join(["stiction", "train", *arguments])
-    return begin_run(options.out, cfg, command, options.joint_map, _say, named_ranks())
+    friction = (typed for path, typed in given.typed.items() if path.startswith("config.task.friction."))
+    if options.friction_from is not None and (other := next(friction, None)):
+        raise ConfigurationError(exclusion("--friction-from", other))
+    friction_from, joint_map, ranks = options.friction_from, options.joint_map, named_ranks()
+    return begin(options.out, options.config, base, command, friction_from, joint_map, _say, ranks)
 
 
 def _say(line: str) -> None:
@@ -114,14 +98,14 @@ def _say(line: str) -> None:
     print(f"stiction train: {line}", file=sys.stderr)
 
 
-def _resume(options: Train, arguments: list[str]) -> int:
+def _resume(options: Train, given: Given) -> int:
     """Go on with a run; say so and do nothing where it is finished."""
     from stiction.learning.run import RunDirectory
 
     assert options.resume is not None
-    _only_resume(arguments)
+    _only_resume(given)
     run, task = RunDirectory(options.resume), options.config.task
-    if any(word.partition("=")[0] in AGAIN[:2] for word in arguments):
+    if "config.task.robot" in given.values:
         run.adopt(task.robot)
     if run.finished:
         run.header()  # a folder with a summary alone is no run

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
+from stiction.core.flags import ARGUMENT, FLAT
 from stiction.core.options import read_options, refuse
 from stiction.joints.net import ActuatorCfg
 
@@ -28,9 +27,9 @@ RESULTS = ("actuator.npz", "summary.json", "fit.npz", "report.html")
 class TrainActuator:
     """Options of `stiction train-actuator`."""
 
-    logs: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    logs: Annotated[tuple[Path, ...], ARGUMENT]
     """Logs, one file a run, or folders of walking logs."""
-    config: Annotated[ActuatorCfg, tyro.conf.arg(name="")] = field(default_factory=ActuatorCfg)
+    config: Annotated[ActuatorCfg, FLAT] = field(default_factory=ActuatorCfg)
     """Inputs, sizes, schedule, split."""
     out: Path = Path("actuator")
     """Folder for actuator.npz, summary.json, fit.npz and report.html."""

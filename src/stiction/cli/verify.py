@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import tyro
-
 from stiction.core.errors import StictionError
+from stiction.core.flags import ARGUMENT
 from stiction.core.options import read_options
 
 if TYPE_CHECKING:
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 class VerifyCfg:
     """Check a policy bundle as a robot's computer can."""
 
-    bundle: Annotated[Path, tyro.conf.Positional]
+    bundle: Annotated[Path, ARGUMENT]
     """Directory of the bundle, or the name of one that comes with the package."""
     against: Path | None = None
     """Your own model of the robot, a MuJoCo (.xml) or URDF (.urdf) file: axes, places, limits, masses and order of the

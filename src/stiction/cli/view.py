@@ -9,13 +9,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import tyro
-
 from stiction.core.effects import excludes, needs
 from stiction.core.errors import ConfigurationError
+from stiction.core.flags import ARGUMENT
 from stiction.core.options import read_options
 from stiction.files.settings import check_file
-from stiction.task.friction import law_choice, law_help
+from stiction.task.friction import law_flag
 
 if TYPE_CHECKING:
     from stiction.evaluation.newest import NewestPolicy
@@ -50,16 +49,14 @@ POLITE = 10
 class ViewCfg:
     """Options of the verb."""
 
-    policies: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
+    policies: Annotated[tuple[Path, ...], ARGUMENT] = ()
     """Directories of bundles, names of bundles that come with the package, or training runs (extra train)."""
     command: str = "stand"
     """Velocity at the beginning, vx forward, vy sideways [m/s], wz turn [rad/s]: vx=0.5, or vx=0.3,wz=0.2, or stand."""
     friction_level: float = 0.0
     """Dry friction at the beginning, as a fraction of each joint's torque limit [-]; of the laws load and effort, the
     coefficient."""
-    friction_law: Annotated[str, law_choice(), law_help("Law of the dry friction, whatever the training's.")] = (
-        "coulomb"
-    )
+    friction_law: Annotated[str, law_flag("Law of the dry friction, whatever the training's.")] = "coulomb"
     static_ratio: float = field(default=1.5, metadata=needs("--friction-law stribeck"))
     """Friction at rest over friction in motion, of the law stribeck."""
     stribeck_velocity: float = field(default=0.1, metadata=needs("--friction-law stribeck"))

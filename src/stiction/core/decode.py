@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Collection, Mapping
 from functools import cache
+from pathlib import Path
 from types import UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -50,11 +51,11 @@ def from_plain(
     for name in hints:
         if name not in data and (name in needed or name in required):
             raise error(f"{where}: field {name!r} is missing; was it written by another version?")
-    return kind(**{name: _typed(hints[name], value, f"{where}: {name}", error) for name, value in data.items()})
+    return kind(**{name: value_of(hints[name], value, f"{where}: {name}", error) for name, value in data.items()})
 
 
-def _typed(kind: Any, value: Any, where: str, error: type[StictionError]) -> Any:
-    """Return a plain value as the type of a field; raise `error` naming where it is another."""
+def value_of(kind: Any, value: Any, where: str, error: type[StictionError]) -> Any:
+    """Return a plain value as a declared type of a field, text as a path; raise `error` naming where it is another."""
     origin, inner = get_origin(kind), get_args(kind)
     if kind is Any:
         return value
@@ -64,17 +65,19 @@ def _typed(kind: Any, value: Any, where: str, error: type[StictionError]) -> Any
         if value is None and type(None) in inner:
             return None
         kinds = [item for item in inner if item is not type(None)]
-        return _typed(next((item for item in kinds if _alike(item, value)), kinds[0]), value, where, error)
+        return value_of(next((item for item in kinds if _alike(item, value)), kinds[0]), value, where, error)
     if origin is tuple:
         return _tuple(inner, value, where, error)
     if origin in (dict, Mapping):
         if not isinstance(value, dict):
             raise error(f"{where} is {short(value)}; expected an object")
-        return {name: _typed(inner[1], entry, f"{where}: {name}", error) for name, entry in value.items()}
+        return {name: value_of(inner[1], entry, f"{where}: {name}", error) for name, entry in value.items()}
     if origin is Literal:
         if not isinstance(value, str) or value not in inner:
             raise error(f"{where} is {short(value)!r}; expected {', '.join(map(str, inner))}")
         return value
+    if kind is Path and isinstance(value, str) and value:
+        return Path(value)
     if kind is float:
         # Refuses NaN too, by `not <`; and stands before `float`, which overflows at an integer of thousands of digits.
         if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LARGEST:
@@ -93,7 +96,7 @@ def _tuple(inner: tuple[Any, ...], value: Any, where: str, error: type[StictionE
         raise error(f"{where} is {short(value)}; expected a list{'' if endless else f' of {len(inner)}'}")
     kinds = [inner[0]] * len(value) if endless else inner
     entries = enumerate(zip(kinds, value, strict=True))
-    return tuple(_typed(item, entry, f"{where}[{number}]", error) for number, (item, entry) in entries)
+    return tuple(value_of(item, entry, f"{where}[{number}]", error) for number, (item, entry) in entries)
 
 
 def _alike(kind: Any, value: Any) -> bool:

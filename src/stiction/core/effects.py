@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from operator import attrgetter
 from typing import Any
 
 from stiction.core.errors import ConfigurationError
+from stiction.core.flags import default_of, entries
 
 
 @dataclass(frozen=True)
@@ -62,11 +63,11 @@ def check_effects(options: Any, defaults: Any = None) -> None:
             place = flag_of(f"{field.name}.{need.part}" if need.part else field.name)
             lacking = [name for name in changed if _within(name, place)]
             if lacking and not (_is_met(options, need.text, changed) if need.met is None else need.met(options)):
-                raise ConfigurationError(requirement(lacking[0], need.text))
+                raise ConfigurationError(requirement(_typed(options, changed[lacking[0]]), need.text))
         if excluded is not None and flag in changed:
             for name in changed:
                 if name != flag and excluded(name):
-                    raise ConfigurationError(exclusion(flag, _typed(options, name)))
+                    raise ConfigurationError(exclusion(_typed(options, field.name), _typed(options, changed[name])))
 
 
 def _within(flag: str, group: str) -> bool:
@@ -82,10 +83,9 @@ def _is_met(options: Any, text: str, changed: dict[str, str]) -> bool:
     return str(attrgetter(flag[2:].replace("-", "_"))(options)) in re.split(", | or ", values)
 
 
-def _typed(options: Any, flag: str) -> str:
-    """Return an option as it is typed: a positional one, which has no flag, in capitals."""
-    declared = next((field for field in fields(options) if flag_of(field.name) == flag), None)
-    return flag[2:].upper() if declared is not None and "Positional" in str(declared.type) else flag
+def _typed(options: Any, path: str) -> str:
+    """Return an option as it is typed: a flag, an argument in capitals, or a setting."""
+    return next((entry.typed for entry in entries(type(options)) if entry.path == path), flag_of(path))
 
 
 def changed_options(options: Any, defaults: Any = None, place: str = "") -> Iterator[str]:
@@ -95,18 +95,13 @@ def changed_options(options: Any, defaults: Any = None, place: str = "") -> Iter
     """
     for field in fields(options if defaults is None else defaults):
         now, name = getattr(options, field.name), place + field.name
-        before = _default(field) if defaults is None else getattr(defaults, field.name)
+        before = default_of(field) if defaults is None else getattr(defaults, field.name)
         if is_dataclass(before):
             yield from changed_options(now, before, f"{name}.")
         elif before is not MISSING and now != before:
             yield name
 
 
-def _default(field: Field[Any]) -> Any:
-    """Return the default of a field, `MISSING` without one."""
-    return field.default if field.default_factory is MISSING else field.default_factory()
-
-
 def flag_of(name: str) -> str:
-    """Return an option as it is typed."""
+    """Return the flag of a field by its path."""
     return f"--{name.replace('_', '-')}"

@@ -71,10 +71,16 @@ MOST_NAMES = 24
 
 def nearest(word: str, known: Iterable[str]) -> str:
     """Return `; did you mean 'hip'?` with the nearest of the known words, nothing where none is near."""
+    found = closest(word, known)
+    return "" if found is None else f"; did you mean {found!r}?"
+
+
+def closest(word: str, known: Iterable[str]) -> str | None:
+    """Return the nearest of the known words, None where none is near."""
     names = list(known)
     # Letters of the wrong case are no near match to difflib where a word is short.
     found = [name for name in names if name.lower() == word.lower()] or get_close_matches(word, names, n=1)
-    return "".join(f"; did you mean {name!r}?" for name in found[:1])
+    return found[0] if found else None
 
 
 def unknown_name(what: str, name: str, known: Iterable[str]) -> str:

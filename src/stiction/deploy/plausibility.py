@@ -128,7 +128,7 @@ RULES: dict[str, Rule] = {
     "command": Rule(
         "velocities that the policy was never asked for in training", 1e-6, "",
         "beyond the trained range: rounding",
-        "command less, or train for more (--task.commands)",
+        "command less, or train for more (--set task.commands.*)",
     ),
     "drive kp": Rule(
         "another proportional gain in the drives than in training", 0.01, "",

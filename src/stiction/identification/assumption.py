@@ -22,7 +22,7 @@ NAMED = {
 WEIGHTS = {
     "pendulum_mass": "--pendulum-mass",
     "pendulum_length": "--pendulum-length",
-    "pendulum_angle": "--pendulum-angle",
+    "pendulum_angle": "--set pendulum_angle",
     "payload_mass": "--payload-mass",
     "payload_distance": "--payload-distance",
     "payload_angle": "--payload-angle",
@@ -55,7 +55,7 @@ def assumption(record: JointRecord) -> tuple[tuple[str, ...], str]:
     data = record.diagnostics
     source, given = data.get("strength", {}).get("source"), data.get("torque_unit")
     if source == "declared":
-        return ("--motor-strength", "--kp", "--kd"), "all of it if the motor strength and the gains are as declared"
+        return ("--set motor_strength", "--kp", "--kd"), "all of it if the motor strength and the gains are as declared"
     if record.torque_source is None:
         return _of_gains(record)
     if "torque_by_weight" in data and record.coulomb_friction is not None:

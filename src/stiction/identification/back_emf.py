@@ -147,7 +147,8 @@ def brake_text(data: dict[str, Any], separable: bool) -> str:
         return (
             "viscous friction is not known: a motor driven by voltage brakes itself by kt·ke/R, which looks the same "
             f"at every supply voltage; {data['name']} = {whole:.3g} is known. Give --kt and --resistance (ke is kt "
-            "then) or --ke, or log the current too and give both runs to one fit (--torque-column in their sidecars)"
+            "then) or --set ke, or log the current too and give both runs to one fit (--torque-column in their "
+            "sidecars)"
         )
     share = data["brake"] / whole if whole > 0 else float("inf")
     said = (

@@ -145,7 +145,7 @@ def missing_experiment(strength: Strength, measured: bool, lacking: tuple[str, .
         f"{what}, so inertia and friction are known over the motor strength k only, and are null; hang a known mass on "
         "the link and log again (--payload-mass, --payload-distance, --payload-angle), or "
         + ("give the torque constant (--torque-scale)" if measured else "log the motor's torque in N m")
-        + f"; --motor-strength 1 takes the {'column to be in N m' if measured else 'commanded torque at its word'}"
+        + f"; --set motor_strength=1 takes the {'column to be in N m' if measured else 'commanded torque at its word'}"
     )
 
 

@@ -276,8 +276,8 @@ def _negative(fits: JointFits) -> list[Objection]:
         low, high = _with_brake(fits, name).interval95
         if high < 0:
             cause = (
-                "check --kt, --ke, --resistance and the supply's voltage: more was taken off for the motor's own brake "
-                "than there is"
+                "check --kt, --set ke, --resistance and the supply's voltage: more was taken off for the motor's own "
+                "brake than there is"
                 if fits.braking is not None and name == VISCOUS
                 else "check that the log was made at these gains (--kp, --kd) and this rate"
                 if not fits.run.measured
@@ -336,7 +336,7 @@ def _hangs(run: Run) -> list[Objection]:
         Objection(
             "pendulum_angle",
             f"by the phase of its weight the pendulum hangs straight down at {found:.3g} rad, and not at {said:.3g}",
-            "leave --pendulum-angle out, and the log tells it; or check the encoder's zero and sign",
+            "leave --set pendulum_angle out, and the log tells it; or check the encoder's zero and sign",
         )
     ]
 

@@ -136,7 +136,7 @@ def hanging(where: str, prepared: Prepared) -> float:
     if fit.inflation["inertia"] >= MAX_INFLATION or not np.sqrt(largest) <= LARGEST_PHASE * size:
         raise LogError(
             f"{where}: over this range of angles the log does not show where the pendulum hangs straight down; give "
-            "--pendulum-angle, or swing it further"
+            "--set pendulum_angle, or swing it further"
         )
     return float(np.arctan2(-fit.values[across], fit.values[along]))
 

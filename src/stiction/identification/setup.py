@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from math import isfinite
-from typing import Literal
+from typing import Annotated, Literal
 
 from stiction.core.errors import ConfigurationError
+from stiction.core.flags import SETTING
 from stiction.files.log import LARGEST_NUMBER, LogSetup
 from stiction.identification.drive import Drive
 from stiction.robots.model import GRAVITY
@@ -52,7 +53,7 @@ class IdentifySetup:
     kd: float | None = None
     """Derivative gain during the log [N m s/rad, or N s/m]."""
     torque_limit: float | None = None
-    """Largest torque of the motor, at the joint [N m, or N; with --torque-calibrated False in the unit of the torque
+    """Largest torque of the motor, at the joint [N m, or N; with torque_calibrated false in the unit of the torque
     column]."""
     torque_source: Literal["motor_side", "output_side"] | None = None
     """Where torque was measured: motor_side is current or command (joint friction not in it), output_side a sensor
@@ -74,12 +75,12 @@ class IdentifySetup:
     resistance: float | None = None
     """Of the motor and its driver, for a duty or a voltage [ohm]. Without kt and this the scale of torque is not known,
     unless a pendulum or a payload tells it."""
-    ke: float | None = None
+    ke: Annotated[float | None, SETTING] = None
     """Back-EMF at the joint [V s/rad], a supply's voltage over the speed without load; kt if not given, the same in SI
     but for what the gear loses."""
-    disturbance_scale: float | None = None
+    disturbance_scale: Annotated[float | None, SETTING] = None
     """N m (or N) per unit of the disturbance column; negative where it counts against the position; 1 if not given."""
-    feedforward_scale: float | None = None
+    feedforward_scale: Annotated[float | None, SETTING] = None
     """N m (or N) per unit of the feedforward column; that of the torque column if not given, for both are the
     controller's."""
     position_scale: float | None = None
@@ -88,12 +89,12 @@ class IdentifySetup:
     velocity_delay: float | None = None
     """How late the velocity is that the controller uses [s]: half a sample for a difference over one sample, plus its
     filter; 0 if not given. It matters to output error alone."""
-    delay: float | None = None
+    delay: Annotated[float | None, SETTING] = None
     """How late the whole controller is, from sensors and target to torque [s]; 0 if not given."""
-    motor_strength: float | None = None
+    motor_strength: Annotated[float | None, SETTING] = None
     """k, torque delivered over torque logged or commanded. Position-only logs do not show it: whoever gives it here
     vouches for the scale of all that follows."""
-    torque_calibrated: bool | None = None
+    torque_calibrated: Annotated[bool | None, SETTING] = None
     """Whether the torque column, times the scale, is in N m; true if not given. A current without a torque constant is
     not: inertia and friction then come out over k."""
     payload_mass: float | None = None
@@ -107,17 +108,17 @@ class IdentifySetup:
     fitted, and it tells the scale of the torque [kg]."""
     pendulum_length: float | None = None
     """Distance of its centre of mass from the axis, which lies level [m]."""
-    pendulum_angle: float | None = None
+    pendulum_angle: Annotated[float | None, SETTING] = None
     """Angle of the joint at which it hangs straight down [rad]; found from the log if not given."""
-    hanging_angle: float | None = None
+    hanging_angle: Annotated[float | None, SETTING] = None
     """Angle of the joint, known from the geometry, at which the link hangs straight down [rad]: gravity then tells
     the encoder's bias."""
-    unknowns: tuple[Literal["delay", "encoder_bias"], ...] = ()
+    unknowns: Annotated[tuple[Literal["delay", "encoder_bias"], ...], SETTING] = ()
     """What output error is to find besides: the delay of the controller, the bias of the encoder."""
     gravity: bool | None = None
     """Fit gravity on the link; by default for a leg in the air, and where the test condition is loaded or not stated,
     if it predicts parts of the log that the fit did not see better."""
-    cutoff: float | None = None
+    cutoff: Annotated[float | None, SETTING] = None
     """Corner of the filter [Hz]; by default as high as the noise of the acceleration lets."""
 
     def with_sidecar(self, sidecar: LogSetup) -> IdentifySetup:

@@ -108,7 +108,7 @@ def _unknown(record: JointRecord, run: Run) -> list[str]:
     if "encoder_bias" in run.setup.unknowns and record.encoder_bias is not None and run.setup.hanging_angle is None:
         found.append(
             "the encoder's bias is that of the log's angle against the controller's; one that both share shows in "
-            "gravity alone: --hanging-angle"
+            "gravity alone: --set hanging_angle"
         )
     if strength["source"] == "declared":
         found.append(f"all of it rests on the motor strength that was declared, {run.setup.motor_strength:.4g}")
@@ -124,7 +124,7 @@ def _unknown(record: JointRecord, run: Run) -> list[str]:
         )
     if run.setup.hanging_angle is not None and record.encoder_bias is None:
         found.append(
-            "--hanging-angle has no effect: "
+            "--set hanging_angle has no effect: "
             + (
                 "over this range the phase of gravity is not known well enough to tell the encoder's bias"
                 if run.setup.fits_gravity
@@ -234,7 +234,7 @@ def _parts(record: JointRecord, run: Run) -> list[str]:
                 "torque and angle of the log are not of the same instant, as with a controller that holds its torque "
                 "between updates; log faster"
                 if run.measured
-                else "give --delay, and --velocity-delay, if they are known"
+                else "give --set delay, and --velocity-delay, if they are known"
             )
             found.append(
                 f"with the {two}, {' and '.join(comparison['disputed'])} come out otherwise, beyond their intervals, "

@@ -80,7 +80,7 @@ class ActuatorNet:
         if not math.isclose(period, self.period, rel_tol=PERIOD_TOLERANCE):
             raise FileError(
                 f"the Actuator Net has a period of {self.period:g} s, the simulation steps by {period:g} s; use "
-                f"--task.timestep {self.period:g}, or train a net on logs sampled every {period:g} s"
+                f"--set task.timestep={self.period:g}, or train a net on logs sampled every {period:g} s"
             )
 
 

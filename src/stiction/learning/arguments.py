@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-import tyro
-
-from stiction.core.options import read_options
+from stiction.core.flags import FLAT
+from stiction.core.options import Given, read_given
 from stiction.learning.config import TrainCfg
 from stiction.learning.effects import check_effects
-from stiction.learning.presets import PRESETS, PresetName, preset
+from stiction.learning.presets import PresetName, preset
 
 DESCRIPTION = """Train a policy that walks on what the robot measures, with or without friction in its joints.
 
@@ -36,6 +36,10 @@ iterations since the last checkpoint. `stiction train --resume runs/deception` g
 bit. A run that diverges ends with status 1 and says what it saw, since when, and what to try. `torchrun
 --nproc-per-node 2 -m stiction train ...` shares the robots among processes.
 
+Everything that has no flag is a setting: `--set teacher.gamma=0.98`, as often as needed, or a YAML or JSON file with
+`--config FILE`; `stiction train --set help` lists all of them, `--preset quick --set help` as that preset has them. A
+preset comes before the file, the file before --set and flags; a field given by both of these is refused.
+
 The run holds config.json, metrics.jsonl (a line an iteration), tensorboard/, checkpoints/, clips/, curves.png and, when
 it is finished, summary.json. Next: `stiction export runs/deception`."""
 
@@ -53,7 +57,7 @@ GROUPS = {
 class Train:
     """Options of `stiction train`."""
 
-    config: Annotated[TrainCfg, tyro.conf.arg(name="")] = field(default_factory=TrainCfg)
+    config: Annotated[TrainCfg, FLAT] = field(default_factory=TrainCfg)
     """The whole configuration."""
     preset: PresetName = "full"
     """Defaults for everything else. `quick`: one phase of 440 iterations, 20 to 45 minutes of one core. `full`:
@@ -81,28 +85,18 @@ def parse(arguments: list[str]) -> Train:
 
     Raises `ConfigurationError` where one of them would have no effect.
     """
-    default = Train(config=defaults(arguments))
-    options = read_options(Train, arguments, "stiction train", DESCRIPTION, default, GROUPS)
-    check_effects(options.config, default.config)
-    return options
+    return parse_given(arguments)[0]
 
 
-def _named(arguments: list[str], flag: str) -> str | None:
-    """Return the word that a flag has, None without it."""
-    for index, word in enumerate(arguments):
-        name, _, value = word.partition("=")
-        if name == flag:
-            return value or (arguments[index + 1] if index + 1 < len(arguments) else "")
-    return None
+def parse_given(arguments: list[str]) -> tuple[Train, TrainCfg, Given]:
+    """Return the options, the configuration with which they began, and what was given. Raises as `parse`."""
+    options, before, given = read_given(Train, arguments, "stiction train", DESCRIPTION, _defaults, GROUPS)
+    base = Train() if before is None else before
+    check_effects(options.config, base.config)
+    return options, base.config, given
 
 
-def defaults(arguments: list[str]) -> TrainCfg:
-    """Return what a command line begins with, before any of its settings.
-
-    Find preset, device, engine and method first: they change the defaults that the parser then shows.
-    """
-    name, method = _named(arguments, "--preset"), _named(arguments, "--method")
-    method = method or _named(arguments, "--task.friction.method")
-    device, engine = _named(arguments, "--device") or "cpu", _named(arguments, "--engine") or "mujoco"
-    # The parser refuses a preset that there is not, and knows how to say it.
-    return preset(name if name in PRESETS else "full", device, method, engine)
+def _defaults(given: Mapping[str, Any]) -> Train:
+    """Return what a command line begins with: preset, device, engine and method change the defaults of all else."""
+    name, method = given.get("preset", "full"), given.get("task.friction.method")
+    return Train(config=preset(name, given.get("device", "cpu"), method, given.get("engine", "mujoco")))

@@ -85,7 +85,7 @@ def _say_of_method(cfg: TrainCfg, say: Say) -> None:
     half = not cfg.hinf.by_torque and cfg.hinf.share == cfg.hinf.most
     if cfg.hinf.disturbs and half and not cfg.hinf.curriculum:
         # Two trainings each, see results/methods.
-        found = "none of two walked both ways so, and two of two with --hinf.curriculum 0.5"
+        found = "none of two walked both ways so, and two of two with --set hinf.curriculum=0.5"
         say(f"hinf pushes with half of the weight from the first iteration on: {found}")
 
 

@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Annotated, Literal, get_args
 
-from tyro.conf import arg
-
 from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.core.flags import FLAG, SETTING, flag
 from stiction.core.memory import check_memory
 from stiction.core.records import check_numbers
 from stiction.joints.friction import has_coefficient
@@ -72,10 +71,10 @@ class NetworkCfg:
     history: tuple[int, ...] = (64,)
     """Hidden layers of f_ada of the student and of the critic's view of the history, after the frames."""
     recurrent: bool = False
-    """Whether a gated recurrent unit as wide as the first of --network.history reads the frames for z*, one after the
+    """Whether a gated recurrent unit as wide as the first of network.history reads the frames for z*, one after the
     other, in place of an MLP that sees them side by side."""
     estimator_frame: int = 24
-    """As --network.history-frame, for f_est."""
+    """As network.history_frame, for f_est."""
     estimator: tuple[int, ...] = (64,)
     """Hidden layers of f_est, after the frames."""
     terrain: tuple[int, ...] = (64, 32)
@@ -105,7 +104,7 @@ class DreamWaQCfg:
     code: int = 16
     """Size of the code."""
     frame: int = 32
-    """As --network.history-frame, for the encoder. The paper's has no such layer."""
+    """As network.history_frame, for the encoder. The paper's has no such layer."""
     encoder: tuple[int, ...] = (128, 64)
     """Hidden layers of the encoder, after the frames."""
     decoder: tuple[int, ...] = (64, 128)
@@ -123,30 +122,30 @@ NoiseName = Literal["all", "half", "drawn", "none"]
 class TeacherCfg:
     """The first phase: PPO, and the supervised losses of adaptation and estimator."""
 
-    latent: LatentName = "alternate"
+    latent: Annotated[LatentName, FLAG] = "alternate"
     """`alternate`: z of the privileged encoder, and z* in every `alternate`-th iteration, as in the paper. `groups`: a
     share of the robots walks on z*, the rest on z, with one actor and one critic (concurrent teacher and student, Wang
     et al. 2024). `history`: every robot walks on z*, and PPO's gradient trains its encoder: one phase, in which there
     is no teacher, and the student needs no second phase."""
     student_share: float = 0.25
     """Share of the robots on z* with `groups`."""
-    both_ways: bool = False
+    both_ways: Annotated[bool, FLAG] = False
     """Whether L_ada trains the privileged encoder too, as the paper says: z then becomes what a history can tell."""
     final_std: float | None = None
     """Bound of the actions' standard deviation in the last quarter of the phase, to which it falls on a straight line
     from that of the first actions; by default free. A policy is deployed without noise, which shakes joints loose:
     trained with more of it, it may stand still without."""
-    quiet: int = 0
+    quiet: Annotated[int, FLAG] = 0
     """Last iterations of one phase, of all at most a quarter, in which robots walk without noise, as deployed, and the
     policy stands still: the estimator alone learns, with twice the passes and a step that falls to zero. While the
     policy changes the estimate of velocity lags behind it, and a robot that believes to be slower than it is runs."""
-    iterations: int = 700
+    iterations: Annotated[int, FLAG] = 700
     """Rollouts, each followed by an update."""
-    steps: int = 24
+    steps: Annotated[int, FLAG] = 24
     """Control steps of one rollout."""
     epochs: int = 4
     """Passes over a rollout."""
-    mini_batches: int = 4
+    mini_batches: Annotated[int, FLAG] = 4
     """Parts of one pass."""
     learning_rate: float = 1e-3
     """First learning rate; adapted to the KL divergence."""
@@ -181,20 +180,20 @@ class TeacherCfg:
 class StudentCfg:
     """The second phase, from a warm start."""
 
-    algorithm: Literal["distill", "ppo"] = "distill"
+    algorithm: Annotated[Literal["distill", "ppo"], FLAG] = "distill"
     """`distill`: behaviour cloning, with L_ada and L_est. `ppo`: the student's own z* and estimate are walked on and
     PPO's gradient trains its encoder, with the settings of the first phase."""
-    iterations: int = 240
+    iterations: Annotated[int, FLAG] = 240
     """Rollouts of the student, each followed by an update. 0: the policy of the first phase, on its z*, is the
     student."""
-    noise: NoiseName = "all"
+    noise: Annotated[NoiseName, FLAG] = "all"
     """Who walks with exploration noise in distillation: every robot, every second one, each with a share drawn for it,
     or none. What is deployed walks without."""
-    steps: int = 24
+    steps: Annotated[int, FLAG] = 24
     """Control steps of one rollout."""
     epochs: int = 2
     """Passes of distillation over a rollout."""
-    mini_batches: int = 4
+    mini_batches: Annotated[int, FLAG] = 4
     """Parts of one pass."""
     learning_rate: float = 5e-4
     """Of distillation, fixed; the first one of PPO."""
@@ -213,7 +212,7 @@ class StopCfg:
     the noise is the least of the phase, and a disturber's limit has grown to its value.
     """
 
-    tracking_error: Annotated[float | None, arg(aliases=("--stop-at-tracking-error",))] = None
+    tracking_error: Annotated[float | None, flag("--stop-at-tracking-error")] = None
     """Mean tracking error under which a phase ends [m/s]; by default never, as in every comparison of methods."""
     iterations: int = 20
     """Iterations over which all figures are averaged."""
@@ -265,7 +264,7 @@ class TrainCfg:
     engine: EngineName = "mujoco"
     """The physics engine of the training. All but `mujoco` take a robot at a time, ten times slower and more, on flat
     ground: `--num-envs 256`. A run that goes on there begins with its robots at rest where they were."""
-    contacts: int = 32
+    contacts: Annotated[int, SETTING] = 32
     """Contacts for which MuJoCo Warp has room, a robot. More than that stop the run."""
     video_every: int = 0
     """Iterations between short clips of the policy, in `clips/`; 0: none. They are rendered by a process of their own
@@ -284,7 +283,7 @@ class TrainCfg:
             )
         if self.symmetry == "half" and self.teacher.epochs % 2:
             raise ConfigurationError(
-                f"symmetry 'half' makes half of {self.teacher.epochs} passes; use an even number of --teacher.epochs"
+                f"symmetry 'half' makes half of {self.teacher.epochs} passes; use an even number, --set teacher.epochs"
             )
         check_numbers(self)
         friction = self.task.friction
@@ -432,8 +431,8 @@ class TrainCfg:
             )
         if self.is_disturbed and self.hinf.by_torque and self.hinf.disturbs and not self.task.friction.has_friction:
             raise ConfigurationError(
-                f"--hinf.disturber {self.hinf.disturber} is bounded by the joints' friction, and there is none; say "
-                "--task.friction.range 0 1.2"
+                f"--set hinf.disturber={self.hinf.disturber} is bounded by the joints' friction, and there is none; "
+                "say --task.friction.range 0 1.2"
             )
         if student.iterations == 0 and teacher.latent != "history" and self.task.terrain.kind != "flat":
             raise ConfigurationError(

@@ -167,7 +167,7 @@ class ContextActor(RMAActor):
             if not loss.isfinite():
                 raise TrainingError(
                     f"the context-aided estimator's loss {name!r} is {loss.item()}; train again in another folder with "
-                    "a smaller --teacher.adaptation-learning-rate"
+                    "a smaller --set teacher.adaptation_learning_rate"
                 )
         return losses
 

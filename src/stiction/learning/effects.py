@@ -13,6 +13,7 @@ from operator import attrgetter
 from typing import Any, get_args
 
 from stiction.core.errors import ConfigurationError
+from stiction.core.flags import assignment
 from stiction.joints.friction import find_law, has_coefficient
 from stiction.learning.config import REPLACED, TrainCfg
 from stiction.learning.presets import PresetName, preset
@@ -41,8 +42,7 @@ def check_effects(cfg: TrainCfg, base: TrainCfg | None = None) -> None:
         for name in _leaves(cfg, place):
             value = attrgetter(name)(cfg)
             if all(value != attrgetter(name)(one) for one in unchanged):
-                flag = name.replace("_", "-")
-                raise ConfigurationError(f"--{flag} {_text(value)} has no effect{why}; leave it out")
+                raise ConfigurationError(f"{assignment(TrainCfg, name, value)} has no effect{why}; leave it out")
 
 
 def idle(cfg: TrainCfg) -> Idle:
@@ -76,13 +76,6 @@ def _but(cfg: TrainCfg, group: str, *kept: str) -> Iterator[str]:
     yield from (f"{group}.{field.name}" for field in fields(attrgetter(group)(cfg)) if field.name not in kept)
 
 
-def _text(value: object) -> str:
-    """Return a value as it is typed."""
-    if isinstance(value, tuple):
-        return " ".join(map(_text, value))
-    return str(value)
-
-
 def _check_known_friction(cfg: TrainCfg) -> None:
     """Refuse to tell a policy what a coefficient has not."""
     law = cfg.task.friction.law
@@ -97,9 +90,9 @@ def _methods(cfg: TrainCfg) -> Idle:
     """Yield what belongs to another method."""
     if cfg.has_context:
         for name in ("task.estimated_friction", "teacher.velocity_weight", *(f"network.{name}" for name in REPLACED)):
-            yield name, " with --method dreamwaq, whose networks are --dreamwaq.*"
+            yield name, " with --method dreamwaq, whose networks are --set dreamwaq.*"
         if cfg.dreamwaq.beta == 0:
-            yield "dreamwaq.free_bits", ": with --dreamwaq.beta 0 nothing is asked of the code"
+            yield "dreamwaq.free_bits", ": with --set dreamwaq.beta=0 nothing is asked of the code"
     else:
         yield "dreamwaq", " without --method dreamwaq"
     if cfg.is_disturbed:
@@ -167,7 +160,10 @@ def _friction(cfg: TrainCfg) -> Idle:
         if name not in find_law(friction.law).numbers:
             yield place + name, f" with --friction-law {friction.law}, only with stribeck"
     if friction.law == "stribeck" and friction.static_ratio == 1.0:
-        yield place + "stribeck_velocity", ": with --task.friction.static-ratio 1 friction is the same at every speed"
+        yield (
+            place + "stribeck_velocity",
+            ": with task.friction.static_ratio 1 friction is the same at every speed",
+        )
     if len({end for _, low, high in friction.last.mixture for end in (low, high)}) == 1:
         yield place + "per", ": every robot has the same multiplier, and so has every joint"
     if friction.spread == (1.0, 1.0):
@@ -186,7 +182,7 @@ def _task(cfg: TrainCfg) -> Idle:
     if not between:
         yield (
             place + "push_velocity",
-            f": with --task.randomization.push-interval {randomization.push_interval:g} no robot is pushed",
+            f": with --set task.randomization.push_interval={randomization.push_interval:g} no robot is pushed",
         )
         if randomization.push_interval:
             yield (
@@ -196,13 +192,13 @@ def _task(cfg: TrainCfg) -> Idle:
     elif between >= round(task.episode / task.control_period):
         yield place + "push_velocity", f": an episode of {task.episode:g} s is over before the first push"
     if not randomization.push_velocity:
-        yield place + "push_interval", ": with --task.randomization.push-velocity 0 no robot is pushed"
+        yield place + "push_interval", ": with --set task.randomization.push_velocity=0 no robot is pushed"
     if cfg.actuator is not None:
         for name in ("stiffness", "action_delay"):
             yield place + name, " with --actuator: it is in the net"
     if task.commands.standing_share == 1 and task.terrain.kind == "flat":
         for name in _but(cfg, "task.commands", "standing_share"):
-            yield name, ": with --task.commands.standing-share 1 every robot is told to stand"
+            yield name, ": with --set task.commands.standing_share=1 every robot is told to stand"
 
 
 def _run(cfg: TrainCfg) -> Idle:
@@ -216,5 +212,5 @@ def _run(cfg: TrainCfg) -> Idle:
     last = round(cfg.task.friction.last.begin * cfg.teacher.iterations)
     longest = max(cfg.teacher.iterations - last, cfg.student.iterations)
     if cfg.stop.iterations >= longest:
-        why = f"it is judged over --stop.iterations {cfg.stop.iterations}, and no phase has more than {longest}"
+        why = f"it is judged over --set stop.iterations={cfg.stop.iterations}, and no phase has more than {longest}"
         yield "stop.tracking_error", f": {why} with the friction of the last stage"

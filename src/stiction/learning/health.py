@@ -103,13 +103,13 @@ def symptoms(num_envs: int, desired_kl: float) -> tuple[Symptom, ...]:
             return f"the KL divergence is {kl:.3g}, desired is {desired_kl:g}, and the learning rate at its floor"
         return ""
 
-    slower = "a smaller --teacher.learning-rate or --student.learning-rate, or more --num-envs"
+    slower = "a smaller --set teacher.learning_rate or student.learning_rate, or more --num-envs"
     return (
         Symptom(1, slower, _not_finite),
         Symptom(10, slower, _loss_exploded),
-        Symptom(50, "a smaller --teacher.entropy", _noise_exploded),
-        Symptom(20, "fewer --teacher.epochs, or more --num-envs", step_too_large),
-        Symptom(5, "a shorter --task.timestep, and `stiction doctor --randomization` on this robot", blown_up),
+        Symptom(50, "a smaller --set teacher.entropy", _noise_exploded),
+        Symptom(20, "fewer passes, --set teacher.epochs, or more --num-envs", step_too_large),
+        Symptom(5, "a shorter --set task.timestep, and `stiction doctor --randomization` on this robot", blown_up),
         Symptom(50, "another standing pose or standing height in the robot's spec", _falling),
     )
 

@@ -110,13 +110,13 @@ class HinfCfg:
     def idle(self) -> Iterator[tuple[str, str]]:
         """Yield the fields that do nothing beside the others, each with why."""
         if not self.disturbs:
-            why = f"with --hinf.disturber {self.disturber} and --hinf.limit {self.share:g} nobody disturbs"
+            why = f"with --set hinf.disturber={self.disturber} and --set hinf.limit={self.share:g} nobody disturbs"
             yield from ((field.name, why) for field in fields(self) if field.name not in ("disturber", "limit"))
             if self.disturber == "none":
-                yield "limit", "with --hinf.disturber none nobody disturbs"
+                yield "limit", "with --set hinf.disturber=none nobody disturbs"
         elif self.learns:
             yield "hold", "a disturber that learns acts anew at every step"
             if self.eta == 0:
-                yield "tightening", "with --hinf.eta 0 there is nothing to tighten"
+                yield "tightening", "with --set hinf.eta=0 there is nothing to tighten"
         else:
-            yield from ((name, f"--hinf.disturber {self.disturber} does not learn") for name in LEARNT)
+            yield from ((name, f"--set hinf.disturber={self.disturber} does not learn") for name in LEARNT)

@@ -9,7 +9,6 @@ from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdo
 from types import FrameType
 from typing import Annotated, Any, TextIO
 
-import tyro
 from rich.console import Console
 from rich.file_proxy import FileProxy
 from rich.live import Live
@@ -18,6 +17,7 @@ from rich.table import Table
 from rich.text import Text
 
 from stiction.core.errors import ConfigurationError, escaped
+from stiction.core.flags import flag
 from stiction.core.provenance import MOST_THREADS, num_threads
 from stiction.core.records import header, texts
 from stiction.files.following import row_pace
@@ -196,7 +196,7 @@ def jobs_of(asked: int | None) -> int:
 
 RobotSeeds = Annotated[
     tuple[int, ...],
-    tyro.conf.arg(
+    flag(
         help="Seeds of the virtual robots. Those from 1000 on are kept for results; smaller ones are for making and "
         "tuning methods, and results on them are called exploratory."
     ),

@@ -21,11 +21,8 @@ from typing import Any
 import yaml
 
 from stiction.core.errors import RobotError, StictionError, unknown_name
-from stiction.core.files import read_bounded
+from stiction.core.yaml_files import EXPONENT, read_yaml
 from stiction.robots.model import Robot, Vendor
-
-MOST_BYTES = 256 * 1024
-"""Size of the largest file that is read."""
 
 MOST_REPETITIONS = 4
 """Of `*`, `+`, `?` and `{}`, and of groups, in one regular expression: its time grows with the length of the name to
@@ -133,18 +130,6 @@ def files_of(path: Path) -> tuple[Path, ...]:
     return path, path.parent / (read_description(path).model or "")
 
 
-def read_yaml(path: Path, expected: str, kind: type[StictionError]) -> Any:
-    """Return what a small YAML file holds, without aliases and keys that stand twice; raise `kind` where it cannot be.
-
-    expected: what it is, for messages.
-    """
-    content = read_bounded(path, expected, kind, MOST_BYTES)
-    try:
-        return yaml.load(content.decode("utf-8"), Loader=StrictLoader)
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
-        raise kind(f"{path}: is not YAML: {' '.join(str(error).split())[:200]}") from error
-
-
 def describe(content: Any, source: str) -> Description:
     """Return the description that a mapping holds, as YAML gives it; `source`: where it came from, for messages.
 
@@ -176,26 +161,6 @@ def describe(content: Any, source: str) -> Description:
         vendor=_vendor(entries.get("vendor", {}), source),
         source=source,
     )
-
-
-class StrictLoader(yaml.SafeLoader):
-    """YAML without aliases, which can make a short file enormous, and without keys that stand twice."""
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        """Refuse an alias."""
-        if self.check_event(yaml.events.AliasEvent):
-            raise yaml.YAMLError("an alias (*name) is not read; write the entry out")
-        return super().compose_node(parent, index)
-
-    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
-        """Refuse a key that stands twice."""
-        names = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for name in names:
-            if not isinstance(name, str):
-                raise yaml.YAMLError(f"the key {name!r} is no text; put it into quotes")
-            if names.count(name) > 1:
-                raise yaml.YAMLError(f"{name!r} stands twice")
-        return super().construct_mapping(node, deep)
 
 
 def check_pattern(pattern: str, source: str) -> str:
@@ -308,7 +273,7 @@ def _text(value: Any, source: str, where: str) -> str:
 
 def yaml_number(value: Any, where: str, kind: type[StictionError]) -> float:
     """Return a number of YAML, which takes `1e-3` for text, as people do not; raise `kind` where it is none."""
-    if isinstance(value, str) and re.fullmatch(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+", value):
+    if isinstance(value, str) and EXPONENT.fullmatch(value):
         value = float(value)
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e9:
         raise kind(f"{where} is {str(value)[:60]!r}; expected a number")

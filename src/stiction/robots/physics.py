@@ -20,9 +20,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal, get_args
 
-from tyro.conf import arg
-
 from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.core.flags import FLAG, flag
 
 FrictionPhysics = Literal["rows", "plastic"]
 """Ways to hold a joint, see above."""
@@ -55,14 +54,14 @@ SMALLEST_YIELD = 1e-9
 class PhysicsCfg:
     """Dry friction and constraint solver of a simulation; the default is what evaluation has."""
 
-    friction: Annotated[FrictionPhysics, arg(aliases=("--physics",))] = "rows"
+    friction: Annotated[FrictionPhysics, flag("--physics")] = "rows"
     """Joint friction as `rows` of the solver, or as a `plastic` slider, faster and for training only."""
     impedance: float = FRICTION_D0
     """Impedance d0 of the rows, below 1 [1]: the nearer, the less a held joint creeps; no meaning for `plastic`."""
-    stiffness: float = 1000.0
+    stiffness: Annotated[float, FLAG] = 1000.0
     """Stiffness k of the slider [N m/rad]; no meaning for `rows`. A training says where it is too
     stiff for its step."""
-    solver: Solver | None = None
+    solver: Annotated[Solver | None, FLAG] = None
     """Of contacts, limits and rows; by default Newton for `rows`, and for `plastic` PGS, which on the few rows that are
     left is faster and as good."""
     iterations: int | None = None

@@ -71,7 +71,7 @@ def stiff_sliders(robot: Robot, physics: PhysicsCfg, timestep: float, armature: 
         f"--physics plastic: at steps of {timestep:g} s a slider of {physics.stiffness:g} N m/rad is too stiff for "
         f"{names}: k h²/4I is up to {worst:.2f} with the lightest rotors, expected at most {STIFFEST:.2f}, and but for "
         f"its motor's damping such a joint {does}; use --physics rows, --task.physics.stiffness {_below(softer)}, or "
-        f"--task.timestep {_below(shorter)} with a --task.decimation to match"
+        f"--set task.timestep={_below(shorter)} with a task.decimation to match"
     )
 
 

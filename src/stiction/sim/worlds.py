@@ -211,5 +211,5 @@ class Worlds(ABC):
             names = mjw.OverflowType(int(np.bitwise_or.reduce(lacking))).name
             raise EngineError(
                 f"the GPU backend has room for {self.contacts} contacts a robot, and {np.count_nonzero(lacking)} of "
-                f"{self.num} robots needed more ({names}); raise --contacts"
+                f"{self.num} robots needed more ({names}); raise --set contacts"
             )

@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
-from tyro.conf import arg
-
 from stiction.core.errors import ConfigurationError
+from stiction.core.flags import FLAG, flag
 from stiction.files.observation import HISTORY_LENGTH, ObservationLayout, proprioception
 from stiction.joints.net import ActuatorNet
 from stiction.robots.model import DELAY_SAMPLES, Robot
@@ -65,7 +64,7 @@ class RandomizationCfg:
     """Multiplier k_motor of each joint's commanded torque; the torque limit stays."""
     ground_friction: tuple[float, float] = (0.2, 2.0)
     """Multiplier of the sliding friction coefficient, nominally 1."""
-    contact_time: tuple[float, float] = (CONTACT_TIME, CONTACT_TIME)
+    contact_time: Annotated[tuple[float, float], FLAG] = (CONTACT_TIME, CONTACT_TIME)
     """Time constant of the contact of feet and ground [s]; shorter is stiffer, down to two physics steps. Not in the
     paper. A light robot that has only walked on soft ground runs too fast on hard ground: `results/robots`."""
     payload: tuple[float, float] = (-2.0, 3.0)
@@ -101,7 +100,7 @@ class RandomizationCfg:
         if robot.base.mass + self.payload[0] <= 0:
             raise ConfigurationError(
                 f"payload down to {self.payload[0]} kg on a trunk of {robot.base.mass} kg leaves no mass; "
-                "raise the lower end of --task.randomization.payload"
+                "raise the lower end of --set task.randomization.payload"
             )
 
     def with_net(self, holds_friction: bool) -> RandomizationCfg:
@@ -163,7 +162,7 @@ class CommandCfg:
 class TaskCfg:
     """Velocity tracking."""
 
-    robot: Annotated[str, arg(aliases=("--robot",))] = "saturn_lite"
+    robot: Annotated[str, flag("--robot")] = "saturn_lite"
     """A shipped robot, the path of a robot.yaml, MuJoCo or URDF file, or package.module:ROBOT."""
     timestep: float = 0.005
     """Physics step [s]."""
@@ -186,10 +185,10 @@ class TaskCfg:
     estimated_friction: bool = False
     """Whether o_exp, which the policy estimates from its history, holds the dry friction of each kind of joint too, in
     units of 0.1 of the torque limit: supervised learning finds it long before a policy's reward would ask for it."""
-    known_friction: bool = False
+    known_friction: Annotated[bool, FLAG] = False
     """Whether the policy is given f/τ_max of each kind of joint: in training that of the robot, with an error drawn for
-    every episode (--task.randomization.known-friction), on the robot what was identified (`export --joints`)."""
-    slow_means: float | None = None
+    every episode (task.randomization.known_friction), on the robot what was identified (`export --joints`)."""
+    slow_means: Annotated[float | None, FLAG] = None
     """Time constant [s] of means, of products of target, angle and velocity, that tell each joint's dry friction where
     no frame does: 1, say. They are in every frame; by default there are none."""
 

@@ -7,13 +7,12 @@ multiplier of the nominal friction. The student has that of the last stage.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from tyro.conf import arg
-from tyro.constructors import PrimitiveConstructorSpec
 
 from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.core.flags import FLAG, Form, flag
 from stiction.files.contract_training import FRICTION_RANGES
 from stiction.joints.compensation import BY_SPEED
 from stiction.joints.friction import LAWS, Law, has_coefficient, simulated_laws
@@ -26,23 +25,10 @@ Mixture = tuple[tuple[float, float, float], ...]
 FRICTIONLESS: Mixture = ((1.0, 0.0, 0.0),)
 
 
-def law_choice() -> Any:
-    """Return tyro's choice of a law by name, from the table as it is when the command line is read."""
-    names = simulated_laws()
-    return PrimitiveConstructorSpec(
-        nargs=1,
-        metavar=f"{{{','.join(names)}}}",
-        instance_from_str=lambda words: words[0],
-        is_instance=lambda value: isinstance(value, str),
-        str_from_instance=lambda name: [name],
-        choices=names,
-    )
-
-
-def law_help(words: str, *aliases: str) -> Any:
-    """Return the help of an option that names a law: `words`, then every law of the table; `aliases`: of the option."""
-    meanings = "; ".join(f"{name}: {LAWS[name].meaning}" for name in simulated_laws())
-    return arg(aliases=aliases, help=f"{words} {meanings}.")
+def law_flag(text: str, name: str = "") -> Form:
+    """Return the form of an option that names a law: what `text` says, then every law of the table; name: its flag."""
+    meanings = "; ".join(f"{law}: {LAWS[law].meaning}" for law in simulated_laws())
+    return flag(name, f"{text} {meanings}.", simulated_laws)
 
 
 @dataclass(frozen=True)
@@ -64,29 +50,29 @@ class Stage:
 class FrictionCfg:
     """Dry friction in the joints during training: b_c = multiplier x nominal, at rest any value up to the bound."""
 
-    method: Annotated[FrictionMethod, arg(aliases=("--method",))] = "deception"
+    method: Annotated[FrictionMethod, flag("--method")] = "deception"
     """How friction is trained with. deception: drawn from zero to 1.2 times the level; direct: 0.8 to 1.2 times it. So
     have compensation, whose commands get part of the level added, by the joint's speed, finetune, which begins without,
     and iterative, which brings it in by steps. none: without friction. dreamwaq, hinf: other ways to learn, without
     friction unless --task.friction.range or --task.friction.mixture asks for it."""
-    level: Annotated[float | None, arg(aliases=("--friction-level",))] = None
+    level: Annotated[float | None, flag("--friction-level")] = None
     """Nominal friction, as a share of each joint's torque limit [1], by default the robot's own; of the laws load and
     effort, their coefficient. The robot's own is in N m, as measured; of load and effort it is from the
     load_coefficient of --joints, by the robot's model where that multiplies something else."""
-    law: Annotated[str, law_choice(), law_help("Law of the dry friction.", "--friction-law")] = "coulomb"
+    law: Annotated[str, law_flag("Law of the dry friction.", "--friction-law")] = "coulomb"
     """One of `simulated_laws`."""
-    per: Literal["robot", "joint"] = "robot"
+    per: Annotated[Literal["robot", "joint"], FLAG] = "robot"
     """One multiplier for all joints of a robot, or one each. Per robot, some robots have nearly no friction anywhere:
     the paper's explanation of why its wide range works needs exactly those."""
-    spread: tuple[float, float] | None = None
+    spread: Annotated[tuple[float, float] | None, FLAG] = None
     """Factor of each joint on its robot's multiplier, drawn uniformly: `0.5 1.5`. Joints then differ, and some robots
     still have nearly no friction anywhere."""
-    load: tuple[float, float] | None = None
+    load: Annotated[tuple[float, float] | None, FLAG] = None
     """Coefficient of friction that grows with what the joint transmits (the law `load`), drawn for each robot in every
     stage, on top of the law: `0 0.1`."""
-    range: tuple[float, float] | None = None
+    range: Annotated[tuple[float, float] | None, FLAG] = None
     """Multiplier in the last stage, in place of the method's."""
-    mixture: Mixture = ()
+    mixture: Annotated[Mixture, FLAG] = ()
     """Any distribution of the multiplier in the last stage, as uniform ones side by side: weight, lower, upper end of
     each. `0.2 0 0 0.8 1 1`: one robot in five without friction, the rest with the nominal one."""
     pretraining: float = 0.5

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 from stiction.core.errors import ConfigurationError
+from stiction.core.flags import FLAG
 from stiction.core.plugins import find_named
 from stiction.robots.model import Robot
 
@@ -87,7 +88,7 @@ class RewardCfg:
     unsync: float = -0.6
     """r_unsync of the paper, as a share of its largest value, over the last 100 steps (2 s, as in the public code
     that the paper builds on; the paper does not state its H)."""
-    single_stance: float = 0.0
+    single_stance: Annotated[float, FLAG] = 0.0
     """Exactly one foot stands, while moving is commanded: what a biped has in place of r_trot and r_unsync."""
     air_time: float = 1.0
     """Swing time above 0.15 s, capped at 0.35 s, credited at touch-down, while moving is commanded."""
@@ -111,7 +112,7 @@ class RewardCfg:
     """Distance of all joints from the standing pose, while standing is commanded."""
     fall: float = -20.0
     """Once, when the robot falls (per second like the others: 20 x 0.02 s)."""
-    own: tuple[tuple[str, float], ...] = ()
+    own: Annotated[tuple[tuple[str, float], ...], FLAG] = ()
     """Terms of your own and their weights: `package.module:FUNCTION 0.5`, functions of a `Snapshot` like those of
     `stiction.task.rewards`."""
 
@@ -133,7 +134,7 @@ class RewardCfg:
         if robot.groups() is None and (self.trot or self.unsync):
             raise ConfigurationError(
                 f"robot {robot.name!r} has no two contact groups, which trot and unsync pay for; give its robot.yaml "
-                "groups, or use --task.rewards.trot 0 --task.rewards.unsync 0 --task.rewards.single-stance 1"
+                "groups, or use --set task.rewards.trot=0 --set task.rewards.unsync=0 --task.rewards.single-stance 1"
             )
         names = [field.name for field in fields(self) if field.name != "own"]
         found = {name: (globals()[name], float(getattr(self, name))) for name in names}

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
-from tyro.conf import arg
 
 from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.core.flags import flag
 from stiction.robots.terrain import KINDS, REACH, SLABS, Terrain, assign, step_height
 
 TerrainName = Literal["flat", "slopes", "rough", "stairs", "mixed"]
@@ -54,7 +54,7 @@ UNDER = (np.abs(SCAN_POINTS[:, 0]) <= 0.35) & (np.abs(SCAN_POINTS[:, 1]) <= 0.2)
 class TerrainCfg:
     """The ground in training, and the curriculum over it."""
 
-    kind: Annotated[TerrainName, arg(aliases=("--terrain",))] = "flat"
+    kind: Annotated[TerrainName, flag("--terrain")] = "flat"
     """The ground; a quarter of the robots stays on flat ground. mixed: slopes, rough ground and stairs."""
     levels: int = 10
     """Levels of difficulty, each of an equal range in which a course is drawn: steps of 0 to 2 cm in the lowest, of 18

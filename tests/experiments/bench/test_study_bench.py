@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 from stiction.cli.main import main
-from stiction.cli.train import _friction_from
 from stiction.deploy.pilot import Port
-from stiction.files.joints import load_joints
+from stiction.files.joints import load_joints, read_training
 from stiction.files.log import Log
 from stiction.learning.arguments import parse
+from stiction.learning.begin import with_friction
 from stiction.robots.model import Robot
 from stiction.virtual.bench import BenchCfg, bench_log
 from stiction_experiments.bench import robots as bench_study
@@ -72,7 +72,7 @@ def test_the_next_step_is_one_that_training_takes(out: Path, capsys: pytest.Capt
     step = capsys.readouterr().out.splitlines()[-1].removeprefix("next: stiction train ").split()
     options = parse(step)
     assert options.friction_from is not None
-    friction = _friction_from(options.friction_from, options.config, step).task.friction
+    friction = with_friction(options.config, read_training(options.friction_from), "").task.friction
     assert friction.method == json.loads(options.friction_from.read_text())["friction"]["method"]
 
 

@@ -112,7 +112,7 @@ def test_runs_of_several_machines_make_one_experiment(
 def test_listing_begins_nothing(small: None, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """If this failed, nobody could see what the experiment is before it takes the machine for a day."""
     of_two = ["--preset", "two-phase", "--runs", str(tmp_path)]
-    assert main(["study", "friction", "--list", *of_two]) == 0
+    assert main(["study", "friction", "--plan", *of_two]) == 0
     listed = capsys.readouterr().out
     assert listed.startswith("missing        0%         0 min  stiction train --preset two-phase --robot go1")
     assert re.search(r"(\d+) runs, of up to \d+ seeds; \1 are missing, some 0.0 hours of one core", listed)

@@ -96,6 +96,8 @@ def test_commands_are_averaged_by_seed_and_standing_is_left_out() -> None:
     ("options", "variant"),
     [
         ("", BOTH),
+        ("--set task.rewards.trot=0", NO_TROT),
+        ("--set task.rewards.trot=0 --set task.rewards.unsync=0.0", NEITHER),
         ("--task.rewards.trot 0", NO_TROT),
         ("--seed 3 --task.rewards.unsync=0.0", NO_UNSYNC),
         ("--task.rewards.trot 0 --task.rewards.unsync 0 --out runs/x", NEITHER),
@@ -113,4 +115,4 @@ def test_a_command_that_does_not_tell_is_refused(command: str) -> None:
     with pytest.raises(StictionError, match="--variants"):
         trained_variant(command)
     with pytest.raises(StictionError, match="expected a number"):
-        trained_variant("stiction train --task.rewards.trot none")
+        trained_variant("stiction train --set task.rewards.trot=none")

@@ -171,7 +171,7 @@ def test_without_torque_the_motors_strength_must_be_declared() -> None:
     speed = np.gradient(hinge.position, TIME)
     target = hinge.position + (hinge.torque + 2.0 * speed) / 40.0
     asked = replace(log, joints={"hinge": JointSignals(position=hinge.position, target=target)})
-    with pytest.raises(LogError, match="--motor-strength 1"):
+    with pytest.raises(LogError, match="--set motor_strength=1"):
         identify_limb(asked, pendulum(), IdentifySetup(kp=40.0, kd=2.0))
     record = identify_limb(asked, pendulum(), IdentifySetup(kp=40.0, kd=2.0, motor_strength=1.0)).joints.joints["hinge"]
     assert record.coulomb_friction is not None

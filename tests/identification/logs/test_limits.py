@@ -75,7 +75,7 @@ def test_every_attack_is_tested(said: dict[str, dict]) -> None:
 
 def stiction(*arguments: str, limit: int | None = None) -> subprocess.CompletedProcess:
     """Run the program, with a limit to its address space [B] if there is one."""
-    code = "import sys\nfrom stiction.cli.main import entry\nimport stiction.identification.pipeline, tyro\n"
+    code = "import sys\nfrom stiction.cli.main import entry\nimport stiction.identification.pipeline\n"
     if limit is not None:
         code += f"import resource; resource.setrlimit(resource.RLIMIT_AS, ({limit}, {limit}))\n"
     return subprocess.run(

@@ -11,10 +11,10 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-import tyro
 
 from stiction.cli.identify import IdentifyConfig
 from stiction.cli.main import main
+from stiction.core.options import read_options
 from stiction.identification.logs import join_logs, open_log, parse_columns
 from stiction.identification.runs import in_si
 from stiction.identification.setup import IdentifySetup
@@ -54,7 +54,7 @@ def test_a_recipe_reads_what_was_simulated(tmp_path: Path, stranger: object) -> 
     *_, command = stranger.commands  # type: ignore[attr-defined]
     if len(stranger.commands) == 2:  # type: ignore[attr-defined]
         assert strangers.run(tmp_path, stranger.commands[0])[0] == 0  # type: ignore[attr-defined]
-    config = tyro.cli(IdentifyConfig, args=shlex.split(command))
+    config = read_options(IdentifyConfig, shlex.split(command), "stiction identify", "")
     joint = config.joint[0] if config.joint else None
     logs = [
         open_log(

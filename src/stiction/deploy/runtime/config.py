@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 from stiction.core.errors import ConfigurationError
+from stiction.core.flags import FLAG
 from stiction.files.contract_rules import TARGET_LIMITS
 
 if TYPE_CHECKING:
@@ -17,10 +18,10 @@ if TYPE_CHECKING:
 class LimitsCfg:
     """How far and how fast targets may go."""
 
-    slew: float | None = None
+    slew: Annotated[float | None, FLAG] = None
     """Largest speed of a joint's target [rad/s]; by default the bundle's, of older bundles 40, more than the shipped
     policies ask for (results/deploy)."""
-    margin: float | None = None
+    margin: Annotated[float | None, FLAG] = None
     """Distance that targets keep from the joint's limits [rad]; by default the bundle's, of older bundles 0.02."""
 
     def __post_init__(self) -> None:
@@ -48,7 +49,7 @@ class SafetyCfg:
     """Largest angle between the base's z axis and the vertical [rad]. Training counts 1.05 rad as a fall; how far the
     shipped policies lean is in results/deploy."""
     predicted_tilt: float = 1.05
-    """Largest tilt after --safety.horizon if the base goes on turning as it does [rad]."""
+    """Largest tilt after safety.horizon if the base goes on turning as it does [rad]."""
     horizon: float = 0.3
     """How far ahead a tilt is predicted [s]: gravity in the base's frame turns by −ω × g."""
     joint_speed: float = 25.0
@@ -155,14 +156,14 @@ class SupervisorCfg:
 class OperatorCfg:
     """Ways in which somebody may stop or steer a run."""
 
-    stop_file: Path | None = None
+    stop_file: Annotated[Path | None, FLAG] = None
     """The run stops when this file appears."""
-    heartbeat: str | None = None
+    heartbeat: Annotated[str | None, FLAG] = None
     """HOST:PORT of this machine at which a second one says `alive` by UDP; the run stops when it no longer does. It
     listens at that address alone."""
-    heartbeat_timeout: float = 0.5
+    heartbeat_timeout: Annotated[float, FLAG] = 0.5
     """Time without `alive` after which the run stops [s]."""
-    command_from: str | None = None
+    command_from: Annotated[str | None, FLAG] = None
     """HOST:PORT of this machine at which velocity commands come by UDP, JSON such as {"vx": 0.5}, some ten times a
     second. Without them the robot stands, then stops."""
 

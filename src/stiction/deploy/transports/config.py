@@ -6,8 +6,10 @@ No transport is loaded here: `--help` must be quick.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.core.flags import FLAG
 
 WANTS = {
     "virtual": "",
@@ -49,9 +51,9 @@ def parse_address(text: str) -> Address:
 class HeldCfg:
     """Gains with which joints are held that the robot has and the policy does not move."""
 
-    kp: float | None = None
+    kp: Annotated[float | None, FLAG] = None
     """[N m/rad]; needed where there are such joints."""
-    kd: float | None = None
+    kd: Annotated[float | None, FLAG] = None
     """[N m s/rad]; needed where there are such joints, and what damps them after a stop."""
 
     def __post_init__(self) -> None:

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from stiction.core.errors import FileError
-from stiction.robots.description import check_pattern, read_yaml, yaml_mapping, yaml_number
+from stiction.core.yaml_files import read_yaml
+from stiction.robots.description import check_pattern, yaml_mapping, yaml_number
 
 
 def read_settings(path: Path) -> Mapping[str, Any]:

@@ -29,9 +29,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tyro
 
 from stiction.core.errors import EngineError, PolicyError, StictionError
+from stiction.core.options import read_options
 from stiction.core.rotation import yaw
 from stiction.deploy.check import check_bundle
 from stiction.deploy.control import ControlLoop
@@ -275,7 +275,7 @@ def webots_robot() -> Any:
 def main(arguments: list[str]) -> int:
     """Check the bundle beside this file, drive the robot, print what came of it; return the exit status."""
     try:
-        cfg = tyro.cli(ControllerCfg, args=arguments, prog=Path(__file__).name, description=ControllerCfg.__doc__)
+        cfg = read_options(ControllerCfg, arguments, Path(__file__).name, str(ControllerCfg.__doc__))
         bundle = check_bundle(Path(__file__).parent / "bundle").bundle
         print(walk(webots_robot(), bundle, cfg))
     except StictionError as error:

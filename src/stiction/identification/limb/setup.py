@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from math import isfinite
+from typing import Annotated
 
 from stiction.core.effects import needs
 from stiction.core.errors import ConfigurationError
+from stiction.core.flags import SETTING
 from stiction.files.joint_map import parse_joint_map
 from stiction.identification.setup import PAYLOAD, PENDULUM, IdentifySetup
 
@@ -22,7 +24,7 @@ class LimbSetup:
     """Standard deviation of each link's errors in the model: of mass and inertia as shares, of the centre of mass as a
     share of the link's radius of gyration [1]. Estimates and intervals admit it. A drawing or a maker's file, with its
     cables, screws and gear boxes, is seldom better than a tenth."""
-    timing_error: float = field(default=0.5, metadata=needs("--robot"))
+    timing_error: Annotated[float, SETTING] = field(default=0.5, metadata=needs("--robot"))
     """Standard deviation of how early or late all torques are in the log against the angles, over its step [1]: a
     controller that holds its torque between updates is half a step off."""
     up: tuple[float, float, float] | None = field(default=None, metadata=needs("--robot"))

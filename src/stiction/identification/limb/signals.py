@@ -163,7 +163,8 @@ def _check_joint(
     if signals.torque is None and setup.motor_strength is None:
         raise LogError(
             f"{log.source}: joint {recorded!r} has no torque, and the links of the robot weigh newton metres: log the "
-            "motor's torque, or give --kp, --kd and --motor-strength 1, which takes the commanded torque at its word"
+            "motor's torque, or give --kp, --kd and --set motor_strength=1, which takes the commanded torque at its "
+            "word"
         )
     if signals.torque is not None and not setup.calibrated and setup.motor_strength is None:
         raise LogError(
