@@ -85,10 +85,10 @@ def summary_table(places: dict[Place, list[ResultRow]]) -> list[str]:
         "|---|---|---|---|---|---|",
     ]
     for count in count_commands(places):
-        share = f"{100 * count.friction_level:.0f} %"
+        where, share = label(places[count.method, count.engine], count.engine), f"{100 * count.friction_level:.0f} %"
         lines.append(
-            f"| `{count.method}` | {label(places[count.method, count.engine], count.engine)} | {share} | {count.follow_all} of {count.seeds} | "
-            f"{count.followed} of {count.cells} | {count.worst or '–'} |"
+            f"| `{count.method}` | {where} | {share} | {count.follow_all} of {count.seeds} | {count.followed} "
+            f"of {count.cells} | {count.worst or '–'} |"
         )
     return lines
 
