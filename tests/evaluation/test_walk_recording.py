@@ -69,15 +69,15 @@ def test_without_noise_the_log_is_the_truth() -> None:
 def test_a_fall_ends_the_log() -> None:
     """What a robot does on its back is no walk. This one is pushed over after a second and a half."""
     rollout = walks.start(np.zeros((2, 18)))
-    original, calls = rollout.act, []
+    original, calls = rollout.step, []
 
-    def act(command: np.ndarray):
+    def step(command: np.ndarray):
         calls.append(1)
         if len(calls) == 75:
             rollout.fleet.qvel[0, 3] = 30.0
         return original(command)
 
-    rollout.act = act  # type: ignore[method-assign]
+    rollout.step = step  # type: ignore[method-assign]
     fallen, upright = record_motion(rollout, walks.walking_bundle().contract.array("kd"), np.zeros((2, 3)), 150)
     assert fallen is not None and upright is not None
     assert 300 <= len(fallen["time"]) < 400

@@ -126,7 +126,7 @@ def test_a_robot_that_falls_lies_and_starts_again_alone() -> None:
     walked(sim, 1.0)
     first, second = sim.walkers
     standing, upside_down = first.policy.contract.array("standing"), np.array([0.0, 1.0, 0.0, 0.0])
-    first._robot.place(standing, np.array([1.0, 0.0, 0.2]), upside_down)
+    first._walk.robot.place(standing, np.array([1.0, 0.0, 0.2]), upside_down)
     sim.step()
     assert first.lies and first.falls == 1 and not second.lies
     there = second.seen.motion.base_position[0]

@@ -21,6 +21,7 @@ from stiction.files.results import DIRECTIONS
 from stiction.files.velocity import parse_command
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import BASE_DOFS, Fleet
+from stiction.virtual.drive import drive
 from stiction_experiments.damping.joint import DampingCfg, RobotRow
 
 MOVED = 0.5
@@ -80,8 +81,9 @@ def air_row(robot: str, level: float, cfg: DampingCfg) -> RobotRow:
     recorder = _Recorder(fleet, 1.0)
     for angle in cfg.target(fleet.control_period):
         fleet.set_targets(fleet.standing + np.full((3, 1), angle))
-        recorder.step(fleet.step)
-    return recorder.record(0.0).row(("in the air", level, robot, "own"), slice(0, 1), 1)
+        fleet.step()
+        recorder.record()
+    return recorder.finish(0.0).row(("in the air", level, robot, "own"), slice(0, 1), 1)
 
 
 def walk_rows(
@@ -114,10 +116,9 @@ def walk_rows(
     factor = LIFTED if lift else 1.0
     fleet.simulation.expand("actuator_forcerange")[:] *= factor
     recorder, steps = _Recorder(fleet, factor), round(cfg.seconds / contract.control_period)
-    for step in range(steps):
-        recorder.step(lambda: rollout.step(velocity))
-        progress((step + 1) / steps)
-    record = recorder.record(SETTLE)
+    for _ in drive(rollout, velocity, steps, progress):
+        recorder.record()
+    record = recorder.finish(SETTLE)
     for index, (friction, command) in enumerate(cells):
         robots = slice(index * cfg.episodes, (index + 1) * cfg.episodes)
         named = bundle.name, friction, command.label, "lifted" if lift else "own"
@@ -183,16 +184,15 @@ class _Recorder:
         """Count the motors at their limit."""
         self.share += (np.abs(fleet.torque) >= self.limit).mean(axis=1) / fleet.decimation
 
-    def step(self, advance: Callable[[], object]) -> None:
-        """Advance by a control period and record it."""
-        self.share = np.zeros(self.fleet.num_envs)
-        advance()
+    def record(self) -> None:
+        """Record the end of a control period."""
         self.angles.append(self.fleet.joint_position.copy())
         yaw_rate = self.fleet.base_angular_velocity[:, 2:]
         self.velocities.append(np.hstack([self.fleet.base_linear_velocity[:, :2], yaw_rate]))
         self.saturated.append(self.share)
+        self.share = np.zeros(self.fleet.num_envs)
 
-    def record(self, settle: float) -> _Record:
+    def finish(self, settle: float) -> _Record:
         """Return the record; settle: what does not count for speed and saturation [s]."""
         early, settled = (round(time / self.fleet.control_period) for time in (FIRST, settle))
         saturated = np.array(self.saturated)

@@ -18,6 +18,7 @@ from stiction.evaluation.command import SETTLE
 from stiction.evaluation.rollout import Rollout, friction_at
 from stiction.files.bundle import Bundle
 from stiction.robots.physics import EXACT, FAST, PhysicsCfg
+from stiction.virtual.drive import drive
 from stiction_experiments.physics.config import WalkCfg
 
 REFERENCE = "rows, 0.25 ms"
@@ -83,9 +84,8 @@ def walk(bundle: Bundle, name: str, physics: str, cfg: WalkCfg, threads: int = 1
     period = contract.physics_timestep * contract.decimation
     steps, settle = round(cfg.seconds / period), round(SETTLE / period)
     speed, fallen = np.zeros(len(levels)), np.zeros(len(levels), bool)
-    for number in range(steps):
-        fallen[rollout.step(command).blown_up] = True
-        fallen |= rollout.fleet.fallen()
+    for number, _ in enumerate(drive(rollout, command, steps)):
+        fallen |= rollout.truth().fallen
         if number >= settle:
             speed += rollout.fleet.base_linear_velocity[:, 0] / (steps - settle)
     ratio, falls = (speed / command[:, 0]).reshape(shape), fallen.reshape(shape)

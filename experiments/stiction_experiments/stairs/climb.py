@@ -16,11 +16,12 @@ from stiction.core.records import column
 from stiction.deploy.check import robot_of
 from stiction.deploy.policy import load_policy
 from stiction.evaluation.course import PATIENCE, course_commands, crossed, line_up, starts, steps_passed
-from stiction.evaluation.rollout import Rollout, friction_at, record
+from stiction.evaluation.rollout import Rollout, friction_at
 from stiction.files.bundle import Bundle
 from stiction.files.walk import Recording
 from stiction.robots.terrain import KINDS, SLABS, STEEPEST, Terrain
 from stiction.task.terrain import LENGTH
+from stiction.virtual.drive import record
 from stiction_experiments.stairs.config import ClimbCfg
 
 ENOUGH = 0.8
@@ -91,8 +92,8 @@ def climb(
     fleet.place_terrain(np.arange(num), height / STEEPEST["stairs"], np.zeros((num, SLABS, 4)))
     line_up(fleet, starts(cfg.seed, cfg.trials))
     seconds = PATIENCE * LENGTH / cfg.speed
-    steer = course_commands(np.full(num, cfg.speed))
-    recording, _ = record(rollout, steer, round(seconds / contract.control_period), progress)
+    steer, period = course_commands(fleet, np.full(num, cfg.speed)), fleet.control_period
+    recording = record(rollout, steer, period, round(seconds / contract.control_period), progress)
     return [
         _judge(bundle.name, *cell, recording.of(slice(number * cfg.trials, (number + 1) * cfg.trials)))
         for number, cell in enumerate(cells)

@@ -14,7 +14,7 @@ FLEET = (
     ),
     *("robots/*.py", "robots/shipped/*.json"),
     *("task/friction.py", "task/terrain.py", "files/contract.py", "files/known_friction.py"),
-    *("files/observation.py", "files/velocity.py", "files/walk.py"),
+    *("files/observation.py", "files/velocity.py", "files/walk.py", "virtual/drive.py"),
     *(
         f"evaluation/{name}.py"
         for name in ("command", "course", "evaluate", "known_friction", "own_policy", "rollout", "metrics")

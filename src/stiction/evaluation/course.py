@@ -7,7 +7,6 @@ beyond the end of the course has crossed it; of stairs it must have climbed all 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -31,6 +30,7 @@ from stiction.task.terrain import (
 
 if TYPE_CHECKING:  # Webots runs a policy by what is here, where there may be no MuJoCo.
     from stiction.sim.fleet import Fleet
+    from stiction.virtual.drive import Commands
 
 UNITS = {"slope": "its angle [rad]", "rough": "its highest slab [m]", "stairs": "the height of a step [m]"}
 """Kind of course -> what its size is."""
@@ -140,10 +140,10 @@ def line_up(fleet: Fleet, start: np.ndarray) -> None:
     fleet.base_quaternion[:] = about(2, askew)
 
 
-def course_commands(speed: np.ndarray) -> Callable[[Fleet], np.ndarray]:
-    """Return what commands a fleet along its courses at speeds (N,) [m/s]: fleet -> velocities, shape (N, 3)."""
+def course_commands(fleet: Fleet, speed: np.ndarray) -> Commands:
+    """Return what commands a fleet along its courses at speeds (N,) [m/s], velocities of shape (N, 3)."""
 
-    def commands(fleet: Fleet) -> np.ndarray:
+    def commands(number: int) -> np.ndarray:
         fleet.ground[:] = fleet.ground_around(SCAN_POINTS[UNDER]).mean(-1)
         return np.stack((speed, np.zeros_like(speed), straight_on(fleet.yaw)), -1)
 

@@ -25,7 +25,7 @@ from stiction.evaluation.known_friction import known_to, parse_source
 from stiction.evaluation.methods import method_of
 from stiction.evaluation.metrics import Metrics, measure
 from stiction.evaluation.own_policy import FunctionDriver, OwnPolicy
-from stiction.evaluation.rollout import Rollout, friction_at, record
+from stiction.evaluation.rollout import Rollout, friction_at
 from stiction.files.bundle import Bundle
 from stiction.files.contract import Contract
 from stiction.files.results import DIRECTIONS, ResultRow, slowest_of
@@ -34,8 +34,8 @@ from stiction.files.walk import Recording
 from stiction.joints.compensation import FrictionController
 from stiction.joints.friction import MAX_LEVEL, Law, has_coefficient
 from stiction.robots.model import Robot
-from stiction.sim.fleet import Fleet
 from stiction.task.config import NoiseCfg
+from stiction.virtual.drive import Commands, record
 
 ENGINE = "mujoco"
 """Where robots walk here, as it stands in results.csv."""
@@ -283,15 +283,12 @@ def drive(
         cfg.law,
         compensation=compensation,
     )
-    velocity = cfg.robot_commands
-    along_course = course_commands(velocity[:, 0])
-
-    def commands(fleet: Fleet) -> np.ndarray:
-        return velocity if cfg.course.is_flat else along_course(fleet)
-
+    velocity, period = cfg.robot_commands, rollout.fleet.control_period
+    commands: Commands = velocity
     if not cfg.course.is_flat:
         line_up(rollout.fleet, starts(cfg.seed, cfg.numbers.stop)[cfg.first_episode :])
-    recording, _ = record(rollout, commands, round(cfg.duration / contract.control_period), progress)
+        commands = course_commands(rollout.fleet, velocity[:, 0])
+    recording = record(rollout, commands, period, round(cfg.duration / contract.control_period), progress)
     first = round(cfg.settle / contract.control_period)
     weight = spec.mass * float(np.linalg.norm(rollout.fleet.model.opt.gravity))
     parts = tuple(

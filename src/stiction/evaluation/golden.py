@@ -15,6 +15,7 @@ from stiction.files.contract import Contract
 from stiction.files.golden import BEYOND, SENSED, Golden, clips
 from stiction.joints.pd import controller_torque
 from stiction.robots.model import Robot
+from stiction.virtual.drive import drive
 
 STEPS = 600
 """Recorded steps: 12 s at 50 Hz."""
@@ -48,16 +49,19 @@ def record_golden(contract: Contract, policy: Driver, spec: Robot, seed: int = 0
     total = STEPS + EXTREME_STEPS
     resets, commands = np.zeros(total, dtype=bool), np.zeros((total, 3))
     needs_reset = False
-    for t in range(STEPS):
+
+    def command(t: int) -> np.ndarray:
         resets[t] = t % RESET_EVERY == 0 or needs_reset
         if resets[t]:
             rollout.reset(np.array([0]))
         fresh = t % COMMAND_EVERY == 0
         commands[t] = streams["golden commands"].uniform(-bound, bound) if fresh else commands[t - 1]
-        step = rollout.step(commands[t : t + 1])
+        return commands[t : t + 1]
+
+    for step in drive(rollout, command, STEPS):
         steps.append((step.sensors, step.policy))
         # The reset is made, and recorded, at the next step: what the policy answered in this one stays what it was.
-        needs_reset = bool(rollout.fleet.fallen()[0]) or len(step.blown_up) > 0
+        needs_reset = bool(rollout.truth().fallen[0])
     rollout.loop.reset()
     resets[STEPS] = True
     for t in range(STEPS, total):

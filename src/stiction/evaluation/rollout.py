@@ -1,11 +1,8 @@
-"""A bundle driving a fleet of MuJoCo robots: sensors with noise in, joint targets out. No torch.
-
-Evaluation, golden vectors and clips are loops over `Rollout.step`.
-"""
+"""A bundle on a fleet of MuJoCo robots, a walker of `virtual.drive`: sensors with noise in, joint targets out."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +12,6 @@ from stiction.deploy.control import ControlLoop, Driver
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import PolicyStep
 from stiction.files.contract import Contract
-from stiction.files.walk import Recording
 from stiction.joints.compensation import FrictionController
 from stiction.joints.friction import Law, has_coefficient
 from stiction.robots.model import DELAY_SAMPLES, Robot
@@ -24,6 +20,7 @@ from stiction.robots.terrain import Terrain
 from stiction.sim.fleet import Fleet
 from stiction.sim.friction import JointFriction
 from stiction.task.config import NoiseCfg
+from stiction.virtual.drive import Truth
 from stiction.virtual.sensors import INITIAL_ANGLE, disturbed, drawn_width
 
 COULOMB = Law("coulomb")
@@ -117,6 +114,7 @@ class Rollout:
         if not self.loop.holds:
             self.fleet.before_step.append(self._command)
         self._generators, self._robots_per_generator = generators, num // len(generators)
+        self._blown_up = np.zeros(0, dtype=np.int64)
         self.reset(np.arange(num))
 
     def _command(self, fleet: Fleet) -> None:
@@ -148,62 +146,29 @@ class Rollout:
             true = replace(true, heights=fleet.base_position[:, 2:3] - ground)
         return disturbed(true, self._noise, self._uniform(drawn_width(self._contract.num_joints)))
 
-    def act(self, command: np.ndarray) -> tuple[Sensors, PolicyStep]:
-        """Sense, and set the policy's joint targets under the commanded velocities, shape (N, 3); no time passes."""
+    def step(self, command: np.ndarray) -> RolloutStep:
+        """Advance by one control period under the commanded velocities, shape (N, 3)."""
         sensors = self.sense()
         step = self.loop.act(sensors, command)
         self.fleet.set_targets(step.target)
-        return sensors, step
-
-    def step(self, command: np.ndarray) -> RolloutStep:
-        """Advance by one control period under the commanded velocities, shape (N, 3)."""
-        sensors, step = self.act(command)
         blown_up = self.fleet.step()
         # The fleet has put them back to standing itself: a start drawn here would shift the noise of robots that share
         # a stream.
         self.loop.reset(np.isin(np.arange(self.fleet.num_envs), blown_up))
+        self._blown_up = blown_up
         return RolloutStep(sensors, step, blown_up)
 
-
-def record(
-    rollout: Rollout, commands: Callable[[Fleet], np.ndarray], steps: int, progress: Callable[[float], None]
-) -> tuple[Recording, int]:
-    """Run the batch and record what the metrics need; return it and the number of simulations that blew up.
-
-    commands: returns those of every robot before each control step: forward, sideways [m/s], turn [rad/s], (N, 3).
-    """
-    fleet = rollout.fleet
-    num, period = fleet.num_envs, fleet.control_period
-
-    def zeros(*shape: int, dtype: type = np.float32) -> np.ndarray:
-        return np.zeros((steps, num, *shape), dtype)
-
-    recording = Recording(
-        period,
-        velocity=zeros(3),
-        position=zeros(2),
-        contact=zeros(len(fleet.spec.feet), dtype=bool),
-        power=zeros(),
-        square_acceleration=zeros(),
-        upright=zeros(dtype=bool),
-        friction=(friction := zeros()),
-    )
-    upright, blown_up = np.ones(num, dtype=bool), 0
-    last_velocity = fleet.joint_velocity.copy()
-    for t in range(steps):
-        step = rollout.step(commands(fleet))
-        blown_up += len(step.blown_up)
-        upright = upright & ~fleet.fallen()
-        # By now it stands again, and would pass for one that never fell.
-        upright[step.blown_up] = False
-        recording.velocity[t, :, :2] = fleet.base_linear_velocity[:, :2]
-        recording.velocity[t, :, 2] = fleet.base_angular_velocity[:, 2]
-        recording.position[t] = fleet.base_position[:, :2]
-        recording.contact[t] = fleet.foot_contact
-        recording.power[t] = np.abs(fleet.torque * fleet.joint_velocity).sum(axis=1)
-        recording.square_acceleration[t] = (((fleet.joint_velocity - last_velocity) / period) ** 2).mean(axis=1)
-        recording.upright[t] = upright
-        friction[t] = fleet.friction.mean(axis=1)
-        last_velocity = fleet.joint_velocity.copy()
-        progress((t + 1) / steps)
-    return recording, blown_up
+    def truth(self) -> Truth:
+        """Return the ground truth at the end of the last control period."""
+        fleet, fallen = self.fleet, self.fleet.fallen()
+        # By now they stand again.
+        fallen[self._blown_up] = True
+        return Truth(
+            velocity=np.hstack((fleet.base_linear_velocity[:, :2], fleet.base_angular_velocity[:, 2:])),
+            position=fleet.base_position[:, :2],
+            contact=fleet.foot_contact,
+            torque=fleet.torque,
+            joint_velocity=fleet.joint_velocity,
+            friction=fleet.friction,
+            fallen=fallen,
+        )

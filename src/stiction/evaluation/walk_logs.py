@@ -25,6 +25,7 @@ from stiction.files.walk import WalkHeader, WalkLog, has_walk, write_walk
 from stiction.joints.net import TORQUE_SOURCES
 from stiction.sim.fleet import BASE_DOFS, Fleet
 from stiction.sim.friction import FrictionMeter
+from stiction.virtual.drive import drive, unheard
 
 SHORTEST = 1.0
 """Shortest walk before a fall that is still a log [s]."""
@@ -193,7 +194,7 @@ def record_motion(
     kd: np.ndarray,
     velocity: np.ndarray,
     steps: int,
-    progress: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = unheard,
     meter: FrictionMeter | None = None,
 ) -> list[dict[str, np.ndarray] | None]:
     """Walk a batch for `steps` control periods and return the true signals of each robot, as the fields of `WalkLog`.
@@ -205,25 +206,10 @@ def record_motion(
     solver applied it and B θ' at the end of the step, where the integrator takes it.
     """
     fleet = rollout.fleet
-    if meter is not None:
-        fleet.before_step.append(meter)
-    upright, alive = np.ones(fleet.num_envs, bool), np.full(fleet.num_envs, steps * fleet.decimation)
-    samples: list[dict[str, np.ndarray]] = []
-    for index in range(steps):
-        rollout.act(velocity)
-        for _ in range(fleet.decimation):
-            state, before = _state(fleet, velocity), fleet.qvel.copy()
-            blown_up = fleet.substep()
-            forces = _forces(fleet, state["quaternion"], kd, fleet.qvel - before)
-            if meter is not None:
-                forces["joint_torque"] += meter.torque - fleet.damping * fleet.joint_velocity
-            samples.append(state | forces)
-            upright[blown_up] = False
-            fleet.reset(blown_up)
-            upright &= ~fleet.fallen()
-            # Without the step in which it fell; the minimum keeps the first fall.
-            alive[~upright] = np.minimum(alive[~upright], len(samples) - 1)
-        progress((index + 1) / steps)
+    recorder = _MotionRecorder(fleet, kd, velocity, steps, meter)
+    for _ in drive(rollout, velocity, steps, progress):
+        pass
+    samples, alive = recorder.samples, recorder.alive
     stacked = {name: np.stack([sample[name] for sample in samples], axis=1) for name in samples[0]}
     shortest = round(SHORTEST / fleet.timestep)
     return [
@@ -232,6 +218,43 @@ def record_motion(
         else None
         for env in range(fleet.num_envs)
     ]
+
+
+class _MotionRecorder:
+    """Records the true signals of every physics step of a batch, and when each robot fell."""
+
+    def __init__(
+        self, fleet: Fleet, kd: np.ndarray, velocity: np.ndarray, steps: int, meter: FrictionMeter | None
+    ) -> None:
+        """Look at every physics step from now on; arguments as of `record_motion`."""
+        self._kd, self._velocity, self._meter = kd, velocity, meter
+        self._upright = np.ones(fleet.num_envs, bool)
+        self.alive = np.full(fleet.num_envs, steps * fleet.decimation)
+        """Physics steps that each robot walked, shape (N,)."""
+        self.samples: list[dict[str, np.ndarray]] = []
+        """Signals of every physics step, shapes (N, ...)."""
+        # Before the joints' controllers: what they had, and not what they are about to get.
+        fleet.before_step.insert(0, self._begin)
+        fleet.after_step.append(self._end)
+        if meter is not None:
+            fleet.before_step.append(meter)
+
+    def _begin(self, fleet: Fleet) -> None:
+        """Keep the state at the start of a physics step."""
+        self._state, self._before = _state(fleet, self._velocity), fleet.qvel.copy()
+
+    def _end(self, fleet: Fleet, blown_up: np.ndarray) -> None:
+        """Add a physics step; robots that blew up stand again, so that no number is lost on those beside them."""
+        forces = _forces(fleet, self._state["quaternion"], self._kd, fleet.qvel - self._before)
+        if self._meter is not None:
+            forces["joint_torque"] += self._meter.torque - fleet.damping * fleet.joint_velocity
+        self.samples.append(self._state | forces)
+        self._upright[blown_up] = False
+        fleet.reset(blown_up)
+        self._upright &= ~fleet.fallen()
+        # Without the step in which it fell; the minimum keeps the first fall.
+        fallen = ~self._upright
+        self.alive[fallen] = np.minimum(self.alive[fallen], len(self.samples) - 1)
 
 
 def _state(fleet: Fleet, velocity: np.ndarray) -> dict[str, np.ndarray]:

@@ -47,9 +47,14 @@ class Recording:
     friction: np.ndarray | None = None
     """Dry friction that the joints could bring up, mean over joints [N m], shape (T, N); None where not recorded."""
 
-    def of(self, robots: slice, first_step: int = 0) -> Recording:
-        """Return the recording of some robots, from a step on."""
-        return self._each(lambda values: values[first_step:, robots])
+    @property
+    def signals(self) -> dict[str, np.ndarray]:
+        """What was recorded, by name."""
+        return {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+
+    def of(self, robots: slice, first_step: int = 0, end: int | None = None) -> Recording:
+        """Return the recording of some robots, from a step on and before `end`."""
+        return self._each(lambda values: values[first_step:end, robots])
 
     def extended(self, steps: int) -> Recording:
         """Return the recording extended to a number of steps, as in a batch: a robot that fell stays where it fell."""
@@ -60,8 +65,7 @@ class Recording:
 
     def _each(self, change: Callable[[np.ndarray], np.ndarray]) -> Recording:
         """Return the recording with every signal changed."""
-        signals = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
-        changed: dict[str, Any] = {name: change(value) for name, value in signals.items()}
+        changed: dict[str, Any] = {name: change(value) for name, value in self.signals.items()}
         return replace(self, **changed)
 
 

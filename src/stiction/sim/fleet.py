@@ -35,9 +35,10 @@ class Fleet:
     All arrays are float64 and live: `base_*`, `joint_*` and `torque` are what the simulation holds now; `friction`,
     `damping`, `armature` are written by the caller and act from the next step (armature, masses and centres of mass
     after `set_const`). Functions in `before_step` are called with the fleet before every physics step (friction that
-    depends on load or speed, another motor than the PD law), those in `after_reset` with the ids of robots that were
-    reset. `ground` is the height of the ground under each robot [m], written by the caller on other than flat ground.
-    `torque`, `foot_force` and `joint_load` lag one physics step; right after a reset they are those of the standing
+    depends on load or speed, another motor than the PD law), those in `after_step` after it, with the ids of robots
+    that blew up in it, those in `after_reset` with the ids of robots that were reset. `ground` is the height of the
+    ground under each robot [m], written by the caller on other than flat ground. `torque`, `foot_force` and
+    `joint_load` lag one physics step; right after a reset they are those of the standing
     pose.
     """
 
@@ -104,6 +105,7 @@ class Fleet:
         self.blown_up = np.zeros(num_envs, np.int64)
         self.ground = np.zeros(num_envs)
         self.before_step: list[Callable[[Fleet], None]] = []
+        self.after_step: list[Callable[[Fleet, np.ndarray], None]] = []
         self.after_reset: list[Callable[[np.ndarray], None]] = []
         self._by_torque, self._disturbed = False, False
         self.reset(np.arange(num_envs))
@@ -217,7 +219,7 @@ class Fleet:
 
         The caller ends their episode. The reset here keeps NaN from reaching any observation.
         """
-        if self.before_step:
+        if self.before_step or self.after_step:
             unstable = np.zeros(self.num_envs, bool)
             for _ in range(self.decimation):
                 unstable[self.substep()] = True
@@ -237,7 +239,10 @@ class Fleet:
         for act in self.before_step:
             act(self)
         self._write_friction()
-        return self.simulation.step(1)
+        blown_up = self.simulation.step(1)
+        for look in self.after_step:
+            look(self, blown_up)
+        return blown_up
 
     def _write_friction(self) -> None:
         """Make `friction` the bounds of the yielding springs, where there are any."""

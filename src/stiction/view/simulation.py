@@ -15,7 +15,7 @@ import numpy as np
 from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.core.names import kind_of
 from stiction.core.provenance import seed_streams
-from stiction.core.rotation import UPRIGHT, yaw
+from stiction.core.rotation import yaw
 from stiction.deploy.pilot import ControlStep, DrivingPolicy, Pilot
 from stiction.deploy.plausibility import command_range
 from stiction.deploy.policy import load_policy
@@ -34,7 +34,7 @@ from stiction.task.config import NoiseCfg
 from stiction.virtual.cases import DataSheet
 from stiction.virtual.hidden import Hidden
 from stiction.virtual.sensors import Noisy
-from stiction.virtual.trial import World, fallen
+from stiction.virtual.trial import VirtualWalk, World
 
 LYING = 1.5
 """How long a robot lies where it fell before it is put back to the start [s]."""
@@ -157,14 +157,14 @@ class Walker:
             engines.append(make_engine(cfg.engine, body, around, timestep))
             return engines[-1]
 
-        self._world = World(make, ground, timestep=engine.timestep, noise=NoiseCfg())
+        world = World(make, ground, (self.start, 0.0), timestep=engine.timestep, noise=NoiseCfg())
         # Not at 0: a robot whose law has no level need not know what its joints transmit, and would never be told.
         sheet = DialledSheet(cfg.seed, cfg.law, 1.0)
         noise, sensors = seed_streams(cfg.seed, ["view", "view, sensors"]).values()
-        self._robot = self._world.robot(sheet, self.spec, sensors)
+        robot = world.robot(sheet, self.spec, sensors)
         (self._engine,), (self._friction,) = engines, sheet.given
-        self._port = Noisy(self._robot.handle, NoiseCfg(), noise)
-        self._pilot = Pilot(self._port, self.policy.load())
+        self._port = Noisy(robot.handle, NoiseCfg(), noise)
+        self._walk = VirtualWalk(robot, Pilot(self._port, self.policy.load()), world, self.spec)
         self.set_friction(level)
         self.reset()
 
@@ -181,14 +181,11 @@ class Walker:
     def teach(self, policy: ViewedPolicy) -> None:
         """Give the robot another policy, as it walks."""
         self.policy = policy
-        self._pilot = Pilot(self._port, policy.load())
+        self._walk.pilot = Pilot(self._port, policy.load())
 
     def reset(self) -> None:
         """Put the robot to the start, standing."""
-        height = self.spec.standing_height + self._world.height(np.array([self.start, 0.0]))
-        standing = self.policy.contract.array("standing")
-        self._robot.place(standing, np.array([self.start, 0.0, height]), UPRIGHT)
-        self._pilot.reset()
+        self._walk.place(self.policy.contract.array("standing"))
         self._left, self.belief = 0.0, None
         if self._monitor is not None:
             self._monitor.reset()
@@ -215,13 +212,12 @@ class Walker:
                 self.seen = replace(self.seen, step=None)
             return
         try:
-            step = self._pilot.step(np.clip(velocity, *self.range))
+            step = self._walk.step(np.clip(velocity, *self.range))
         except BlownUp:
             self._fall()
             return
         self.seen = self._look(step)
-        motion = self.seen.motion
-        if fallen(motion, self.spec, self._world.height(motion.base_position[:2])):
+        if self._walk.fallen:
             self._fall()
         elif self._monitor is not None:
             self.belief = self._monitor.step(step.policy.observation) or self.belief
@@ -234,7 +230,7 @@ class Walker:
 
     def _look(self, step: ControlStep | None) -> Seen:
         """Return what there is to see of the robot."""
-        truth = self._robot.ground_truth()
+        truth = self._walk.seen
         return Seen(truth.motion, truth.torque, truth.friction, step)
 
 

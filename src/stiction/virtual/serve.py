@@ -38,7 +38,7 @@ from stiction.robots.model import GRAVITY, Robot
 from stiction.virtual.cases import Case, parse_level
 from stiction.virtual.faults import ASK, OF_ROBOT, OF_WAY, BrokenState
 from stiction.virtual.robot import PERIOD, VirtualRobot
-from stiction.virtual.trial import World, fallen
+from stiction.virtual.trial import World
 
 ROOM_TEMPERATURE = 30.0
 """Of motors that were not modelled [°C]."""
@@ -89,8 +89,8 @@ class RobotProcess:
         """Build the robot; raise `StictionError` where its engine or its friction cannot be."""
         streams = seed_streams(cfg.seed, [NOISE, LOST])
         noise, self._chance = streams[NOISE], streams[LOST]
-        world = World(partial(make_engine, cfg.engine))
-        build = world.on_bench if cfg.stand else world.robot
+        self._world = World(partial(make_engine, cfg.engine))
+        build = self._world.on_bench if cfg.stand else self._world.robot
         self._robot: VirtualRobot = build(cfg.case, spec, noise)
         self._port, self._spec = port, spec
         self._peer: tuple[str, int] | None = None
@@ -162,7 +162,7 @@ class RobotProcess:
         now, motion = time.monotonic(), self._robot.ground_truth().motion
         moved = motion.base_position - self._start[1]
         said = {"damped": now, "last_good": self._good, "slow": self.slow, "moved": moved[:2].tolist()}
-        said |= {"seconds": now - self._start[0], "upright": bool(not fallen(motion, self._spec, 0.0))}
+        said |= {"seconds": now - self._start[0], "upright": not self._world.fallen(motion, self._spec)}
         print(json.dumps(said), flush=True)
 
     def _state(self, reading: Reading) -> RobotState:

@@ -22,64 +22,10 @@ from stiction.joints.compensation import BY_ERROR, Compensation
 from stiction.joints.net import TorqueSource
 from stiction.robots.model import Robot, leans_too_far, too_low
 from stiction.task.config import NoiseCfg
+from stiction.virtual.drive import Recorder, Truth, drive
 from stiction.virtual.hidden import Hidden, draw
 from stiction.virtual.robot import PERIOD, GroundTruth, VirtualRobot, Wear
 from stiction.virtual.sensors import INITIAL_ANGLE, Noisy
-
-
-def fallen(motion: Motion, spec: Robot, ground: float) -> bool:
-    """Return whether a robot has fallen, by the rule of the training (`Fleet.fallen`); ground: height under it [m]."""
-    return bool(
-        leans_too_far(motion.base_quaternion) or too_low(motion.base_position[2] - ground, spec.standing_height)
-    )
-
-
-class TruthRecorder:
-    """Records what one robot does, control step by control step, from its ground truth."""
-
-    def __init__(self, ground_truth: Callable[[], GroundTruth], spec: Robot, period: float) -> None:
-        """Begin with the robot in place.
-
-        ground_truth: as `VirtualRobot.ground_truth`; spec: the data sheet; period: of control [s].
-        """
-        self._ground_truth, self._spec, self._period = ground_truth, spec, period
-        self._rows: list[dict[str, np.ndarray | float | bool]] = []
-        self._velocity = ground_truth().motion.joint_velocity
-        self.upright = True
-        """Whether the robot has not fallen yet."""
-
-    def record(self, ground: float = 0.0) -> None:
-        """Record the end of a control period; ground: its height under the robot [m]."""
-        seen = self._ground_truth()
-        self.upright = self.upright and not fallen(seen.motion, self._spec, ground)
-        self._rows.append(self._row(seen))
-        self._velocity = seen.motion.joint_velocity
-
-    def _row(self, seen: GroundTruth) -> dict[str, np.ndarray | float | bool]:
-        """Return what is recorded of an instant, by the fields of `Recording`."""
-        motion = seen.motion
-        change = (motion.joint_velocity - self._velocity) / self._period
-        return {
-            "velocity": np.array([*motion.base_linear_velocity[:2], motion.base_angular_velocity[2]]),
-            "position": motion.base_position[:2],
-            "contact": motion.foot_contact,
-            "power": float(np.abs(seen.torque * motion.joint_velocity).sum()),
-            "square_acceleration": float(np.square(change).mean()),
-            "upright": self.upright,
-            "friction": float(seen.friction.mean()),
-        }
-
-    def record_fall(self) -> None:
-        """Record a robot that has blown up in its engine as fallen where it was last."""
-        self.upright = False
-        last = self._rows[-1] if self._rows else self._row(self._ground_truth())
-        self._rows.append(last | {"upright": False})
-
-    def recording(self) -> Recording:
-        """Return the recording of one robot: shapes (T, 1, ...)."""
-        stacked = {name: np.stack([row[name] for row in self._rows])[:, None] for name in self._rows[0]}
-        return Recording(self._period, **stacked)
-
 
 TIMESTEP = 0.001
 """Physics step of virtual robots [s]: motor controllers run at 1 kHz and more."""
@@ -127,6 +73,11 @@ class World:
         """Return the height of the ground at x, y [m], shape (2,)."""
         return float(self.ground.height(place[None])[0])
 
+    def fallen(self, motion: Motion, spec: Robot) -> bool:
+        """Return whether a robot has fallen, by the rule of the training (`Fleet.fallen`); spec: its data sheet."""
+        height = motion.base_position[2] - self.height(motion.base_position[:2])
+        return bool(leans_too_far(motion.base_quaternion) or too_low(height, spec.standing_height))
+
     def on_bench(self, case: RobotCase, spec: Robot, generator: np.random.Generator) -> VirtualRobot:
         """Build a robot bolted to a stand, its legs in the air; arguments as of `robot`."""
         robot = self.robot(case, spec, generator, fixed=True)
@@ -150,6 +101,47 @@ class World:
         engine = self.make(real.body(spec, fixed), self.ground, self.timestep)
         friction = case.friction(hidden, spec, self.timestep)
         return VirtualRobot(engine, real, friction, generator, self.period, wear, fixed, self.torque_source)
+
+
+class VirtualWalk:
+    """A policy on one virtual robot in its world: a walker of `drive`."""
+
+    def __init__(self, robot: VirtualRobot, pilot: Pilot, world: World, spec: Robot) -> None:
+        """Connect them; spec: the robot's data sheet."""
+        self.robot, self.pilot, self._world, self._spec = robot, pilot, world, spec
+
+    def place(self, joint_position: np.ndarray) -> None:
+        """Put the robot to the start of its world at joint angles [rad], shape (J,), without any history."""
+        start, height = self._world.start, self._spec.standing_height + self._world.height(np.array(self._world.start))
+        self.robot.place(joint_position, np.array([*start, height]), about(2, self._world.heading))
+        self.pilot.reset()
+
+    def step(self, velocity: np.ndarray) -> ControlStep:
+        """Advance by one control period; see `Pilot.step`. Raises `BlownUp`."""
+        return self.pilot.step(velocity)
+
+    @property
+    def seen(self) -> GroundTruth:
+        """Ground truth of the last physics step."""
+        return self.robot.ground_truth()
+
+    @property
+    def fallen(self) -> bool:
+        """True if the robot lies, or is about to."""
+        return self._world.fallen(self.seen.motion, self._spec)
+
+    def truth(self) -> Truth:
+        """Return the ground truth at the end of the last control period, of a batch of one."""
+        seen, motion = self.seen, self.seen.motion
+        return Truth(
+            velocity=np.array([[*motion.base_linear_velocity[:2], motion.base_angular_velocity[2]]]),
+            position=motion.base_position[None, :2],
+            contact=motion.foot_contact[None],
+            torque=seen.torque[None],
+            joint_velocity=motion.joint_velocity[None],
+            friction=seen.friction[None],
+            fallen=np.array([self.fallen]),
+        )
 
 
 @dataclass(frozen=True)
@@ -209,21 +201,22 @@ def walk(
     robot = world.robot(case, spec, sensing, wear)
     # After the draw, which is the same for every robot of an episode.
     standing = np.clip(standing, contract.array("lower"), contract.array("upper"))
-    height = spec.standing_height + world.height(np.array(world.start))
-    robot.place(standing, np.array([*world.start, height]), about(2, world.heading))
     port = robot.handle if world.noise is None else Noisy(robot.handle, world.noise, walking)
-    policy = load_policy(contract, bundle.policy, known_friction=known)
+    policy, motors = load_policy(contract, bundle.policy, known_friction=known), None
     if compensation.in_motor and friction is not None:
-        robot.program(compensation.controller(friction, world.timestep, load=load))
+        motors = compensation.controller(friction, world.timestep, load=load)
         friction, compensation = None, BY_ERROR
-    pilot = Pilot(port, policy, friction, compensation, load)
-    recorder = TruthRecorder(robot.ground_truth, spec, contract.control_period)
+    walker = VirtualWalk(robot, Pilot(port, policy, friction, compensation, load), world, spec)
+    walker.place(standing)
+    robot.program(motors)
+    recorder = Recorder(walker, contract.control_period, steps, float)
     done: list[ControlStep] = []
-    while len(done) < steps and recorder.upright:
-        try:
-            done.append(pilot.step(commands(len(done), robot.ground_truth().motion)))
-        except BlownUp:
-            recorder.record_fall()
-        else:
-            recorder.record(world.height(robot.ground_truth().motion.base_position[:2]))
+    try:
+        for step in drive(walker, lambda number: commands(number, walker.seen.motion), steps):
+            done.append(step)
+            recorder.record()
+            if not recorder.upright.all():
+                break
+    except BlownUp:
+        recorder.record_fall()
     return Trial(recorder.recording(), tuple(done))

@@ -1,0 +1,142 @@
+"""The one driver of walks: `drive` takes whatever walks from control period to control period.
+
+What walks is a batch in the simulator of the training (`evaluation.rollout.Rollout`) or one virtual robot in any engine
+(`virtual.trial.VirtualWalk`). Who looks at a walk does so in the body of a loop over `drive`: recordings, logs, golden
+vectors and clips differ in nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from stiction.files.walk import Recording
+
+Step = TypeVar("Step", covariant=True)
+
+Commands = np.ndarray | Callable[[int], np.ndarray]
+"""Commanded velocities: forward, sideways [m/s], turn [rad/s], shape (*batch, 3), constant or by number of the
+control step."""
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Ground truth of N robots at the end of a control period. Arrays are live: the next step changes them."""
+
+    velocity: np.ndarray
+    """Forward and sideways velocity of the base [m/s] and its yaw rate [rad/s], base frame, shape (N, 3)."""
+    position: np.ndarray
+    """Horizontal position of the base in the world [m], shape (N, 2)."""
+    contact: np.ndarray
+    """Feet on the ground, bool, shape (N, L)."""
+    torque: np.ndarray
+    """Torque of the motors in the last physics step [N m], shape (N, J)."""
+    joint_velocity: np.ndarray
+    """[rad/s], shape (N, J)."""
+    friction: np.ndarray
+    """Bounds of the joints' dry friction [N m], shape (N, J)."""
+    fallen: np.ndarray
+    """Robots that lie, or blew up in this period, bool, shape (N,)."""
+
+
+class Walker(Protocol[Step]):
+    """One robot or a batch with a policy."""
+
+    def step(self, command: np.ndarray, /) -> Step:
+        """Advance by one control period under commanded velocities, shape (*batch, 3)."""
+
+
+class Observed(Walker[Step], Protocol[Step]):
+    """A walker whose ground truth is known."""
+
+    def truth(self) -> Truth:
+        """Return the ground truth at the end of the last control period."""
+
+
+def unheard(share: float) -> None:
+    """Ignore the progress of a walk."""
+
+
+def drive(
+    walker: Walker[Step], commands: Commands, steps: int, progress: Callable[[float], None] = unheard
+) -> Iterator[Step]:
+    """Advance a walker by `steps` control periods and yield each step when it is done; a caller may stop sooner.
+
+    commands: where they are a function, it is called before each step; progress: called after each with the share that
+    is done [-]. Raises whatever the walker's step does, such as `BlownUp`.
+    """
+    for number in range(steps):
+        yield walker.step(commands(number) if callable(commands) else commands)
+        progress((number + 1) / steps)
+
+
+class Recorder:
+    """Records the ground truth of a walk: call `record` at the end of every control period."""
+
+    def __init__(self, walker: Observed[object], period: float, steps: int, dtype: DTypeLike = np.float32) -> None:
+        """Begin with the robots in place. period: of control [s]; steps: most that will be recorded; dtype: of it."""
+        truth = walker.truth()
+        num, feet = truth.contact.shape
+
+        def zeros(*shape: int, dtype: DTypeLike = dtype) -> np.ndarray:
+            return np.zeros((steps, num, *shape), dtype)
+
+        self._walker, self._count = walker, 0
+        self._friction = zeros()
+        self._recording = Recording(
+            period,
+            velocity=zeros(3),
+            position=zeros(2),
+            contact=zeros(feet, dtype=bool),
+            power=zeros(),
+            square_acceleration=zeros(),
+            upright=zeros(dtype=bool),
+            friction=self._friction,
+        )
+        self._last_velocity = truth.joint_velocity.copy()
+        self.upright = np.ones(num, dtype=bool)
+        """Robots that have not fallen yet, bool, shape (N,)."""
+
+    def record(self) -> None:
+        """Record the end of a control period."""
+        truth, recording, t = self._walker.truth(), self._recording, self._count
+        # A robot that was put back after it blew up stands again, and would pass for one that never fell.
+        self.upright = self.upright & ~truth.fallen
+        recording.velocity[t] = truth.velocity
+        recording.position[t] = truth.position
+        recording.contact[t] = truth.contact
+        recording.power[t] = np.abs(truth.torque * truth.joint_velocity).sum(axis=1)
+        change = (truth.joint_velocity - self._last_velocity) / recording.period
+        recording.square_acceleration[t] = np.square(change).mean(axis=1)
+        recording.upright[t] = self.upright
+        self._friction[t] = truth.friction.mean(axis=1)
+        self._last_velocity = truth.joint_velocity.copy()
+        self._count += 1
+
+    def record_fall(self) -> None:
+        """Record robots whose simulation gave up as fallen where they were last."""
+        if not self._count:
+            self.record()
+        else:
+            for values in self._recording.signals.values():
+                values[self._count] = values[self._count - 1]
+            self._count += 1
+        self.upright[:] = self._recording.upright[self._count - 1] = False
+
+    def recording(self) -> Recording:
+        """Return what was recorded so far, shapes (T, N, ...)."""
+        return self._recording.of(slice(None), 0, self._count)
+
+
+def record(
+    walker: Observed[object], commands: Commands, period: float, steps: int, progress: Callable[[float], None] = unheard
+) -> Recording:
+    """Drive a batch and record it, those that fall with the others; arguments as of `drive` and `Recorder`."""
+    recorder = Recorder(walker, period, steps)
+    for _ in drive(walker, commands, steps, progress):
+        recorder.record()
+    return recorder.recording()
