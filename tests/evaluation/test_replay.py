@@ -11,24 +11,41 @@ from stiction.files.velocity import parse_command
 mujoco = pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 pytest.importorskip("sapien", reason="the package sapien, of the extra 'engines', is needed for PhysX")
 
+from functools import partial  # noqa: E402
+
 from stiction.deploy.check import robot_of  # noqa: E402
-from stiction.evaluation.clip import replay, walked  # noqa: E402
-from stiction.sim.fleet import Fleet  # noqa: E402
+from stiction.engines.catalog import make_engine  # noqa: E402
+from stiction.engines.engine import Motion  # noqa: E402
+from stiction.evaluation.clip import CELL, ENGINE, compiled, posed, walked_virtually  # noqa: E402
+from stiction.virtual.cases import Case, Level  # noqa: E402
+from stiction.virtual.trial import World, walk  # noqa: E402
 
 
 def test_the_renderer_has_the_engine_s_pose_joint_by_joint(bundle: Path) -> None:
     """A swapped joint or another order of the quaternion would show a walk that never was."""
-    loaded = check_bundle(bundle).bundle
+    loaded, command, motions = check_bundle(bundle).bundle, parse_command("vx=0.5"), []
     spec = robot_of(loaded.contract)
-    motions = walked(loaded, 3, 0.1, parse_command("vx=0.5"), 5)
-    fleet = Fleet(spec, 1)
-    advance = replay(fleet, motions)
-    for motion in motions:
-        advance()
-        _, data = fleet.data(0)
+
+    def steer(step: int, motion: Motion) -> np.ndarray:
+        motions.append(motion)
+        return np.array(command.velocity)
+
+    walk(loaded, Case(3, CELL, Level(0.1)), World(partial(make_engine, ENGINE)), steer, 5)
+    states = walked_virtually(loaded, 3, 0.1, command, 5 * loaded.contract.control_period)
+    assert len(states) == len(motions) == 5
+    for motion, (data,) in zip(motions, posed(compiled(spec), [states]), strict=True):
         np.testing.assert_allclose(data.body("base").xpos, motion.base_position)
         np.testing.assert_allclose(data.body("base").xquat, motion.base_quaternion, atol=1e-6)
         angles = [float(data.joint(name).qpos[0]) for name in spec.joint_names]
         np.testing.assert_allclose(angles, motion.joint_position)
-    advance()
-    np.testing.assert_allclose(fleet.base_position[0], motions[-1].base_position)
+
+
+def test_a_robot_that_fell_stays_where_it_fell(bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A clip lasts as long as it was asked for, though nobody walks any more."""
+    from stiction.virtual import trial
+
+    loaded = check_bundle(bundle).bundle
+    monkeypatch.setattr(trial.World, "fallen", lambda *_: True)
+    states = walked_virtually(loaded, 3, 0.1, parse_command("vx=0.5"), 4 * loaded.contract.control_period)
+    assert len(states) == 4
+    np.testing.assert_array_equal(states, np.repeat(states[:1], 4, axis=0))

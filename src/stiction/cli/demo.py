@@ -268,8 +268,7 @@ def _render(
     cfg: DemoCfg, bundles: Sequence[Path], names: Sequence[str], level: float, warnings: list[str]
 ) -> Path | None:
     """Render all policies in one scene; where that cannot be, without OpenGL, say so and go on."""
-    from stiction.evaluation.clip import ClipError
-    from stiction.evaluation.side_by_side import record_side_by_side
+    from stiction.evaluation.clip import ClipError, record_side_by_side
     from stiction.report.page import COLORS
 
     if not bundles:

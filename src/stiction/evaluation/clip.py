@@ -1,4 +1,4 @@
-"""Renders a short clip of a bundle walking, as an animated WebP.
+"""The renderer of clips, and its clips of bundles that walk, alone or side by side, as animated WebP.
 
 Rendering happens in a process of its own, see `core.opengl`.
 """
@@ -6,29 +6,25 @@ Rendering happens in a process of its own, see `core.opengl`.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stiction.core.errors import EngineError
+from stiction.core.errors import ConfigurationError, EngineError
 from stiction.core.lifeline import follow_parent
 from stiction.core.opengl import render
 from stiction.core.provenance import seed_streams
 from stiction.deploy.check import check_for_simulation, robot_of
-from stiction.deploy.policy import load_policy
-from stiction.engines.catalog import make_engine
-from stiction.engines.engine import Motion
-from stiction.evaluation.rollout import COULOMB, Rollout, friction_at
-from stiction.files.bundle import Bundle
 from stiction.files.velocity import Command, parse_command
-from stiction.joints.friction import Law
-from stiction.sim.fleet import Fleet
-from stiction.virtual.cases import Case, Level
-from stiction.virtual.trial import World, walk
+
+if TYPE_CHECKING:
+    from stiction.files.bundle import Bundle
+    from stiction.robots.model import Robot
 
 WIDTH, HEIGHT = 320, 240
 """Size of a frame [pixels]."""
@@ -79,115 +75,282 @@ def record_clip(
 
     """
     # Words are told by their places: only the last one may be left out.
-    words = [word for word in (bundle, level, command, out, seconds, law, robot) if word is not None]
+    words = [word for word in ("one", out, bundle, level, command, seconds, law, robot) if word is not None]
     return render("stiction.evaluation.clip", words, out, TIMEOUT, ClipError, "clip")
 
 
-@contextmanager
-def plain_renderer(model: Any, width: int, height: int) -> Iterator[Any]:
-    """Make a renderer without shadows and reflections: where the processor draws, they take most of the time.
+def record_side_by_side(
+    bundles: Sequence[Path], names: Sequence[str], colors: Sequence[str], level: float, command: str, out: Path
+) -> Path:
+    """Render policies of one robot that start together: one camera that stands still, metre marks; return the path.
 
-    model: compiled by MuJoCo; width, height: of a frame [pixels].
+    Args:
+        bundles: directories of the bundles, at least one.
+        names: what each is called in the legend.
+        colors: of each, `#rrggbb`, of its body and its name.
+        level: dry friction as a fraction of the torque limit [-].
+        command: as for `parse_command`; the camera looks across the way that it leads forward or backward.
+        out: the WebP file to write.
+
+    Raises:
+        ClipError: no OpenGL, or the renderer failed.
+
     """
-    import mujoco
-
-    with mujoco.Renderer(model, height, width) as renderer:
-        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
-            renderer.scene.flags[flag] = 0
-        yield renderer
+    robots = (word for each in zip(bundles, names, colors, strict=True) for word in each)
+    words = ["together", out, level, command, *robots]
+    return render("stiction.evaluation.clip", words, out, TIMEOUT_TOGETHER, ClipError, "clip")
 
 
-def save_clip(frames: Sequence[Any], period: float, out: Path) -> None:
-    """Write images, a frame every `period` [s], as an endless WebP, whatever the suffix of `out`."""
-    settings = {"append_images": frames[1:], "duration": round(1000 * period), "loop": 0, "quality": 60, "method": 2}
-    frames[0].save(out, format="WEBP", save_all=True, **settings)
+# The renderer.
 
 
-def film(fleet: Fleet, advance: Callable[[], object], out: Path, seconds: float) -> None:
-    """Write a clip of the first robot of a fleet on its ground to `out`, as WebP whatever its suffix.
+@dataclass(frozen=True)
+class Lane:
+    """One of the robots that are shown side by side."""
 
-    `advance` takes the fleet one control period further; the clip begins after `SETTLE` and lasts `seconds`. Needs
-    OpenGL; to be called in a process of its own.
+    name: str
+    """In the legend."""
+    color: str
+    """Of its body and its name, `#rrggbb`."""
+    place: float
+    """Along y [m]."""
+
+
+def write_clip(
+    model: Any,
+    moments: Iterable[Sequence[Any]],
+    camera: Any,
+    period: float,
+    out: Path,
+    size: tuple[int, int] = (WIDTH, HEIGHT),
+    lanes: Sequence[Lane] = (),
+    metres: range = range(0),
+) -> None:
+    """Write a frame of each moment as an endless WebP, whatever the suffix of `out`; needs OpenGL.
+
+    Args:
+        model: compiled by MuJoCo.
+        moments: at each, the data of every robot with positions computed; the first with the ground.
+        camera: MuJoCo's.
+        period: time between two moments [s].
+        out: the file.
+        size: width and height of a frame [pixels].
+        lanes: of the robots, where they are told apart.
+        metres: along x, that are marked on the ground.
+
     """
     import mujoco
     from PIL import Image
 
-    model, _ = fleet.data(0)
+    frames = []
+    with mujoco.Renderer(model, size[1], size[0]) as renderer:
+        # Without shadows and reflections: where the processor draws, they take most of the time.
+        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+            renderer.scene.flags[flag] = 0
+        for datas in moments:
+            _fill(renderer, model, datas, camera, [lane.color for lane in lanes])
+            _mark(renderer.scene, metres, [lane.place for lane in lanes])
+            frames.append(_captioned(Image.fromarray(renderer.render()), lanes))
+    settings = {"append_images": frames[1:], "duration": round(1000 * period), "loop": 0, "quality": 60, "method": 2}
+    frames[0].save(out, format="WEBP", save_all=True, **settings)
+
+
+def following(model: Any) -> Any:
+    """Return a camera that follows the robot of a model."""
+    import mujoco
+
     camera = mujoco.MjvCamera()
     camera.type, camera.trackbodyid = mujoco.mjtCamera.mjCAMERA_TRACKING, model.body("base").id
     for name, value in CAMERA.items():
         setattr(camera, name, value)
-    frames = []
-    period = fleet.control_period
-    with plain_renderer(model, WIDTH, HEIGHT) as renderer:
-        for step in range(round((SETTLE + seconds) / period)):
-            advance()
-            if step * period >= SETTLE and step % FRAME_EVERY == 0:
-                renderer.update_scene(fleet.data(0)[1], camera)
-                frames.append(Image.fromarray(renderer.render()))
-    save_clip(frames, FRAME_EVERY * period, out)
+    return camera
 
 
-def walked(bundle: Bundle, robot: int, level: float, command: Command, steps: int) -> list[Motion]:
-    """Let a bundle walk on a virtual robot; return its motion at the start of every control period until it falls.
+def posed(model: Any, walks: Sequence[np.ndarray], lanes: Sequence[Lane] = ()) -> Iterator[list[Any]]:
+    """Yield the data of robots at every moment of their walks, each an array of shape (moments, 7 + joints)."""
+    import mujoco
 
-    robot: its seed; level: mean over its joints of f/τ_max [-]. Raises `StictionError` where the bundle does not fit
-    the robot, or the engine is not installed.
+    datas = [mujoco.MjData(model) for _ in walks]
+    for moment in zip(*walks, strict=True):
+        for number, (data, state) in enumerate(zip(datas, moment, strict=True)):
+            data.qpos[: len(state)] = state
+            data.qpos[1] += lanes[number].place if lanes else 0.0
+            mujoco.mj_forward(model, data)
+        yield datas
+
+
+def _fill(renderer: Any, model: Any, datas: Sequence[Any], camera: Any, colors: Sequence[str]) -> None:
+    """Put all robots into the scene, each in its colour: the first with the ground, the others beside it."""
+    import mujoco
+
+    scene, moving = renderer.scene, int(mujoco.mjtCatBit.mjCAT_DYNAMIC)
+    renderer.update_scene(datas[0], camera)
+    begins = [0, scene.ngeom]
+    for data in datas[1:]:
+        mujoco.mjv_addGeoms(model, data, mujoco.MjvOption(), mujoco.MjvPerturb(), moving, scene)
+        begins.append(scene.ngeom)
+    for (first, last), color in zip(pairwise(begins), colors, strict=False):
+        rgb = [int(color[at : at + 2], 16) / 255 for at in (1, 3, 5)]
+        for geom in scene.geoms[first:last]:
+            if geom.category == moving:
+                geom.rgba[:3] = 0.75 * np.array(rgb) + 0.25 * geom.rgba[:3]
+
+
+def _mark(scene: Any, metres: range, lanes: Sequence[float]) -> None:
+    """Draw a line across the ground at every metre, the start line thick, each with its number."""
+    import mujoco
+
+    for metre in metres:
+        for label in (False, True):
+            geom = scene.geoms[scene.ngeom]
+            scene.ngeom += 1
+            size = np.array([0.006 if metre else 0.02, 0.5 * (max(lanes) - min(lanes)) + 0.7 * LANE, 0.001])
+            place = np.array([float(metre), 0.0, 0.001])
+            if label:
+                size, place = np.full(3, 1e-4), np.array([float(metre), min(lanes) - 0.75 * LANE, 0.02])
+            mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_BOX, size, place, np.eye(3).ravel(), GREY)
+            geom.label = (f"{metre} m" if metre else "start") if label else ""
+
+
+def _captioned(frame: Any, lanes: Sequence[Lane]) -> Any:
+    """Return a frame with the robots' names in it, farthest lane on top as in the picture."""
+    from PIL import ImageDraw, ImageFont
+
+    if not lanes:
+        return frame
+    pen, font = ImageDraw.Draw(frame), ImageFont.load_default(size=15.0)
+    widest = max(pen.textlength(lane.name, font=font) for lane in lanes)
+    pen.rectangle((0, 0, 14 + widest, 8 + CAPTION * len(lanes)), "white")
+    for number, lane in enumerate(lanes[::-1]):
+        pen.text((7, 5 + CAPTION * number), lane.name, fill=lane.color, font=font)
+    return frame
+
+
+# A bundle.
+
+
+def walked(bundle: Bundle, level: float, command: Command, seconds: float, law: str = "coulomb") -> np.ndarray:
+    """Let a bundle walk in the simulator of its training; return the start and the end of every control period.
+
+    level: dry friction as a fraction of the torque limit, or the law's coefficient [-]; seconds: length [s]. Of each
+    moment, free joint and joints, shape (moments, 7 + joints).
     """
-    velocity = np.array(command.velocity)
-    motions: list[Motion] = []
+    from stiction.deploy.policy import load_policy
+    from stiction.evaluation.rollout import Rollout, friction_at
+    from stiction.joints.friction import Law
+    from stiction.virtual.drive import drive
+
+    contract, noise = bundle.contract, seed_streams(0, ["clip"])["clip"]
+    friction = friction_at(contract, np.array([level]), Law(law))
+    policy = load_policy(contract, bundle.policy, (1,))
+    rollout = Rollout(contract, policy, robot_of(contract), friction, [noise], law=Law(law))
+    states = [rollout.fleet.qpos[0].copy()]
+    for _ in drive(rollout, np.array([command.velocity]), round(seconds / contract.control_period)):
+        states.append(rollout.fleet.qpos[0].copy())
+    return np.array(states)
+
+
+def walked_virtually(bundle: Bundle, robot: int, level: float, command: Command, seconds: float) -> np.ndarray:
+    """Let a bundle walk on a virtual robot; return its state at the start of every control period, as `walked` does.
+
+    robot: its seed; level: mean over its joints of f/τ_max [-]. A robot that has fallen stays where it is. Raises
+    `StictionError` where the bundle does not fit the robot, or the engine is not installed.
+    """
+    from stiction.engines.catalog import make_engine
+    from stiction.engines.engine import Motion
+    from stiction.virtual.cases import Case, Level
+    from stiction.virtual.trial import World, walk
+
+    velocity, states = np.array(command.velocity), []
 
     def steer(step: int, motion: Motion) -> np.ndarray:
-        motions.append(motion)
+        states.append(np.concatenate((motion.base_position, motion.base_quaternion, motion.joint_position)))
         return velocity
 
+    steps = round(seconds / bundle.contract.control_period)
     walk(bundle, Case(robot, CELL, Level(level)), World(partial(make_engine, ENGINE)), steer, steps)
-    return motions
+    return np.array(states + states[-1:] * (steps - len(states)))
 
 
-def replay(fleet: Fleet, motions: Sequence[Motion]) -> Callable[[], None]:
-    """Return a function that puts the first robot of a fleet into the next of the motions; it stays in the last."""
-    left = iter(motions)
+def compiled(robot: Robot, size: tuple[int, int] = (WIDTH, HEIGHT)) -> Any:
+    """Return MuJoCo's model of a robot on flat ground, for frames of a width and height [pixels]."""
+    from stiction.robots.mjcf import build
 
-    def advance() -> None:
-        motion = next(left, None)
-        if motion is not None:
-            fleet.base_position[0] = motion.base_position
-            fleet.base_quaternion[0] = motion.base_quaternion
-            fleet.joint_position[0] = motion.joint_position
-
-    return advance
+    spec = build(robot)
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = size
+    return spec.compile()
 
 
-def in_training_simulator(
-    bundle: Bundle, level: float, command: Command, law: Law = COULOMB
-) -> tuple[Fleet, Callable[[], object]]:
-    """Return one robot of a bundle in the simulator of its training, and what takes it a control period further.
-
-    level: dry friction as a fraction of the torque limit, or the law's coefficient [-].
-    """
-    contract = bundle.contract
-    policy, noise = load_policy(contract, bundle.policy, (1,)), seed_streams(0, ["clip"])["clip"]
-    friction = friction_at(contract, np.array([level]), law)
-    rollout = Rollout(contract, policy, robot_of(contract), friction, [noise], law=law)
-    return rollout.fleet, partial(rollout.step, np.array([command.velocity]))
-
-
-def _render(path: str, level: str, command: str, out: str, seconds: str, law: str, robot: str = "") -> None:
+def _render_one(
+    out: str, path: str, level: str, command: str, seconds: str, law: str = "coulomb", robot: str = ""
+) -> None:
     """Render in this process; arguments as of `record_clip`."""
-    bundle, commanded = check_for_simulation(path), parse_command(command)
-    advance: Callable[[], object]
-    if robot:
-        contract = bundle.contract
-        fleet = Fleet(robot_of(contract), 1, contract.physics_timestep, contract.decimation)
-        steps = round((SETTLE + float(seconds)) / fleet.control_period)
-        advance = replay(fleet, walked(bundle, int(robot), float(level), commanded, steps))
-    else:
-        fleet, advance = in_training_simulator(bundle, float(level), commanded, Law(law))
-    film(fleet, advance, Path(out), float(seconds))
+    bundle, length = check_for_simulation(path), SETTLE + float(seconds)
+    what = float(level), parse_command(command), length
+    states = walked_virtually(bundle, int(robot), *what) if robot else walked(bundle, *what, law)[1:]
+    period, model = bundle.contract.control_period, compiled(robot_of(bundle.contract))
+    shown = [step for step in range(len(states)) if step * period >= SETTLE and step % FRAME_EVERY == 0]
+    write_clip(model, posed(model, [states[shown]]), following(model), FRAME_EVERY * period, Path(out))
+
+
+# Policies side by side.
+
+SIZE, CAPTION = (960, 400), 22
+"""Size of a frame, and of a line of its legend [pixels]."""
+
+FRAMES = 12.5
+"""Frames a second, in real time."""
+
+TOGETHER = 7.0
+"""Length of the clip [s], from the start."""
+
+TIMEOUT_TOGETHER = 300.0
+"""Longest that a clip may take [s]."""
+
+LANE = 1.3
+"""Distance of two robots from each other, over their width at least [m]."""
+
+GREY = np.array([0.25, 0.27, 0.3, 1.0])
+"""Of the marks on the ground."""
+
+
+def metres_of(walks: Sequence[np.ndarray]) -> range:
+    """Return the whole metres between which everything happens along x, half a metre beside the outermost robot."""
+    ends = [states[:, 0] for states in walks]
+    low, high = min(map(np.min, ends)), max(map(np.max, ends))
+    return range(int(np.floor(low - 0.5)), int(np.ceil(high + 0.5)) + 1)
+
+
+def _render_together(out: str, level: str, command: str, *robots: str) -> None:
+    """Render in this process; words as `record_side_by_side` writes them."""
+    import mujoco
+
+    bundles = [check_for_simulation(path) for path in robots[::3]]
+    if len({robot_of(bundle.contract) for bundle in bundles}) > 1:
+        raise ConfigurationError("policies of different robots are not shown in one scene")
+    walks = []
+    for bundle in bundles:
+        states, period = walked(bundle, float(level), parse_command(command), TOGETHER), bundle.contract.control_period
+        start = states[0, :2].copy()
+        states[:, :2] -= start
+        walks.append(states[: -1 : max(1, round(1 / (FRAMES * period)))])
+    middle = (len(walks) - 1) / 2
+    lanes = [
+        Lane(name, color, LANE * (number - middle))
+        for number, (name, color) in enumerate(zip(robots[1::3], robots[2::3], strict=True))
+    ]
+    metres, model, camera = metres_of(walks), compiled(robot_of(bundles[0].contract), SIZE), mujoco.MjvCamera()
+    low, high = metres[0], metres[-1]
+    camera.lookat, camera.azimuth, camera.elevation = [(low + high) / 2, 0.0, 0.1], 90.0, -28.0
+    camera.distance = max(0.62 * (high - low), 1.9 * LANE * len(walks) * 0.62) + 0.8
+    write_clip(model, posed(model, walks, lanes), camera, 1 / FRAMES, Path(out), SIZE, lanes, metres)
 
 
 # At the end of the module: as a program it runs from top to bottom.
 if __name__ == "__main__":
     follow_parent()
-    _render(*sys.argv[1:])
+    kind, *words = sys.argv[1:]
+    if kind == "one":
+        _render_one(*words)
+    else:
+        _render_together(*words)

@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,7 +23,7 @@ from stiction.core.files import publish
 from stiction.core.isolation import python_module
 from stiction.core.lifeline import follow_parent, tied
 from stiction.core.opengl import opengl_environment
-from stiction.evaluation.clip import film
+from stiction.evaluation.clip import FRAME_EVERY, SETTLE, following, write_clip
 
 if TYPE_CHECKING:
     from stiction.task.config import TaskCfg
@@ -197,13 +197,19 @@ def _render(run: Path, checkpoint: Path, out: Path) -> None:
         env.enter_stage(trained["stage"])
     if trained.get("course"):
         _to_level(env, trained["course"])
+    fleet, period = env.fleet, env.fleet.control_period
 
-    def advance() -> None:
-        with torch.no_grad():
-            env.step(actor(env.get_observations()))
+    def moments() -> Iterator[list[Any]]:
+        for step in range(round((SETTLE + SECONDS) / period)):
+            with torch.no_grad():
+                env.step(actor(env.get_observations()))
+            if step * period >= SETTLE and step % FRAME_EVERY == 0:
+                # With its model of now: a reset may lay the ground anew.
+                yield [fleet.data(0)[1]]
 
+    model, _ = fleet.data(0)
     with publish(out) as partial:
-        film(env.fleet, advance, partial, SECONDS)
+        write_clip(model, moments(), following(model), FRAME_EVERY * period, partial)
 
 
 if __name__ == "__main__":
