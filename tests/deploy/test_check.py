@@ -8,16 +8,9 @@ import pytest
 
 from bundles import make_bundle, make_contract, make_golden, make_network, make_wear, repair_sums
 from stiction.core.errors import BundleError, FileError, StictionError
-from stiction.deploy.check import (
-    TOLERANCE,
-    check_bundle,
-    check_for_simulation,
-    read_allowed,
-    record_notes,
-    robot_of,
-)
+from stiction.deploy.check import TOLERANCE, check_bundle, check_for_simulation, read_allowed, record_notes
 from stiction.files.bundle import read_bundle, write_bundle
-from stiction.files.contract import Contract
+from stiction.files.contract import Contract, robot_of
 
 
 @pytest.mark.parametrize("robot", ["saturn_lite", "go1"])

@@ -10,10 +10,10 @@ import pytest
 
 from bundles import make_contract, make_golden, make_network
 from stiction.core.errors import BundleError
-from stiction.deploy.check import check_bundle, robot_of
+from stiction.deploy.check import check_bundle
 from stiction.deploy.policy import load_policy
 from stiction.files.bundle import write_bundle
-from stiction.files.contract import Contract
+from stiction.files.contract import Contract, robot_of
 from stiction.files.golden import Golden, exercise_of, read_golden, write_golden
 from stiction.files.observation import ObservationLayout
 

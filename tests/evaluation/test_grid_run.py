@@ -171,8 +171,8 @@ def test_stairs_are_walked_in_every_engine(still: Bundle, tmp_path: Path) -> Non
 
 def test_what_is_not_installed_is_said_before_anything_walks(still: Bundle, tmp_path: Path) -> None:
     """An engine that is missing must not end a grid after an hour."""
-    from stiction.deploy.check import robot_of
     from stiction.engines.catalog import what_is_missing
+    from stiction.files.contract import robot_of
 
     if not what_is_missing("ode", robot_of(still.contract)):
         pytest.skip("ODE is installed here")

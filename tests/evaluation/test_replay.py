@@ -13,10 +13,10 @@ pytest.importorskip("sapien", reason="the package sapien, of the extra 'engines'
 
 from functools import partial  # noqa: E402
 
-from stiction.deploy.check import robot_of  # noqa: E402
 from stiction.engines.catalog import make_engine  # noqa: E402
 from stiction.engines.engine import Motion  # noqa: E402
 from stiction.evaluation.clip import CELL, ENGINE, compiled, posed, walked_virtually  # noqa: E402
+from stiction.files.contract import robot_of  # noqa: E402
 from stiction.virtual.cases import Case, Level  # noqa: E402
 from stiction.virtual.trial import World, walk  # noqa: E402
 

@@ -9,12 +9,12 @@ import pytest
 from bundles import make_contract, make_network
 from stiction.core.errors import StictionError
 from stiction.core.rotation import roll_pitch, tilted
-from stiction.deploy.check import check_bundle, robot_of
+from stiction.deploy.check import check_bundle
 from stiction.deploy.policy import PolicyStep, load_policy
 from stiction.evaluation.golden import record_golden
 from stiction.evaluation.rollout import Rollout, friction_at
 from stiction.files.bundle import write_bundle
-from stiction.files.contract import Contract
+from stiction.files.contract import Contract, robot_of
 from stiction.task.config import NoiseCfg
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.deploy.check import robot_of
 from stiction.engines.catalog import make_engine
 from stiction.engines.engine import Body, Pushable
 from stiction.engines.friction import JointFriction
 from stiction.engines.ground import flat
 from stiction.evaluation.course import START_DISTANCE, parse_course
 from stiction.files.bundle import read_bundle, shipped_bundles
+from stiction.files.contract import robot_of
 from stiction.joints.friction import Law
 from stiction.view.history import History, belief_text, believed
 from stiction.view.simulation import LYING, Simulation, ViewedPolicy, Walker, WorldCfg

@@ -16,8 +16,8 @@ pytest.importorskip("mjviser", reason="the viewer needs the extra view")
 
 from stiction.cli.main import main
 from stiction.core.errors import StictionError
-from stiction.deploy.check import robot_of
 from stiction.files.bundle import read_bundle, shipped_bundles
+from stiction.files.contract import robot_of
 from stiction.files.log import by_joint, read_setup, read_table
 from stiction.view.plots import top_of
 from stiction.view.scene import MARKS, RobotBody, lanes

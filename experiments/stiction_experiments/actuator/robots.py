@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from stiction.core.provenance import seed_streams, stream_seed
-from stiction.deploy.check import robot_of
 from stiction.evaluation.evaluate import EvaluationCfg
 from stiction.evaluation.walk_logs import RecordCfg, record_walks
 from stiction.files.bundle import Bundle
-from stiction.files.contract import Contract
+from stiction.files.contract import Contract, robot_of
 from stiction.files.walk import write_walk
 from stiction_experiments.actuator.config import BACKWARD, DRAWN, EVERYWHERE, RUNS, LoopCfg
 

@@ -14,10 +14,11 @@ from stiction.core.cache import cached, key_of
 from stiction.core.provenance import seed_streams
 from stiction.core.records import column
 from stiction.core.statistics import CONFIDENCE, conformal_bound, wilson
-from stiction.deploy.check import check_bundle, robot_of
+from stiction.deploy.check import check_bundle
 from stiction.deploy.wear import Moments, is_unusual, raw_estimate
 from stiction.engines.catalog import binaries, make_engine
 from stiction.evaluation.code import WALK_CODE
+from stiction.files.contract import robot_of
 from stiction.files.wear import WearCalibration, WearModel
 from stiction.virtual.cases import Case, Level
 from stiction.virtual.hidden import draw

@@ -88,11 +88,11 @@ def run(options: CompensationOptions, work: Work) -> Report:
 
     from stiction.core.parallel import spread
     from stiction.core.records import part_of
-    from stiction.deploy.check import robot_of
     from stiction.evaluation.evaluate import EvaluationCfg
     from stiction.evaluation.grid import check_fed_law
     from stiction.evaluation.methods import method_of
     from stiction.evaluation.summary import describe
+    from stiction.files.contract import robot_of
     from stiction.virtual.cases import parse_levels, warnings_on
     from stiction_experiments.compensation.page import report
     from stiction_experiments.compensation.standing import stand_by

@@ -12,11 +12,11 @@ import numpy as np
 
 from stiction.core.errors import ConfigurationError
 from stiction.core.provenance import seed_streams
-from stiction.deploy.check import robot_of
 from stiction.deploy.policy import load_policy
 from stiction.evaluation.command import SETTLE
 from stiction.evaluation.rollout import Rollout, friction_at
 from stiction.files.bundle import Bundle
+from stiction.files.contract import robot_of
 from stiction.files.results import DIRECTIONS
 from stiction.files.velocity import parse_command
 from stiction.robots.catalog import find_robot

@@ -18,12 +18,11 @@ import torch
 from stiction.core.errors import ConfigurationError
 from stiction.core.provenance import stream_seed
 from stiction.core.records import column
-from stiction.deploy.check import robot_of
 from stiction.deploy.policy import Network
 from stiction.evaluation.command import SETTLE
 from stiction.evaluation.methods import method_of
 from stiction.files.bundle import Bundle
-from stiction.files.contract import Contract
+from stiction.files.contract import Contract, robot_of
 from stiction.files.velocity import parse_command
 from stiction.joints.compensation import BY_SPEED
 from stiction.learning.disturber import Disturber, LearningDisturber, make_disturber, with_falls

@@ -19,13 +19,13 @@ from stiction.core.decode import from_plain
 from stiction.core.errors import ConfigurationError
 from stiction.core.parallel import spread
 from stiction.core.statistics import ratio_interval, t_interval, wilson
-from stiction.deploy.check import robot_of
 from stiction.engines.catalog import TIMESTEP, binaries, make_engine
 from stiction.evaluation.code import WALK_CODE
 from stiction.evaluation.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.evaluation.metrics import Metrics
 from stiction.evaluation.run import walk_once
 from stiction.files.bundle import Bundle
+from stiction.files.contract import robot_of
 from stiction.joints.friction import Law
 from stiction.task.config import NoiseCfg
 from stiction.virtual.cases import DataSheet

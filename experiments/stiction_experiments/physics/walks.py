@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from stiction.core.provenance import seed_streams
-from stiction.deploy.check import robot_of
 from stiction.deploy.policy import load_policy
 from stiction.evaluation.command import SETTLE
 from stiction.evaluation.rollout import Rollout, friction_at
 from stiction.files.bundle import Bundle
+from stiction.files.contract import robot_of
 from stiction.robots.physics import EXACT, FAST, PhysicsCfg
 from stiction.virtual.drive import drive
 from stiction_experiments.physics.config import WalkCfg

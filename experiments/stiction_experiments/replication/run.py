@@ -11,7 +11,6 @@ from typing import Any
 
 from stiction.core.errors import ConfigurationError, EngineError, FileError
 from stiction.core.records import make_folder
-from stiction.deploy.check import robot_of
 from stiction.engines.catalog import what_is_missing
 from stiction.evaluation.benches import (
     all_identified,
@@ -30,7 +29,7 @@ from stiction.evaluation.summary import check_names, describe
 from stiction.evaluation.table import law_label, number, rows_of
 from stiction.files.advice import Source, TrainedWith
 from stiction.files.bundle import Bundle
-from stiction.files.contract import Contract
+from stiction.files.contract import Contract, robot_of
 from stiction.files.following import following
 from stiction.files.results import read_summary
 from stiction.learning.identity import difference

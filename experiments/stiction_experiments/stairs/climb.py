@@ -13,11 +13,11 @@ import numpy as np
 
 from stiction.core.provenance import seed_streams
 from stiction.core.records import column
-from stiction.deploy.check import robot_of
 from stiction.deploy.policy import load_policy
 from stiction.evaluation.course import PATIENCE, course_commands, crossed, line_up, starts, steps_passed
 from stiction.evaluation.rollout import Rollout, friction_at
 from stiction.files.bundle import Bundle
+from stiction.files.contract import robot_of
 from stiction.files.walk import Recording
 from stiction.robots.terrain import KINDS, SLABS, STEEPEST, Terrain
 from stiction.task.terrain import LENGTH

@@ -13,12 +13,12 @@ from markupsafe import Markup
 from stiction.api.options import public
 from stiction.api.result import Result, html_table
 from stiction.core.errors import PolicyError
-from stiction.deploy.check import BundleCheck, check_bundle, read_allowed, robot_of
+from stiction.deploy.check import BundleCheck, check_bundle, read_allowed
 from stiction.deploy.policy import Network, Policy
 from stiction.deploy.policy import load_policy as open_policy
 from stiction.deploy.robot_policy import RobotPolicy
 from stiction.files.bundle import Bundle, find_bundle, shipped_bundles
-from stiction.files.contract import Contract
+from stiction.files.contract import Contract, robot_of
 from stiction.files.plain import write_object
 
 

@@ -117,8 +117,9 @@ def main(arguments: list[str]) -> int:
 
 def policies_of(cfg: ViewCfg) -> tuple[list[ViewedPolicy], Robot, dict[int, NewestPolicy]]:
     """Return what is looked at, its robot, and by its number what may be replaced by a newer checkpoint."""
-    from stiction.deploy.check import check_for_simulation, record_notes, robot_of
+    from stiction.deploy.check import check_for_simulation, record_notes
     from stiction.files.bundle import find_bundle
+    from stiction.files.contract import robot_of
     from stiction.report.terminal import print_warnings
     from stiction.view.simulation import ViewedPolicy
 

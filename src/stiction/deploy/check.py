@@ -19,40 +19,13 @@ from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import Policy, PolicyStep, check_model, load_policy
 from stiction.deploy.wear import WearMonitor
 from stiction.files.bundle import GOLDEN, Bundle, read_bundle
-from stiction.files.contract import Contract
+from stiction.files.contract import ALIKE, Contract, robot_of
 from stiction.files.contract_rules import IMPORTED, TARGET_LIMITS
 from stiction.files.golden import Golden, exercise_of
 from stiction.files.signature import check_signature
-from stiction.robots.catalog import find_robot, is_shipped
-from stiction.robots.model import Body, Robot
+from stiction.robots.catalog import is_shipped
+from stiction.robots.model import Body
 from stiction.robots.named import check_named
-
-
-def robot_of(contract: Contract, robot: str | None = None) -> Robot:
-    """Return the robot that a contract was made for, checked against it.
-
-    It is the contract's own; of an older bundle the shipped one of its name. `robot` names another one to use in its
-    place: a path, or `package.module:NAME`, which runs that module.
-
-    Raises `StictionError`: the robot is unknown, or its joints, torque limits or gains are not those of the contract.
-    """
-    if robot is None and contract.anatomy is not None:
-        return contract.anatomy
-    if robot is None and not contract.robot.partition("@")[0].isidentifier():
-        raise RobotError(
-            f"the bundle is for the robot {contract.robot!r}, which is not a shipped one; "
-            "if you trust that module, name it with --robot"
-        )
-    spec = find_robot(robot or contract.robot)
-    if spec.joint_names != contract.joint_names:
-        raise RobotError(
-            f"robot {spec.name!r} has other joints than the bundle, {', '.join(spec.joint_names)} and not "
-            f"{', '.join(contract.joint_names)}; leave --robot out, or name the one that the policy is for"
-        )
-    for field, what in ALIKE.items():
-        if not np.allclose(spec.joint_values(field), contract.array(field)):
-            raise RobotError(f"robot {spec.name!r} has other {what} than the bundle; name the right one with --robot")
-    return spec
 
 
 def check_robot(contract: Contract) -> None:
@@ -84,10 +57,6 @@ def check_robot(contract: Contract) -> None:
                 "expected those of a body; correct them in the file of the robot"
             )
     check_named(robot, elsewhere=contract.method == IMPORTED)
-
-
-ALIKE = {"torque_limit": "torque limits", "kp": "gains kp", "kd": "gains kd"}
-"""Field in which a robot has to be the contract's -> what it is: the policy learned to walk with these."""
 
 
 OF_CONTRACT = ("robot", "method", "friction_law", "friction_level", "known_friction")

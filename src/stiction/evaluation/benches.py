@@ -20,12 +20,11 @@ from stiction.core.cache import has_entry
 from stiction.core.errors import ConfigurationError, FileError, PolicyError, unknown_name
 from stiction.core.lock import output_folder
 from stiction.core.parallel import spread
-from stiction.deploy.check import robot_of
 from stiction.evaluation.grid import GridCfg, Walk, plan_forward
 from stiction.evaluation.known_friction import known_to, nominal_known, parse_source
 from stiction.evaluation.rollout import friction_at
 from stiction.files.bundle import Bundle
-from stiction.files.contract import Contract
+from stiction.files.contract import Contract, robot_of
 from stiction.files.joints import JointsFile, load_joints
 from stiction.files.known_friction import BenchFriction, bench_friction, kind_average
 from stiction.joints.compensation import LOAD_LAW, parse_compensation

@@ -19,7 +19,8 @@ from stiction.core.errors import ConfigurationError, EngineError
 from stiction.core.lifeline import follow_parent
 from stiction.core.opengl import render
 from stiction.core.provenance import seed_streams
-from stiction.deploy.check import check_for_simulation, robot_of
+from stiction.deploy.check import check_for_simulation
+from stiction.files.contract import robot_of
 from stiction.files.velocity import Command, parse_command
 
 if TYPE_CHECKING:

@@ -16,7 +16,6 @@ import numpy as np
 
 from stiction.core.errors import ConfigurationError, check_once
 from stiction.core.provenance import seed_streams
-from stiction.deploy.check import robot_of
 from stiction.deploy.control import Driver
 from stiction.deploy.policy import load_policy
 from stiction.evaluation.command import SETTLE
@@ -27,7 +26,7 @@ from stiction.evaluation.metrics import Metrics, measure
 from stiction.evaluation.own_policy import FunctionDriver, OwnPolicy
 from stiction.evaluation.rollout import Rollout, friction_at
 from stiction.files.bundle import Bundle
-from stiction.files.contract import Contract
+from stiction.files.contract import Contract, robot_of
 from stiction.files.results import DIRECTIONS, ResultRow, slowest_of
 from stiction.files.velocity import Command, parse_command
 from stiction.files.walk import Recording

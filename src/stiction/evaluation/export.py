@@ -23,14 +23,14 @@ from stiction.core.decode import from_plain
 from stiction.core.effects import requirement
 from stiction.core.errors import BundleError, ConfigurationError, FileError, StictionError, TrainingError
 from stiction.core.files import digest_of, read_bounded
-from stiction.deploy.check import BundleCheck, check_bundle, robot_of
+from stiction.deploy.check import BundleCheck, check_bundle
 from stiction.deploy.observation import Sensors, friction_of_robots
 from stiction.deploy.policy import INPUT, OUTPUT, PolicyStep
 from stiction.deploy.vendor import VendorMap, write_maker_targets
 from stiction.evaluation.golden import record_golden
 from stiction.evaluation.known_friction import nominal_known
 from stiction.files.bundle import MAX_BYTES, WEAR, write_bundle
-from stiction.files.contract import Contract
+from stiction.files.contract import Contract, robot_of
 from stiction.files.contract_rules import METHODS, TARGET_LIMITS
 from stiction.files.joint_map import mapped, refuse_alone
 from stiction.files.joints import load_joints

@@ -14,12 +14,11 @@ import numpy as np
 import torch
 
 from stiction.core.errors import StictionError, TrainingError
-from stiction.deploy.check import robot_of
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import PolicyStep
 from stiction.evaluation.export import TrainedPolicy, contract_of
 from stiction.evaluation.trained import LatentPolicy, privileged_of
-from stiction.files.contract import Contract
+from stiction.files.contract import Contract, robot_of
 from stiction.learning.run import RunDirectory, latest_checkpoint
 from stiction.learning.runner import load_actor
 

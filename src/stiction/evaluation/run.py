@@ -16,7 +16,6 @@ from stiction.core.errors import EngineError
 from stiction.core.lock import output_folder
 from stiction.core.parallel import spread
 from stiction.core.rotation import yaw
-from stiction.deploy.check import robot_of
 from stiction.engines import catalog
 from stiction.engines.catalog import binaries, what_is_missing
 from stiction.engines.engine import Motion
@@ -28,6 +27,7 @@ from stiction.evaluation.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.evaluation.grid import GridCfg, Unit, Walk, plan, units
 from stiction.evaluation.metrics import Metrics, measure
 from stiction.files.bundle import Bundle
+from stiction.files.contract import robot_of
 from stiction.files.velocity import Command
 from stiction.joints.compensation import BY_ERROR, Compensation, parse_compensation
 from stiction.joints.friction import law_source

@@ -9,12 +9,11 @@ from typing import Any, Protocol
 import numpy as np
 
 from stiction.core.statistics import wilson
-from stiction.deploy.check import robot_of
 from stiction.evaluation.grid import Walk
 from stiction.evaluation.methods import MethodCell, method_of
 from stiction.evaluation.metrics import Metrics, combine
 from stiction.files.bundle import Bundle
-from stiction.files.contract import PHASES, Contract
+from stiction.files.contract import PHASES, Contract, robot_of
 from stiction.files.results import ResultRow, ends_of, slowest_of
 from stiction.files.velocity import parse_command
 from stiction.joints.friction import Law

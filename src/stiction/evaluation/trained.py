@@ -16,12 +16,11 @@ import torch
 from torch import nn
 
 from stiction.core.errors import ConfigurationError
-from stiction.deploy.check import robot_of
 from stiction.evaluation.evaluate import Evaluation, EvaluationCfg, drive, judge
 from stiction.evaluation.export import TrainedPolicy, contract_of
 from stiction.evaluation.known_friction import known_to, parse_source
 from stiction.evaluation.rollout import friction_at
-from stiction.files.contract import Contract
+from stiction.files.contract import Contract, robot_of
 from stiction.learning.models import RMAActor, StudentPolicy
 from stiction.learning.run import RunDirectory
 from stiction.learning.runner import load_actor

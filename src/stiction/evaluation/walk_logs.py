@@ -17,10 +17,10 @@ import numpy as np
 from stiction.core.errors import ConfigurationError
 from stiction.core.provenance import seed_streams
 from stiction.core.rotation import into_frames, tilted
-from stiction.deploy.check import robot_of
 from stiction.evaluation.evaluate import ENGINE, EvaluationCfg, batch_policy
 from stiction.evaluation.rollout import Rollout, friction_at
 from stiction.files.bundle import Bundle
+from stiction.files.contract import robot_of
 from stiction.files.walk import WalkHeader, WalkLog, has_walk, write_walk
 from stiction.joints.net import TORQUE_SOURCES
 from stiction.sim.fleet import BASE_DOFS, Fleet

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from stiction.core.decode import from_plain
-from stiction.core.errors import BundleError
+from stiction.core.errors import BundleError, RobotError
 from stiction.core.names import kinds_of
 from stiction.files.contract_rules import (
     IMPORTED,
@@ -40,6 +40,7 @@ from stiction.files.observation import ObservationLayout
 from stiction.files.plain import is_integer, parse_object
 from stiction.joints.compensation import PushCfg
 from stiction.joints.friction import LAWS, Law, has_coefficient, simulated_laws
+from stiction.robots.catalog import find_robot
 from stiction.robots.model import Robot
 from stiction.robots.record import robot_from
 
@@ -372,6 +373,37 @@ def _check_known_friction(contract: Contract) -> None:
     allowed, expected, _ = SHARE
     right = isinstance(given, Mapping) and set(given) == set(kinds) and all(map(allowed, given.values()))
     expect(right, "known_friction", given, f"an object with {expected} for each of {', '.join(kinds)}, or null")
+
+
+ALIKE = {"torque_limit": "torque limits", "kp": "gains kp", "kd": "gains kd"}
+"""Field in which a robot has to be the contract's -> what it is: the policy learned to walk with these."""
+
+
+def robot_of(contract: Contract, robot: str | None = None) -> Robot:
+    """Return the robot that a contract was made for, checked against it.
+
+    It is the contract's own; of an older bundle the shipped one of its name. `robot` names another one to use in its
+    place: a path, or `package.module:NAME`, which runs that module.
+
+    Raises `StictionError`: the robot is unknown, or its joints, torque limits or gains are not those of the contract.
+    """
+    if robot is None and contract.anatomy is not None:
+        return contract.anatomy
+    if robot is None and not contract.robot.partition("@")[0].isidentifier():
+        raise RobotError(
+            f"the bundle is for the robot {contract.robot!r}, which is not a shipped one; "
+            "if you trust that module, name it with --robot"
+        )
+    spec = find_robot(robot or contract.robot)
+    if spec.joint_names != contract.joint_names:
+        raise RobotError(
+            f"robot {spec.name!r} has other joints than the bundle, {', '.join(spec.joint_names)} and not "
+            f"{', '.join(contract.joint_names)}; leave --robot out, or name the one that the policy is for"
+        )
+    for field, what in ALIKE.items():
+        if not np.allclose(spec.joint_values(field), contract.array(field)):
+            raise RobotError(f"robot {spec.name!r} has other {what} than the bundle; name the right one with --robot")
+    return spec
 
 
 def contract_of_others(

@@ -24,7 +24,6 @@ from stiction.core.errors import EngineError, StictionError
 from stiction.core.lifeline import follow_parent
 from stiction.core.provenance import limit_library_threads, seed_streams, stream_seed
 from stiction.core.rotation import cross, into_frame
-from stiction.deploy.check import robot_of
 from stiction.deploy.control import JointCommand
 from stiction.deploy.pilot import Reading
 from stiction.deploy.runtime.ticker import Ticker
@@ -33,6 +32,7 @@ from stiction.deploy.transports.udp import HELLO, LOOPBACK
 from stiction.engines.catalog import find_engine, make_engine
 from stiction.engines.engine import BlownUp
 from stiction.files.bundle import read_bundle
+from stiction.files.contract import robot_of
 from stiction.files.plain import parse_object
 from stiction.robots.model import GRAVITY, Robot
 from stiction.virtual.cases import Case, parse_level

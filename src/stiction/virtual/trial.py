@@ -10,13 +10,13 @@ import numpy as np
 
 from stiction.core.provenance import seed_streams
 from stiction.core.rotation import UPRIGHT, about
-from stiction.deploy.check import robot_of
 from stiction.deploy.pilot import ControlStep, Pilot
 from stiction.deploy.policy import load_policy
 from stiction.engines.engine import BlownUp, Make, Motion
 from stiction.engines.friction import JointFriction
 from stiction.engines.ground import Ground, flat
 from stiction.files.bundle import Bundle
+from stiction.files.contract import robot_of
 from stiction.files.walk import Recording
 from stiction.joints.compensation import BY_ERROR, Compensation
 from stiction.joints.net import TorqueSource

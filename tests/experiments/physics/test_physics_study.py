@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.deploy.check import robot_of
 from stiction.deploy.policy import load_policy
 from stiction.evaluation.rollout import Rollout, friction_at
 from stiction.files.bundle import read_bundle
+from stiction.files.contract import robot_of
 from stiction.robots.physics import EXACT
 from stiction_experiments.physics import walks as physics_study
 from stiction_experiments.physics.config import WalkCfg

@@ -33,12 +33,12 @@ import numpy as np
 from stiction import __version__
 from stiction.core.errors import BundleError, ConfigurationError, FileError, PolicyError, RobotError
 from stiction.core.files import publish
-from stiction.deploy.check import check_bundle, robot_of
+from stiction.deploy.check import check_bundle
 from stiction.exchange.webots.controller import CHANNEL, PLUGIN
 from stiction.exchange.webots.proto import FARTHEST, friction_fields, number, proto_name, solid_name, stops, write_proto
 from stiction.exchange.webots.world import ROBOT, joint_friction, milliseconds, write_world
 from stiction.files.bundle import Bundle, read_bundle
-from stiction.files.contract import Contract
+from stiction.files.contract import Contract, robot_of
 from stiction.joints.friction import MAX_LEVEL, level_text
 from stiction.robots.model import Robot
 from stiction.robots.terrain import STEEPEST
