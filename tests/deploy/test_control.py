@@ -11,9 +11,8 @@ import deployed
 from bundles import make_contract
 from deployed import PERIOD, SHORT, Run, state
 from stiction.core.errors import StictionError
-from stiction.deploy.control import FREE, RANGE, SLEW, ControlLoop, JointCommand
+from stiction.deploy.control import FREE, RANGE, SLEW, ControlLoop, JointCommand, Pilot, Reading
 from stiction.deploy.observation import Sensors
-from stiction.deploy.pilot import Pilot, Reading
 from stiction.deploy.policy import PolicyStep
 from stiction.deploy.runtime.supervisor import Stage
 from stiction.exchange.webots.controller import PolicyLoop

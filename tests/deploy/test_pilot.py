@@ -10,9 +10,8 @@ import pytest
 
 from bundles import make_contract
 from stiction.core.errors import StictionError
-from stiction.deploy.control import JointCommand
+from stiction.deploy.control import JointCommand, Pilot, Reading
 from stiction.deploy.observation import Sensors
-from stiction.deploy.pilot import Pilot, Reading
 from stiction.deploy.policy import PolicyStep
 from stiction.joints.compensation import Compensation
 

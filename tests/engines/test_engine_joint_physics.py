@@ -7,8 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from stiction.engines.engine import Motion
-from stiction.engines.friction import JointFriction, Term
+from stiction.engines.engine import JointFriction, Motion, Term
 from stiction.joints.friction import Law, simulated_laws
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet

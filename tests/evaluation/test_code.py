@@ -64,7 +64,7 @@ TRAINING = {
     ),
     *("core/effects.py", "learning/ranks.py", "learning/simulator.py", "learning/symmetry.py", "deploy/vendor.py"),
     *(name for name in NAMES.values() if name.startswith("engines/")),
-    *(*(CHECKING - {"deploy/check.py"}), "deploy/pilot.py", "deploy/policy.py", "evaluation/golden.py"),
+    *(*(CHECKING - {"deploy/check.py"}), "deploy/policy.py", "evaluation/golden.py"),
 }
 """Code that trained, exports and drives, which the modules around a run's policies import: weights and settings are in
 keys."""
@@ -106,7 +106,7 @@ def counted(code: tuple[str, ...]) -> set[str]:
 @pytest.mark.parametrize(
     ("start", "code", "known"),
     [
-        ("evaluation/run.py", WALK_CODE, READING | WEAR | BENCHES),
+        ("evaluation/walks.py", WALK_CODE, READING | WEAR | BENCHES),
         ("stiction_experiments:wear/lifetimes.py", WEARING, READING),
         ("evaluation/trained.py", RUN_WALK_CODE, (READING - {"task/config.py"}) | TRAINING | WEAR),
         ("virtual/bench.py", BENCH_CODE, READING | BENCHED | WEAR),

@@ -14,8 +14,7 @@ import pytest
 from bundles import make_contract
 from stiction.cli.main import main
 from stiction.core.errors import StictionError
-from stiction.engines.engine import Motion
-from stiction.engines.friction import JointFriction
+from stiction.engines.engine import JointFriction, Motion
 from stiction.evaluation.evaluate import EvaluationCfg
 from stiction.evaluation.grid import GridCfg, Simulator, Walk
 from stiction.evaluation.run import WalkLedger

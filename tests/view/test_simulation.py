@@ -9,8 +9,7 @@ import pytest
 
 from stiction.core.errors import StictionError
 from stiction.engines.catalog import make_engine
-from stiction.engines.engine import Body, Pushable
-from stiction.engines.friction import JointFriction
+from stiction.engines.engine import Body, JointFriction, Pushable
 from stiction.engines.ground import flat
 from stiction.evaluation.course import START_DISTANCE, parse_course
 from stiction.files.bundle import read_bundle, shipped_bundles

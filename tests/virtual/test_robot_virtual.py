@@ -8,9 +8,8 @@ import pytest
 from bundles import make_contract, make_network
 from hinges import Hinges
 from stiction.core.errors import StictionError
-from stiction.deploy.control import JointCommand
+from stiction.deploy.control import JointCommand, Pilot, Reading
 from stiction.deploy.observation import Sensors
-from stiction.deploy.pilot import Pilot, Reading
 from stiction.deploy.policy import load_policy
 from stiction.joints.compensation import parse_compensation
 from stiction.robots.catalog import find_robot

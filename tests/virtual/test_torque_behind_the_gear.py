@@ -7,11 +7,9 @@ import pytest
 
 from stiction.core.errors import StictionError
 from stiction.core.rotation import UPRIGHT
-from stiction.deploy.control import JointCommand
-from stiction.deploy.pilot import Reading
+from stiction.deploy.control import JointCommand, Reading
 from stiction.engines.catalog import make_engine, what_is_missing
-from stiction.engines.engine import Body, Engine, FrictionSensing
-from stiction.engines.friction import JointFriction
+from stiction.engines.engine import Body, Engine, FrictionSensing, JointFriction
 from stiction.engines.ground import flat
 from stiction.joints.friction import Law
 from stiction.joints.net import TorqueSource

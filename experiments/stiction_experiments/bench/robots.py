@@ -21,8 +21,7 @@ from stiction.core.errors import EngineError, StictionError, UnwrittenError
 from stiction.core.files import write_text
 from stiction.core.parallel import spread
 from stiction.core.records import column, read_rows, write_rows
-from stiction.deploy.control import JointCommand
-from stiction.deploy.pilot import Reading
+from stiction.deploy.control import JointCommand, Reading
 from stiction.engines.catalog import what_is_missing
 from stiction.files.joints import JointsFile
 from stiction.files.log import write_log

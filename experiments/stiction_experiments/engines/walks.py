@@ -23,7 +23,7 @@ from stiction.engines.catalog import TIMESTEP, binaries, make_engine
 from stiction.evaluation.code import WALK_CODE
 from stiction.evaluation.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.evaluation.metrics import Metrics
-from stiction.evaluation.run import walk_once
+from stiction.evaluation.walks import walk_once
 from stiction.files.bundle import Bundle
 from stiction.files.contract import robot_of
 from stiction.joints.friction import Law

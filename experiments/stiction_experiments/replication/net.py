@@ -22,8 +22,8 @@ from stiction.core.parallel import spread
 from stiction.engines.catalog import make_engine
 from stiction.evaluation.code import WALK_CODE
 from stiction.evaluation.course import FLAT
-from stiction.evaluation.run import command_source
 from stiction.evaluation.walk_logs import SHORTEST
+from stiction.evaluation.walks import command_source
 from stiction.files.bundle import Bundle
 from stiction.files.velocity import parse_command
 from stiction.files.walk import write_walk

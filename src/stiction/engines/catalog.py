@@ -34,8 +34,8 @@ class EngineSpec:
     """Makes a robot in it, of body, ground and timestep; imports what it needs."""
     cost: float = 5.0
     """Time that a walk of one robot takes over MuJoCo's: long walks go first, so that no core waits at the end."""
-    batch_cost: float | None = None
-    """The same for a robot of a batch in the training's simulator of that name; None: there is no such simulator."""
+    batched: bool = False
+    """True if the training's simulator, which has many robots at once, has the same name."""
     timestep: float = TIMESTEP
     """Physics step of evaluations [s]; virtual robots have their own."""
     extra: str = ""
@@ -46,7 +46,7 @@ class EngineSpec:
     @property
     def alone(self) -> str:
         """Name of one robot in the engine where a batch has the plain name, as in results.csv: `mujoco-alone`."""
-        return self.name if self.batch_cost is None else f"{self.name}-alone"
+        return f"{self.name}-alone" if self.batched else self.name
 
 
 def _mujoco(body: Body, ground: Ground, timestep: float) -> Engine:
@@ -82,7 +82,7 @@ def _libode() -> dict[str, str | None]:
 ENGINES = {
     spec.name: spec
     for spec in (
-        EngineSpec("mujoco", _mujoco, cost=1.0, batch_cost=0.05, extra="sim"),
+        EngineSpec("mujoco", _mujoco, cost=1.0, batched=True, extra="sim"),
         EngineSpec("physx", _physx, cost=2.0, extra="engines"),
         EngineSpec("ode", _ode, cost=6.0, extra="engines", binaries=_libode),
         EngineSpec("ode-webots", _ode_webots, cost=4.0, extra="engines", binaries=_libode),
@@ -101,7 +101,7 @@ def find_engine(name: str) -> EngineSpec:
     found = find_named("engine", name)
     if not isinstance(found, EngineSpec):
         raise EngineError(f"engine {name!r} is not an EngineSpec")
-    return replace(found, name=name, batch_cost=None)
+    return replace(found, name=name, batched=False)
 
 
 def make_engine(name: str, body: Body, ground: Ground, timestep: float) -> Engine:

@@ -24,7 +24,7 @@ FLEET = (
 
 WALK_CODE = (
     *(*FLEET, "deploy/*.py", "engines/*.py", "engines/ode/*.py", "virtual/*.py"),
-    *("evaluation/grid.py", "evaluation/run.py"),
+    *("evaluation/grid.py", "evaluation/walks.py"),
 )
 """Code that decides the metrics of a bundle's walk; the key has `binaries` of the engine beside it."""
 

@@ -24,7 +24,6 @@ from stiction.evaluation.known_friction import known_to, parse_source
 from stiction.evaluation.methods import method_of
 from stiction.evaluation.metrics import Metrics, measure
 from stiction.evaluation.own_policy import FunctionDriver, OwnPolicy
-from stiction.evaluation.rollout import Rollout, friction_at
 from stiction.files.bundle import Bundle
 from stiction.files.contract import Contract, robot_of
 from stiction.files.results import DIRECTIONS, ResultRow, slowest_of
@@ -226,6 +225,8 @@ def drive_bundle(
 
     robot: see `robot_of`; other arguments and errors as of `drive`.
     """
+    from stiction.evaluation.rollout import friction_at
+
     spec = robot_of(bundle.contract, robot)
     policy = batch_policy(bundle, spec, cfg, friction_at(bundle.contract, cfg.robot_levels, cfg.law))
     return drive(policy, bundle.contract, spec, cfg, threads, progress, compensation)
@@ -263,6 +264,8 @@ def drive(
         StictionError: the robot does not fit, the delay is longer than its model holds, or there are too many at once.
 
     """
+    from stiction.evaluation.rollout import Rollout, friction_at
+
     if cfg.num_robots * cfg.duration > MAX_ROBOT_SECONDS:
         raise ConfigurationError(
             f"{cfg.num_robots} robots at once for {cfg.duration:g} s each are more than {MAX_ROBOT_SECONDS:g} "

@@ -19,6 +19,9 @@ from stiction.virtual.cases import CELLS, FIRST_REPORTED, Case, Level, factorial
 BATCH = "mujoco"
 """The simulator of the training, all its robots at once; the default of `stiction evaluate`."""
 
+BATCH_COST = 0.05
+"""Time that a robot of its batch takes, in the unit of `EngineSpec.cost`."""
+
 MOST_WALKS = 200_000
 """Most walks of one policy in a grid: more would take days."""
 
@@ -296,8 +299,8 @@ class Unit:
     @property
     def cost(self) -> float:
         """How long it takes, in the unit of `EngineSpec.cost`."""
-        spec = self.simulator.spec
-        return ((spec.batch_cost or 0.0) if self.simulator.is_batch else spec.cost) * len(self.walks)
+        one = BATCH_COST if self.simulator.is_batch else self.simulator.spec.cost
+        return one * len(self.walks)
 
 
 def units(walks: Sequence[Walk], cfg: GridCfg) -> list[Unit]:

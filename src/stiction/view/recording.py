@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from stiction.core.errors import LogError
-from stiction.deploy.pilot import ControlStep, Reading
+from stiction.deploy.control import ControlStep, Reading
 from stiction.files.contract import Contract
 from stiction.files.log import JointSignals, Log, LogSetup, write_log
 

@@ -16,13 +16,12 @@ from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.core.names import kind_of
 from stiction.core.provenance import seed_streams
 from stiction.core.rotation import yaw
-from stiction.deploy.pilot import ControlStep, DrivingPolicy, Pilot
+from stiction.deploy.control import ControlStep, DrivingPolicy, Pilot
 from stiction.deploy.plausibility import command_range
 from stiction.deploy.policy import load_policy
 from stiction.deploy.wear import WearEstimate, WearMonitor
 from stiction.engines.catalog import find_engine, make_engine
-from stiction.engines.engine import BlownUp, Body, Engine, Motion, Pushable
-from stiction.engines.friction import JointFriction
+from stiction.engines.engine import BlownUp, Body, Engine, JointFriction, Motion, Pushable
 from stiction.engines.ground import Ground, course
 from stiction.evaluation.course import FLAT, START_DISTANCE, Course, straight_on
 from stiction.files.bundle import Bundle

@@ -26,8 +26,7 @@ import numpy as np
 from stiction.core.cache import key_of, publish_entry
 from stiction.core.errors import ConfigurationError, RobotError, StictionError
 from stiction.core.provenance import seed_streams
-from stiction.deploy.control import JointCommand
-from stiction.deploy.pilot import ControlStep, Port, Reading
+from stiction.deploy.control import ControlStep, JointCommand, Port, Reading
 from stiction.engines.catalog import binaries, make_engine
 from stiction.files.bundle import Bundle
 from stiction.files.joints import JointRecord, JointsFile
@@ -138,7 +137,7 @@ BENCH_CODE = (
         "robots/shipped/*.json",
         "sim/friction.py",
     ),
-    *("engines/*.py", "engines/ode/*.py", "virtual/*.py", "deploy/control.py", "deploy/pilot.py"),
+    *("engines/*.py", "engines/ode/*.py", "virtual/*.py", "deploy/control.py"),
     *(f"files/{name}.py" for name in ("advice", "following", "joints", "log")),
 )
 """Code that decides what a bench finds."""

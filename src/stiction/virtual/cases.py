@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stiction.core.errors import ConfigurationError, check_once, unknown_name
-from stiction.engines.friction import JointFriction
+from stiction.engines.engine import JointFriction
 from stiction.joints.friction import MAX_LEVEL, Law, has_coefficient
 from stiction.robots.model import Robot
 from stiction.virtual.hidden import GROUPS, Hidden

@@ -13,8 +13,7 @@ import numpy as np
 
 from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.core.provenance import seed_streams
-from stiction.engines.engine import Body
-from stiction.engines.friction import JointFriction, Term
+from stiction.engines.engine import Body, JointFriction, Term
 from stiction.robots.model import Robot
 from stiction.virtual.motor import Motors
 from stiction.virtual.sensors import SensorErrors

@@ -27,16 +27,13 @@ import numpy as np
 from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.core.names import kind_of
 from stiction.core.rotation import UPRIGHT
-from stiction.deploy.control import JointCommand
+from stiction.deploy.control import JointCommand, Reading
 from stiction.deploy.observation import Sensors
-from stiction.deploy.pilot import Reading
-from stiction.engines.engine import Engine, FrictionSensing, Motion
-from stiction.engines.friction import JointFriction
+from stiction.engines.engine import Engine, FrictionSensing, JointFriction, Motion
 from stiction.joints.compensation import FrictionController
 from stiction.joints.net import TorqueSource
-from stiction.virtual.gears import Gears
 from stiction.virtual.hidden import Hidden
-from stiction.virtual.motor import Drive, commanded_torque
+from stiction.virtual.motor import Drive, Gears, commanded_torque
 from stiction.virtual.sensors import Encoders, Imu
 
 Signal = TypeVar("Signal")

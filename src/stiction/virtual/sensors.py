@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stiction.core.rotation import tilted
-from stiction.deploy.control import JointCommand
+from stiction.deploy.control import JointCommand, Port, Reading
 from stiction.deploy.observation import Sensors
-from stiction.deploy.pilot import Port, Reading
 from stiction.task.config import NoiseCfg
 
 

@@ -24,8 +24,7 @@ from stiction.core.errors import EngineError, StictionError
 from stiction.core.lifeline import follow_parent
 from stiction.core.provenance import limit_library_threads, seed_streams, stream_seed
 from stiction.core.rotation import cross, into_frame
-from stiction.deploy.control import JointCommand
-from stiction.deploy.pilot import Reading
+from stiction.deploy.control import JointCommand, Reading
 from stiction.deploy.runtime.ticker import Ticker
 from stiction.deploy.transports.link import RobotState, command_layout, command_of, state_layout, state_vectors
 from stiction.deploy.transports.udp import HELLO, LOOPBACK

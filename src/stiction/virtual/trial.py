@@ -10,10 +10,9 @@ import numpy as np
 
 from stiction.core.provenance import seed_streams
 from stiction.core.rotation import UPRIGHT, about
-from stiction.deploy.pilot import ControlStep, Pilot
+from stiction.deploy.control import ControlStep, Pilot
 from stiction.deploy.policy import load_policy
-from stiction.engines.engine import BlownUp, Make, Motion
-from stiction.engines.friction import JointFriction
+from stiction.engines.engine import BlownUp, JointFriction, Make, Motion
 from stiction.engines.ground import Ground, flat
 from stiction.files.bundle import Bundle
 from stiction.files.contract import robot_of
@@ -203,7 +202,7 @@ def walk(
     standing = np.clip(standing, contract.array("lower"), contract.array("upper"))
     port = robot.handle if world.noise is None else Noisy(robot.handle, world.noise, walking)
     policy, motors = load_policy(contract, bundle.policy, known_friction=known), None
-    if compensation.in_motor and friction is not None:
+    if friction is not None and compensation.in_motor:
         motors = compensation.controller(friction, world.timestep, load=load)
         friction, compensation = None, BY_ERROR
     walker = VirtualWalk(robot, Pilot(port, policy, friction, compensation, load), world, spec)

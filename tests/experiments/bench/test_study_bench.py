@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from stiction.cli.main import main
-from stiction.deploy.pilot import Port
+from stiction.deploy.control import Port
 from stiction.files.joints import load_joints, read_training
 from stiction.files.log import Log
 from stiction.learning.arguments import parse

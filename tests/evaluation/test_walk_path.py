@@ -1,0 +1,66 @@
+"""How much code a row of an evaluation goes through: plan, walk, row, and nothing beside."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from stiction.engines.catalog import what_is_missing
+from stiction.robots.catalog import find_robot
+
+pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
+
+MOST = {"mujoco": (33, 8), "mujoco-alone": (37, 8), "physx+all": (35, 8)}
+"""Engine -> most modules in which a function is called between a plan and its rows, and most rooms."""
+
+MOST_IMPORTED = 77
+"""Most modules that are imported by then."""
+
+PROGRAM = """
+import json, sys
+from pathlib import Path
+import stiction
+from stiction.evaluation.evaluate import EvaluationCfg
+from stiction.evaluation.grid import GridCfg, plan, units
+from stiction.evaluation.table import rows_of
+from stiction.evaluation.walks import walk_unit
+from stiction.files.bundle import find_bundle, read_bundle
+
+house, visited = str(Path(stiction.__file__).parent), set()
+
+def look(frame, event, argument):
+    code = frame.f_code
+    if event == "call" and code.co_name != "<module>" and code.co_filename.startswith(house):
+        visited.add(Path(code.co_filename).relative_to(house).as_posix())
+
+bundle = read_bundle(find_bundle(Path("saturn_lite-flat-none-0.2")))
+grid = GridCfg(EvaluationCfg((0.2,), ("vx=0.5",), 1, 3.0), engines=(sys.argv[1],), robots=(1000,))
+sys.setprofile(look)
+walked = {}
+for unit in units(plan([bundle.name], grid), grid):
+    walked |= dict(zip(unit.walks, walk_unit(bundle, unit, grid)))
+rows, _ = rows_of(walked, [bundle])
+sys.setprofile(None)
+files = [getattr(module, "__file__", None) for name, module in sys.modules.items() if name.startswith("stiction.")]
+imported = [file for file in files if file and not file.endswith("__init__.py")]
+print(json.dumps({"rows": len(rows), "visited": sorted(visited), "imported": len(imported)}))
+"""
+
+
+@pytest.mark.parametrize("engine", MOST)
+def test_a_row_goes_through_few_modules(engine: str) -> None:
+    """Whoever follows a number from the plan to its row reads no more files than these."""
+    if engine.startswith("physx") and (missing := what_is_missing("physx", find_robot("saturn_lite"))):
+        pytest.skip(missing)
+    done = subprocess.run([sys.executable, "-c", PROGRAM, engine], capture_output=True, text=True, check=True)
+    found = json.loads(done.stdout.splitlines()[-1])
+    assert found["rows"] == 1
+    modules, rooms = MOST[engine]
+    assert len(found["visited"]) <= modules, found["visited"]
+    assert len({Path(name).parts[0] for name in found["visited"]}) <= rooms, found["visited"]
+    assert "evaluation/walks.py" in found["visited"]
+    assert found["imported"] <= MOST_IMPORTED
