@@ -15,7 +15,7 @@ from functools import partial  # noqa: E402
 
 from stiction.engines.catalog import make_engine  # noqa: E402
 from stiction.engines.engine import Motion  # noqa: E402
-from stiction.evaluation.clip import CELL, ENGINE, compiled, posed, walked_virtually  # noqa: E402
+from stiction.evaluation.clip import CELL, ENGINE, Lane, compiled, metres_of, posed, walked, walked_virtually  # noqa: E402
 from stiction.files.contract import robot_of  # noqa: E402
 from stiction.virtual.cases import Case, Level  # noqa: E402
 from stiction.virtual.trial import World, walk  # noqa: E402
@@ -49,3 +49,17 @@ def test_a_robot_that_fell_stays_where_it_fell(bundle: Path, monkeypatch: pytest
     states = walked_virtually(loaded, 3, 0.1, parse_command("vx=0.5"), 4 * loaded.contract.control_period)
     assert len(states) == 4
     np.testing.assert_array_equal(states, np.repeat(states[:1], 4, axis=0))
+
+
+def test_robots_side_by_side_start_together_in_lanes_of_their_own(bundle: Path) -> None:
+    """A lane moves a robot aside and changes nothing of its walk; the marks reach beyond both ends of it."""
+    loaded = check_bundle(bundle).bundle
+    states = walked(loaded, 0.1, parse_command("vx=0.5"), 4 * loaded.contract.control_period)
+    assert len(states) == 5 and states[0, :2].tolist() == [0.0, 0.0]
+    lanes = [Lane("left", "#aa3300", 1.0), Lane("right", "#0033aa", -1.0)]
+    for state, (left, right) in zip(
+        states, posed(compiled(robot_of(loaded.contract)), [states] * 2, lanes), strict=True
+    ):
+        np.testing.assert_allclose(left.qpos[1] - right.qpos[1], 2.0)
+        np.testing.assert_array_equal(left.qpos[2:], state[2:])
+    assert metres_of([np.array([[0.0], [2.2]]), np.array([[-0.4], [0.1]])]) == range(-1, 4)
