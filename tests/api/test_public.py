@@ -122,7 +122,7 @@ def test_a_package_that_is_missing_is_named_in_one_line(tmp_path: Path) -> None:
             "train",
             ("r",),
             {"preset": "quik"},
-            "train: preset is 'quik'; expected full, quick, two-phase, paper, literal; did",
+            "train: preset is 'quik'; expected full, quick, two-phase, paper; did",
         ),
         ("train", ("r",), {"config": 5}, "train: config is 5; expected TrainCfg or None"),
         ("export", (None,), {}, "export: run is None; expected Trained or str or Path"),

@@ -58,10 +58,7 @@ BENCHES = {
 
 TRAINING = {
     *(f"task/{name}.py" for name in ("commands", "device", "env", "events", "gait", "terminations")),
-    *(
-        f"learning/{name}.py"
-        for name in ("config", "figures", "health", "hinf_config", "identity", "phase", "ppo", "quick", "run")
-    ),
+    *(f"learning/{name}.py" for name in ("config", "figures", "health", "identity", "phase", "ppo", "quick", "run")),
     *("core/effects.py", "learning/ranks.py", "learning/simulator.py", "learning/symmetry.py", "deploy/vendor.py"),
     *(name for name in NAMES.values() if name.startswith("engines/")),
     *(*(CHECKING - {"deploy/check.py"}), "deploy/policy.py", "evaluation/golden.py"),
@@ -74,6 +71,7 @@ BENCHED = {
     "files/walk.py",
     *(
         "task/friction.py",
+        "task/method.py",
         "task/terrain.py",
         *CHECKING,
         "deploy/observation.py",

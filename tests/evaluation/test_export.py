@@ -1,6 +1,5 @@
 """Export: the network survives the way through ONNX, the contract says what was trained, and nothing leaks."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,7 +21,7 @@ from stiction.evaluation.export import (
 from stiction.evaluation.golden import record_golden
 from stiction.files.contract import Contract, read_contract
 from stiction.files.joints import Estimate, JointRecord, JointsFile
-from stiction.learning.config import DreamWaQCfg, StudentCfg, TrainCfg
+from stiction.learning.config import StudentCfg, TrainCfg
 from stiction.robots.catalog import find_robot
 from stiction.task.config import CommandCfg, TaskCfg
 from stiction.task.friction import FrictionCfg
@@ -104,34 +103,15 @@ def test_the_contract_of_a_run_says_what_was_trained() -> None:
     )
 
 
-def test_a_run_of_compensation_by_the_error_is_refused(tmp_path: Path) -> None:
-    """Its policy would be exported, or trained on, as one that goes by the speed of the joints."""
-    cfg = TrainCfg(task=TaskCfg(friction=FrictionCfg("compensation", level=0.2)))
-    run = RunDirectory.create(tmp_path / "run", cfg, "stiction train", None)
-    assert run.config() == run.config_to_train() == cfg
-    file = run.path / "config.json"
-    header = json.loads(file.read_text())
-    assert header.pop("compensation") == "measured"
-    file.write_text(json.dumps(header))
-    for read in (run.config, run.config_to_train, lambda: export_run(run.path, tmp_path / "bundle")):
-        with pytest.raises(
-            StictionError, match="run: friction was added by the error, expected by the speed; train it"
-        ):
-            read()
-    header["config"]["task"]["friction"]["method"] = "direct"
-    file.write_text(json.dumps(header))
-    assert run.config().task.friction.method == "direct"
-
-
 def test_contract_and_card_have_the_settings_of_the_training(tmp_path: Path) -> None:
-    """With one beta or another, or rewards of one's own, two policies would be seeds of one training."""
+    """With more robots or less, or rewards of one's own, two policies would be seeds of one training."""
     own = RewardCfg(own=(("my.rewards:lift", -0.5),))
-    cfg = TrainCfg(task=TaskCfg(rewards=own), dreamwaq=DreamWaQCfg(beta=1.0), seed=4)
+    cfg = TrainCfg(task=TaskCfg(rewards=own), num_envs=64, seed=4)
     run = RunDirectory.create(tmp_path / "run", cfg, "stiction train", None)
     contract = contract_of(run.config(), run.header())
-    assert contract.settings == {"task.rewards.own": ["my.rewards:lift", -0.5], "dreamwaq.beta": 1.0}
+    assert contract.settings == {"task.rewards.own": ["my.rewards:lift", -0.5], "num-envs": 64}
     assert read_contract(contract.to_json().encode()) == contract
-    line = "| settings of the training | dreamwaq.beta 1, task.rewards.own my.rewards:lift -0.5 |\n"
+    line = "| settings of the training | num-envs 64, task.rewards.own my.rewards:lift -0.5 |\n"
     assert line in write_card(contract)
     assert "| settings of the training | not recorded |\n" in write_card(replace(contract, settings=None))
 

@@ -41,12 +41,13 @@ def whole() -> dict[str, Any]:
         stribeck=(1.5, 0.1),
         action_scale=0.25,
         phases=2,
-        method="compensation",
+        method="of_others",
+        friction_range=(0.16, 0.24),
         action_clip=5.0,
         settings={
-            **{"teacher.quiet": 30, "symmetry": "network", "hinf.actor": [64, 32], "task.known-friction": True},
+            **{"teacher.quiet": 30, "symmetry": "network", "of_others.actor": [64, 32], "task.known-friction": True},
             **{f"task.commands.{name}": [-1.0, 1.0] for name in ("forward", "turn")},
-            **{"task.commands.sideways": [-0.4, 0.4], "task.friction.method": "compensation"},
+            **{"task.commands.sideways": [-0.4, 0.4], "task.friction.method": "of_others"},
             "task.friction.law": "stribeck",
         },
     )
@@ -73,7 +74,8 @@ def test_contracts_that_are_read_fit_the_schema() -> None:
 
 MUTATIONS: list[tuple[str, Any]] = [
     ("schema_version", 3), ("schema_version", True), ("robot", ""), ("robot", 5), ("terrain", "moon"),
-    ("method", "None"), ("seed", -1), ("seed", "0"), ("phases", 3), ("control_period", 0),
+    ("method", "None"), ("method", ""), ("method", "a" * 41), ("disturber", "a b"),
+    ("seed", -1), ("seed", "0"), ("phases", 3), ("control_period", 0),
     ("control_period", "0.02"), ("decimation", 4.5),
     ("kp", 50.0), ("kp", [1e8] * 12), ("kd", [None] * 12), ("torque_limit", [0] * 12), ("armature", ["0.01"] * 12),
     ("joint_names", ["a", "a"]), ("joint_names", "abc"), ("action_scale", 0), ("action_scale", [0.25, "a"]),

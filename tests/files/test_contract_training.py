@@ -44,7 +44,7 @@ def test_defaults_of_settings_are_those_of_training() -> None:
         ({"friction_range": [0.3, 0.4]}, "task.friction.range"),
         ({"armature": [0.129] * 12}, "as 'armature'"),
         ({"damping": [0.5] * 12}, "as 'damping'"),
-        ({"disturber": "force"}, "no method 'hinf'"),
+        ({"disturber": "force"}, "null with the method 'deception'"),
         ({"torque_source": "motor_side"}, "as 'actuator' is"),
         ({"imported": {"name": "net", "sha256": "0" * 64}}, "null with the method 'deception'"),
         ({"terrain": "unknown"}, "'imported', and with no other"),

@@ -66,7 +66,9 @@ def make_contract(robot: str | Robot = "saturn_lite", **changes) -> Contract:
     }
     values |= changes
     values.setdefault("phases", None if values["anatomy"] is None else 1)
-    values.setdefault("friction_range", tuple(values["friction_level"] * end for end in RANGES[values["method"]]))
+    values.setdefault(
+        "friction_range", tuple(values["friction_level"] * end for end in RANGES.get(values["method"], (0.0, 0.0)))
+    )
     friction = tuple(values["friction_level"] * limit for limit in values["torque_limit"])
     return Contract(**({"friction": friction} | values))
 

@@ -33,7 +33,8 @@ from stiction.deploy.policy import load_policy
 from stiction.evaluation.golden import record_golden
 from stiction.files.bundle import CARD, CONTRACT, GOLDEN, POLICY, SUMS, shipped_bundles
 from stiction.files.contract import read_contract
-from stiction.files.contract_rules import DISTURBERS, METHODS, TARGET_LIMITS, TERRAINS
+from stiction.files.contract_rules import TARGET_LIMITS, TERRAINS
+from stiction.files.contract_training import OWN
 from stiction.files.golden import BOUND, Golden
 from stiction.files.observation import FRAMES, TERM_NAMES, proprioception
 from stiction.joints.friction import simulated_laws
@@ -56,7 +57,7 @@ FREE = {
 
 WORDS: dict[str, tuple[Any, ...]] = {
     "terrain": TERRAINS,
-    "method": tuple(METHODS),
+    "method": OWN,
     "friction_law": simulated_laws(),
     "direction": ("newest_first", "oldest_first"),
     "layout": ("frame_major", "term_major"),
@@ -81,7 +82,7 @@ PLAUSIBLE: dict[str, tuple[Any, ...]] = {
     "stribeck": ([1.5, 0.1],),
     "friction_load": ([0.0, 0.1],),
     "friction_spread": ([0.5, 1.5],),
-    "disturber": DISTURBERS,
+    "disturber": ("force",),
     "compensation_speeds": ([0.2, 0.3],),
     "target_limits": ({"slew": 40.0, "margin": 0.02},),
     "slow_kept": (0.98,),

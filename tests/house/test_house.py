@@ -149,6 +149,25 @@ def test_nothing_executes_what_it_reads() -> None:
     assert not {NAMES[path]: found for path in MODULES if (found := forbidden_calls(tree_of(path)))}
 
 
+OF_OTHERS = re.compile("dreamwaq|hinf|H∞|disturber|finetune|context-aided", re.IGNORECASE)
+"""Words of training methods that are entry points of another distribution."""
+
+NAMED = {
+    "files/contract.py": "a field of contracts, a word of bounded length",
+    "files/contract_rules.py": "the bounds of that field",
+    "files/contract_training.py": "the age of that field, and no such word with a method of the product",
+    "learning/config.py": "groups in config.json of runs from before methods were installed",
+}
+"""Module of the product with such words -> reason."""
+
+
+def test_the_product_knows_no_method_of_other_papers() -> None:
+    """They are found by their names, so that the product neither imports nor explains them."""
+    found = {NAMES[path]: len(OF_OTHERS.findall(path.read_text())) for path in PRODUCT}
+    assert {name for name, count in found.items() if count} == NAMED.keys()
+    assert sum(found.values()) < 12
+
+
 def test_modules_and_functions_stay_readable() -> None:
     """If this failed, a module would have more than one reason to exist, or a function would not fit a screen."""
     assert not [NAMES[path] for path in MODULES if len(path.read_text().splitlines()) > LONGEST_MODULE]

@@ -9,7 +9,8 @@ from stiction.files.joints import Estimate, JointRecord, JointsFile
 from stiction.identification.advice import shipped
 from stiction.identification.proposal import propose
 from stiction.identification.verdict import judge
-from stiction.task.friction import FRICTION_RANGES, FrictionCfg
+from stiction.task.friction import FrictionCfg
+from stiction.task.method import find_method
 
 
 def record(high: float, condition: str | None = "loaded", **changes) -> JointRecord:
@@ -21,7 +22,7 @@ def record(high: float, condition: str | None = "loaded", **changes) -> JointRec
 def test_what_is_proposed_is_what_training_takes() -> None:
     """Method, range and fields are written twice, for identification does not import training."""
     ways = shipped()[TRAINING].methods.values()
-    assert len(ways) == 3 and all(FRICTION_RANGES[way.method] == (way.low, way.high) for way in ways)
+    assert len(ways) == 3 and all(find_method(way.method).friction_range == (way.low, way.high) for way in ways)
     for high in (0.01, 0.2, 0.3):
         told = propose(JointsFile({"shank": record(high)}))
         cfg = FrictionCfg(**told["friction"])

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from stiction.learning.arguments import parse
-from stiction.learning.config import DreamWaQCfg, NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
+from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.learning.identity import (
     APART,
     defaults,
@@ -38,7 +38,6 @@ def test_settings_are_what_differs_from_the_defaults() -> None:
         network=NetworkCfg(actor=(64, 32)),
         teacher=TeacherCfg(latent="history", quiet=30, final_std=0.2),
         student=StudentCfg(iterations=0),
-        dreamwaq=DreamWaQCfg(beta=1.0),
         engine="mujoco",
     )
     assert settings_of(cfg) == {
@@ -52,7 +51,6 @@ def test_settings_are_what_differs_from_the_defaults() -> None:
         "teacher.final-std": 0.2,
         "teacher.quiet": 30,
         "student.iterations": 0,
-        "dreamwaq.beta": 1.0,
     }
     assert json.loads(json.dumps(settings_of(cfg))) == settings_of(cfg)
 
@@ -83,7 +81,7 @@ def test_what_tells_no_training_from_another_is_left_out(tmp_path: Path) -> None
 def test_a_setting_that_is_missing_has_its_default() -> None:
     """If this failed, a bundle of before a setting existed would be of another training than the same run today."""
     assert differing({}, {"teacher.quiet": 0}) == [] and difference({}, {"teacher.quiet": 0.0}) is None
-    assert differing({"teacher.quiet": 30}, {"dreamwaq.beta": 1}) == ["dreamwaq.beta", "teacher.quiet"]
+    assert differing({"teacher.quiet": 30}, {"num-envs": 1}) == ["num-envs", "teacher.quiet"]
     assert difference({"teacher.quiet": 30}, {}) == ("teacher.quiet 30", "0")
     assert difference({"teacher.quiet": 30, "num-envs": 4}, {}) == ("num-envs 4", "512 (1 more differ)")
     assert difference(None, {"teacher.quiet": 30}) is None and difference({"teacher.quiet": 30}, None) is None

@@ -13,7 +13,8 @@ from stiction.learning.begin import begin_run
 from stiction.learning.config import StopCfg, TeacherCfg
 from stiction.learning.effects import check_effects, idle
 from stiction.learning.presets import PresetName, preset
-from stiction.task.friction import FRICTION_RANGES, FrictionCfg
+from stiction.task.friction import FrictionCfg
+from stiction.task.method import method_names
 from stiction_experiments.friction.manifest import ONE_PHASE, TWO_PHASE, runs_of
 
 REFUSED = [
@@ -73,9 +74,9 @@ REFUSED = [
     (
         "--method direct --set task.friction.pretraining=0.3",
         "--set task.friction.pretraining=0.3",
-        "only with finetune",
+        "of other methods' schedules",
     ),
-    ("--method finetune --set task.friction.steps=8", "--set task.friction.steps=8", "only with iterative"),
+    ("--method finetune --set task.friction.steps=8", "--set task.friction.steps=8", "of other methods' schedules"),
     ("--set task.friction.static_ratio=2", "--set task.friction.static_ratio=2.0", "only with stribeck"),
     ("--set task.friction.stribeck_velocity=0.3", "--set task.friction.stribeck_velocity=0.3", "only with stribeck"),
     (
@@ -190,7 +191,7 @@ def test_what_has_an_effect_is_not(words: str) -> None:
 
 
 @pytest.mark.parametrize("name", get_args(PresetName))
-@pytest.mark.parametrize("method", FRICTION_RANGES)
+@pytest.mark.parametrize("method", method_names())
 @pytest.mark.parametrize("where", ["", "--device warp-cpu", "--engine physx"])
 def test_a_preset_with_a_method_is_never_refused(name: str, method: str, where: str) -> None:
     """What a preset brings along nobody has typed; a method that a preset cannot train says so itself."""
@@ -217,7 +218,7 @@ def test_every_run_of_the_experiment_can_still_be_trained(chosen: str) -> None:
 def test_every_idle_place_is_a_field() -> None:
     """A name that has changed would be an `AttributeError` in front of a user: all rules are looked up."""
     cases = [preset(name, method=method) for name in ("full", "two-phase") for method in ("none", "deception")]
-    cases += [preset("full", method="dreamwaq"), preset("full", engine="physx"), preset("literal")]
+    cases += [preset("full", method="dreamwaq"), preset("full", engine="physx"), preset("paper")]
     cases.append(replace(cases[0], actuator="net", stop=StopCfg(tracking_error=0.1)))
     for cfg in cases:
         places = list(idle(cfg))

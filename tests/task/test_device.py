@@ -13,7 +13,7 @@ from stiction.learning.simulator import why_task_on_host
 from stiction.sim.chosen import masked, numbered, put
 from stiction.sim.native import NativeSimulation
 from stiction.task.config import TaskCfg
-from stiction.task.device import CPU, Device, find_device, why_on_host
+from stiction.task.device import CPU, Device, find_device
 from stiction.task.env import LocomotionEnv
 from stiction.task.friction import FrictionCfg
 from stiction.task.terrain import TerrainCfg
@@ -89,7 +89,6 @@ def test_what_keeps_the_task_on_the_host_is_named(changes: dict, named: str) -> 
     cfg = TrainCfg(task=replace(TaskCfg(), **changes), device="warp-cpu")
     assert named in (why_task_on_host(cfg) or "")
     assert why_task_on_host(TrainCfg(device="warp-cpu")) is None
-    assert why_on_host(TaskCfg(), disturbed=True) == "the method 'hinf'"
     assert "Actuator Net" in (why_task_on_host(replace(TrainCfg(device="warp-cpu"), actuator="net")) or "")
 
 

@@ -23,11 +23,11 @@ from stiction.deploy.wear import Moments
 from stiction.evaluation.command import SETTLE
 from stiction.joints.friction import has_coefficient
 from stiction.learning.config import TrainCfg
-from stiction.learning.context import ContextActor
 from stiction.learning.models import RMAActor
 from stiction.task.config import TaskCfg
 from stiction.task.env import LocomotionEnv
-from stiction.task.friction import FrictionCfg, FrictionMethod
+from stiction.task.friction import FrictionCfg
+from stiction_experiments.methods.context import ContextActor
 
 Per = Literal["joint", "robot"]
 """Friction drawn for each joint by itself, or one level for all joints of a robot."""
@@ -72,7 +72,7 @@ def probe_task(task: TaskCfg, per: Per, cfg: WalkCfg) -> TaskCfg:
     """Return the task of a walk: the run's own but for the joints' friction, on flat ground, in one long episode."""
     friction = task.friction
     level = cfg.highest if has_coefficient(friction.law) else friction.level or cfg.highest
-    method: FrictionMethod = "compensation" if friction.method == "compensation" else "direct"
+    method = "compensation" if friction.method == "compensation" else "direct"
     drawn = FrictionCfg(method=method, level=level, per=per, range=(0.0, cfg.highest / level))
     ground = TaskCfg().terrain
     return replace(task, friction=drawn, terrain=ground, episode=cfg.seconds + task.control_period)

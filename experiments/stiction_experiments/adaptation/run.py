@@ -23,6 +23,7 @@ from stiction.learning.run import RunDirectory, identified_values, write_json
 from stiction.learning.runner import load_actor
 from stiction_experiments.adaptation.monitor import LEAST_R2, fit_monitor, latent_effects, over_seeds, seeds_interval
 from stiction_experiments.adaptation.probes import FrictionWalk, Per, WalkCfg, probe_walk, walk_with_friction
+from stiction_experiments.methods import CODE
 
 Progress = Callable[[str, float], None]
 """Called with the name of a piece of work and the share of it that is done."""
@@ -30,7 +31,7 @@ Progress = Callable[[str, float], None]
 FEWEST_ROBOTS, SHORTEST_WALK = 32, 10.5
 """Of a walk that is probed: eight robots to test on, and a window of the monitor [s]."""
 
-PROBING = (*RUN_WALK_CODE, "task/*.py", "deploy/wear.py", "stiction_experiments:adaptation/*.py")
+PROBING = (*RUN_WALK_CODE, "task/*.py", "deploy/wear.py", CODE, "stiction_experiments:adaptation/*.py")
 """Code that decides what a run's part is."""
 
 

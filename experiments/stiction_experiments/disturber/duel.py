@@ -1,7 +1,7 @@
 """A disturber against one frozen policy: it learns in the training's task, then robots walk, disturbed or not.
 
-It maximises the cost of `stiction.learning.hinf` alone (η = 0): no push has a price. All draws depend on the seed, and
-the robots that are judged are the same for everyone who disturbs them. Joint friction is by the solver's rows, as in
+It maximises the cost of `methods.hinf_ppo` alone (η = 0): no push has a price. All draws depend on the seed, and the
+robots that are judged are the same for everyone who disturbs them. Joint friction is by the solver's rows, as in
 every evaluation, whatever the policy was trained on; the ground is the simulator's own.
 """
 
@@ -25,16 +25,16 @@ from stiction.files.bundle import Bundle
 from stiction.files.contract import Contract, robot_of
 from stiction.files.velocity import parse_command
 from stiction.joints.compensation import BY_SPEED
-from stiction.learning.disturber import Disturber, LearningDisturber, make_disturber, with_falls
-from stiction.learning.hinf import cost
-from stiction.learning.hinf_config import DisturberName, HinfCfg
 from stiction.learning.phase import one_torch_thread
 from stiction.robots.physics import EXACT
 from stiction.task.config import CommandCfg, RandomizationCfg, TaskCfg
-from stiction.task.disturbance import Disturbance
 from stiction.task.env import LocomotionEnv
 from stiction.task.friction import FrictionCfg
 from stiction.task.rewards import RewardCfg, best_task_reward
+from stiction_experiments.methods.disturbance import Disturbance
+from stiction_experiments.methods.disturber import Disturber, LearningDisturber, make_disturber, with_falls
+from stiction_experiments.methods.hinf import DisturberName, HinfCfg
+from stiction_experiments.methods.hinf_ppo import cost
 
 Progress = Callable[[float], None]
 Who = Literal["nobody", "random", "learned"]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from stiction.files.following import Following
 from stiction.joints.friction import level_text
 from stiction.report.following import has_one_seed, places_text
-from stiction.task.friction import FRICTION_RANGES
+from stiction.task.method import find_method
 from stiction_experiments.friction.manifest import TWO_PHASE
 from stiction_experiments.friction.planned import EVALUATED
 from stiction_experiments.friction.records import HIGHEST, STUDENT, Experiment, short_name
@@ -85,7 +85,7 @@ def named(experiment: Experiment) -> dict[str, str]:
     for condition in experiment.conditions:
         name = short_name(condition.name)
         if condition.part == "1":
-            low, high = (100 * condition.nominal * end for end in FRICTION_RANGES[name])
+            low, high = (100 * condition.nominal * end for end in find_method(name).friction_range)
             words[condition.name] = f"trained with {low:g} to {high:g} %" if high else "trained without friction"
         words[condition.name] += f" ({name})"
     return words

@@ -18,7 +18,7 @@ from stiction.files.results import ResultRow, read_metrics, read_results, read_s
 from stiction.identification.advice import TRAINED_IN
 from stiction.learning.run import RunDirectory
 from stiction.robots.catalog import find_robot, robot_in_file
-from stiction.task.friction import FRICTION_RANGES
+from stiction.task.method import find_method
 from stiction_experiments.friction.claims import CLAIMS, DECEPTION, DIRECT, NONE
 from stiction_experiments.friction.evaluation import (
     CANDIDATES,
@@ -115,7 +115,9 @@ def source_of(experiment: Experiment, elsewhere: Sequence[ResultRow] = (), table
     there = following(walked, lambda row: f"{parse_policy(row.policy)[1]}/{STUDENT}")
     cells = [replace(one, method=names[one.method]) for one in (*experiment.following, *there) if one.method in names]
     methods = {
-        method: TrainedWith(method, 0.0 if method == "none" else nominal[condition], *FRICTION_RANGES[method])
+        method: TrainedWith(
+            method, 0.0 if method == "none" else nominal[condition], *find_method(method).friction_range
+        )
         for method, condition in ADVISED.items()
         if condition in nominal
     }

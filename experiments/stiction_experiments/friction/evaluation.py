@@ -31,6 +31,7 @@ from stiction_experiments.friction.evidence import TrainingEvidence, at
 from stiction_experiments.friction.manifest import LEVEL, condition_of
 from stiction_experiments.friction.planned import PlannedRun
 from stiction_experiments.friction.records import STUDENT, Collapse, CurvePoint, Onset
+from stiction_experiments.methods import CODE
 
 Who = Literal["teacher", "student"]
 
@@ -108,7 +109,7 @@ class Task:
 
         Raises `StictionError` where the run has no such policy.
         """
-        code = WALK_CODE if self.exported else RUN_WALK_CODE
+        code = WALK_CODE if self.exported else (*RUN_WALK_CODE, CODE)
         return key_of([self._policy(), asdict(self.settings)], *code)
 
     @property

@@ -209,7 +209,9 @@ LITERAL = (
     *("--set", "task.noise.joint_position=0", "--set", "task.noise.joint_velocity=0"),
     *("--physics", "rows"),
 )
-"""Options by which the preset `two-phase` becomes the preset `literal` with the budget of all conditions."""
+"""Options by which the preset `two-phase`, with the budget of all conditions, takes the paper at its word where the
+preset `paper` does what works better: L_ada trains both encoders, the table has no noise, every joint has friction of
+its own, and there is as much of it as was measured, 1 % of the torque limit."""
 
 NO_TROT, NO_UNSYNC = ("--set", "task.rewards.trot=0"), ("--set", "task.rewards.unsync=0")
 

@@ -12,7 +12,7 @@ from typing import Any, Literal, Self
 
 from stiction.core.errors import ConfigurationError, FileError, TrainingError
 from stiction.core.files import digest_of
-from stiction.evaluation.methods import COMPENSATION_BY_ERROR, method_of
+from stiction.evaluation.methods import method_of
 from stiction.files.actuator import read_actuator
 from stiction.files.bundle import Bundle, read_bundle
 from stiction.files.contract import Contract
@@ -23,6 +23,8 @@ from stiction.learning.identity import difference, settings_of
 from stiction.learning.run import RunDirectory, latest_checkpoint
 from stiction.task.config import TaskCfg
 from stiction_experiments.friction.manifest import Run
+from stiction_experiments.methods.friction import BY_ERROR
+from stiction_experiments.methods.hinf import HinfCfg
 
 State = Literal["missing", "interrupted", "exported", "finished"]
 """`exported`: its folder is elsewhere, its policy is here."""
@@ -119,7 +121,8 @@ class PlannedRun:
         physics: a name of `STEP_SECONDS`.
         """
         cfg, usual = self.cfg, TaskCfg()
-        task, disturbed = cfg.task, cfg.is_disturbed and cfg.hinf.disturbs
+        task = cfg.task
+        hinf = cfg.method_settings if isinstance(cfg.method_settings, HinfCfg) else HinfCfg("none")
         step, halved = (task.timestep, task.decimation), (usual.timestep / 2, 2 * usual.decimation)
         robot = task.robot.partition("@")[0]
         measured = (
@@ -131,9 +134,9 @@ class PlannedRun:
             "teacher": cfg.teacher.latent == "alternate" and cfg.engine == "mujoco",
             "mirrored": cfg.symmetry == "batches",
             "recurrent": cfg.network.recurrent,
-            "dreamwaq": cfg.has_context,
-            "hinf": disturbed and cfg.hinf.learns,
-            "drawn pushes": disturbed and not cfg.hinf.learns,
+            "dreamwaq": cfg.method.name == "dreamwaq",
+            "hinf": hinf.learns,
+            "drawn pushes": hinf.disturbs and not hinf.learns,
             f"law on {physics}": any(law.spec.reads for law in task.friction.laws),
             f"go1 on {physics}": robot == "go1",
             f"stairs on {physics}": task.terrain.kind == "stairs",
@@ -198,12 +201,12 @@ class PlannedRun:
         expected = self.cfg.task.robot, friction.method, self.run.seed, friction.law, friction.level
         if found != expected:
             return f"it is {found}, expected {expected}"
-        if method_of(contract) == COMPENSATION_BY_ERROR:
+        if method_of(contract) == BY_ERROR:
             return (
                 "its friction was added by the position error, expected by the joint's speed; move it away, or name "
                 "another folder with --policies"
             )
-        if self.cfg.is_disturbed and contract.settings is None:
+        if self.cfg.method.name == "hinf" and contract.settings is None:
             return (
                 "its constraint asked for nothing, as that of every hinf policy from before bundles had their "
                 "settings; move it away, and train it anew"

@@ -22,7 +22,7 @@ from stiction.evaluation.benches import (
     with_known_friction,
 )
 from stiction.evaluation.grid import GridCfg, Walk, plan, plan_forward
-from stiction.evaluation.methods import FED_BY, METHODS, method_of
+from stiction.evaluation.methods import FED_BY, method_of, method_texts
 from stiction.evaluation.run import BENCHES, LEDGER, WalkLedger, walk_grid
 from stiction.evaluation.samples import Evidence, samples
 from stiction.evaluation.summary import check_names, describe
@@ -230,7 +230,7 @@ def judged(records: Sequence[PartRecord], spec: Robot, summary: dict[str, Any]) 
         following((row for record in records for row in record.rows), lambda row: row.method),
         verdicts,
         read,
-        {method: text for method, text in METHODS.items() if method in evidence.methods()},
+        {method: text for method, text in method_texts().items() if method in evidence.methods()},
         summary,
     )
 

@@ -38,7 +38,6 @@ from stiction.robots.physics import EXACT, FAST, PhysicsCfg
 from stiction.robots.terrain import REACH, STEPS, half_sizes, stair_height
 from stiction.sim.native import NativeSimulation
 from stiction.task.env import LocomotionEnv
-from stiction.task.friction import FrictionMethod
 
 
 @dataclass(frozen=True)
@@ -180,7 +179,7 @@ def measure_runtime(bundle: Path) -> dict[str, float]:
     return {"p50": float(np.median(warm)), "p99": float(np.percentile(warm, 99)), "max": float(warm.max())}
 
 
-def bench_cfg(cfg: TrainCfg, method: FrictionMethod, level: float) -> TrainCfg:
+def bench_cfg(cfg: TrainCfg, method: str, level: float) -> TrainCfg:
     """Return `cfg` with the friction that the bench runs under."""
     friction = replace(cfg.task.friction, method=method, level=level)
     return replace(cfg, task=replace(cfg.task, friction=friction))

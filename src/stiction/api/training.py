@@ -23,7 +23,6 @@ from stiction.learning.config import TrainCfg
 from stiction.learning.effects import check_effects
 from stiction.learning.presets import PresetName
 from stiction.learning.presets import preset as preset_of
-from stiction.task.friction import FrictionMethod
 
 if TYPE_CHECKING:
     from stiction.learning.ranks import Ranks
@@ -78,7 +77,7 @@ def train(
     out: str | Path,
     *,
     robot: str | Path = "saturn_lite",
-    method: FrictionMethod | None = None,
+    method: str | None = None,
     friction_level: float | None = None,
     friction_from: Identified | str | Path | None = None,
     joints: str | Path | None = None,

@@ -2,7 +2,7 @@
 
 bundle: Annotated[Path, ARGUMENT]                           the word BUNDLE
 seconds: float = 2.0                                        --seconds
-method: Annotated[FrictionMethod, flag("--method")]         of a nested group, by this name
+method: Annotated[str, flag("--method")]                    of a nested group, by this name
 iterations: Annotated[int, FLAG] = 700                      of the nested group `teacher`, --teacher.iterations
 gamma: float = 0.99                                         of the nested group `teacher`, --set teacher.gamma=0.98
 cutoff: Annotated[float | None, SETTING] = None             --set cutoff=20

@@ -11,8 +11,8 @@ from typing import Any
 
 from stiction.core.errors import ConfigurationError
 
-VERBS, STUDIES = "stiction.verbs", "stiction.studies"
-"""Groups of entry points: verbs of the program, studies of `stiction study`."""
+VERBS, STUDIES, METHODS = "stiction.verbs", "stiction.studies", "stiction.methods"
+"""Groups of entry points: verbs of the program, studies of `stiction study`, training methods (`task.method`)."""
 
 
 def installed_names(group: str) -> list[str]:

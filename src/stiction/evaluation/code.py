@@ -13,7 +13,7 @@ FLEET = (
         "joints/friction.py",
     ),
     *("robots/*.py", "robots/shipped/*.json"),
-    *("task/friction.py", "task/terrain.py", "files/contract.py", "files/known_friction.py"),
+    *("task/friction.py", "task/method.py", "task/terrain.py", "files/contract.py", "files/known_friction.py"),
     *("files/observation.py", "files/velocity.py", "files/walk.py", "virtual/drive.py"),
     *(
         f"evaluation/{name}.py"
@@ -30,7 +30,7 @@ WALK_CODE = (
 
 RUN_WALK_CODE = (
     *(*FLEET, "deploy/control.py", "deploy/observation.py"),
-    *("learning/models.py", "learning/context.py", "learning/runner.py", "learning/equivariant.py"),
+    *("learning/models.py", "learning/runner.py", "learning/equivariant.py"),
     *("task/observations.py", "task/randomization.py", "task/symmetry.py"),
     *("task/task_fleet.py", "task/config.py", "virtual/sensors.py", "deploy/check.py"),
     *("evaluation/export.py", "evaluation/trained.py", "evaluation/methods.py"),

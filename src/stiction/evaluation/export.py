@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 import torch
 
-from stiction.core.decode import from_plain
 from stiction.core.effects import requirement
 from stiction.core.errors import BundleError, ConfigurationError, FileError, StictionError, TrainingError
 from stiction.core.files import digest_of, read_bounded
@@ -31,7 +30,7 @@ from stiction.evaluation.golden import record_golden
 from stiction.evaluation.known_friction import nominal_known
 from stiction.files.bundle import MAX_BYTES, WEAR, write_bundle
 from stiction.files.contract import Contract, robot_of
-from stiction.files.contract_rules import METHODS, TARGET_LIMITS
+from stiction.files.contract_rules import TARGET_LIMITS
 from stiction.files.joint_map import mapped, refuse_alone
 from stiction.files.joints import load_joints
 from stiction.files.known_friction import TERM, bench_friction, known_friction_text
@@ -39,7 +38,7 @@ from stiction.files.velocity import COMMANDS
 from stiction.files.wear import WearModel, read_wear
 from stiction.joints.compensation import BY_SPEED, compensated
 from stiction.joints.friction import LAWS, has_coefficient, level_text
-from stiction.learning.config import TrainCfg
+from stiction.learning.config import TrainCfg, config_from
 from stiction.learning.identity import settings_of, settings_text
 from stiction.learning.run import RunDirectory, identified_values
 from stiction.learning.runner import load_student
@@ -48,6 +47,7 @@ from stiction.robots.named import check_named
 from stiction.sim.fleet import Fleet
 from stiction.task.config import TaskCfg
 from stiction.task.env import to_tensor
+from stiction.task.method import Method, describe_method, known_method
 from stiction.task.observations import FrameBuilder, History, SlowMeans, roll_pitch
 from stiction.task.randomization import friction_angle, nominal_joints
 from stiction.task.terrain import FASTEST_TURN
@@ -80,22 +80,18 @@ signatures find authors: `stiction verify --key` and `--expect-digest` say whose
 """
 
 
-KINDS = {"dreamwaq": "DreamWaQ's actor"}
-"""Method -> what a policy of it is, where it is no student."""
-
-
 def write_card(contract: Contract) -> str:
     """Return the text of card.md."""
     low, high = contract.friction_range
     used, level = contract.joints_file, level_text(contract.friction_law, contract.friction_level)
     coefficient = has_coefficient(contract.friction_law)
-    net = contract.actuator
+    net, method = contract.actuator, known_method(contract.method)
     return TEMPLATE.format(
         robot=contract.robot,
         terrain=contract.terrain,
         method=contract.method,
-        meaning=METHODS.get(contract.method, contract.method),
-        kind=KINDS.get(contract.method, "the student of rapid motor adaptation"),
+        meaning=describe_method(contract.method),
+        kind=Method.policy if method is None else method.policy,
         title=level if contract.friction_law == "coulomb" else f"{contract.friction_law} {level}",
         law=contract.friction_law,
         law_meaning=LAWS[contract.friction_law].meaning,
@@ -262,7 +258,6 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         method=task.friction.method,
         seed=cfg.seed,
         phases=2 if cfg.student.iterations else 1,
-        disturber=cfg.hinf.disturber if cfg.is_disturbed and cfg.hinf.disturbs else None,
         friction_law=law.name,
         friction_level=level,
         friction_range=(low * level, high * level),
@@ -297,6 +292,7 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         torque_source=header.get("torque_source"),
         joints_file={"name": identified["file"], "sha256": identified["sha256"]} if identified else None,
         settings=_settings(cfg, header),
+        **cfg.method.contract(cfg),
     )
     if not contract.observes_friction:
         return contract
@@ -308,7 +304,7 @@ def _settings(cfg: TrainCfg, header: Mapping[str, Any]) -> dict[str, Any]:
     """Return the settings of a run that differ from the defaults, with the names of reward terms of one's own."""
     if "config" in header:
         # The configuration of a run has none of them, see `RunDirectory.config`: here they are names alone.
-        own = from_plain(TrainCfg, header["config"], "config.json").task.rewards.own
+        own = config_from(header["config"], "config.json").task.rewards.own
         cfg = replace(cfg, task=replace(cfg.task, rewards=replace(cfg.task.rewards, own=own)))
     return settings_of(cfg)
 

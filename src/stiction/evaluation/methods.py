@@ -1,12 +1,13 @@
-"""The training method of a policy, by its contract: the paper's methods under the names in tables."""
+"""The training method of a policy, by its contract: methods under the names in tables."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from stiction.files.contract import Contract
-from stiction.files.contract_rules import IMPORTED, JOINT_DISTURBERS
-from stiction.joints.compensation import BY_SPEED, SHARES, By, Compensation
+from stiction.files.contract_rules import IMPORTED
+from stiction.joints.compensation import SHARES, By, Compensation
+from stiction.task.method import installed_methods, known_method
 
 FORWARD = "+forward"
 """Behind the names of policy and method: with friction fed forward by the position error."""
@@ -47,26 +48,6 @@ class MethodCell:
 KNOWN_FRICTION = "told"
 """Method of policies that observe their joints' friction, however it was drawn in training."""
 
-DREAMWAQ, DREAMWAQ_FRICTION = "dreamwaq", "dreamwaq-friction"
-"""DreamWaQ as in its paper, and with dry friction in training, which its paper has not."""
-
-HINF = {
-    "force": ("hinf", "H∞: beside a disturber that learns to push the base"),
-    "friction": ("hinf-joints", "H∞: beside a disturber that learns torques within each joint's friction"),
-    "random": ("hinf-random", "PPO under random pushes of the base, to compare H∞ with"),
-    "random-friction": ("hinf-random-joints", "PPO under random torques within each joint's friction, to compare"),
-    None: ("hinf-nobody", "PPO as H∞ has it, and nobody disturbs"),
-}
-"""Who disturbed the training of the method `hinf` -> its name here, and what it is."""
-
-WITH_FRICTION = "-friction"
-"""Behind the names of those of `HINF` that need no friction in training and had some."""
-
-_PUSHED = [names for kind, names in HINF.items() if kind not in JOINT_DISTURBERS]
-
-COMPENSATION_BY_ERROR = "compensation-error"
-"""Method of policies of `compensation` from before it went by the speed of the joints; none is trained any more."""
-
 BEHIND_GEAR = "actuator-output"
 """Method of policies trained through an Actuator Net of torque behind the gear, as in the paper."""
 
@@ -83,37 +64,28 @@ METHODS = {
     KNOWN_FRICTION: "friction-aware, and told the friction of each kind of joint, as a bench identifies it",
     "direct": "friction within 0.8 to 1.2 of the nominal one",
     "point": "one value of friction and no range: each joint's as identified on the bench of a robot of the same kind",
-    "compensation": f"{BY_SPEED.share:g} of the nominal friction added to the command, in training and after, by the "
-    "measured speed, and by the error while stuck",
-    COMPENSATION_BY_ERROR: "all of the nominal friction added to the command, in training and after, by the error",
-    "finetune": "trained without friction, then with all of it at once",
-    "iterative": "trained without friction, then with more in steps",
-    DREAMWAQ: "DreamWaQ: a code of the history in place of teacher and student; conventional randomisation, without "
-    "friction",
-    DREAMWAQ_FRICTION: "DreamWaQ, with friction in training, drawn from the range that was named",
-    **{name: f"{text}; without friction" for name, text in _PUSHED},
-    **{f"{name}{WITH_FRICTION}": f"{text}; with friction" for name, text in _PUSHED},
-    **{HINF[kind][0]: f"{HINF[kind][1]}, with friction" for kind in JOINT_DISTURBERS},
     IMPORTED: "trained elsewhere: what friction it met is not known",
 }
-"""Training method -> what it is."""
+"""Training method of the product -> what it is."""
+
+
+def method_texts() -> dict[str, str]:
+    """Return every training method -> what it is, those of installed distributions among them."""
+    texts = dict(METHODS)
+    for method in installed_methods():
+        texts |= method.names or {method.name: method.description}
+    return texts
 
 
 def method_of(contract: Contract) -> str:
-    """Return the training method of a policy, one of `METHODS`."""
+    """Return the training method of a policy, one of `method_texts`; of one that is not installed its name alone."""
     if contract.actuator is not None:
         return BEHIND_GEAR if contract.torque_source == "output_side" else "actuator"
     if contract.observes_friction:
         return KNOWN_FRICTION
     if contract.method == "deception" and contract.joints_file is not None:
         return "identified"
+    if (method := known_method(contract.method)) is not None and method.called is not None:
+        return method.called(contract)
     low, high = contract.friction_range
-    met_friction = max(high, contract.largest_load) > 0.0
-    if contract.method == "hinf":
-        name = HINF[contract.disturber][0]
-        return f"{name}{WITH_FRICTION}" if met_friction and contract.disturber not in JOINT_DISTURBERS else name
-    if contract.method == DREAMWAQ and met_friction:
-        return DREAMWAQ_FRICTION
-    if contract.compensation is not None and contract.compensation_speeds is None:
-        return COMPENSATION_BY_ERROR
     return "point" if contract.method == "direct" and low == high else contract.method

@@ -140,7 +140,7 @@ def sample_names(contracts: Mapping[str, Contract]) -> dict[str, str]:
     """Return policy -> suffix of its method, so that only policies that differ in their seed share a name.
 
     Where a method has several such groups, the suffix names what they differ in: `deception (stairs)`,
-    `dreamwaq-friction (dreamwaq.beta 1)`. Where a group has one seed twice, it is the name of the policy. contracts: by
+    `deception (teacher.quiet 30)`. Where a group has one seed twice, it is the name of the policy. contracts: by
     name of the policy.
     """
     groups: dict[tuple[tuple[str, ...], str | None], list[str]] = {}

@@ -63,7 +63,7 @@ class Contract:
     terrain: str
     """Terrain trained on: `flat`."""
     method: str
-    """Training method with friction: `none`, `direct`, `deception`, ..."""
+    """Training method with friction: `none`, `direct`, `deception`, or one of another distribution, a name alone."""
     seed: int
     """Seed of the training run."""
     friction_law: str
@@ -145,9 +145,7 @@ class Contract:
     """Range of each joint's factor on its robot's friction in training [1], or None: all joints had one factor, or each
     its own."""
     disturber: str | None = None
-    """Who disturbed the robots of the method `hinf` while it learned: `force`, pushes that were learned, `friction`,
-    learned torques in the joints, `random` and `random-friction`, the same by chance. None: nobody, and of any other
-    method."""
+    """What disturbed the robots while they learned, by the words of a method that does so; None: nothing."""
     phases: int | None = None
     """Phases of the training: 1, what walked in training is what is deployed; 2, a teacher and its student. None: the
     bundle is older than this field."""
@@ -194,12 +192,17 @@ class Contract:
         return 0.0 if self.friction_load is None else self.friction_load[1]
 
     @property
+    def met_friction(self) -> bool:
+        """True if its joints had dry friction while it learned, as far as that is known."""
+        return max(self.friction_range[1], self.largest_load) > 0.0
+
+    @property
     def trained(self) -> str:
         """What dry friction its joints had while it learned, in words: the name of a way to train on every page."""
         (low, high), load = self.friction_range, self.largest_load
         if self.imported is not None:
             return "elsewhere"
-        if self.method == "none" or high == load == 0.0:
+        if self.method == "none" or not self.met_friction:
             return "without friction"
         if high == 0.0:
             return f"with friction of up to {load:g} of the load"

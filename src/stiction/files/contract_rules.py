@@ -187,27 +187,12 @@ UNKNOWN, IMPORTED = "unknown", "imported"
 TERRAINS = ("flat", "slopes", "rough", "stairs", "mixed", UNKNOWN)
 """Grounds that there are to train on."""
 
-METHODS = {
-    "none": "conventional domain randomisation, without dry friction in the joints",
-    "direct": "dry friction in the joints, drawn closely around its nominal value",
-    "compensation": "dry friction in the joints, drawn closely around its nominal value, part of which is added to the "
-    "command, by the joint's speed",
-    "finetune": "without dry friction at first, then all of it at once, drawn closely around its nominal value",
-    "iterative": "without dry friction at first, then more of it in equal steps, drawn closely around each",
-    "deception": "dry friction in the joints, drawn from zero up to above its nominal value",
-    "dreamwaq": "DreamWaQ: one phase, on a code of the history from a variational autoencoder; without dry friction in "
-    "the joints unless a range is named",
-    "hinf": "H∞: disturbed while it learned, by pushes or by torques in its joints; without dry friction in the joints "
-    "unless a range is named",
-    IMPORTED: "trained elsewhere; what friction it met is not known",
-}
-"""Training method with friction -> what it means, in words for people."""
-
-DISTURBERS = ("force", "friction", "random", "random-friction")
-"""Who may disturb robots while they learn."""
-
-JOINT_DISTURBERS = ("friction", "random-friction")
-"""Those of them that disturb joints, which need friction to be bounded by, and not the base."""
+METHOD = Rule(
+    lambda value: isinstance(value, str) and re.fullmatch("[a-z][a-z0-9_-]{0,39}", value) is not None,
+    "a name of 1 to 40 lower-case letters, digits, - and _",
+    {"type": "string", "pattern": "^[a-z][a-z0-9_-]{0,39}$"},
+)
+"""Name of a training method, or of what disturbed a training: any installed distribution may have brought it."""
 
 SCHEMA_VERSION = 2
 """Version of contract.json. Version 1 is read as well; any other is refused."""
@@ -216,11 +201,15 @@ RULES: dict[str, Rule] = {
     "schema_version": one_of(SCHEMA_VERSION),
     "robot": NAME,
     "terrain": one_of(*TERRAINS),
-    "method": one_of(*METHODS),
+    "method": METHOD,
     **dict.fromkeys(("revision", "command"), TEXT),
     "seed": _integer(0, 2**63 - 1),
     "phases": one_of(1, 2, None),
-    "disturber": one_of(*DISTURBERS, None),
+    "disturber": Rule(
+        lambda value: value is None or METHOD.allowed(value),
+        f"null, or {METHOD.expected}",
+        {"anyOf": [METHOD.schema, {"type": "null"}]},
+    ),
     "torque_source": one_of("motor_side", "output_side", None),
     # From 2 kHz to 5 Hz; a physics step under 10 µs would take days for a minute of walking.
     "control_period": _between(5e-4, 0.2, " s"),

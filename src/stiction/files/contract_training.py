@@ -18,27 +18,16 @@ from stiction.files.plain import is_number
 Contract = Any
 """A `stiction.files.contract.Contract`, whose module imports this one."""
 
-FRICTION_RANGES: dict[str, tuple[float, float]] = {
-    "none": (0.0, 0.0),
-    "direct": (0.8, 1.2),
-    "compensation": (0.8, 1.2),
-    "finetune": (0.8, 1.2),
-    "iterative": (0.8, 1.2),
-    "deception": (0.0, 1.2),
-    "dreamwaq": (0.0, 0.0),
-    "hinf": (0.0, 0.0),
-}
-"""Multiplier of the nominal dry friction in the last stage, by training method.
+FRICTION_RANGES: dict[str, tuple[float, float]] = {"none": (0.0, 0.0), "direct": (0.8, 1.2), "deception": (0.0, 1.2)}
+"""Multiplier of the nominal dry friction in the last stage, by training method of the product.
 
-`none` is conventional randomisation, the paper's Table II without its friction row; `deception` has that row. The
-others have the range that the table gives every other joint parameter: `compensation` adds part of the nominal friction
-to the command, `finetune` begins without friction and has all of it at once, `iterative` in equal steps.
-
-`dreamwaq` is another way to learn, not another friction: DreamWaQ's context in place of z*
-(`stiction.learning.context`). Its paper randomises no dry friction, and neither does this one unless a `range` or a
-`mixture` asks for it: `--method dreamwaq --task.friction.range 0 1.2` learns from what `deception` learns from. So is
-`hinf`: a disturber that learns beside the policy, under an H∞ constraint (`stiction.learning.hinf`).
+`none` is conventional randomisation, the paper's Table II without its friction row; `deception` has that row; `direct`
+has the range that the table gives every other joint parameter. Ranges of other methods are in their own distributions,
+and no contract is refused for them.
 """
+
+OWN = (*FRICTION_RANGES, IMPORTED)
+"""Methods whose contracts are checked against them; of any other method the name says nothing."""
 
 ERAS: tuple[tuple[str, ...], ...] = (
     ("stribeck", "actuator"),
@@ -114,13 +103,12 @@ def check_training(contract: Contract) -> None:
     expect((contract.terrain == UNKNOWN) == elsewhere, "terrain", contract.terrain, f"{UNKNOWN!r} with the method "
            f"{IMPORTED!r}, and with no other")  # fmt: skip
     expect(contract.imported is None or elsewhere, "imported", contract.imported, f"null with the method {method!r}")
-    expect(contract.disturber is None or method == "hinf", "disturber", contract.disturber, "null: no method 'hinf'")
+    expect(contract.disturber is None or method not in OWN, "disturber", contract.disturber, "null with the method "
+           f"{method!r}")  # fmt: skip
     expect(
         contract.torque_source is None or contract.actuator is not None,
         "torque_source", contract.torque_source, "null, as 'actuator' is",
     )  # fmt: skip
-    expect(method != "compensation" or contract.compensation is not None, "compensation", None, "angles: the method is "
-           "'compensation'")  # fmt: skip
     if contract.compensation is None:
         expect(contract.compensation_speeds is None, "compensation_speeds", contract.compensation_speeds, "null, as "
                "'compensation' is")  # fmt: skip
@@ -176,11 +164,10 @@ def _check_settings(contract: Contract, settings: Mapping[str, Any]) -> None:
     agree("phases", contract.phases, phases, "student.iterations")
     # Weight, lower and upper end of each part of a mixture, in one list.
     mixture, ranges = numbers("task.friction.mixture", 0)[0], numbers("task.friction.range")
-    ends = (*mixture[1::3], *mixture[2::3]) or (
-        ranges[0] if ranges else FRICTION_RANGES.get(contract.method, (0.0, 0.0))
-    )
-    drawn = [contract.friction_level * end for end in (min(ends), max(ends))]
-    agree("friction_range", contract.friction_range, (drawn,), "task.friction.range")
+    ends = (*mixture[1::3], *mixture[2::3]) or (ranges[0] if ranges else FRICTION_RANGES.get(contract.method))
+    if ends or contract.method == IMPORTED:
+        drawn = [contract.friction_level * end for end in (min(ends or (0.0,)), max(ends or (0.0,)))]
+        agree("friction_range", contract.friction_range, (drawn,), "task.friction.range")
     flat, standing = contract.terrain == "flat", [0.0] if any(values("task.commands.standing-share")) else []
     for command, span in (contract.command_range or {}).items():
         name, courses = f"task.commands.{command}", [[0.0] * 0]

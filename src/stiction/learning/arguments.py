@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, make_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
+from stiction.core.errors import ConfigurationError
 from stiction.core.flags import FLAT
 from stiction.core.options import Given, read_given
 from stiction.learning.config import TrainCfg
-from stiction.learning.effects import check_effects
+from stiction.learning.effects import check_effects, method_setting
 from stiction.learning.presets import PresetName, preset
+from stiction.task.method import installed_methods
 
 DESCRIPTION = """Train a policy that walks on what the robot measures, with or without friction in its joints.
 
@@ -27,9 +29,8 @@ Watch it: the terminal shows the time left and how the robots walk (`nohup stict
 line every 30 s). `tensorboard --logdir runs` shows every figure, teacher and student as two runs: reward/* (weighted
 terms), walk/* (tracking error, tripod share, falls), latent/explained (two phases; 1: the history tells all that the
 privileged encoder says), estimator/velocity_error [m/s], estimator/friction_error, friction/low, high and mean
-(multipliers of the nominal friction), terrain/*; with --method dreamwaq code/* and bootstrap/*, with --method hinf
-hinf/* (lambda, eta, constraint, cost, and intensity: the mean disturbance as a share of its limit). A short clip of the
-policy at 0.5 m/s appears in clips/ every 100 iterations; --view lets the newest checkpoint walk in the browser.
+(multipliers of the nominal friction), terrain/*, and those of an installed method. A short clip of the policy at
+0.5 m/s appears in clips/ every 100 iterations; --view lets the newest checkpoint walk in the browser.
 
 Stop it: Ctrl-C or SIGTERM ends it after the iteration, with a checkpoint and exit status 130 or 143; kill -9 costs the
 iterations since the last checkpoint. `stiction train --resume runs/deception` goes on to the same parameters, bit for
@@ -62,8 +63,7 @@ class Train:
     preset: PresetName = "full"
     """Defaults for everything else. `quick`: one phase of 440 iterations, 20 to 45 minutes of one core. `full`:
     1000 of them. `two-phase`: a teacher (350 iterations), then its student (80), as the paper's claims were judged.
-    `paper`: 700 and 240, and draws the paper's table, with noise of the sensors. `literal`: the same to the letter: no
-    noise, L_ada through both encoders, friction of 1 % drawn for each joint."""
+    `paper`: 700 and 240, and draws the paper's table, with noise of the sensors."""
     out: Path = Path("runs/train")
     """Folder of the run."""
     joint_map: tuple[str, ...] = ()
@@ -90,13 +90,33 @@ def parse(arguments: list[str]) -> Train:
 
 def parse_given(arguments: list[str]) -> tuple[Train, TrainCfg, Given]:
     """Return the options, the configuration with which they began, and what was given. Raises as `parse`."""
-    options, before, given = read_given(Train, arguments, "stiction train", DESCRIPTION, _defaults, GROUPS)
-    base = Train() if before is None else before
+    methods = {method.name: method.settings for method in installed_methods() if method.settings is not None}
+    groups = [(name, settings, field(default_factory=settings)) for name, settings in methods.items()]
+    kind: Any = make_dataclass("Train", groups, bases=(Train,), frozen=True, namespace={"__doc__": Train.__doc__})
+
+    def begin(given: Mapping[str, Any]) -> Train:
+        """Return what the options begin with: preset, device, engine and method change the defaults of all else."""
+        name, method = given.get("preset", "full"), given.get("task.friction.method")
+        return kind(config=preset(name, given.get("device", "cpu"), method, given.get("engine", "mujoco")))
+
+    options, before, given = read_given(kind, arguments, "stiction train", DESCRIPTION, begin, GROUPS)
+    base = kind() if before is None else before
+    for name in methods:
+        options = _with_settings(options, name, getattr(options, name))
     check_effects(options.config, base.config)
     return options, base.config, given
 
 
-def _defaults(given: Mapping[str, Any]) -> Train:
-    """Return what a command line begins with: preset, device, engine and method change the defaults of all else."""
-    name, method = given.get("preset", "full"), given.get("task.friction.method")
-    return Train(config=preset(name, given.get("device", "cpu"), method, given.get("engine", "mujoco")))
+def _with_settings(options: Train, name: str, settings: Any) -> Train:
+    """Return the options with the settings of a method in their configuration, if it is the method that is trained.
+
+    Raises `ConfigurationError` where it is not, and the settings have been changed.
+    """
+    if options.config.method.name == name:
+        return replace(options, config=replace(options.config, method_settings=settings))
+    usual = type(settings)()
+    for one in fields(settings):
+        if (value := getattr(settings, one.name)) != getattr(usual, one.name):
+            setting = method_setting(name, one.name, value)
+            raise ConfigurationError(f"{setting} has no effect without --method {name}; leave it out")
+    return options

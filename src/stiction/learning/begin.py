@@ -57,12 +57,13 @@ def begin_run(
     if cfg.device != "cpu" and (why := why_task_on_host(cfg)):
         say(f"the task of this training stays on the host, only physics and networks are on {cfg.device}: {why}")
     ranks.share(cfg.num_envs)
-    if not ranks.alone and (cfg.has_context or cfg.is_disturbed):
+    if not ranks.alone and cfg.method.algorithm is not None:
         raise ConfigurationError(f"--method {cfg.task.friction.method} trains in one process; leave torchrun out")
     mirror = None if cfg.symmetry == "none" else robot_mirror(robot)
     if mirror is not None and (cfg.task.known_friction or cfg.task.estimated_friction):
         mirrored_kinds(robot, mirror)
-    _say_of_method(cfg, say)
+    for note in cfg.method.notes(cfg):
+        say(note)
     refuse_alone(joint_map, cfg.joints)
     identified = nominal_of(cfg.joints, cfg.task.robot, joint_map, cfg.task.friction, say)
     _check_own_friction(cfg, robot, identified)
@@ -71,22 +72,6 @@ def begin_run(
     if line := stiff_sliders(robot, cfg.task.physics, cfg.task.timestep, _lightest_rotors(cfg, robot, identified)):
         say(f"warning: {line}")
     return RunDirectory.create(out, cfg, command, identified, ranks.size), cfg
-
-
-def _say_of_method(cfg: TrainCfg, say: Say) -> None:
-    """Say what people are surprised by in a method of another paper, as it is set."""
-    friction = cfg.task.friction.has_friction
-    if cfg.has_context and not friction:
-        say("dreamwaq trains without dry friction, as in its paper; with: --task.friction.range 0 1.2")
-    if not cfg.is_disturbed:
-        return
-    if not friction:
-        say("hinf trains without dry friction; with: --task.friction.range 0 1.2")
-    half = not cfg.hinf.by_torque and cfg.hinf.share == cfg.hinf.most
-    if cfg.hinf.disturbs and half and not cfg.hinf.curriculum:
-        # Two trainings each, see results/methods.
-        found = "none of two walked both ways so, and two of two with --set hinf.curriculum=0.5"
-        say(f"hinf pushes with half of the weight from the first iteration on: {found}")
 
 
 def _lightest_rotors(cfg: TrainCfg, robot: Robot, identified: dict[str, Any] | None) -> np.ndarray:

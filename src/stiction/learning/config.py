@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from operator import attrgetter
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
-from stiction.core.errors import ConfigurationError, unknown_name
-from stiction.core.flags import FLAG, SETTING, flag
+from stiction.core.decode import from_plain
+from stiction.core.errors import ConfigurationError, FileError, unknown_name
+from stiction.core.flags import FIXED, FLAG, SETTING, flag
 from stiction.core.memory import check_memory
 from stiction.core.records import check_numbers
 from stiction.joints.friction import has_coefficient
-from stiction.learning.hinf_config import HinfCfg
 from stiction.robots.model import Robot
 from stiction.sim.protocol import DeviceName
 from stiction.task.config import RandomizationCfg, TaskCfg
+from stiction.task.method import Method, find_method
 
 MOST_COUNTS = {
     "num_envs": 131_072,
@@ -35,9 +37,6 @@ MAY_BE_NONE = ("student.iterations", "teacher.quiet")
 LAYERS = ("actor", "critic", "privileged", "history", "estimator", "terrain")
 NETWORK_SIZES = ("history_frame", "estimator_frame", "terrain_latent", "latent")
 """Fields of `NetworkCfg`: lists of layers, and single sizes."""
-
-REPLACED = ("privileged", "recurrent", "estimator_frame", "estimator", "terrain", "terrain_latent", "latent")
-"""Fields of `NetworkCfg` that DreamWaQ's networks take the place of."""
 
 MOST_LAYERS = 10
 """Most hidden layers of a network."""
@@ -85,30 +84,6 @@ class NetworkCfg:
     """Size of z and z*."""
     initial_std: float = 0.8
     """Standard deviation of the first actions."""
-
-
-@dataclass(frozen=True)
-class DreamWaQCfg:
-    """The context-aided estimator of `--method dreamwaq`, see `stiction.learning.context`.
-
-    It learns at the rate, and in the passes, of the supervised losses of the first phase. The paper gives the sizes of
-    its layers and of the code, and neither β nor what its loss is a mean of.
-    """
-
-    beta: float = 0.35
-    """Weight of the code's KL divergence, a mean over dimensions, beside the reconstruction, a mean over entries. The
-    more, the less the code tells; 0: an autoencoder with noise of its own choice."""
-    free_bits: float = 0.05
-    """KL of a dimension below which it costs nothing to tell more [nat]: without it the KL wins before there is
-    anything to tell. 0: none."""
-    code: int = 16
-    """Size of the code."""
-    frame: int = 32
-    """As network.history_frame, for the encoder. The paper's has no such layer."""
-    encoder: tuple[int, ...] = (128, 64)
-    """Hidden layers of the encoder, after the frames."""
-    decoder: tuple[int, ...] = (64, 128)
-    """Hidden layers of the decoder, velocity and code -> the next observation."""
 
 
 LatentName = Literal["alternate", "groups", "history"]
@@ -209,7 +184,7 @@ class StopCfg:
 
     All figures are those of training: noisy, pushed, randomised. Its tracking error is some 0.1 m/s above that of an
     evaluation. Teacher and student each end by this rule, the teacher not before the last stage of friction has begun,
-    the noise is the least of the phase, and a disturber's limit has grown to its value.
+    the noise is the least of the phase, and what its method brings in slowly is all there.
     """
 
     tracking_error: Annotated[float | None, flag("--stop-at-tracking-error")] = None
@@ -234,6 +209,22 @@ class StopCfg:
             raise ConfigurationError("stop.terrain_level has no effect by itself; say --stop-at-tracking-error too")
 
 
+def check_counts(counts: Mapping[str, int], layers: Mapping[str, tuple[int, ...]]) -> None:
+    """Raise `ConfigurationError` where a count, or the number or size of layers of a network, is out of range.
+
+    counts, layers: by their places, such as `network.actor`.
+    """
+    counts = dict(counts)
+    for name, sizes in layers.items():
+        if not 1 <= len(sizes) <= MOST_LAYERS:
+            raise ConfigurationError(f"{name} has {len(sizes)} layers; expected 1 to {MOST_LAYERS}")
+        counts |= {f"{name}[{number}]": size for number, size in enumerate(sizes)}
+    for name, count in counts.items():
+        least, most = int(name not in MAY_BE_NONE), MOST_COUNTS.get(name.rpartition(".")[2], 10_000)
+        if not least <= count <= most:
+            raise ConfigurationError(f"{name} is {count}; expected at least {least}, and at most {most}")
+
+
 @dataclass(frozen=True)
 class TrainCfg:
     """One training run: a first phase by PPO, and where it has iterations a second one that makes the student."""
@@ -242,8 +233,8 @@ class TrainCfg:
     network: NetworkCfg = field(default_factory=NetworkCfg)
     teacher: TeacherCfg = field(default_factory=TeacherCfg)
     student: StudentCfg = field(default_factory=StudentCfg)
-    dreamwaq: DreamWaQCfg = field(default_factory=DreamWaQCfg)
-    hinf: HinfCfg = field(default_factory=HinfCfg)
+    method_settings: Annotated[Any, FIXED] = None
+    """Settings of the method, of `Method.settings`; by default, for a method that has some, their defaults."""
     num_envs: int = 512
     """Robots simulated side by side."""
     seed: int = 0
@@ -273,6 +264,7 @@ class TrainCfg:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be run, before any folder is made."""
+        self._complete()
         self._check_simulator()
         if self.symmetry not in get_args(SymmetryName):
             raise ConfigurationError(unknown_name("symmetry", self.symmetry, get_args(SymmetryName)))
@@ -316,7 +308,7 @@ class TrainCfg:
             "--physics plastic": self.task.physics.plastic,
             f"--terrain {self.task.terrain.kind}": self.task.terrain.kind != "flat",
             "friction that grows with load": self.task.friction.loaded,
-            "--method hinf": self.is_disturbed,
+            f"--method {self.method.name}": self.method.acts_on_fleet,
             "--task.randomization.contact-time": given != usual,
         }
         for name in (name for name, asked in lacking.items() if asked):
@@ -329,14 +321,20 @@ class TrainCfg:
         return phase if self.student.iterations else "policy"
 
     @property
-    def has_context(self) -> bool:
-        """Whether DreamWaQ's context takes the place of estimate and latent."""
-        return self.task.friction.method == "dreamwaq"
+    def method(self) -> Method:
+        """Training method."""
+        return find_method(self.task.friction.method)
 
-    @property
-    def is_disturbed(self) -> bool:
-        """Whether the method is `hinf`, whoever disturbs."""
-        return self.task.friction.method == "hinf"
+    def _complete(self) -> None:
+        """Give a method that has settings its defaults where none are given; reject those of another method."""
+        kind, given = self.method.settings, self.method_settings
+        if given is None and kind is not None:
+            object.__setattr__(self, "method_settings", kind())
+        elif given is not None and type(given) is not kind:
+            wanted = "None: it has no settings" if kind is None else kind.__name__
+            raise ConfigurationError(
+                f"settings of the method {self.method.name!r}: got {type(given).__name__}, expected {wanted}"
+            )
 
     def _check_counts(self) -> None:
         """Refuse counts out of range, and rollouts too short to be split."""
@@ -347,18 +345,7 @@ class TrainCfg:
         more = ("adaptation_batches", "adaptation_passes", "alternate", "quiet")
         counts |= {f"teacher.{name}": getattr(self.teacher, name) for name in more}
         counts |= {f"network.{name}": getattr(self.network, name) for name in NETWORK_SIZES}
-        counts |= {f"dreamwaq.{name}": getattr(self.dreamwaq, name) for name in ("code", "frame")}
-        lists = {f"network.{name}": getattr(self.network, name) for name in LAYERS}
-        lists |= {f"dreamwaq.{name}": getattr(self.dreamwaq, name) for name in ("encoder", "decoder")}
-        lists |= {f"hinf.{name}": getattr(self.hinf, name) for name in ("actor", "critic")}
-        for name, layers in lists.items():
-            if not 1 <= len(layers) <= MOST_LAYERS:
-                raise ConfigurationError(f"{name} has {len(layers)} layers; expected 1 to {MOST_LAYERS}")
-            counts |= {f"{name}[{number}]": size for number, size in enumerate(layers)}
-        for name, count in counts.items():
-            least, most = int(name not in MAY_BE_NONE), MOST_COUNTS.get(name.rpartition(".")[2], 10_000)
-            if not least <= count <= most:
-                raise ConfigurationError(f"{name} is {count}; expected at least {least}, and at most {most}")
+        check_counts(counts, {f"network.{name}": getattr(self.network, name) for name in LAYERS})
         self._check_halves()
         if self.video_every < 0:
             raise ConfigurationError(
@@ -379,8 +366,8 @@ class TrainCfg:
         # Of the last of `history` the critic has half.
         sizes = {"network.history[-1] / 2": self.network.history[-1] // 2}
         used = [f"network.{name}" for name in ("actor", "critic", "history", "history_frame")]
-        if self.has_context:
-            used += [f"dreamwaq.{name}" for name in ("code", "frame", "encoder", "decoder")]
+        if self.method.even is not None:
+            sizes |= self.method.even(self)
         else:
             used += [f"network.{name}" for name in ("privileged", "latent", "estimator", "estimator_frame")]
             used += [] if self.task.terrain.kind == "flat" else ["network.terrain", "network.terrain_latent"]
@@ -407,7 +394,6 @@ class TrainCfg:
         shares = {name: getattr(teacher, name) for name in ("desired_kl", "gamma", "gae_lambda")}
         weights = {f"teacher.{name}": getattr(teacher, name) for name in ("entropy",)}
         weights |= {f"student.{name}": getattr(student, name) for name in ("adaptation_weight", "estimator_weight")}
-        weights |= {f"dreamwaq.{name}": getattr(self.dreamwaq, name) for name in ("beta", "free_bits")}
         for name, share in shares.items():
             if not 0 < share <= 1:
                 raise ConfigurationError(f"teacher.{name} is {share}; expected more than 0 and at most 1")
@@ -418,28 +404,19 @@ class TrainCfg:
     def _check_phases(self) -> None:
         """Refuse settings of the phases that contradict each other."""
         teacher, student = self.teacher, self.student
-        one_phase = self.has_context or self.is_disturbed
+        one_phase = self.method.one_phase
         if one_phase and (teacher.latent != "history" or student.iterations):
             raise ConfigurationError(
                 f"the method {self.task.friction.method!r} learns in one phase, not with --teacher.latent "
                 f"{teacher.latent} and {student.iterations} iterations of a student; use --preset full or quick"
             )
-        if self.is_disturbed and self.task.terrain.kind != "flat":
-            raise ConfigurationError(
-                f"the method 'hinf' learns in one phase, on flat ground alone, not on {self.task.terrain.kind!r}; "
-                "leave --terrain out"
-            )
-        if self.is_disturbed and self.hinf.by_torque and self.hinf.disturbs and not self.task.friction.has_friction:
-            raise ConfigurationError(
-                f"--set hinf.disturber={self.hinf.disturber} is bounded by the joints' friction, and there is none; "
-                "say --task.friction.range 0 1.2"
-            )
+        self.method.check(self)
         if student.iterations == 0 and teacher.latent != "history" and self.task.terrain.kind != "flat":
             raise ConfigurationError(
                 "student.iterations is 0, and on terrain a teacher that sees the ground is no student"
             )
         blind = teacher.latent == "history" or student.algorithm == "ppo"
-        if self.task.terrain.kind != "flat" and blind and not self.has_context:
+        if self.task.terrain.kind != "flat" and blind and not one_phase:
             raise ConfigurationError(
                 f"on terrain {self.task.terrain.kind!r} one phase, and PPO on the student, have no encoder of the "
                 "ground to learn from; use --preset two-phase"
@@ -487,3 +464,24 @@ class TrainCfg:
             f"a rollout of {self.num_envs} robots over {samples // self.num_envs} steps",
             "use fewer --num-envs, fewer steps, or a shorter history",
         )
+
+
+FORMER_GROUPS = ("dreamwaq", "hinf")
+"""Groups of settings in every config.json from before methods were installed: each is that of the method of its name,
+and does nothing in a run of another."""
+
+
+def config_from(data: Any, where: str) -> TrainCfg:
+    """Return the configuration that `asdict` made plain data of, perhaps an older version's.
+
+    where: name of the file, for messages. Raises `StictionError` where it is none, or its method is not installed.
+    """
+    if not isinstance(data, dict):
+        raise FileError(f"{where} is {str(data)[:60]}; expected the fields of TrainCfg")
+    plain = {name: value for name, value in data.items() if name not in (*FORMER_GROUPS, "method_settings")}
+    task = from_plain(TaskCfg, plain.get("task", {}), f"{where}: task")
+    name, kind = task.friction.method, find_method(task.friction.method).settings
+    settings = data.get("method_settings", data.get(name) if name in FORMER_GROUPS else None)
+    if settings is not None and kind is not None:
+        settings = from_plain(kind, settings, f"{where}: {name}")
+    return from_plain(TrainCfg, plain | {"task": task, "method_settings": settings}, where)

@@ -8,14 +8,14 @@ some.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from operator import attrgetter
 from typing import Any, get_args
 
 from stiction.core.errors import ConfigurationError
-from stiction.core.flags import assignment
+from stiction.core.flags import assignment, text_of
 from stiction.joints.friction import find_law, has_coefficient
-from stiction.learning.config import REPLACED, TrainCfg
+from stiction.learning.config import TrainCfg
 from stiction.learning.presets import PresetName, preset
 
 Idle = Iterator[tuple[str, str]]
@@ -30,6 +30,15 @@ OF_MULTIPLIERS = ("per", "spread", "pretraining", "steps")
 a policy that is trained without friction is evaluated with them."""
 
 
+OF_METHOD = "method_settings"
+"""Field of `TrainCfg` whose fields are named after the method on command lines."""
+
+
+def _with_defaults(cfg: TrainCfg) -> TrainCfg:
+    """Return a configuration with the default settings of its method."""
+    return replace(cfg, method_settings=None)
+
+
 def check_effects(cfg: TrainCfg, base: TrainCfg | None = None) -> None:
     """Refuse settings that were changed and have no effect.
 
@@ -41,13 +50,15 @@ def check_effects(cfg: TrainCfg, base: TrainCfg | None = None) -> None:
     for place, why in idle(cfg):
         for name in _leaves(cfg, place):
             value = attrgetter(name)(cfg)
-            if all(value != attrgetter(name)(one) for one in unchanged):
-                raise ConfigurationError(f"{assignment(TrainCfg, name, value)} has no effect{why}; leave it out")
+            # The presets set none of a method's settings.
+            bases = (_with_defaults(cfg),) if name.startswith(f"{OF_METHOD}.") else unchanged
+            if all(value != attrgetter(name)(one) for one in bases):
+                raise ConfigurationError(f"{_typed(cfg, name, value)} has no effect{why}; leave it out")
 
 
 def idle(cfg: TrainCfg) -> Idle:
     """Yield everything in a configuration that does nothing at all."""
-    yield from _methods(cfg)
+    yield from cfg.method.idle(cfg)
     yield from _phases(cfg)
     yield from _ground(cfg)
     yield from _friction(cfg)
@@ -76,6 +87,17 @@ def _but(cfg: TrainCfg, group: str, *kept: str) -> Iterator[str]:
     yield from (f"{group}.{field.name}" for field in fields(attrgetter(group)(cfg)) if field.name not in kept)
 
 
+def _typed(cfg: TrainCfg, name: str, value: Any) -> str:
+    """Return a setting with its value as it is typed."""
+    group, _, own = name.partition(".")
+    return method_setting(cfg.method.name, own, value) if group == OF_METHOD else assignment(TrainCfg, name, value)
+
+
+def method_setting(method: str, name: str, value: Any) -> str:
+    """Return a setting of a method with its value as it is typed."""
+    return f"--set {method}.{name}={text_of(value, setting=True)}"
+
+
 def _check_known_friction(cfg: TrainCfg) -> None:
     """Refuse to tell a policy what a coefficient has not."""
     law = cfg.task.friction.law
@@ -84,24 +106,6 @@ def _check_known_friction(cfg: TrainCfg) -> None:
             f"--task.known-friction tells a policy the friction of its joints over their torque limits, and under "
             f"--friction-law {law} there is none: its level is a coefficient; use another law, or leave it out"
         )
-
-
-def _methods(cfg: TrainCfg) -> Idle:
-    """Yield what belongs to another method."""
-    if cfg.has_context:
-        for name in ("task.estimated_friction", "teacher.velocity_weight", *(f"network.{name}" for name in REPLACED)):
-            yield name, " with --method dreamwaq, whose networks are --set dreamwaq.*"
-        if cfg.dreamwaq.beta == 0:
-            yield "dreamwaq.free_bits", ": with --set dreamwaq.beta=0 nothing is asked of the code"
-    else:
-        yield "dreamwaq", " without --method dreamwaq"
-    if cfg.is_disturbed:
-        yield from ((f"hinf.{name}", f": {why}") for name, why in cfg.hinf.idle())
-        if cfg.hinf.curriculum * cfg.teacher.iterations <= 1:
-            iterations = f": of --teacher.iterations {cfg.teacher.iterations} that is one at most"
-            yield "hinf.curriculum", f"{iterations}, and the limit is there at once"
-    else:
-        yield "hinf", " without --method hinf"
 
 
 def _phases(cfg: TrainCfg) -> Idle:
@@ -152,10 +156,9 @@ def _friction(cfg: TrainCfg) -> Idle:
         unless = " unless --task.friction.range or --task.friction.mixture asks for it"
         why = f": --method {friction.method} has no friction in training{'' if friction.method == 'none' else unless}"
         yield from ((place + name, why) for name in OF_MULTIPLIERS)
-    if friction.method not in ("finetune", "iterative"):
-        yield place + "pretraining", f" with --method {friction.method}, only with finetune and iterative"
-    if friction.method != "iterative":
-        yield place + "steps", f" with --method {friction.method}, only with iterative"
+    for name in ("pretraining", "steps"):
+        if name not in cfg.method.schedule_options:
+            yield place + name, f" with --method {friction.method}: it is of other methods' schedules"
     for name in ("static_ratio", "stribeck_velocity"):
         if name not in find_law(friction.law).numbers:
             yield place + name, f" with --friction-law {friction.law}, only with stribeck"

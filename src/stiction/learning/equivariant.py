@@ -20,8 +20,7 @@ from rsl_rl.modules import Distribution
 from torch import nn
 
 from stiction.core.errors import ConfigurationError
-from stiction.learning.context import ContextActor
-from stiction.learning.models import VELOCITY, HistoryEncoder, RMAActor, RMACritic
+from stiction.learning.models import HistoryEncoder, RMAActor, RMACritic
 from stiction.task.symmetry import Rows, TaskMirror, VectorMirror
 
 
@@ -65,8 +64,8 @@ def make_equivariant(model: RMAActor | RMACritic, mirror: TaskMirror) -> None:
     else:
         inputs = [rows[name] for name in model.seen]
         encoded = halves(_last(model.history_encoder.mlp).out_features)
-        _encoder(model.history_encoder, rows, encoded)
-        _mlp(model.mlp, Rows.joined([*inputs, encoded]), Rows.signed(np.ones(1)))
+        equivariant_encoder(model.history_encoder, rows, encoded)
+        equivariant_mlp(model.mlp, Rows.joined([*inputs, encoded]), Rows.signed(np.ones(1)))
     for name, layer in model.named_modules():
         # A layer that was overlooked above would break the symmetry without a word.
         trained = any(True for _ in layer.parameters(recurse=False))
@@ -102,52 +101,42 @@ def halves(size: int) -> Rows:
     return Rows.exchanged(np.roll(np.arange(size), size // 2))
 
 
-def _context(actor: ContextActor, rows: dict[str, Rows]) -> Rows:
-    """Make DreamWaQ's estimator symmetric; return the mirror of the actor's input."""
-    explicit = rows["explicit"]
-    velocity = Rows(explicit.index[:VELOCITY], explicit.factor[:VELOCITY])
-    code = halves(actor.context.code)
-    _encoder(actor.context.encoder, rows, Rows.joined([velocity, code, code]))
-    _mlp(actor.context.decoder, Rows.joined([velocity, code]), rows["proprioception"])
-    return Rows.joined([rows["proprioception"], velocity, code])
-
-
 def _adaptation(actor: RMAActor, rows: dict[str, Rows]) -> Rows:
     """Make encoders, estimator and adaptation symmetric; return the mirror of the actor's input."""
     latent = halves(_last(actor.privileged_encoder).out_features)
-    _mlp(actor.privileged_encoder, rows["privileged"], latent)
-    _encoder(actor.adaptation, rows, latent)
-    _encoder(actor.estimator, rows, rows["explicit"])
+    equivariant_mlp(actor.privileged_encoder, rows["privileged"], latent)
+    equivariant_encoder(actor.adaptation, rows, latent)
+    equivariant_encoder(actor.estimator, rows, rows["explicit"])
     inputs = [rows["proprioception"], rows["explicit"], latent]
     if actor.sees_terrain:
         ground = halves(_last(actor.terrain_encoder[0]).out_features)
-        _mlp(actor.terrain_encoder[0], rows["elevation"], ground)
-        _encoder(actor.terrain_history[0], rows, ground)
+        equivariant_mlp(actor.terrain_encoder[0], rows["elevation"], ground)
+        equivariant_encoder(actor.terrain_history[0], rows, ground)
         inputs.append(ground)
     return Rows.joined(inputs)
 
 
 def _actor(actor: RMAActor, rows: dict[str, Rows]) -> None:
     """Make an actor symmetric, with the networks beside the policy's own."""
-    inputs = _context(actor, rows) if isinstance(actor, ContextActor) else _adaptation(actor, rows)
-    _mlp(actor.mlp, inputs, rows["action"])
+    inputs = actor.make_inputs_equivariant(rows)
+    equivariant_mlp(actor.mlp, _adaptation(actor, rows) if inputs is None else inputs, rows["action"])
     exchanged = torch.as_tensor(rows["action"].index)
     std = actor.distribution.std_param
     # Left and right begin equal, and equal steps keep them so.
     std.register_hook(lambda gradient: 0.5 * (gradient + gradient[exchanged.to(gradient.device)]))
 
 
-def _encoder(encoder: nn.Module, rows: dict[str, Rows], out: Rows) -> None:
+def equivariant_encoder(encoder: nn.Module, rows: dict[str, Rows], out: Rows) -> None:
     """Make an encoder of the history symmetric: every frame is mirrored for itself."""
     assert isinstance(encoder, HistoryEncoder)
     assert encoder.memory is None  # `TrainCfg` refuses it
     width = _last(encoder.embed).out_features
     frames = _first(encoder.mlp).in_features // width
-    _mlp(encoder.embed, rows["proprioception"], halves(width))
-    _mlp(encoder.mlp, Rows.joined([halves(width)] * frames), out)
+    equivariant_mlp(encoder.embed, rows["proprioception"], halves(width))
+    equivariant_mlp(encoder.mlp, Rows.joined([halves(width)] * frames), out)
 
 
-def _mlp(mlp: nn.Module, into: Rows, out: Rows) -> None:
+def equivariant_mlp(mlp: nn.Module, into: Rows, out: Rows) -> None:
     """Make a chain of linear layers and activations symmetric."""
     layers = {name: layer for name, layer in mlp.named_children() if isinstance(layer, nn.Linear)}
     last = _last(mlp)

@@ -66,7 +66,7 @@ def adaptation_figures(actor: RMAActor, obs: TensorDict, feet: int) -> dict[str,
         if variance > 0 and not actor.adapts:
             figures["latent/explained"] = 1.0 - float((z - star).square().mean(0).sum()) / variance
         guess = actor.estimator(obs["history"])
-        # DreamWaQ guesses the velocity alone.
+        # Some estimators guess the velocity alone.
         truth = obs["explicit"][:, : guess.shape[-1]]
         figures["estimator/velocity_error"] = float((guess - truth)[:, :VELOCITY].norm(dim=-1).mean())
         contact, friction = slice(VELOCITY, VELOCITY + feet), slice(VELOCITY + feet, None)

@@ -14,6 +14,7 @@ from functools import cache
 from typing import Any
 
 from stiction.learning.config import TrainCfg
+from stiction.task.method import installed_methods
 
 APART = ("seed", "joints", "actuator", "checkpoint-every", "video-every", "contacts", "task.robot")
 """Settings that are none of a training: its seed, what changes no number of it, and files, which a contract has by
@@ -40,15 +41,20 @@ def settings_of(cfg: TrainCfg) -> dict[str, Any]:
 
 @cache
 def defaults() -> dict[str, Any]:
-    """Return every setting with its default."""
-    return dict(_flat(TrainCfg()))
+    """Return every setting with its default, those of installed methods among them."""
+    own = dict(_flat(TrainCfg()))
+    for method in installed_methods():
+        own |= {} if method.settings is None else dict(_flat(method.settings(), f"{method.name}."))
+    return own
 
 
 def _flat(config: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield name and value of every field of a nested dataclass."""
+    """Yield name and value of every field of a nested dataclass; settings of a method under the method's name."""
     for field in fields(config):
         name, value = prefix + field.name.replace("_", "-"), getattr(config, field.name)
-        if is_dataclass(value):
+        if name == "method-settings":
+            yield from () if value is None else _flat(value, f"{config.method.name}.")
+        elif is_dataclass(value):
             yield from _flat(value, f"{name}.")
         else:
             yield name, [*_entries(value)] if isinstance(value, tuple) else value

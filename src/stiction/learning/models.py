@@ -11,6 +11,7 @@ from tensordict import TensorDict
 from torch import nn
 
 from stiction.learning.config import NetworkCfg
+from stiction.task.symmetry import Rows
 
 GROUPS = ["proprioception", "history", "privileged", "explicit"]
 """The observation groups on any ground; each model picks what it may see."""
@@ -182,6 +183,13 @@ class RMAActor(MLPModel):
     def student(self) -> StudentPolicy:
         """Return what is deployed."""
         return StudentPolicy(self)
+
+    def make_inputs_equivariant(self, rows: dict[str, Rows]) -> Rows | None:
+        """Make networks of an actor's own left-right symmetric; return the mirror of its input.
+
+        rows: mirror of each observation group. None: it has those of rapid motor adaptation, see `equivariant`.
+        """
+        return None
 
     @property
     def std(self) -> torch.Tensor:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Literal
 
-from stiction.learning.config import REPLACED, NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
+from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.robots.physics import EXACT, FAST
-from stiction.task.config import NoiseCfg, RandomizationCfg, TaskCfg
-from stiction.task.friction import FrictionCfg
+from stiction.task.config import RandomizationCfg, TaskCfg
+from stiction.task.method import find_method, method_names
 
-PresetName = Literal["full", "quick", "two-phase", "paper", "literal"]
+PresetName = Literal["full", "quick", "two-phase", "paper"]
 
 _SHOWN = TrainCfg(video_every=100)
 
@@ -23,8 +23,6 @@ _ONE_PHASE = replace(
     symmetry="network",
 )
 
-_PAPER = replace(_SHOWN, task=TaskCfg(randomization=RandomizationCfg.literal()))
-
 PRESETS = {
     "full": _ONE_PHASE,
     "quick": replace(_ONE_PHASE, teacher=replace(_ONE_PHASE.teacher, iterations=440)),
@@ -34,19 +32,12 @@ PRESETS = {
         teacher=replace(TeacherCfg(), iterations=350),
         student=replace(StudentCfg(), iterations=80),
     ),
-    "paper": _PAPER,
-    "literal": replace(
-        _PAPER,
-        task=replace(_PAPER.task, friction=FrictionCfg(level=0.01, per="joint"), noise=NoiseCfg(0.0, 0.0, 0.0, 0.0)),
-        teacher=replace(_PAPER.teacher, both_ways=True),
-    ),
+    "paper": replace(_SHOWN, task=TaskCfg(randomization=RandomizationCfg.literal())),
 }
 """`full` and `quick` are one phase: what walks is what will be deployed, on its own z* and its own estimate of velocity
 and friction, with little noise in the end and at last with none, and on ground that is another for each robot.
 `two-phase` is the paper's teacher and student at the budget with which its claims were judged; `paper` has more of it,
-and draws the paper's table and the noise of sensors. `literal` takes the paper at its word where `paper` does what
-works better: L_ada trains both encoders, the table has no noise, every joint has friction of its own, and there is as
-much of it as was measured, 1 % of the torque limit. All make clips. `two-phase` simulates joint friction by yielding
+and draws the paper's table and the noise of sensors. All make clips. `two-phase` simulates joint friction by yielding
 springs, which is faster; the others by the solver's rows, by which everything is judged: a student that walked on
 springs alone is slower than it is told where friction is high, see results/student."""
 
@@ -54,18 +45,12 @@ springs alone is slower than it is told where friction is high, see results/stud
 def preset(name: str, device: str = "cpu", method: str | None = None, engine: str = "mujoco") -> TrainCfg:
     """Return a preset; off the processor and in other engines, where there are no sliders, with rows.
 
-    Other engines have contacts of their own, whose softness nobody draws. For the method `dreamwaq` without what its
-    context takes the place of, and for it and `hinf`, in which more than an estimator learns beside the policy, without
-    quiet iterations; the method itself is not set.
+    Other engines have contacts of their own, whose softness nobody draws. For a method of another distribution, the
+    preset that it makes of this one; the method itself is not set.
     """
     cfg = PRESETS[name]
-    if method in ("dreamwaq", "hinf"):
-        cfg = replace(cfg, teacher=replace(cfg.teacher, quiet=0))
-    if method == "dreamwaq":
-        usual = NetworkCfg()
-        network = replace(cfg.network, **{name: getattr(usual, name) for name in REPLACED})
-        teacher = replace(cfg.teacher, velocity_weight=TeacherCfg().velocity_weight)
-        cfg = replace(cfg, task=replace(cfg.task, estimated_friction=False), network=network, teacher=teacher)
+    if method in method_names():
+        cfg = find_method(method).preset(cfg)
     if engine != "mujoco":
         ground = replace(cfg.task.randomization, contact_time=RandomizationCfg().contact_time)
         cfg = replace(cfg, task=replace(cfg.task, randomization=ground))

@@ -18,7 +18,6 @@ import torch
 from safetensors import SafetensorError
 from safetensors.torch import load, save
 
-from stiction.core.decode import from_plain
 from stiction.core.errors import FileError, TrainingError, UnwrittenError
 from stiction.core.files import digest_of, near_file, open_regular, read_bounded, write_bytes, write_text
 from stiction.core.lock import output_folder
@@ -27,7 +26,7 @@ from stiction.files.actuator import FILE, actuator_file, read_actuator
 from stiction.files.plain import is_integer, is_number, read_object
 from stiction.files.results import read_metrics
 from stiction.joints.net import ActuatorNet
-from stiction.learning.config import TrainCfg
+from stiction.learning.config import TrainCfg, config_from
 from stiction.robots.catalog import find_robot, is_shipped, robot_in_file
 from stiction.robots.record import write_robot
 
@@ -309,7 +308,7 @@ class RunDirectory:
 
     def _written(self) -> TrainCfg:
         """Return the configuration as config.json says it: modules in it are names, and nothing looks them up."""
-        return from_plain(TrainCfg, self.header()["config"], str(self.path / "config.json"))
+        return config_from(self.header()["config"], str(self.path / "config.json"))
 
     @property
     def finished(self) -> bool:

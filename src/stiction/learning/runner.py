@@ -44,10 +44,8 @@ def _distribution(cfg: TrainCfg, largest_std: float = STD_RANGE[1]) -> dict[str,
 def _actor(cfg: TrainCfg, largest_std: float = STD_RANGE[1]) -> dict[str, Any]:
     """Return rsl_rl's configuration of an actor; a new one for each, for rsl_rl takes it apart while it reads it."""
     distribution = _distribution(cfg, largest_std)
-    if cfg.has_context:
-        own = {"class_name": "stiction.learning.context:ContextActor", "context": cfg.dreamwaq}
-        return own | {"network": cfg.network, "distribution_cfg": distribution}
-    return {"class_name": "stiction.learning.models:RMAActor", "network": cfg.network, "distribution_cfg": distribution}
+    own = {"class_name": "stiction.learning.models:RMAActor"} if cfg.method.actor is None else cfg.method.actor(cfg)
+    return {**own, "network": cfg.network, "distribution_cfg": distribution}
 
 
 def ppo_cfg(cfg: TrainCfg, phase: str = "teacher") -> dict[str, Any]:
@@ -57,12 +55,8 @@ def ppo_cfg(cfg: TrainCfg, phase: str = "teacher") -> dict[str, Any]:
         falling = (cfg.network.initial_std, end, round(QUIET_FROM * teacher.iterations))
         noise = falling if first else (end, end, 0)
     fewer = 2 if cfg.symmetry == "half" else 1
-    own: dict[str, Any] = {"class_name": "stiction.learning.ppo:AdaptationPPO"}
-    if cfg.has_context:
-        own = {"class_name": "stiction.learning.dreamwaq:ContextPPO"}
-    if cfg.is_disturbed:
-        own = {"class_name": "stiction.learning.hinf:HinfPPO", "hinf": cfg.hinf, "iterations": teacher.iterations}
-        own["seed"] = stream_seed(cfg.seed, "disturber")
+    algorithm = cfg.method.algorithm
+    own = {"class_name": "stiction.learning.ppo:AdaptationPPO"} if algorithm is None else algorithm(cfg)
     return {
         "symmetry": cfg.symmetry,
         "num_steps_per_env": teacher.steps if first else cfg.student.steps,
@@ -207,7 +201,7 @@ def _summary(cfg: TrainCfg, run: RunDirectory, teacher: PhaseRunner, student: Ph
 def multiply_adds(teacher: PhaseRunner) -> dict[str, int]:
     """Return the multiply-adds of one forward pass: actor with adaptation and estimator, and critic.
 
-    DreamWaQ's decoder serves the loss alone and is not counted.
+    Decoders serve the loss alone and are not counted.
     """
     frames = teacher.env.layout.history_length
 

@@ -14,7 +14,7 @@ from stiction.task.device import Device, find_device, why_on_host
 
 def why_task_on_host(cfg: TrainCfg) -> str | None:
     """Return what keeps the task of a training on the host, see `why_on_host`; None where nothing does."""
-    return why_on_host(cfg.task, cfg.actuator is not None, cfg.is_disturbed)
+    return why_on_host(cfg.task, cfg.actuator is not None)
 
 
 def find_simulator(cfg: TrainCfg, gpu: int = 0) -> Device:

@@ -10,7 +10,6 @@ from typing import Any
 from markupsafe import Markup
 
 from stiction.files.bundle import Bundle
-from stiction.files.contract_rules import METHODS
 from stiction.files.following import BAND, FAST, SLOW, paces, row_pace
 from stiction.files.joints import JointRecord
 from stiction.files.results import ResultRow
@@ -18,6 +17,7 @@ from stiction.joints.friction import level_text
 from stiction.report.evaluation import FILES, budget_picture, definitions_table, draw_budget, results_table, run_blocks
 from stiction.report.following import paces_text
 from stiction.report.page import Section, file_uri, paragraph, picture, render_page, table
+from stiction.task.method import describe_method
 
 RESULTS = (
     *("report.html", "side-by-side.webp", "example/shank.csv", "example/shank.json", "example/joints.json"),
@@ -167,7 +167,7 @@ def _policy_blocks(policies: Sequence[DemoPolicy]) -> tuple[Markup, ...]:
     cells = [
         (
             policy.name,
-            METHODS.get(contract.method, contract.method),
+            describe_method(contract.method),
             contract.method,
             "{:g} to {:g} %".format(*(100 * end for end in contract.friction_range)),
             str(contract.seed),

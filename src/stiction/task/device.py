@@ -13,6 +13,7 @@ from stiction.core.errors import EngineError
 from stiction.sim.native import NativeSimulation
 from stiction.sim.protocol import DeviceName, Simulation
 from stiction.task.config import TaskCfg
+from stiction.task.method import find_method
 from stiction.task.task_fleet import TaskFleet
 
 
@@ -32,17 +33,18 @@ class Device:
 CPU = Device()
 
 
-def why_on_host(task: TaskCfg, netted: bool = False, disturbed: bool = False) -> str | None:
+def why_on_host(task: TaskCfg, netted: bool = False) -> str | None:
     """Return what of a task the fleet on a device does not have, for which the task stays on the host; None: nothing.
 
-    `netted`: an Actuator Net gives the joints' torque; `disturbed`: somebody pushes the robots (`Fleet.disturb`).
+    `netted`: an Actuator Net gives the joints' torque.
     """
+    method = find_method(task.friction.method)
     lacking = {
         f"terrain {task.terrain.kind!r}": task.terrain.kind != "flat",
         f"the friction law {task.friction.law!r}": bool(task.friction.joint_law.spec.reads),
         "friction that grows with load": task.friction.load is not None,
         "an Actuator Net": netted,
-        "the method 'hinf'": disturbed,
+        f"the method {method.name!r}": method.acts_on_fleet,
     }
     return " and ".join(name for name, asked in lacking.items() if asked) or None
 

@@ -13,16 +13,9 @@ import numpy as np
 
 from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.core.flags import FLAG, Form, flag
-from stiction.files.contract_training import FRICTION_RANGES
-from stiction.joints.compensation import BY_SPEED
 from stiction.joints.friction import LAWS, Law, has_coefficient, simulated_laws
 from stiction.robots.model import Robot
-
-FrictionMethod = Literal["none", "direct", "compensation", "finetune", "iterative", "deception", "dreamwaq", "hinf"]
-Mixture = tuple[tuple[float, float, float], ...]
-"""Uniform distributions side by side: (weight, lower end, upper end) of each."""
-
-FRICTIONLESS: Mixture = ((1.0, 0.0, 0.0),)
+from stiction.task.method import Mixture, Stage, find_method, method_names
 
 
 def law_flag(text: str, name: str = "") -> Form:
@@ -32,29 +25,12 @@ def law_flag(text: str, name: str = "") -> Form:
 
 
 @dataclass(frozen=True)
-class Stage:
-    """A part of the teacher's training, up to the next stage."""
-
-    begin: float
-    """Share of the teacher's iterations before it."""
-    mixture: Mixture
-    """Distribution of the multiplier."""
-
-    @property
-    def range(self) -> tuple[float, float]:
-        """Smallest and largest multiplier that can be drawn."""
-        return min(low for _, low, _ in self.mixture), max(high for _, _, high in self.mixture)
-
-
-@dataclass(frozen=True)
 class FrictionCfg:
     """Dry friction in the joints during training: b_c = multiplier x nominal, at rest any value up to the bound."""
 
-    method: Annotated[FrictionMethod, flag("--method")] = "deception"
-    """How friction is trained with. deception: drawn from zero to 1.2 times the level; direct: 0.8 to 1.2 times it. So
-    have compensation, whose commands get part of the level added, by the joint's speed, finetune, which begins without,
-    and iterative, which brings it in by steps. none: without friction. dreamwaq, hinf: other ways to learn, without
-    friction unless --task.friction.range or --task.friction.mixture asks for it."""
+    method: Annotated[str, flag("--method", choices=method_names)] = "deception"
+    """How friction is trained with. deception: drawn from zero to 1.2 times the level; direct: 0.8 to 1.2 times it;
+    none: without friction. All others are methods of installed distributions (stiction-experiments)."""
     level: Annotated[float | None, flag("--friction-level")] = None
     """Nominal friction, as a share of each joint's torque limit [1], by default the robot's own; of the laws load and
     effort, their coefficient. The robot's own is in N m, as measured; of load and effort it is from the
@@ -76,10 +52,9 @@ class FrictionCfg:
     """Any distribution of the multiplier in the last stage, as uniform ones side by side: weight, lower, upper end of
     each. `0.2 0 0 0.8 1 1`: one robot in five without friction, the rest with the nominal one."""
     pretraining: float = 0.5
-    """Share of the teacher's iterations that `finetune` and `iterative` spend without friction; it counts towards the
-    budget."""
+    """Share of the teacher's iterations without friction, of methods that begin so; it counts towards the budget."""
     steps: int = 4
-    """Equal steps in which `iterative` brings the friction in."""
+    """Equal steps in which friction grows, of methods that bring it in by steps."""
     static_ratio: float = 1.5
     """Friction at rest over Coulomb friction, of the law `stribeck`."""
     stribeck_velocity: float = 0.1
@@ -87,9 +62,9 @@ class FrictionCfg:
 
     def __post_init__(self) -> None:
         """Refuse unknown names, and numbers that cannot be drawn or overcome."""
-        for name, allowed in {"method": tuple(FRICTION_RANGES), "per": ("robot", "joint")}.items():
-            if getattr(self, name) not in allowed:
-                raise ConfigurationError(unknown_name(f"friction {name}", getattr(self, name), allowed))
+        find_method(self.method)
+        if self.per not in ("robot", "joint"):
+            raise ConfigurationError(unknown_name("friction per", self.per, ("robot", "joint")))
         # Raises where its numbers make no law.
         _ = self.joint_law
         self._check_level()
@@ -106,10 +81,10 @@ class FrictionCfg:
         if self.level is not None and not (number and 0.0 <= self.level < 0.8):
             unit = "a coefficient" if has_coefficient(self.law) else "a fraction of the torque limit"
             raise ConfigurationError(f"friction level {self.level!r}: expected {unit} in [0, 0.8)")
-        if has_coefficient(self.law) and self.method == "compensation":
+        if has_coefficient(self.law) and self.compensation is not None:
             raise ConfigurationError(
-                f"the friction law {self.law!r} has no nominal torque that compensation could add; use another method, "
-                "or the law 'coulomb'"
+                f"the friction law {self.law!r} has no nominal torque that {self.method} could add; use another "
+                "method, or the law 'coulomb'"
             )
 
     def _check_more(self) -> None:
@@ -147,11 +122,11 @@ class FrictionCfg:
 
     @property
     def asks(self) -> bool:
-        """Whether friction by the law is asked for: not by `none`, and by `dreamwaq` and `hinf` with range or mixture.
+        """Whether friction by the law is asked for: by the method, a range or a mixture.
 
         It may still be none: see `draws_law`.
         """
-        return FRICTION_RANGES[self.method] != (0.0, 0.0) or self.range is not None or bool(self.mixture)
+        return find_method(self.method).friction_range != (0.0, 0.0) or self.range is not None or bool(self.mixture)
 
     @property
     def draws_law(self) -> bool:
@@ -167,7 +142,7 @@ class FrictionCfg:
     @property
     def compensation(self) -> str | None:
         """How friction is added to the command, as `parse_compensation` reads it; None: it is not."""
-        return BY_SPEED.label if self.method == "compensation" else None
+        return find_method(self.method).compensation
 
     @property
     def has_friction(self) -> bool:
@@ -192,7 +167,7 @@ class FrictionCfg:
     @property
     def _final(self) -> Mixture:
         """The distribution in which training ends."""
-        return self.mixture or ((1.0, *(self.range or FRICTION_RANGES[self.method])),)
+        return self.mixture or ((1.0, *(self.range or find_method(self.method).friction_range)),)
 
     @property
     def last(self) -> Stage:
@@ -202,16 +177,7 @@ class FrictionCfg:
     @property
     def schedule(self) -> tuple[Stage, ...]:
         """The stages, the first from the very beginning."""
-        final = self._final
-        if self.method == "finetune":
-            return Stage(0.0, FRICTIONLESS), Stage(self.pretraining, final)
-        if self.method == "iterative":
-            rest, n, stages = 1.0 - self.pretraining, self.steps, [Stage(0.0, FRICTIONLESS)]
-            for k in range(n):
-                part = tuple((w, a * (k + 1) / n, b * (k + 1) / n) for w, a, b in final)
-                stages.append(Stage(self.pretraining + rest * k / n, part))
-            return tuple(stages)
-        return (Stage(0.0, final),)
+        return find_method(self.method).schedule(self._final, self.pretraining, self.steps)
 
     def stage(self, iteration: int, iterations: int) -> int:
         """Return the number of the stage that iteration `iteration` of `iterations` of the teacher belongs to."""

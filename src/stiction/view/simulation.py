@@ -76,10 +76,9 @@ def plain_name(contract: Contract) -> str:
     words = {
         "none": "trained without friction",
         "deception": f"trained from {level_text(law, low)} to {level_text(law, high)}",
+        "direct": f"trained at {level_text(law, contract.friction_level)}",
         "imported": "trained elsewhere",
-        "dreamwaq": f"trained {contract.trained}",
-        "hinf": f"trained {contract.trained}",
-    }.get(contract.method, f"trained at {level_text(law, contract.friction_level)}")
+    }.get(contract.method, f"trained {contract.trained}")
     return f"{contract.method}: {words}"
 
 

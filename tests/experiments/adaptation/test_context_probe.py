@@ -5,15 +5,16 @@ from pathlib import Path
 from rollouts import phase_runner
 from stiction.deploy.wear import Moments
 from stiction.evaluation.export import contract_of
-from stiction.learning.config import DreamWaQCfg, NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
+from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.task.config import TaskCfg
 from stiction.task.friction import FrictionCfg
 from stiction_experiments.adaptation.probes import WalkCfg, inputs, walk_with_friction
+from stiction_experiments.methods.dreamwaq import DreamWaQCfg
 
 CFG = TrainCfg(
     task=TaskCfg(robot="go1", friction=FrictionCfg("dreamwaq", level=0.2)),
     network=NetworkCfg(actor=(8,), critic=(8,), history_frame=4, history=(8,)),
-    dreamwaq=DreamWaQCfg(code=4, frame=4, encoder=(8,), decoder=(8,)),
+    method_settings=DreamWaQCfg(code=4, frame=4, encoder=(8,), decoder=(8,)),
     teacher=TeacherCfg(latent="history", iterations=1, steps=4, mini_batches=2),
     student=StudentCfg(iterations=0),
     num_envs=2,

@@ -16,13 +16,13 @@ from stiction.deploy.check import check_bundle
 from stiction.files.bundle import Bundle, find_bundle
 from stiction.files.contract import Contract
 from stiction.joints.compensation import BY_SPEED, push_direction
-from stiction.learning.disturber import LearningDisturber
-from stiction.learning.hinf_config import HinfCfg
 from stiction.robots.physics import EXACT
 from stiction_experiments.disturber import duel
 from stiction_experiments.disturber.duel import Duel, DuelCfg, DuelRow, fight, task_for
 from stiction_experiments.disturber.study import gains, report
 from stiction_experiments.lab.study import write_report
+from stiction_experiments.methods.disturber import LearningDisturber
+from stiction_experiments.methods.hinf import HinfCfg
 
 SMALL = DuelCfg(iterations=1, steps=4, num_envs=4, seconds=2.2)
 

@@ -13,6 +13,8 @@ from stiction.learning.config import TrainCfg
 from stiction.learning.presets import PRESETS
 from stiction.robots.catalog import find_robot
 from stiction.robots.physics import EXACT, FAST
+from stiction.task.config import NoiseCfg
+from stiction.task.friction import FrictionCfg
 from stiction.task.terrain import TerrainCfg
 from stiction_experiments.friction.evaluation import training_mean
 from stiction_experiments.friction.manifest import MANIFEST, ONE_PHASE, PARTS, condition_of, runs_of
@@ -85,9 +87,16 @@ def test_designs_and_methods_are_compared_on_one_ground_and_friction() -> None:
         assert last == (30 if condition.name.removeprefix("coulomb20-") in quiet else 0), condition.name
 
 
-def test_the_literal_rows_are_the_preset_at_the_budget_of_all() -> None:
-    """If this failed, the row would be of something else than `--preset literal`."""
-    literal, budget = PRESETS["literal"], PRESETS["two-phase"]
+def literal_paper() -> TrainCfg:
+    """Return the paper to the letter: without noise, friction of 1 % in each joint, both encoders trained."""
+    paper = PRESETS["paper"]
+    task = replace(paper.task, friction=FrictionCfg(level=0.01, per="joint"), noise=NoiseCfg(0.0, 0.0, 0.0, 0.0))
+    return replace(paper, task=task, teacher=replace(paper.teacher, both_ways=True))
+
+
+def test_the_literal_rows_are_the_paper_at_the_budget_of_all() -> None:
+    """If this failed, the row would be of something else than the paper."""
+    literal, budget = literal_paper(), PRESETS["two-phase"]
     phases = {
         "teacher": replace(literal.teacher, iterations=budget.teacher.iterations),
         "student": replace(literal.student, iterations=budget.student.iterations),
@@ -97,9 +106,9 @@ def test_the_literal_rows_are_the_preset_at_the_budget_of_all() -> None:
     assert configured()["literal01-physx"] == replace(expected, engine="physx")
 
 
-def test_the_literal_preset_draws_the_table_of_the_paper_and_nothing_else() -> None:
+def test_the_literal_paper_draws_the_table_of_the_paper_and_nothing_else() -> None:
     """The numbers are those of its table II; what stands in no table of it is zero."""
-    literal = PRESETS["literal"]
+    literal = literal_paper()
     drawn, friction = asdict(literal.task.randomization), literal.task.friction
     assert literal.teacher.both_ways and friction.per == "joint" and friction.level == 0.01
     assert [(low, high) for _, low, high in friction.last.mixture] == [(0.0, 1.2)]

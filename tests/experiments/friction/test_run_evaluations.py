@@ -12,13 +12,15 @@ from stiction.core import cache
 from stiction.core.errors import StictionError
 from stiction.evaluation import trained as run_evaluation
 from stiction.evaluation.code import RUN_WALK_CODE, WALK_CODE
-from stiction.evaluation.methods import COMPENSATION_BY_ERROR, METHODS, method_of
+from stiction.evaluation.methods import method_of, method_texts
 from stiction.files.bundle import read_bundle, write_bundle
 from stiction.learning.arguments import parse
 from stiction.learning.identity import settings_of
 from stiction_experiments.friction.evaluation import BASE, LEVELS, Task, evaluate_tasks, settings_for, tasks_for
 from stiction_experiments.friction.manifest import Condition, Run
 from stiction_experiments.friction.planned import PlannedRun, unrecorded
+from stiction_experiments.methods import CODE
+from stiction_experiments.methods.friction import BY_ERROR
 from synthetic import place, row, write_run
 
 
@@ -130,7 +132,7 @@ def test_an_exported_policy_counts_by_the_code_that_deploys_it(tmp_path: Path, m
     at = exported(tmp_path, read_bundle(SHIPPED).contract.seed)
     for task in (*tasks_for([at], BASE, tmp_path / "cache"), *tasks(tmp_path)):
         _ = task.key
-    assert seen == [WALK_CODE, RUN_WALK_CODE]
+    assert seen == [WALK_CODE, (*RUN_WALK_CODE, CODE)]
 
 
 def test_a_finished_run_walks_by_the_policy_that_was_exported_of_it(tmp_path: Path) -> None:
@@ -232,7 +234,7 @@ def test_a_policy_of_compensation_by_the_error_is_not_the_manifests(tmp_path: Pa
         planned = PlannedRun(run, parse([*run.arguments]).config, tmp_path / run.name, bundle)
         if speeds:
             assert planned.bundle().contract == contract and method_of(contract) == "compensation"
-    assert method_of(contract) == COMPENSATION_BY_ERROR in METHODS
+    assert method_of(contract) == BY_ERROR in method_texts()
     with pytest.raises(StictionError, match="old is another policy than the manifest's: its friction was added by"):
         planned.bundle()
 

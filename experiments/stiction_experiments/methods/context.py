@@ -22,8 +22,11 @@ from tensordict import TensorDict
 from torch import nn
 
 from stiction.core.errors import TrainingError
-from stiction.learning.config import DreamWaQCfg, NetworkCfg
+from stiction.learning.config import NetworkCfg
+from stiction.learning.equivariant import equivariant_encoder, equivariant_mlp, halves
 from stiction.learning.models import VELOCITY, HistoryEncoder, RMAActor, StudentPolicy
+from stiction.task.symmetry import Rows
+from stiction_experiments.methods.dreamwaq import DreamWaQCfg
 
 
 class Context(NamedTuple):
@@ -175,6 +178,15 @@ class ContextActor(RMAActor):
         """Return the code's mean twice, (N, code): there is no teacher whose latent it could be held against."""
         mean = self.adaptation(obs["history"])
         return mean, mean
+
+    def make_inputs_equivariant(self, rows: dict[str, Rows]) -> Rows:
+        """Make the estimator left-right symmetric; return the mirror of the actor's input."""
+        explicit = rows["explicit"]
+        velocity = Rows(explicit.index[:VELOCITY], explicit.factor[:VELOCITY])
+        code = halves(self.context.code)
+        equivariant_encoder(self.context.encoder, rows, Rows.joined([velocity, code, code]))
+        equivariant_mlp(self.context.decoder, Rows.joined([velocity, code]), rows["proprioception"])
+        return Rows.joined([rows["proprioception"], velocity, code])
 
     def student(self) -> StudentPolicy:
         """Return what is deployed."""

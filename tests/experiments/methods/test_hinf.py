@@ -12,7 +12,14 @@ import torch
 from rollouts import phase_runner, rollout
 from stiction.core.errors import StictionError
 from stiction.learning.config import NetworkCfg, StopCfg, StudentCfg, TeacherCfg, TrainCfg
-from stiction.learning.disturber import (
+from stiction.learning.ppo import AdaptationPPO
+from stiction.learning.run import RunDirectory
+from stiction.learning.runner import train
+from stiction.robots.catalog import find_robot
+from stiction.task.config import TaskCfg
+from stiction.task.friction import FrictionCfg
+from stiction.task.rewards import RewardCfg, best_task_reward
+from stiction_experiments.methods.disturber import (
     LearningDisturber,
     RandomDisturber,
     advantages,
@@ -21,15 +28,8 @@ from stiction.learning.disturber import (
     log_density,
     normalised,
 )
-from stiction.learning.hinf import HinfPPO, ascended, combined, cost, tightened
-from stiction.learning.hinf_config import DisturberName, HinfCfg
-from stiction.learning.ppo import AdaptationPPO
-from stiction.learning.run import RunDirectory
-from stiction.learning.runner import train
-from stiction.robots.catalog import find_robot
-from stiction.task.config import TaskCfg
-from stiction.task.friction import FrictionCfg
-from stiction.task.rewards import RewardCfg, best_task_reward
+from stiction_experiments.methods.hinf import DisturberName, HinfCfg
+from stiction_experiments.methods.hinf_ppo import HinfPPO, ascended, combined, cost, tightened
 
 PLAIN = TrainCfg(
     task=TaskCfg(robot="go1", episode=0.2, friction=FrictionCfg("none")),
@@ -38,19 +38,21 @@ PLAIN = TrainCfg(
     student=StudentCfg(iterations=0),
     num_envs=8,
 )
-HINF = replace(PLAIN, task=replace(PLAIN.task, friction=FrictionCfg("hinf")), hinf=HinfCfg(actor=(8,), critic=(8,)))
+HINF = replace(
+    PLAIN, task=replace(PLAIN.task, friction=FrictionCfg("hinf")), method_settings=HinfCfg(actor=(8,), critic=(8,))
+)
 
 
 def with_hinf(**changes: object) -> TrainCfg:
     """The configuration with other settings of the method."""
-    return replace(HINF, hinf=replace(HINF.hinf, **changes))
+    return replace(HINF, method_settings=replace(HINF.method_settings, **changes))
 
 
 def by_friction(kind: DisturberName = "friction") -> TrainCfg:
     """The friction adversary, on joints that have friction."""
     friction = FrictionCfg("hinf", level=0.2, range=(0.0, 1.2), per="joint")
-    hinf = replace(HINF.hinf, disturber=kind)
-    return replace(HINF, task=replace(HINF.task, friction=friction), hinf=hinf)
+    hinf = replace(HINF.method_settings, disturber=kind)
+    return replace(HINF, task=replace(HINF.task, friction=friction), method_settings=hinf)
 
 
 def parameters(algorithm: AdaptationPPO) -> dict[str, torch.Tensor]:
@@ -198,10 +200,10 @@ def test_a_disturber_that_learns_and_pushes_with_nothing_leaves_plain_ppo_bit_fo
     kind: DisturberName, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """All of the method runs, its rollouts, its own PPO and its critic; with λ at 0 none of it reaches the policy."""
-    monkeypatch.setattr("stiction.learning.disturber.bounded", lambda raw, by_torque: torch.zeros_like(raw))
+    monkeypatch.setattr("stiction_experiments.methods.disturber.bounded", lambda raw, by_torque: torch.zeros_like(raw))
     base = by_friction(kind) if kind == "friction" else HINF
-    plain = replace(base, hinf=replace(base.hinf, disturber="none"))
-    learns = replace(base, hinf=replace(base.hinf, multiplier_rate=0.0))
+    plain = replace(base, method_settings=replace(base.method_settings, disturber="none"))
+    learns = replace(base, method_settings=replace(base.method_settings, multiplier_rate=0.0))
     alone, beside = (trained(cfg, tmp_path / str(number)) for number, cfg in enumerate((plain, learns)))
     assert alone.alg.learning is None and beside.alg.learning is not None
     assert_same(alone, beside)
@@ -389,9 +391,9 @@ def test_a_phase_does_not_end_before_the_curriculum_has(tmp_path: Path) -> None:
     cfg = replace(with_hinf(curriculum=0.75), stop=StopCfg(tracking_error=10.0, iterations=1, falls=1e6))
     summary = train(cfg, RunDirectory.create(tmp_path / "run", cfg, "test", None))
     assert summary["stopped"]["teacher"]["iteration"] == 3
-    at_once = phase_runner(replace(cfg, hinf=HINF.hinf), tmp_path / "b")
+    at_once = phase_runner(replace(cfg, method_settings=HINF.method_settings), tmp_path / "b")
     assert at_once.early_stop.not_before == 0
-    nobody = replace(cfg, hinf=replace(cfg.hinf, disturber="none"))
+    nobody = replace(cfg, method_settings=replace(cfg.method_settings, disturber="none"))
     assert phase_runner(nobody, tmp_path / "c").early_stop.not_before == 0
 
 

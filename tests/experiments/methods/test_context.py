@@ -10,18 +10,24 @@ from tensordict import TensorDict
 
 from rollouts import check_ratio, phase_runner, rollout
 from stiction.core.errors import TrainingError
-from stiction.learning.config import DreamWaQCfg, NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
-from stiction.learning.context import Context, ContextActor, code_loss, divergence, masked_mean
-from stiction.learning.dreamwaq import EpisodeReturns, bootstrapping_probability, context_figures, friction_probe
+from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.learning.phase import PhaseRunner
 from stiction.task.config import NoiseCfg, TaskCfg
 from stiction.task.env import LocomotionEnv
 from stiction.task.friction import FrictionCfg
+from stiction_experiments.methods.context import Context, ContextActor, code_loss, divergence, masked_mean
+from stiction_experiments.methods.context_ppo import (
+    EpisodeReturns,
+    bootstrapping_probability,
+    context_figures,
+    friction_probe,
+)
+from stiction_experiments.methods.dreamwaq import DreamWaQCfg
 
 CFG = TrainCfg(
     task=TaskCfg(robot="go1", friction=FrictionCfg("dreamwaq", level=0.2, range=(0.0, 1.2), per="joint")),
     network=NetworkCfg(actor=(16,), critic=(16,), history_frame=4, history=(8,)),
-    dreamwaq=DreamWaQCfg(code=4, frame=4, encoder=(8,), decoder=(8,)),
+    method_settings=DreamWaQCfg(code=4, frame=4, encoder=(8,), decoder=(8,)),
     teacher=TeacherCfg(latent="history", iterations=4, steps=4, epochs=2, mini_batches=2),
     student=StudentCfg(iterations=0),
     num_envs=8,

@@ -3,8 +3,8 @@
 Nothing here touches torch's global stream of random numbers: all draws come from a generator that the disturber owns,
 so that a training whose disturber may do nothing is the training without one, bit for bit.
 
-h = C - η|d| is what a disturber that learns maximises; the policy of `stiction.learning.hinf` minimises C. A critic
-with a head for each of the two serves both, whatever η has become since. It learns the returns of C - 1 and of |d|,
+h = C - η|d| is what a disturber that learns maximises; the policy of `hinf_ppo` minimises C. A critic with a head for
+each of the two serves both, whatever η has become since. It learns the returns of C - 1 and of |d|,
 times 1 - γ: means, which are 0 after a fall. A fall then counts as a cost of 1, all of the task lost, in every step
 that would have followed; as an end of all costs it would pay the policy to fall, and cost the disturber.
 """
@@ -19,8 +19,8 @@ from rsl_rl.modules import MLP
 from tensordict import TensorDict
 from torch import nn
 
-from stiction.learning.hinf_config import HinfCfg
-from stiction.task.disturbance import bounded, intensity
+from stiction_experiments.methods.disturbance import bounded, intensity
+from stiction_experiments.methods.hinf import HinfCfg
 
 SEEN = ("proprioception", "explicit", "privileged")
 """Observation groups that disturber and critic see: what the robot measures, and what only simulation knows. One that

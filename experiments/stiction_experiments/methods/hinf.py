@@ -1,13 +1,19 @@
-"""Configuration of `--method hinf`: who disturbs, how strongly, and what the policy owes for it. No torch."""
+"""`--method hinf`, its settings (who disturbs, how strongly, what the policy owes for it) and its record. No torch."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
-from typing import Literal, get_args
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal, get_args
 
 from stiction.core.errors import ConfigurationError, unknown_name
-from stiction.files.contract_rules import JOINT_DISTURBERS
+from stiction.core.provenance import stream_seed
+from stiction.files.contract import Contract
+from stiction.learning.config import TrainCfg, check_counts
+from stiction.task.method import Method
+
+JOINT_DISTURBERS = ("friction", "random-friction")
+"""Disturbers of joints, which need friction to be bounded by, and not of the base."""
 
 DisturberName = Literal["none", "random", "random-friction", "force", "friction"]
 """Who disturbs, see `HinfCfg.disturber`."""
@@ -21,7 +27,7 @@ LEARNT = ("eta", "tightening", "multiplier_rate", "actor", "critic", "learning_r
 
 @dataclass(frozen=True)
 class HinfCfg:
-    """The disturber of `--method hinf` and its constraint, see `stiction.learning.hinf`.
+    """The disturber of `--method hinf` and its constraint, see `stiction_experiments.methods.hinf_ppo`.
 
     The authors' code was never released. What is theirs: a disturber that learns beside the actor, the cost as the
     distance of the task's reward from the best one, the bound η on cost over disturbance, λ by dual ascent. All numbers
@@ -62,6 +68,7 @@ class HinfCfg:
 
     def __post_init__(self) -> None:
         """Refuse unknown names and numbers out of range."""
+        check_counts({}, {f"hinf.{name}": getattr(self, name) for name in ("actor", "critic")})
         if self.disturber not in get_args(DisturberName):
             raise ConfigurationError(unknown_name("disturber", self.disturber, get_args(DisturberName)))
         most = self.most
@@ -120,3 +127,97 @@ class HinfCfg:
                 yield "tightening", "with --set hinf.eta=0 there is nothing to tighten"
         else:
             yield from ((name, f"--set hinf.disturber={self.disturber} does not learn") for name in LEARNT)
+
+
+def _algorithm(cfg: TrainCfg) -> dict[str, Any]:
+    """Return rsl_rl's configuration of the algorithm."""
+    found = {"class_name": "stiction_experiments.methods.hinf_ppo:HinfPPO", "hinf": cfg.method_settings}
+    return found | {"iterations": cfg.teacher.iterations, "seed": stream_seed(cfg.seed, "disturber")}
+
+
+def _check(cfg: TrainCfg) -> None:
+    """Reject terrain, and a disturber of joints without friction."""
+    if cfg.task.terrain.kind != "flat":
+        raise ConfigurationError(
+            f"the method 'hinf' learns in one phase, on flat ground alone, not on {cfg.task.terrain.kind!r}; "
+            "leave --terrain out"
+        )
+    settings = cfg.method_settings
+    if settings.by_torque and settings.disturbs and not cfg.task.friction.has_friction:
+        raise ConfigurationError(
+            f"--set hinf.disturber={settings.disturber} is bounded by the joints' friction, and there is none; say "
+            "--task.friction.range 0 1.2"
+        )
+
+
+def _preset(cfg: TrainCfg) -> TrainCfg:
+    """Return a preset without quiet iterations: more than an estimator learns beside the policy."""
+    return replace(cfg, teacher=replace(cfg.teacher, quiet=0))
+
+
+def _idle(cfg: TrainCfg) -> Iterator[tuple[str, str]]:
+    """Yield settings without effect, and why."""
+    yield from ((f"method_settings.{name}", f": {why}") for name, why in cfg.method_settings.idle())
+    if cfg.method_settings.curriculum * cfg.teacher.iterations <= 1:
+        iterations = f": of --teacher.iterations {cfg.teacher.iterations} that is one at most"
+        yield "method_settings.curriculum", f"{iterations}, and the limit is there at once"
+
+
+def _notes(cfg: TrainCfg) -> Iterator[str]:
+    """Yield what surprises users."""
+    settings = cfg.method_settings
+    if not cfg.task.friction.has_friction:
+        yield "hinf trains without dry friction; with: --task.friction.range 0 1.2"
+    half = not settings.by_torque and settings.share == settings.most
+    if settings.disturbs and half and not settings.curriculum:
+        # Two trainings each, see results/methods.
+        found = "none of two walked both ways so, and two of two with --set hinf.curriculum=0.5"
+        yield f"hinf pushes with half of the weight from the first iteration on: {found}"
+
+
+def _contract(cfg: TrainCfg) -> dict[str, Any]:
+    """Return who disturbed, a field of the contract."""
+    return {"disturber": cfg.method_settings.disturber if cfg.method_settings.disturbs else None}
+
+
+NAMES = {
+    "force": ("hinf", "H∞: beside a disturber that learns to push the base"),
+    "friction": ("hinf-joints", "H∞: beside a disturber that learns torques within each joint's friction"),
+    "random": ("hinf-random", "PPO under random pushes of the base, to compare H∞ with"),
+    "random-friction": ("hinf-random-joints", "PPO under random torques within each joint's friction, to compare"),
+    None: ("hinf-nobody", "PPO as H∞ has it, and nobody disturbs"),
+}
+"""Disturber -> name in results, and what it is."""
+
+WITH_FRICTION = "-friction"
+"""Suffix of those of `NAMES` that need no friction in training and had some."""
+
+_PUSHED = [names for kind, names in NAMES.items() if kind not in JOINT_DISTURBERS]
+
+
+def _called(contract: Contract) -> str:
+    """Return the name in results, by who disturbed, and whether there was friction."""
+    name = NAMES[contract.disturber][0] if contract.disturber in NAMES else METHOD.name
+    return f"{name}{WITH_FRICTION}" if contract.met_friction and contract.disturber not in JOINT_DISTURBERS else name
+
+
+METHOD = Method(
+    "hinf",
+    "H∞: disturbed while it learned, by pushes or by torques in its joints; without dry friction in the joints unless "
+    "a range is named",
+    settings=HinfCfg,
+    one_phase=True,
+    algorithm=_algorithm,
+    acts_on_fleet=True,
+    check=_check,
+    preset=_preset,
+    idle=_idle,
+    notes=_notes,
+    contract=_contract,
+    called=_called,
+    names={
+        **{name: f"{text}; without friction" for name, text in _PUSHED},
+        **{f"{name}{WITH_FRICTION}": f"{text}; with friction" for name, text in _PUSHED},
+        **{NAMES[kind][0]: f"{NAMES[kind][1]}, with friction" for kind in JOINT_DISTURBERS},
+    },
+)

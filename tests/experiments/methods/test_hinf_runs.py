@@ -14,18 +14,19 @@ import torch
 from stiction.core.errors import ConfigurationError, StictionError
 from stiction.deploy.policy import Network
 from stiction.evaluation.export import contract_of, export_run
-from stiction.evaluation.methods import METHODS, method_of
+from stiction.evaluation.methods import method_of, method_texts
 from stiction.learning.arguments import parse
 from stiction.learning.begin import begin_run
 from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
-from stiction.learning.hinf_config import DisturberName, HinfCfg
 from stiction.learning.phase import Interrupted
 from stiction.learning.run import RunDirectory, latest_checkpoint, load_checkpoint, save_checkpoint
 from stiction.learning.runner import load_student, train
+from stiction.learning.simulator import why_task_on_host
 from stiction.task.config import TaskCfg
 from stiction.task.env import LocomotionEnv
 from stiction.task.friction import FrictionCfg
 from stiction.view.simulation import plain_name
+from stiction_experiments.methods.hinf import DisturberName, HinfCfg
 
 CFG = TrainCfg(
     task=TaskCfg(
@@ -34,7 +35,7 @@ CFG = TrainCfg(
     network=NetworkCfg(actor=(16, 8), critic=(16,), history_frame=4, history=(8,), estimator_frame=4, estimator=(8,)),
     teacher=TeacherCfg(latent="history", iterations=4, steps=4, epochs=2, mini_batches=2),
     student=StudentCfg(iterations=0),
-    hinf=HinfCfg(disturber="friction", actor=(8,), critic=(8,), curriculum=0.5),
+    method_settings=HinfCfg(disturber="friction", actor=(8,), critic=(8,), curriculum=0.5),
     num_envs=8,
 )
 HEADER = {"command": "stiction train", "revision": "abc1234", "identified": None}
@@ -49,7 +50,7 @@ def one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def with_disturber(kind: DisturberName) -> TrainCfg:
     """The configuration with another disturber."""
-    return replace(CFG, hinf=replace(CFG.hinf, disturber=kind))
+    return replace(CFG, method_settings=replace(CFG.method_settings, disturber=kind))
 
 
 def start(folder: Path, cfg: TrainCfg) -> RunDirectory:
@@ -94,7 +95,7 @@ def test_a_run_that_is_stopped_everywhere_is_the_same_run(tmp_path: Path, whole:
 
 def test_random_disturbances_go_on_where_they_were(tmp_path: Path) -> None:
     """What a robot was being pushed with is in the checkpoint too."""
-    cfg = replace(CFG, hinf=HinfCfg(disturber="random"), teacher=replace(CFG.teacher, iterations=2))
+    cfg = replace(CFG, method_settings=HinfCfg(disturber="random"), teacher=replace(CFG.teacher, iterations=2))
     runs = [start(tmp_path / name, cfg) for name in ("whole", "cut")]
     train(cfg, runs[0])
     while not runs[1].finished:
@@ -144,18 +145,20 @@ def test_what_is_exported_is_the_actor_alone(tmp_path: Path, whole: RunDirectory
 def test_its_name_says_whether_it_met_friction() -> None:
     """And who disturbed: no two trainings that are compared are taken for seeds of one method."""
     frictionless = replace(CFG.task, friction=FrictionCfg("hinf", level=0.2))
-    plain = replace(CFG, task=frictionless, hinf=HinfCfg())
+    plain = replace(CFG, task=frictionless, method_settings=HinfCfg())
     contracts = [contract_of(cfg, HEADER) for cfg in (plain, CFG)]
     assert [(one.disturber, method_of(one)) for one in contracts] == [("force", "hinf"), ("friction", "hinf-joints")]
     names = {"force": "hinf-friction", "random": "hinf-random-friction", "random-friction": "hinf-random-joints"}
     for kind, name in names.items():
-        found = method_of(contract_of(replace(CFG, hinf=HinfCfg(disturber=kind)), HEADER))
-        assert found == name and found in METHODS
+        found = method_of(contract_of(replace(CFG, method_settings=HinfCfg(disturber=kind)), HEADER))
+        assert found == name and found in method_texts()
     for hinf in (HinfCfg(disturber="none"), HinfCfg(limit=0.0)):
-        nobody = contract_of(replace(plain, hinf=hinf), HEADER)
+        nobody = contract_of(replace(plain, method_settings=hinf), HEADER)
         assert nobody.disturber is None and method_of(nobody) == "hinf-nobody"
-    deception = replace(CFG, task=replace(CFG.task, friction=FrictionCfg("deception", level=0.2)), hinf=HinfCfg())
-    assert contract_of(deception, HEADER).disturber is None
+    deception = replace(CFG.task, friction=FrictionCfg("deception", level=0.2))
+    assert contract_of(replace(CFG, task=deception, method_settings=None), HEADER).disturber is None
+    with pytest.raises(ConfigurationError, match="got HinfCfg, expected None"):
+        replace(CFG, task=deception)
     assert [plain_name(contract) for contract in contracts] == [
         "hinf: trained without friction",
         "hinf: trained at 0 to 24 % friction",
@@ -165,7 +168,12 @@ def test_its_name_says_whether_it_met_friction() -> None:
 def test_the_method_alone_makes_a_run(tmp_path: Path) -> None:
     """`--method hinf` is all that has to be said; its own flags are those of the configuration."""
     cfg = parse(["--method", "hinf", "--friction-level", "0.2", "--preset", "quick"]).config
-    assert cfg.is_disturbed and cfg.hinf == HinfCfg() and cfg.hinf.share == 0.5 and cfg.teacher.iterations == 440
+    assert (
+        cfg.method.name == "hinf"
+        and cfg.method_settings == HinfCfg()
+        and cfg.method_settings.share == 0.5
+        and cfg.teacher.iterations == 440
+    )
     said: list[str] = []
     begin_run(tmp_path / "run", replace(cfg, num_envs=8), "stiction train", (), said.append)
     assert said[0] == "hinf trains without dry friction; with: --task.friction.range 0 1.2"
@@ -174,12 +182,14 @@ def test_the_method_alone_makes_a_run(tmp_path: Path) -> None:
         quiet: list[str] = []
         hinf = HinfCfg(disturber=kind, curriculum=curriculum)
         frictional = replace(cfg.task, friction=replace(cfg.task.friction, range=(0.0, 1.2)))
-        begin_run(tmp_path / kind, replace(cfg, num_envs=8, task=frictional, hinf=hinf), "train", (), quiet.append)
+        begin_run(
+            tmp_path / kind, replace(cfg, num_envs=8, task=frictional, method_settings=hinf), "train", (), quiet.append
+        )
         assert not quiet, kind
     words = (
         "--method hinf --friction-level 0.2 --task.friction.range 0 1.2 --set hinf.disturber=friction --set hinf.eta=0"
     )
-    adversary = parse(words.split()).config.hinf
+    adversary = parse(words.split()).config.method_settings
     assert adversary.learns and adversary.by_torque and adversary.share == 1.0 and adversary.eta == 0.0
 
 
@@ -213,18 +223,27 @@ def test_options_that_contradict_the_method_are_refused(words: str, said: str) -
     assert "\n" not in str(caught.value)
 
 
+def test_who_disturbs_keeps_the_task_on_the_host() -> None:
+    """A fleet on a device has nobody who pushes: the run would be another one, without a word."""
+    task = replace(CFG.task, friction=FrictionCfg("hinf", level=0.2, range=(0.0, 1.2)))
+    assert why_task_on_host(replace(CFG, task=task, device="warp-cpu")) == "the method 'hinf'"
+
+
 def test_unknown_disturbers_are_refused() -> None:
     """With those that there are."""
     with pytest.raises(ConfigurationError, match="disturber 'wind'"):
         HinfCfg(disturber="wind")  # type: ignore[arg-type]
 
 
-def test_older_runs_have_no_such_settings(tmp_path: Path) -> None:
-    """A config.json from before there was the method is read as it was."""
+def test_settings_of_older_runs_are_read(tmp_path: Path) -> None:
+    """Of a config.json from before methods were installed; each of them is bounded."""
     run = start(tmp_path / "run", CFG)
     file = run.path / "config.json"
     header = json.loads(file.read_text())
-    del header["config"]["hinf"]
-    header["config"]["task"]["friction"]["method"] = "deception"
+    header["config"]["hinf"] = header["config"].pop("method_settings") | {"eta": 1.5}
     file.write_text(json.dumps(header))
-    assert run.config().hinf == HinfCfg()
+    assert run.config().method_settings == replace(CFG.method_settings, eta=1.5)
+    header["config"]["method_settings"] = header["config"]["hinf"] | {"eta": "much"}
+    file.write_text(json.dumps(header))
+    with pytest.raises(StictionError, match=r"config\.json: hinf: eta is much; expected a finite number"):
+        run.config()

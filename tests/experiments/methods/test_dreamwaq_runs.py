@@ -16,13 +16,12 @@ from rollouts import phase_runner, rollout
 from stiction.core.errors import ConfigurationError
 from stiction.deploy.policy import Network
 from stiction.evaluation.export import contract_of, export_network, export_run, write_card
-from stiction.evaluation.methods import METHODS, method_of
+from stiction.evaluation.methods import method_of, method_texts
 from stiction.evaluation.newest import LatentPolicy
 from stiction.learning.arguments import parse
 from stiction.learning.begin import begin_run
-from stiction.learning.config import DreamWaQCfg, NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
-from stiction.learning.context import ContextActor
-from stiction.learning.dreamwaq import ContextPPO
+from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
+from stiction.learning.identity import differing, settings_of
 from stiction.learning.phase import Interrupted
 from stiction.learning.run import RunDirectory, latest_checkpoint, load_checkpoint
 from stiction.learning.runner import load_actor, load_student, train
@@ -33,6 +32,9 @@ from stiction.task.rewards import RewardCfg
 from stiction.task.symmetry import task_mirror
 from stiction.task.terrain import TerrainCfg
 from stiction.view.simulation import plain_name
+from stiction_experiments.methods.context import ContextActor
+from stiction_experiments.methods.context_ppo import ContextPPO
+from stiction_experiments.methods.dreamwaq import DreamWaQCfg
 
 CFG = TrainCfg(
     task=TaskCfg(
@@ -42,7 +44,7 @@ CFG = TrainCfg(
         rewards=RewardCfg(track_linear=20.0),  # of a loss nobody would be bootstrapped
     ),
     network=NetworkCfg(actor=(16, 8), critic=(16,), history_frame=4, history=(8,)),
-    dreamwaq=DreamWaQCfg(code=4, frame=4, encoder=(8,), decoder=(8,)),
+    method_settings=DreamWaQCfg(code=4, frame=4, encoder=(8,), decoder=(8,)),
     teacher=TeacherCfg(latent="history", iterations=9, steps=4, epochs=2, mini_batches=2),
     student=StudentCfg(iterations=0),
     num_envs=8,
@@ -235,9 +237,9 @@ def test_on_terrain_the_actor_is_blind(tmp_path: Path) -> None:
 def test_the_method_alone_makes_a_run(tmp_path: Path) -> None:
     """`--method dreamwaq` is all that has to be said: the preset leaves out what its context takes the place of."""
     cfg = parse(["--method", "dreamwaq", "--friction-level", "0.2", "--preset", "quick"]).config
-    assert cfg.has_context and not cfg.task.estimated_friction and cfg.teacher.iterations == 440
+    assert cfg.method.name == "dreamwaq" and not cfg.task.estimated_friction and cfg.teacher.iterations == 440
     assert not cfg.task.friction.has_friction and cfg.task.friction.last.range == (0.0, 0.0)
-    assert cfg.dreamwaq == DreamWaQCfg(beta=0.35, free_bits=0.05, code=16)
+    assert cfg.method_settings == DreamWaQCfg(beta=0.35, free_bits=0.05, code=16)
     said: list[str] = []
     begin_run(tmp_path / "run", replace(cfg, num_envs=8), "stiction train", (), said.append)
     assert said == ["dreamwaq trains without dry friction, as in its paper; with: --task.friction.range 0 1.2"]
@@ -276,7 +278,7 @@ def test_its_name_says_whether_it_met_friction() -> None:
     """Two methods in every table: as in its paper, and with friction, which is no method of its paper."""
     plain, aware = (contract_of(cfg, HEADER) for cfg in (FRICTIONLESS, CFG))
     assert (method_of(plain), method_of(aware)) == ("dreamwaq", "dreamwaq-friction")
-    assert {"dreamwaq", "dreamwaq-friction"} <= METHODS.keys()
+    assert {"dreamwaq", "dreamwaq-friction"} <= method_texts().keys()
     assert plain_name(plain) == "dreamwaq: trained without friction"
     assert plain_name(aware) == "dreamwaq: trained at 0 to 24 % friction"
     assert "0 to 0.24 of the torque limit" in write_card(aware)
@@ -287,9 +289,32 @@ def test_older_runs_have_no_such_settings(tmp_path: Path) -> None:
     run = start(tmp_path / "run")
     file = run.path / "config.json"
     header = json.loads(file.read_text())
-    del header["config"]["dreamwaq"]
+    del header["config"]["method_settings"]
     file.write_text(json.dumps(header))
-    assert run.config().dreamwaq == DreamWaQCfg()
+    assert run.config().method_settings == DreamWaQCfg()
+
+
+def test_a_run_from_before_methods_were_installed_is_read(tmp_path: Path) -> None:
+    """Its config.json had the groups of all methods: the one of the run's method counts."""
+    run = start(tmp_path / "run")
+    file = run.path / "config.json"
+    header = json.loads(file.read_text())
+    settings = header["config"].pop("method_settings")
+    header["config"] |= {"dreamwaq": settings, "hinf": {"disturber": "force", "limit": None}}
+    file.write_text(json.dumps(header))
+    assert run.config() == CFG
+    header["config"]["task"]["friction"] |= {"method": "deception"}
+    file.write_text(json.dumps(header))
+    assert run.config().method_settings is None
+
+
+def test_its_settings_are_named_after_it() -> None:
+    """In contracts and on command lines, by names that contracts of before methods were installed have too."""
+    cfg = replace(CFG, method_settings=DreamWaQCfg(beta=1.0))
+    assert settings_of(cfg)["dreamwaq.beta"] == 1.0 and "method-settings" not in settings_of(cfg)
+    assert differing({"dreamwaq.beta": 0.35}, {"dreamwaq.beta": 1}) == ["dreamwaq.beta"]
+    assert differing({}, {"dreamwaq.beta": 0.35}) == []
+    assert "dreamwaq.beta 1," in write_card(contract_of(cfg, HEADER))
 
 
 def test_the_trainer_is_the_one_trainer(tmp_path: Path) -> None:

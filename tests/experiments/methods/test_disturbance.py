@@ -10,7 +10,7 @@ import torch
 from stiction.robots.catalog import find_robot
 from stiction.robots.physics import FAST
 from stiction.sim.fleet import HELD, Fleet
-from stiction.task.disturbance import Disturbance, bounded, intensity
+from stiction_experiments.methods.disturbance import Disturbance, bounded, intensity
 
 GO1 = find_robot("go1")
 

@@ -6,7 +6,7 @@ the task pays in a step, r, its most, r* (`best_task_reward`), and the disturban
     C = max(0, 1 - r / r*),    h = C - η |d|,    E[h] ≤ 0,
     A' = (A - λ A_C) / (1 + λ),    λ ← max(0, λ + κ E[h]),    η ← τ η where E[h] ≤ 0.
 
-The disturber maximises the return of h (`stiction.learning.disturber`). What the paper leaves open is settled here:
+The disturber maximises the return of h (`disturber`). What the paper leaves open is settled here:
 
 * C is of the task's reward, to go as commanded, and not of all that is paid: of that A_C would be -A, and the
   constraint would ask for nothing. It is a share, so that η, λ and κ mean the same for every robot and reward.
@@ -29,11 +29,11 @@ from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
 from stiction.core.errors import ConfigurationError
-from stiction.learning.disturber import Disturber, LearningDisturber, make_disturber, normalised
-from stiction.learning.hinf_config import HinfCfg
 from stiction.learning.ppo import AdaptationPPO
-from stiction.task.disturbance import Disturbance, intensity
 from stiction.task.rewards import TASK, best_task_reward
+from stiction_experiments.methods.disturbance import Disturbance, intensity
+from stiction_experiments.methods.disturber import Disturber, LearningDisturber, make_disturber, normalised
+from stiction_experiments.methods.hinf import HinfCfg
 
 
 def cost(paid: torch.Tensor, best: float) -> torch.Tensor:

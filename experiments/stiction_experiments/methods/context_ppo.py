@@ -22,9 +22,9 @@ from rsl_rl.algorithms import PPO
 from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
-from stiction.learning.context import ContextActor, divergence
 from stiction.learning.models import VELOCITY
 from stiction.learning.ppo import AdaptationPPO
+from stiction_experiments.methods.context import ContextActor, divergence
 
 ACTIVE = 0.1
 """KL from which a dimension of the code counts as active [nat]: twice the default's free bits, below which nothing pays

@@ -1,0 +1,63 @@
+"""`--method compensation`, `finetune` and `iterative`: friction added to the command, or brought in later. No torch."""
+
+from __future__ import annotations
+
+from stiction.files.contract import Contract
+from stiction.joints.compensation import BY_SPEED
+from stiction.task.method import FRICTIONLESS, Method, Mixture, Stage
+
+USUAL = (0.8, 1.2)
+"""Range that the paper's Table II gives every other joint parameter."""
+
+BY_ERROR = "compensation-error"
+"""Name in results of policies of `compensation` from before it went by the speed of the joints; none is trained now."""
+
+
+def _called(contract: Contract) -> str:
+    """Return the name in results."""
+    return COMPENSATION.name if contract.compensation_speeds is not None else BY_ERROR
+
+
+def _at_once(final: Mixture, pretraining: float, steps: int) -> tuple[Stage, ...]:
+    """Return no friction, then all of it; arguments as of `Method.schedule`."""
+    return Stage(0.0, FRICTIONLESS), Stage(pretraining, final)
+
+
+def _in_steps(final: Mixture, pretraining: float, steps: int) -> tuple[Stage, ...]:
+    """Return no friction, then more of it in equal steps; arguments as of `Method.schedule`."""
+    rest, stages = 1.0 - pretraining, [Stage(0.0, FRICTIONLESS)]
+    for k in range(steps):
+        part = tuple((w, a * (k + 1) / steps, b * (k + 1) / steps) for w, a, b in final)
+        stages.append(Stage(pretraining + rest * k / steps, part))
+    return tuple(stages)
+
+
+COMPENSATION = Method(
+    "compensation",
+    "dry friction in the joints, drawn closely around its nominal value, part of which is added to the command, by the "
+    "joint's speed",
+    USUAL,
+    compensation=BY_SPEED.label,
+    called=_called,
+    names={
+        "compensation": f"{BY_SPEED.share:g} of the nominal friction added to the command, in training and after, by "
+        "the measured speed, and by the error while stuck",
+        BY_ERROR: "all of the nominal friction added to the command, in training and after, by the error",
+    },
+)
+FINETUNE = Method(
+    "finetune",
+    "without dry friction at first, then all of it at once, drawn closely around its nominal value",
+    USUAL,
+    schedule=_at_once,
+    schedule_options=("pretraining",),
+    names={"finetune": "trained without friction, then with all of it at once"},
+)
+ITERATIVE = Method(
+    "iterative",
+    "without dry friction at first, then more of it in equal steps, drawn closely around each",
+    USUAL,
+    schedule=_in_steps,
+    schedule_options=("pretraining", "steps"),
+    names={"iterative": "trained without friction, then with more in steps"},
+)

@@ -1,0 +1,166 @@
+"""Training methods: the product's, and those of installed distributions (entry points of `stiction.methods`).
+
+Command lines and files hold the name of a method; its record says what it changes in a training. No torch: networks and
+algorithms are named as rsl_rl names them, `package.module:Class`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from stiction.core.errors import ConfigurationError, nearest, unknown_name
+from stiction.core.plugins import METHODS, find_installed, installed_names
+from stiction.files.contract_rules import IMPORTED
+from stiction.files.contract_training import FRICTION_RANGES
+
+TrainCfg = Any
+"""A `stiction.learning.config.TrainCfg`, whose room is above this one."""
+
+Mixture = tuple[tuple[float, float, float], ...]
+"""Uniform distributions side by side: (weight, lower end, upper end) of each."""
+
+FRICTIONLESS: Mixture = ((1.0, 0.0, 0.0),)
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A part of the teacher's training, up to the next stage."""
+
+    begin: float
+    """Share of the teacher's iterations before it."""
+    mixture: Mixture
+    """Distribution of the multiplier."""
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Smallest and largest multiplier that can be drawn."""
+        return min(low for _, low, _ in self.mixture), max(high for _, _, high in self.mixture)
+
+
+def one_stage(final: Mixture, pretraining: float, steps: int) -> tuple[Stage, ...]:
+    """Return the schedule with all friction from the first iteration on; arguments as of `Method.schedule`."""
+    return (Stage(0.0, final),)
+
+
+def _unchanged(cfg: TrainCfg) -> TrainCfg:
+    """Return a configuration as it is."""
+    return cfg
+
+
+def _nothing(cfg: TrainCfg) -> tuple[()]:
+    """Return no sentence, no place."""
+    return ()
+
+
+def _no_fields(cfg: TrainCfg) -> dict[str, Any]:
+    """Return no field."""
+    return {}
+
+
+def _accepted(cfg: TrainCfg) -> None:
+    """Accept a configuration."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """A training method. Callables get the configuration of a training (`stiction.learning.config.TrainCfg`)."""
+
+    name: str
+    """Its name on command lines and in files."""
+    description: str
+    """Friction in training, in words for people."""
+    friction_range: tuple[float, float] = (0.0, 0.0)
+    """Multiplier of the nominal dry friction in the last stage, unless the configuration names another."""
+    schedule: Callable[[Mixture, float, int], tuple[Stage, ...]] = one_stage
+    """Last distribution of the multiplier, share of the iterations before friction, steps -> stages of friction."""
+    schedule_options: tuple[str, ...] = ()
+    """Arguments that its schedule uses: `pretraining`, `steps`."""
+    compensation: str | None = None
+    """Friction added to the command, as `parse_compensation` reads it; None: none."""
+    settings: type[Any] | None = None
+    """Frozen dataclass of its settings, which all have defaults; None: it has none."""
+    one_phase: bool = False
+    """True if it learns in one phase, on the student's observations."""
+    actor: Callable[[TrainCfg], Mapping[str, Any]] | None = None
+    """rsl_rl's configuration of its actor: `class_name` and arguments; None: the actor of rapid motor adaptation."""
+    algorithm: Callable[[TrainCfg], Mapping[str, Any]] | None = None
+    """rsl_rl's configuration of its algorithm, a subclass of `AdaptationPPO`, whose `figures` are recorded in every
+    iteration; it trains in one process. None: `AdaptationPPO`."""
+    acts_on_fleet: bool = False
+    """True if it acts on the simulated robots beside the policy: on the host and in MuJoCo alone."""
+    even: Callable[[TrainCfg], Mapping[str, int]] | None = None
+    """Sizes of its networks, by name, that symmetric networks split into halves; None: it has the usual networks."""
+    check: Callable[[TrainCfg], None] = _accepted
+    """Raises `ConfigurationError` where a configuration cannot be trained."""
+    preset: Callable[[TrainCfg], TrainCfg] = _unchanged
+    """Preset -> preset for this method; the method itself is not set."""
+    idle: Callable[[TrainCfg], Iterator[tuple[str, str]] | tuple[()]] = _nothing
+    """Places of settings that have no effect, and why, as of `stiction.learning.effects`."""
+    notes: Callable[[TrainCfg], Iterator[str] | tuple[()]] = _nothing
+    """Sentences that a user is told when a run begins."""
+    policy: str = "the student of rapid motor adaptation"
+    """Kind of its policies, for the card of a bundle."""
+    contract: Callable[[TrainCfg], Mapping[str, Any]] = _no_fields
+    """Further fields of its policies' contracts."""
+    called: Callable[[Any], str] | None = None
+    """Contract -> name of the method in results, a key of `names`; None: its name."""
+    names: Mapping[str, str] | None = None
+    """Name in results -> description; None: its name and its description."""
+
+
+OWN = {
+    method.name: method
+    for method in (
+        Method("none", "conventional domain randomisation, without dry friction in the joints"),
+        Method(
+            "direct", "dry friction in the joints, drawn closely around its nominal value", FRICTION_RANGES["direct"]
+        ),
+        Method(
+            "deception",
+            "dry friction in the joints, drawn from zero up to above its nominal value",
+            FRICTION_RANGES["deception"],
+        ),
+    )
+}
+"""Methods of the product, by name."""
+
+
+def method_names() -> list[str]:
+    """Return the names of all methods: the product's, then the installed ones in alphabetical order."""
+    return [*OWN, *(name for name in installed_names(METHODS) if name not in OWN)]
+
+
+def installed_methods() -> list[Method]:
+    """Return the methods of other distributions, in alphabetical order. Raises `ConfigurationError` where one fails."""
+    return [find_method(name) for name in method_names() if name not in OWN]
+
+
+@cache
+def known_method(name: str) -> Method | None:
+    """Return a method by its name; None where it is not installed. Raises `ConfigurationError` where it is broken."""
+    found = OWN.get(name) or find_installed(METHODS, name)
+    if found is not None and not (isinstance(found, Method) and found.name == name):
+        raise ConfigurationError(f"entry point {name!r} of {METHODS}: got no method of this name; reinstall it")
+    return found
+
+
+def describe_method(name: str) -> str:
+    """Return a method in words for people; the name of one that is not installed."""
+    if name == IMPORTED:
+        return "trained elsewhere; what friction it met is not known"
+    method = known_method(name)
+    return name if method is None else method.description
+
+
+def find_method(name: str) -> Method:
+    """Return a method by its name. Raises `ConfigurationError` where there is none of this name."""
+    if (found := known_method(name)) is not None:
+        return found
+    if nearest(name, method_names()):
+        raise ConfigurationError(unknown_name("friction method", name, method_names()))
+    raise ConfigurationError(
+        f"method: got {name!r}, which is not installed; pip install ./experiments (stiction-experiments)"
+    )

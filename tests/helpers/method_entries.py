@@ -1,0 +1,32 @@
+"""Take away the entry points of training methods, as where no distribution has any."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+from stiction.core import plugins
+from stiction.learning.identity import defaults
+from stiction.task.method import known_method
+
+
+@contextmanager
+def without_methods() -> Iterator[None]:
+    """Find no entry point of `stiction.methods` for a while."""
+    entries = plugins.metadata.entry_points
+
+    def found(**selected: str) -> Any:
+        return () if selected.get("group") == plugins.METHODS else entries(**selected)
+
+    try:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(plugins.metadata, "entry_points", found)
+            for cached in (known_method, defaults):
+                cached.cache_clear()
+            yield
+    finally:
+        for cached in (known_method, defaults):
+            cached.cache_clear()

@@ -1,0 +1,93 @@
+"""The product alone, as where no distribution brings a training method: what it trains, reads, and says of the rest."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from method_entries import without_methods
+from stiction.core.errors import ConfigurationError, FileError
+from stiction.evaluation.evaluate import EvaluationCfg, evaluate_bundle
+from stiction.evaluation.methods import method_of
+from stiction.files.bundle import read_bundle
+from stiction.files.contract import read_contract
+from stiction.learning.arguments import parse
+from stiction.learning.begin import begin_run
+from stiction.learning.config import FORMER_GROUPS
+from stiction.learning.identity import settings_of
+from stiction.learning.run import RunDirectory, identified_values
+from stiction.learning.runner import train
+from stiction.task.friction import FrictionCfg
+
+pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
+
+POLICIES = Path(__file__).parents[2] / "results" / "methods" / "policies"
+SHORT = ("--robot", "go1", "--num-envs", "8", "--teacher.iterations", "1", "--video-every", "0")
+
+
+@pytest.mark.parametrize("method", ["none", "deception"])
+def test_methods_of_the_product_are_trained(method: str, tmp_path: Path) -> None:
+    """A run of today, and one of before methods were installed, whose config.json has groups of theirs."""
+    with without_methods():
+        cfg = parse(["--preset", "quick", "--method", method, "--friction-level", "0.2", *SHORT]).config
+        run, cfg = begin_run(tmp_path / "run", cfg, "stiction train")
+        assert train(cfg, run, identified_values(run.header()))["last"]["teacher"]["iteration"] == 1
+        file = run.path / "config.json"
+        header = json.loads(file.read_text())
+        header["config"].pop("method_settings")
+        header["config"] |= {name: {"eta": 2.0} for name in FORMER_GROUPS}
+        file.write_text(json.dumps(header))
+        assert RunDirectory(run.path).config() == cfg and cfg.method_settings is None
+        header["config"]["other"] = {"eta": 2.0}
+        file.write_text(json.dumps(header))
+        with pytest.raises(FileError, match="TrainCfg has no field 'other'"):
+            RunDirectory(run.path).config()
+
+
+def test_a_method_that_is_not_installed_is_named_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """On the command line, in Python, and in a run."""
+    missing = r"^method: got '{}', which is not installed; pip install ./experiments \(stiction-experiments\)$"
+    with without_methods():
+        with pytest.raises(ConfigurationError, match=missing.format("hinf")):
+            FrictionCfg("hinf")
+        with pytest.raises(ConfigurationError, match="unknown friction method 'deceptoin'; did you mean 'deception'"):
+            FrictionCfg("deceptoin")
+        with pytest.raises(SystemExit):
+            parse(["--method", "dreamwaq"])
+        said = capsys.readouterr().err
+        assert "dreamwaq" in said and "none, direct, deception" in said.replace("'", "") and said.count("\n") == 1
+    run, _ = begin_run(tmp_path / "run", parse(["--method", "dreamwaq", *SHORT]).config, "stiction train")
+    with without_methods(), pytest.raises(ConfigurationError, match=missing.format("dreamwaq")):
+        run.config()
+    assert run.config().method.name == "dreamwaq"
+
+
+@pytest.mark.parametrize("path", sorted(POLICIES.iterdir()), ids=lambda path: path.name)
+def test_contracts_of_any_method_are_read(path: Path) -> None:
+    """A contract holds the method's name alone; its settings are plain data."""
+    text = (path / "contract.json").read_bytes()
+    with without_methods():
+        contract = read_contract(text)
+    assert contract == read_contract(text)
+
+
+@pytest.mark.parametrize("kind", ["dreamwaq-beta1", "hinf-joints", "compensated"])
+def test_a_policy_of_any_method_walks(kind: str) -> None:
+    """To the numbers that it walks with beside its method."""
+    cfg = EvaluationCfg(commands=("vx=0.5",), friction_levels=(0.1,), episodes=2, seconds=2.0, settle=0.5)
+    with without_methods():
+        bundle = read_bundle(POLICIES / f"coulomb20-{kind}-s0", allow_record=True)
+        (row,) = evaluate_bundle(bundle, cfg).rows
+        assert row.method == bundle.contract.method
+    (beside,) = evaluate_bundle(bundle, cfg).rows
+    assert beside.method == method_of(bundle.contract) and replace(beside, method=row.method) == row
+
+
+def test_settings_of_a_method_are_left_out_where_it_has_none() -> None:
+    """Settings in contracts of the product's methods have no name of another."""
+    assert not any("method" in name for name in settings_of(parse([*SHORT]).config))
