@@ -306,8 +306,8 @@ def test_all_commands_are_told_at_the_nearest_level() -> None:
     part = sources(*FIVE)[TRAINING]
     advice = advise(0.1, 0.1, {TRAINING: replace(part, commands=counts)})
     assert advice.method == "none" and advice.text.endswith(
-        "At 10 %, of all commands (turns, sideways, slow and fast walks, standing): in the simulator of the training 3 "
-        "of 5 seeds follow all, 73 of 75 pairs of seed and command follow (worst: wz=1, too slow); in PhysX 5 of 5 "
+        "At 10 %, of all commands (turns, sideways, slow and fast walks, standing): in the simulator of the training, "
+        "3 of 5 seeds follow all, 73 of 75 pairs of seed and command follow (worst: wz=1, too slow); in PhysX, 5 of 5 "
         "seeds follow all, 75 of 75 pairs of seed and command follow."
     )
     assert len(advice.to_dict()["all_commands"]) == 3 and "all commands" not in advise(0.1, 0.1, {TRAINING: part}).text

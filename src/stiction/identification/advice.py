@@ -198,7 +198,7 @@ class Advice:
         levels = {count.friction_level for count in counts}
         nearest = min(levels, key=lambda level: (round(abs(level - self.asked), 9), level), default=None)
         parts = [
-            f"{place_text(count.engine)} {count.follow_all} of {count.seeds} seeds follow all, {count.followed} of "
+            f"{place_text(count.engine)}, {count.follow_all} of {count.seeds} seeds follow all, {count.followed} of "
             f"{count.cells} pairs of seed and command follow" + (f" (worst: {count.worst})" if count.worst else "")
             for count in counts
             if count.friction_level == nearest
