@@ -58,7 +58,7 @@ def test_what_a_task_raises_comes_back() -> None:
 
 SCRIPT = """
 import sys
-sys.path[:0] = [sys.argv[1], str(sys.argv[1]) + "/.."]
+sys.path[:0] = [sys.argv[1], str(sys.argv[1]) + "/../helpers"]
 print("begun", flush=True)
 import test_parallel
 from stiction.core.parallel import spread
@@ -104,7 +104,7 @@ def test_a_worker_of_another_pool_does_the_tasks_itself() -> None:
 PARENT = """
 import sys
 from pathlib import Path
-sys.path[:0] = [sys.argv[1], str(Path(sys.argv[1]).parent)]
+sys.path[:0] = [sys.argv[1], str(Path(sys.argv[1]).parent / "helpers")]
 import test_parallel
 from stiction.core.parallel import spread
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.usefixtures("undrawn")
 TINY = [
     *("--num-envs", "2", "--teacher.iterations", "1", "--teacher.steps", "2", "--teacher.mini-batches", "2"),
     *("--student.iterations", "1", "--student.steps", "2", "--student.mini-batches", "2"),
-    *("--variants", "three-robots", "--log-seconds", "1", "--net.epochs", "1", "--net.hidden", "4"),
+    *("--variants", "three-robots", "--log-seconds", "1", "--set", "net.epochs=1", "--set", "net.hidden=[4]"),
     *("--episodes", "1", "--seconds", "3", "--commands", "vx=-0.5"),
 ]
 
