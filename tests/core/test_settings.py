@@ -119,7 +119,7 @@ def test_settings_outside_of_groups_have_no_flag(capsys: pytest.CaptureFixture) 
         (["--set", "teacher.gamma=[1"], "--set teacher.gamma: is not YAML"),
         (["--set", "teacher.layers=8"], "--set teacher.layers is 8; expected a list"),
         (["--set", "teacher.span=[1]"], "--set teacher.span is [1]; expected a list of 2"),
-        (["--set", "teacher.iterations=2.5"], "--set teacher.iterations is '2.5'; expected int"),
+        (["--set", "teacher.iterations=2.5"], "--set teacher.iterations is '2.5'; expected a whole number"),
         (["--set", "teacher.kind=huge"], "--set teacher.kind is 'huge'; expected small, large"),
         (["--set", "teacher.gamma=1", "--set", "teacher.gamma=1"], "--set teacher.gamma is given twice; say it once"),
         (
