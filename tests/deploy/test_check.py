@@ -1,6 +1,5 @@
 """`check_bundle` accepts what was exported and rejects what was altered, repaired checksums or not."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,14 +19,6 @@ def test_a_good_bundle_passes(tmp_path: Path, robot: str) -> None:
     assert check.steps == 500
     assert max(check.observation_error, check.action_error, check.target_error) <= TOLERANCE
     assert check.summary()["ok"] is True
-
-
-def test_another_policy_with_repaired_sums_is_rejected(bundle: Path, contract: Contract) -> None:
-    """A policy of another run must not pass for this one."""
-    (bundle / "policy.onnx").write_bytes(make_network(contract, seed=1))
-    repair_sums(bundle)
-    with pytest.raises(BundleError, match=r"policy\.onnx"):
-        check_bundle(bundle)
 
 
 def test_the_replay_alone_sees_another_policy(tmp_path: Path, contract: Contract) -> None:
@@ -95,23 +86,6 @@ def test_a_number_of_the_recording_that_was_changed_is_rejected(name: str, tmp_p
     getattr(golden, name)[250, 0] += 0.01
     with pytest.raises(BundleError, match=r"differs|unit length"):
         check_bundle(write_bundle(tmp_path / "forged", contract, model, golden, ""))
-
-
-def test_any_number_of_the_contract_changed_with_repaired_sums_is_rejected(bundle: Path) -> None:
-    """Every field counts, those included that the replay cannot see."""
-    path = bundle / "contract.json"
-    original = path.read_text()
-    data = json.loads(original)
-    changes = {"kp": [101.0, *data["kp"][1:]], "kd": [2.6, *data["kd"][1:]], "torque_limit": [50.0] * 18}
-    changes |= {"friction_level": 0.1, "seed": 1, "method": "deception", "control_period": 0.02, "decimation": 4}
-    for field, value in changes.items():
-        path.write_text(json.dumps(data | {field: value}))
-        repair_sums(bundle)
-        with pytest.raises(StictionError):
-            check_bundle(bundle)
-    path.write_text(original)
-    repair_sums(bundle)
-    assert check_bundle(bundle).steps == 500
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ import pytest
 import deployed
 from bundles import make_contract
 from deployed import PERIOD, SHORT, Run, state
-from stiction.core.errors import StictionError
 from stiction.deploy.control import FREE, RANGE, SLEW, ControlLoop, JointCommand, Pilot, Reading
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import PolicyStep
@@ -125,9 +124,3 @@ def test_limits_of_the_robots_that_begin_anew_begin_at_the_standing_pose() -> No
     second = loop.act(tiled, command).target
     np.testing.assert_array_equal(second[1], first[1])
     assert second[0, -1] > first[0, -1] or first[0, -1] == CONTRACT.upper[-1] - 0.02
-
-
-def test_a_margin_without_room_is_refused() -> None:
-    """Names the joint."""
-    with pytest.raises(StictionError, match=r"target_limits.*FL_hip room"):
-        make_contract(target_limits={"slew": 40.0, "margin": 1.0})

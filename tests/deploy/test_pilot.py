@@ -69,13 +69,6 @@ def test_friction_is_fed_forward_from_the_angle_of_every_reading() -> None:
         np.testing.assert_allclose(command.target, 0.04)
 
 
-def test_without_friction_nothing_is_fed_forward() -> None:
-    """Every other policy's walks stay what they were."""
-    port = Approaching()
-    Pilot(port, policy()).step(np.zeros(3))
-    assert not any(command.forward.any() for command in port.sent)
-
-
 def test_noise_before_the_policy_is_not_in_the_joint_controllers() -> None:
     """From the second control period on they go by the angle that exchanging brought."""
     port = Noisy()

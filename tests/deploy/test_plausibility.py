@@ -251,19 +251,6 @@ def test_limits_can_be_changed_and_switched_off(contract: Contract) -> None:
         ReadingGuard(contract, {"joint range": math.nan})
 
 
-def test_every_rule_says_what_it_is_for() -> None:
-    """A number that nobody can defend would be raised by whoever it is in the way of."""
-    for name, rule in RULES.items():
-        assert rule.guards and rule.why and rule.hint and rule.limit >= 0, name
-
-
-def test_a_reading_of_several_robots_is_refused(contract: Contract) -> None:
-    """The guard remembers one robot."""
-    sensors = Sensors(np.ones((2, 4)) / 2, np.zeros((2, 3)), np.zeros((2, 18)), np.zeros((2, 18)))
-    with pytest.raises(PolicyError, match="expected those of one robot"):
-        ReadingGuard(contract).check(0.0, sensors, WALK)
-
-
 def test_drives_have_the_gains_of_the_contract(contract: Contract) -> None:
     """A drive that was reset has its maker's gains; 1 % is rounding, and what cannot be read is not said."""
     kp, kd, limit = (contract.array(name) for name in ("kp", "kd", "torque_limit"))

@@ -80,13 +80,6 @@ def test_a_network_with_other_ports_is_refused(arguments: dict, message: str) ->
         Network(model, 715, 18)
 
 
-@pytest.mark.parametrize("model", [b"", b"no network", b"\x08\x0a", bytes(range(256))])
-def test_what_is_no_network_is_refused(model: bytes) -> None:
-    """A damaged file must give one clear line."""
-    with pytest.raises(BundleError):
-        Network(model, 715, 18)
-
-
 def test_a_network_with_weights_in_another_file_is_refused(tmp_path: Path) -> None:
     """The checksums do not cover what lies outside the bundle."""
     model = onnx.load_from_string(make_network(make_contract()))

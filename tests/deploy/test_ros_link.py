@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -211,20 +211,9 @@ class FakeRos:
         """Nothing to destroy."""
 
 
-class FakeExecutor:
-    """Spins without a turn."""
-
-    def __init__(self, context: Any) -> None:
-        """Begin."""
-
-    def add_node(self, node: Any) -> None:
-        """Take a node."""
-
-    def spin(self) -> None:
-        """Return at once."""
-
-    def shutdown(self) -> None:
-        """Nothing to end."""
+def spin_without_a_turn(context: Any) -> SimpleNamespace:
+    """Return an executor that takes nodes and spins at once."""
+    return SimpleNamespace(add_node=lambda node: None, spin=lambda: None, shutdown=lambda: None)
 
 
 @pytest.fixture
@@ -238,7 +227,7 @@ def ros(monkeypatch: pytest.MonkeyPatch) -> FakeRos:
     array = type("Float64MultiArray", (Message,), {"fields": ("layout", "data")})
     modules: dict[str, dict[str, Any]] = {
         "rclpy": {"Context": context, "init": lambda context: None, "create_node": fake.create_node},
-        "rclpy.executors": {"SingleThreadedExecutor": FakeExecutor},
+        "rclpy.executors": {"SingleThreadedExecutor": spin_without_a_turn},
         "rclpy.qos": {"qos_profile_sensor_data": None},
         "sensor_msgs": {},
         "sensor_msgs.msg": kinds,

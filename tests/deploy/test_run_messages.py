@@ -13,15 +13,9 @@ from deployed import CONTRACT, JOINTS, SHORT, STANDING, Run, state
 from stiction.deploy.control import JointCommand
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import load_policy
-from stiction.deploy.runtime.channel import SENSORS, Channel, row_layout, sight_layout, socket_pair, targets_layout
+from stiction.deploy.runtime.channel import SENSORS, Channel, sight_layout, socket_pair, targets_layout
 from stiction.deploy.runtime.supervisor import Stage
-from stiction.deploy.transports.link import (
-    command_layout,
-    command_of,
-    state_layout,
-    state_of,
-    state_vectors,
-)
+from stiction.deploy.transports.link import command_layout, command_of, state_layout, state_of, state_vectors
 from stiction.deploy.transports.messages import HEAD, TAIL, Layout
 from stiction.files.bundle import find_bundle, read_bundle
 
@@ -190,8 +184,3 @@ def test_a_channel_gives_messages_whole_and_says_who_is_gone() -> None:
     theirs.close()
     assert not ours.send(0.0, {})
     ours.close()
-
-
-def test_rows_of_the_log_fit_into_a_datagram_by_tens() -> None:
-    """The log of a robot with many joints is lost in the channel."""
-    assert 10 * row_layout(40, 6).bytes < 65_507

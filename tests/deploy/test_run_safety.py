@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -30,40 +32,26 @@ def test_the_tilt_and_where_it_leads() -> None:
     assert tilt(leaning(0.3), 5.0 * up_in_base, 0.3)[1] == pytest.approx(0.3)
 
 
+ONE = np.eye(JOINTS)[3]
+
+
 @pytest.mark.parametrize(
-    ("rule", "within", "beyond"),
+    ("rule", "limit", "reading"),
     [
-        ("tilt", {"quaternion": leaning(CFG.tilt - 1e-3)}, {"quaternion": leaning(CFG.tilt + 1e-3)}),
-        (
-            "predicted tilt",
-            {"angular_velocity": np.array([0.0, np.tan(CFG.predicted_tilt - 1e-3) / CFG.horizon, 0.0])},
-            {"angular_velocity": np.array([0.0, np.tan(CFG.predicted_tilt + 1e-3) / CFG.horizon, 0.0])},
-        ),
-        (
-            "joint speed",
-            {"joint_velocity": np.eye(JOINTS)[3] * (CFG.joint_speed - 1e-3)},
-            {"joint_velocity": -np.eye(JOINTS)[3] * (CFG.joint_speed + 1e-3)},
-        ),
-        (
-            "temperature",
-            {"temperature": np.eye(JOINTS)[3] * (CFG.temperature - 1e-3)},
-            {"temperature": np.eye(JOINTS)[3] * (CFG.temperature + 1e-3)},
-        ),
-        (
-            "torque",
-            {"joint_torque": -np.eye(JOINTS)[3] * CONTRACT.torque_limit[3] * (CFG.torque - 1e-3)},
-            {"joint_torque": -np.eye(JOINTS)[3] * CONTRACT.torque_limit[3] * (CFG.torque + 1e-3)},
-        ),
-        (
-            "flailing",
-            {"joint_velocity": np.full(JOINTS, CFG.flailing - 1e-3)},
-            {"joint_velocity": np.full(JOINTS, CFG.flailing + 1e-3)},
-        ),
+        ("tilt", CFG.tilt, lambda x: {"quaternion": leaning(x)}),
+        ("predicted tilt", CFG.predicted_tilt, lambda x: {"angular_velocity": [0.0, np.tan(x) / CFG.horizon, 0.0]}),
+        ("joint speed", CFG.joint_speed, lambda x: {"joint_velocity": -x * ONE}),
+        ("temperature", CFG.temperature, lambda x: {"temperature": x * ONE}),
+        ("torque", CFG.torque, lambda x: {"joint_torque": -x * CONTRACT.torque_limit[3] * ONE}),
+        ("flailing", CFG.flailing, lambda x: {"joint_velocity": np.full(JOINTS, x)}),
     ],
 )
-def test_each_rule_at_its_limit(rule: str, within: dict, beyond: dict) -> None:
+def test_each_rule_at_its_limit(rule: str, limit: float, reading: Callable[[float], dict]) -> None:
     """A rule is never broken, broken too soon, or names another joint."""
     assert rule in RULES
+    within, beyond = (
+        {name: np.asarray(values) for name, values in reading(limit + more).items()} for more in (-1e-3, 1e-3)
+    )
     safety = Safety(CONTRACT, CFG, PERIOD)
     assert all(safety.check(state(n, n * PERIOD, **within)) is None for n in range(400))
     safety = Safety(CONTRACT, CFG, PERIOD)

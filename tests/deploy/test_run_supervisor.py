@@ -24,11 +24,7 @@ def test_a_run_goes_through_its_stages_and_ends_in_damping() -> None:
     run = Run().until(Stage.DONE)
     stages = [out.stage for out in run.outs]
     assert [stage for n, stage in enumerate(stages) if n == 0 or stage is not stages[n - 1]] == [
-        Stage.PASSIVE,
-        Stage.STAND,
-        Stage.RUN,
-        Stage.DAMP,
-        Stage.DONE,
+        *(Stage.PASSIVE, Stage.STAND, Stage.RUN, Stage.DAMP, Stage.DONE)
     ]
     last = run.frames()[-1].command
     assert last is not None and not last.kp.any() and (last.kd == CONTRACT.array("kd")).all()
@@ -101,10 +97,8 @@ def test_a_pose_far_behind_a_limit_is_not_pulled_back() -> None:
     pose[2] = CONTRACT.lower[2] - 0.15
     run.place(pose)
     run.perfect = False
-    while not run.supervisor.ended:
-        run.step()
-    stop = run.supervisor.stop_record
-    assert stop is not None and (stop.violation.rule, stop.violation.joint) == ("first target", CONTRACT.joint_names[2])
+    stop = run.ended()
+    assert (stop.violation.rule, stop.violation.joint) == ("first target", CONTRACT.joint_names[2])
     assert stop.violation.value == pytest.approx(0.15 + TARGET_LIMITS["margin"])
 
 
@@ -113,10 +107,7 @@ def test_a_robot_that_did_not_stand_up_does_not_run() -> None:
     run = Run()
     run.place(STANDING - 0.6)
     run.perfect = False
-    while not run.supervisor.ended and run.now < 10:
-        run.step()
-    assert run.supervisor.stop_record is not None
-    assert run.supervisor.stop_record.violation.rule == "did not stand up"
+    assert run.ended(most=10.0).violation.rule == "did not stand up"
 
 
 def test_a_stop_is_damping_at_the_full_rate_for_the_settling_time_and_then_nothing() -> None:
@@ -304,17 +295,13 @@ def test_silence_of_the_robot_and_of_the_policy_stop_within_their_times() -> Non
     """A robot or a policy that is gone is waited for."""
     run = Run().until(Stage.RUN)
     last = run.now
-    while not run.supervisor.ended:
-        run.step(silent=True)
-    stop = run.supervisor.stop_record
-    assert stop is not None and stop.violation.rule == "stale state"
+    stop = run.ended(silent=True)
+    assert stop.violation.rule == "stale state"
     assert SHORT.stale < stop.time - last <= SHORT.stale + 2 * PERIOD
     run = Run().until(Stage.RUN)
     run.answers, last = False, run.now
-    while not run.supervisor.ended:
-        run.step()
-    stop = run.supervisor.stop_record
-    assert stop is not None and stop.violation.rule == "policy silent"
+    stop = run.ended()
+    assert stop.violation.rule == "policy silent"
     assert stop.time - last <= SHORT.silence + 2 * PERIOD
 
 
@@ -335,13 +322,8 @@ def test_a_policy_that_asks_for_no_number_or_fails_stops() -> None:
     run = Run().until(Stage.RUN)
     run.target = STANDING.copy()
     run.target[4] = np.nan
-    while not run.supervisor.ended:
-        run.step()
-    stop = run.supervisor.stop_record
-    assert stop is not None and (stop.violation.rule, stop.violation.joint) == (
-        "target not finite",
-        CONTRACT.joint_names[4],
-    )
+    stop = run.ended()
+    assert (stop.violation.rule, stop.violation.joint) == ("target not finite", CONTRACT.joint_names[4])
     assert all(np.isfinite(out.command.target).all() for out in run.frames())  # type: ignore[union-attr]
     run = Run().until(Stage.RUN)
     assert run.supervisor.policy_failed("policy gone", "its process ended with status -9", run.now) is not None
@@ -357,10 +339,8 @@ def test_lost_velocity_commands_stand_then_stop() -> None:
     while run.supervisor.velocity.any():
         run.step()
     assert run.now - begin == pytest.approx(cfg.command_timeout, abs=3 * PERIOD)
-    while not run.supervisor.ended:
-        run.step()
-    stop = run.supervisor.stop_record
-    assert stop is not None and stop.violation.rule == "command lost"
+    stop = run.ended()
+    assert stop.violation.rule == "command lost"
     assert stop.time - begin == pytest.approx(cfg.command_stop, abs=3 * PERIOD)
     # A command that was typed in is not lost.
     run = Run(replace(cfg, duration=0.5)).until(Stage.RUN)
@@ -380,10 +360,8 @@ def test_a_robot_or_policy_that_never_comes_ends_the_run() -> None:
     """The command waits for ever."""
     run = Run(replace(SHORT, ready_timeout=0.5))
     run.answers = False
-    while not run.supervisor.ended and run.now < 1:
-        run.step()
-    stop = run.supervisor.stop_record
-    assert stop is not None and stop.violation.rule == "not ready" and "policy" in stop.sentence()
+    stop = run.ended(most=1.0)
+    assert stop.violation.rule == "not ready" and "policy" in stop.sentence()
 
 
 def test_a_state_that_came_too_late_to_act_on_is_judged_too() -> None:

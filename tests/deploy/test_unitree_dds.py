@@ -57,6 +57,13 @@ def robot(family: str, domain: int, mode: str = "plain") -> Iterator[subprocess.
         process.communicate()
 
 
+def deploy(folder: Path, domain: int, transport: str, spec: str, seconds: float) -> list[str]:
+    """Return the command that deploys a toy policy of a robot over loopback."""
+    bundle = make_bundle(folder / "toy", make_contract(spec, anatomy=find_robot(spec)))
+    words = ["deploy", str(bundle), "--robot", f"{transport}:lo", "--armed", "--duration", str(seconds), "--json"]
+    return [*words, "--domain", str(domain), "--out", str(folder / "run"), *PATIENT]
+
+
 @pytest.mark.parametrize("kind", IDENTITIES)
 def test_types_are_the_maker_s_to_the_last_field(kind: str) -> None:
     """Another name, order or width of a field makes another type: nothing arrives, or an old robot's DDS goes down."""
@@ -75,10 +82,7 @@ def test_a_run_from_damping_to_damping(
     tmp_path: Path, domain: int, family: str, transport: str, spec: str, capfd: pytest.CaptureFixture
 ) -> None:
     """Standing up, policy and damping reach a robot whose messages another program writes and reads."""
-    contract = make_contract(spec, anatomy=find_robot(spec))
-    bundle = make_bundle(tmp_path / "toy", contract)
-    words = ["deploy", str(bundle), "--robot", f"{transport}:lo", "--armed", "--duration", "0.5", "--json"]
-    words += ["--domain", str(domain), "--out", str(tmp_path / "run"), *PATIENT, "--held.kp", "40", "--held.kd", "2"]
+    words = [*deploy(tmp_path, domain, transport, spec, 0.5), "--held.kp", "40", "--held.kd", "2"]
     with robot(family, domain) as process:
         assert main(words) == 0, capfd.readouterr().err
         heard = json.loads(process.communicate("")[0])
@@ -98,9 +102,7 @@ def test_a_gait_controller_that_still_commands_ends_the_run(
     tmp_path: Path, domain: int, capfd: pytest.CaptureFixture
 ) -> None:
     """The maker's own controller and ours pull at the same motors."""
-    bundle = make_bundle(tmp_path / "toy", make_contract("go1", anatomy=find_robot("go1")))
-    words = ["deploy", str(bundle), "--robot", "unitree-go:lo", "--armed", "--duration", "9", "--json"]
-    words += ["--domain", str(domain), "--out", str(tmp_path / "run"), *PATIENT, "--keep-minutes", "0"]
+    words = [*deploy(tmp_path, domain, "unitree-go", "go1", 9), "--keep-minutes", "0"]
     with robot("unitree_go", domain, "foreign"):
         assert main(words) == 1
     assert json.loads(capfd.readouterr().out)["stop"]["rule"] == "second writer"
@@ -110,9 +112,7 @@ def test_two_robots_on_one_domain_are_refused_before_anything_moves(
     tmp_path: Path, domain: int, capfd: pytest.CaptureFixture
 ) -> None:
     """One run does not move two robots: neither hears a stiff command, and both are named."""
-    bundle = make_bundle(tmp_path / "toy", make_contract("go1", anatomy=find_robot("go1")))
-    words = ["deploy", str(bundle), "--robot", "unitree-go:lo", "--armed", "--duration", "9", "--json"]
-    words += ["--domain", str(domain), "--out", str(tmp_path / "run"), *PATIENT, "--keep-minutes", "0"]
+    words = [*deploy(tmp_path, domain, "unitree-go", "go1", 9), "--keep-minutes", "0"]
     with robot("unitree_go", domain) as first, robot("unitree_go", domain) as second:
         assert main([*words, "--readers", "2"]) == 1
         heard = [json.loads(each.communicate("")[0]) for each in (first, second)]

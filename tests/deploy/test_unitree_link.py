@@ -14,6 +14,7 @@ from stiction.deploy.control import JointCommand
 from stiction.deploy.transports.config import HeldCfg
 from stiction.deploy.transports.link import Ages, Peers
 from stiction.deploy.transports.unitree import FOREIGN, HELD_SPEED, Translation, UnitreeLink
+from stiction.files.contract import Contract
 from stiction.files.unitree import GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE, Structure
 from stiction.robots.catalog import find_robot
 from stiction.robots.model import Vendor
@@ -23,7 +24,7 @@ REVERSED = Vendor(tuple(reversed(GO1.joint_names)), (1.0,) * 11 + (-1.0,), (0.0,
 """The maker's first joint is our last one; its last is our first, turned round and 0.5 rad off."""
 GO = make_contract("go1", anatomy=replace(GO1, vendor=REVERSED))
 HG = make_contract("g1", anatomy=G1)
-HELD = HeldCfg(kp=40.0, kd=2.0)
+FREE, HELD = HeldCfg(), HeldCfg(kp=40.0, kd=2.0)
 
 
 class Wires:
@@ -60,6 +61,14 @@ class Wires:
         """Nothing to close."""
 
 
+def connected(
+    transport: str = "unitree-go", contract: Contract = GO, held: HeldCfg = FREE
+) -> tuple[Wires, UnitreeLink]:
+    """Return a bus, and the link of a robot over it."""
+    bus = Wires()
+    return bus, UnitreeLink(Translation(transport, contract, held), bus)
+
+
 def said(structure: Structure, change: Callable[[np.ndarray], None] = lambda message: None) -> bytes:
     """A state of a robot that stands, with its checksum; `change`: before that is made."""
     message = structure.blank()
@@ -81,8 +90,7 @@ def test_a_state_comes_in_our_order_and_sense() -> None:
         message["imu_state"]["quaternion"], message["power_v"] = (0.8, 0.0, 0.6, 0.0), 28.5
         message["imu_state"]["gyroscope"] = (0.1, 0.2, 0.3)
 
-    bus = Wires()
-    link = UnitreeLink(Translation("unitree-go", GO, HeldCfg()), bus)
+    bus, link = connected()
     bus.waiting = [(7_000_000_000, said(GO_STATE, change)), (7_002_000_000, said(GO_STATE, change))]
     first, state = link.receive()
     assert (first.time, state.time, state.number) == (0.0, pytest.approx(0.002), 2)
@@ -102,8 +110,7 @@ def test_a_state_comes_in_our_order_and_sense() -> None:
 
 def test_a_second_writer_is_told_by_the_next_state_that_can_be_believed() -> None:
     """The bus tells it once: found beside a damaged state it was forgotten, and two programs drove one robot."""
-    bus = Wires()
-    link = UnitreeLink(Translation("unitree-go", GO, HeldCfg()), bus)
+    bus, link = connected()
     bus.waiting, bus.others = [(0, b"damaged")], True
     assert link.receive() == []
     bus.waiting, bus.others = [(1, said(GO_STATE))], False
@@ -125,8 +132,7 @@ def test_ages_are_by_the_robot_s_stamps_and_forget_drifting_clocks() -> None:
 
 def test_a_command_goes_in_the_maker_s_order_and_sense() -> None:
     """A joint is driven the wrong way, or another one is driven."""
-    bus = Wires()
-    link = UnitreeLink(Translation("unitree-go", GO, HeldCfg()), bus)
+    bus, link = connected()
     bus.waiting = [(0, said(GO_STATE))]
     link.receive()
     angles = np.arange(12) / 10 + 0.2
@@ -145,9 +151,7 @@ def test_a_command_goes_in_the_maker_s_order_and_sense() -> None:
 
 def test_held_joints_go_slowly_and_are_damped_with_the_others() -> None:
     """An arm strikes out when the policy begins, or stays stiff when the legs are damped."""
-    bus = Wires()
-    translation = Translation("unitree-hg", HG, HELD)
-    link = UnitreeLink(translation, bus)
+    bus, link = connected("unitree-hg", HG, HELD)
     names = G1.vendor.order if G1.vendor else ()
     elbow, still = names.index("left_elbow_joint"), names.index("left_knee_joint")
 
@@ -179,35 +183,20 @@ def test_held_joints_go_slowly_and_are_damped_with_the_others() -> None:
 
 @pytest.mark.parametrize(
     ("damaged", "why"),
-    [
-        (said(GO_STATE)[:-2] + b"xx", "checksum"),
-        (said(GO_STATE)[:-40], "expected 1176"),
-        (b"", "CDR"),
-    ],
+    [(said(GO_STATE)[:-2] + b"xx", "checksum"), (said(GO_STATE)[:-40], "expected 1176"), (b"", "CDR")],
 )
 def test_a_state_that_is_not_whole_is_none(damaged: bytes, why: str) -> None:
     """Noise on the wire is acted upon."""
-    bus = Wires()
-    link = UnitreeLink(Translation("unitree-go", GO, HeldCfg()), bus)
+    bus, link = connected()
     bus.waiting = [(0, damaged)]
     assert link.receive() == [] and link.malformed == 1 and why in link.complaint
 
 
 def test_ankles_in_numbers_of_motors_are_refused() -> None:
     """In mode AB the numbers of ankle and waist are of two motors beside each other, and look like angles."""
-    bus = Wires()
-    link = UnitreeLink(Translation("unitree-hg", HG, HELD), bus)
+    bus, link = connected("unitree-hg", HG, HELD)
     bus.waiting = [(0, said(HG_STATE, lambda message: message.__setitem__("mode_pr", 1)))]
     assert link.receive() == [] and "mode_pr is 1" in link.complaint
-
-
-def test_a_command_of_somebody_else_is_not_ours() -> None:
-    """The maker's gait controller is still running, and two programs pull at the motors."""
-    bus = Wires()
-    link = UnitreeLink(Translation("unitree-go", GO, HeldCfg()), bus)
-    bus.others, bus.waiting = True, [(0, said(GO_STATE))]
-    assert link.receive()[0].command == 0.0
-    assert link.send(JointCommand(*np.zeros((4, 12)))) == 1
 
 
 def test_nothing_is_sent_to_a_robot_that_has_said_nothing() -> None:

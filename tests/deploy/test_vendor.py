@@ -30,14 +30,6 @@ def test_a_reversed_order_with_signs_and_zeros_by_hand() -> None:
     np.testing.assert_allclose(maker.from_maker(maker.to_maker(np.tile(angles, (3, 1)))), np.tile(angles, (3, 1)))
 
 
-def test_held_joints_have_their_angles() -> None:
-    """29 numbers go to a G1 whose policy moves 12: an elbow that got zero would strike out."""
-    robot = find_robot("g1")
-    maker = VendorMap(make_contract("g1", anatomy=robot))
-    found = dict(zip(maker.order, maker.to_maker(np.zeros(12)).tolist(), strict=True))
-    assert len(found) == 29 and found["left_elbow_joint"] == 1.28 and found["right_shoulder_roll_joint"] == -0.2
-
-
 def test_without_a_protocol_it_is_refused() -> None:
     """Our own order would be believed to be the maker's."""
     with pytest.raises(StictionError, match="not in the contract; say vendor in"):

@@ -79,12 +79,6 @@ def test_a_window_unlike_all_others_is_marked(contract: Contract) -> None:
     assert estimate(model, 1.1 * features).unusual
 
 
-def test_the_file_comes_back_as_it_was(contract: Contract) -> None:
-    """What the robot reads is what was fitted."""
-    model = make_wear(contract)
-    assert read_wear(model.to_json().encode()) == model
-
-
 def test_a_map_comes_back_with_its_calibration_and_without(contract: Contract) -> None:
     """What a bundle holds is what was fitted."""
     for model in (make_wear(contract), make_wear(contract, calibration=make_calibration(contract))):

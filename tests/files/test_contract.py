@@ -22,21 +22,10 @@ def edited(contract: Contract, field: str, value: object) -> bytes:
 
 
 def test_what_is_written_is_read_back(contract: Contract) -> None:
-    """A contract that changed on the way through the file would describe another policy."""
-    assert read_contract(contract.to_json().encode()) == contract
-
-
-def test_go1_with_an_identification_is_valid() -> None:
-    """Twelve joints and a joints.json are as good as eighteen and none."""
-    contract = make_contract("go1", joints_file={"name": "joints.json", "sha256": "0" * 64})
-    assert read_contract(contract.to_json().encode()).num_joints == 12
-
-
-def test_a_contract_from_before_actuator_nets_has_none(contract: Contract) -> None:
-    """Bundles that were exported before the field was there are still read; one that has it keeps it."""
-    assert read_contract(json.dumps(aged(contract, "actuator")).encode()) == contract
+    """Eighteen joints, and twelve with an identification and an Actuator Net."""
     net = {"name": "net", "sha256": "0" * 64}
-    assert read_contract(edited(contract, "actuator", net)).actuator == net
+    for each in (contract, make_contract("go1", joints_file=net | {"name": "joints.json"}, actuator=net)):
+        assert read_contract(each.to_json().encode()) == each
 
 
 def test_a_contract_from_before_speeds_compensates_by_the_error_alone() -> None:
@@ -62,42 +51,21 @@ def test_a_contract_with_speeds_compensates_by_them(contract: Contract) -> None:
     ("field", "value"),
     [
         ("robot", ""),
-        ("seed", "0"),
         ("seed", True),
         ("phases", 3),
-        ("phases", True),
         ("friction_law", "rust"),
-        ("friction_level", -0.1),
         ("friction_range", [0.2, 0.1]),
-        ("friction_range", 0.2),
         ("joint_names", ["a"] * 18),
-        ("joint_names", "abc"),
         ("control_period", 0.025),
-        ("physics_timestep", 0),
         ("kp", [40.0] * 17),
-        ("kp", [0.0] * 18),
         ("kd", ["1"] * 18),
         ("standing", [9.0] * 18),
-        ("torque_limit", [-25.0] * 18),
-        ("armature", [0.0] * 18),
-        ("damping", [-0.1] * 18),
-        ("friction", [-0.1] * 18),
-        ("friction", [1.0] * 17),
-        ("action_clip", "4"),
         ("action_clip", 10**400),
-        ("action_offset", "zero"),
         ("quaternion_order", "xyzw"),
         ("joints_file", {"name": "joints.json"}),
-        ("actuator", {"name": "net"}),
-        ("actuator", "net"),
-        ("compensation", 0.1),
-        ("compensation", [0.1] * 17),
         ("compensation", [-0.1] * 18),
-        ("compensation_width", 0),
-        ("compensation_speeds", [0.2]),
         ("target_limits", {"slew": 40.0, "margin": 1.0}),
         ("compensation_speeds", [0.2, 0.0]),
-        ("compensation_speeds", 0.2),
         ("observation", []),
     ],
 )
@@ -134,34 +102,6 @@ def test_a_wrong_observation_term_is_refused_by_name(contract: Contract, entry: 
     term[entry] = value
     with pytest.raises(BundleError, match=rf"(joint_position\.|terms\[5\]: ){entry}"):
         read_contract(json.dumps(data).encode())
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (b"{", "not JSON"),
-        (b"[1]", "list"),
-        (b"{}", "missing"),
-        (b'{"seed": NaN}', "NaN"),
-    ],
-)
-def test_what_is_no_contract_is_refused(text: bytes, message: str) -> None:
-    """A damaged file must give one clear line."""
-    with pytest.raises(BundleError, match=message):
-        read_contract(text)
-
-
-def test_an_unknown_field_is_refused(contract: Contract) -> None:
-    """A field of a later schema may change the meaning of the others."""
-    with pytest.raises(BundleError, match="gravity"):
-        read_contract(edited(contract, "gravity", 9.81))
-
-
-def test_per_joint_numbers_must_be_finite(contract: Contract) -> None:
-    """1e999 is valid JSON and infinite."""
-    text = contract.to_json().replace('"kd": [\n    2.5', '"kd": [\n    1e999')
-    with pytest.raises(BundleError, match="kd"):
-        read_contract(text.encode())
 
 
 def test_friction_in_torque_and_as_a_level_must_agree(contract: Contract) -> None:
@@ -202,12 +142,7 @@ def test_the_trained_commands_go_with_the_policy() -> None:
     assert read_contract(told.to_json().encode()) == told
     older = read_contract(json.dumps(aged(contract, "command_range")).encode())
     assert older == contract and contract.command_range is None
-    for wrong in (
-        {"forward": [0, 1]},
-        SPANS | {"turn": [1, 0]},
-        SPANS | {"turn": [0, 1, 2]},
-        SPANS | {"turn": ["0", 1]},
-    ):
+    for wrong in ({"forward": [0, 1]}, SPANS | {"turn": [1, 0]}):
         with pytest.raises(BundleError, match="command_range"):
             read_contract(edited(contract, "command_range", wrong))
 
@@ -230,20 +165,12 @@ def test_what_a_policy_is_told_goes_with_it() -> None:
     assert read_contract(unknown.to_json().encode()).known_friction_array is None and unknown.observes_friction
 
 
-def test_a_contract_from_before_policies_were_told_anything_is_read(contract: Contract) -> None:
-    """All shipped bundles are so."""
-    older = read_contract(json.dumps(aged(contract, "known_friction")).encode())
-    assert older == contract and not contract.observes_friction
-
-
 @pytest.mark.parametrize(
     ("field", "value"),
     [
         ("known_friction", {"hip": 0.1, "thigh": 0.1}),
         ("known_friction", {"hip": 0.1, "thigh": 0.1, "elbow": 0.1}),
         ("known_friction", {"hip": 0.1, "thigh": 0.1, "shank": -0.1}),
-        ("known_friction", {"hip": 0.1, "thigh": 0.1, "shank": None}),
-        ("known_friction", [0.1, 0.1, 0.1]),
         ("known_friction_file", {"name": "joints.json"}),
     ],
 )

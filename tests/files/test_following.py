@@ -58,10 +58,7 @@ def test_a_seed_that_walked_one_way_is_not_counted() -> None:
     (found,) = following([*seed(0, 1.0, 1.0), seed(1, 1.0, 1.0)[0]], lambda row: row.method)
     assert (found.seeds, found.text) == (1, "1 of 1")
     assert following(seed(1, 1.0, 1.0)[:1], lambda row: row.method) == []
-
-
-def test_a_fall_is_told_apart_from_speed() -> None:
-    """A seed within the band in whose walks somebody fell."""
+    # A seed within the band in whose walks somebody fell is told apart from speed.
     (found,) = following([*seed(0, 1.0, 1.0), *seed(1, 1.0, 1.0, fall_rate=0.1)], lambda row: row.method)
     assert (found.follow, found.fell, found.text) == (1, 1, "1 of 2, 1 fell")
 

@@ -21,14 +21,8 @@ def test_a_file_is_known_by_its_sha256_and_what_cannot_be_read_by_nothing(tmp_pa
     """If this failed, a file that is not there would be told as one that has changed, and not as missing."""
     log = written(tmp_path / "log.csv", "time\n")
     assert digests_of({"log": [log]}) == {"log": {str(log): hashlib.sha256(b"time\n").hexdigest()}}
-    missing = {
-        "log": [log, tmp_path / "none.csv"],
-        "sidecar": None,
-        "repeat": (),
-        "robot": "go2",
-        "bundles": tmp_path,
-        "policies": ("x",),
-    }
+    missing = {"log": [log, tmp_path / "none.csv"], "sidecar": None, "repeat": ()}
+    missing |= {"robot": "go2", "bundles": tmp_path, "policies": ("x",)}
     assert digests_of(missing) == {}
 
 

@@ -70,7 +70,6 @@ def test_nominal_names_what_is_missing() -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"inertia": 3}, "shank: inertia"),
         ({"inertia": {"value": 1, "std": 1}}, "shank: inertia"),
         ({"inertia": {"value": 1, "std": -1, "interval95": [0, 2]}}, "std >= 0"),
         ({"inertia": {"value": 3, "std": 1, "interval95": [0, 2]}}, "value within"),
@@ -80,6 +79,7 @@ def test_nominal_names_what_is_missing() -> None:
         ({"axis": "bent"}, "rotary, linear"),
         ({"test_condition": "wet"}, "bare_motor"),
         ({"kp": "20"}, "shank: kp"),
+        ({"inertia": 3}, "shank: inertia"),
         ({"friction_law": 1}, "friction_law"),
         ({"warnings": {}}, "shank: warnings"),
         ({"combinations": {"a": 1}}, "combinations: a"),

@@ -2,15 +2,41 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from stiction.files.log import Log
 from stiction.identification.example import Excitation, Motor, SensorNoise, example_log
+from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Gravity
 
 QUIET = SensorNoise.white(0.0, 0.0)
+
+
+def late_motion(
+    truth: Sequence[float], gains: PDGains, step: float, target: np.ndarray, delay: float, pieces: int, whole_loop: bool
+) -> np.ndarray:
+    """Return position and torque, shape (2, N), of a controller whose velocity, or all that it uses, is late [s].
+
+    truth: inertia, viscous and Coulomb friction, offset; pieces: steps of the simulation in one of the log.
+    """
+    inertia, viscous, coulomb, offset = truth
+    small, back = step / pieces, round(delay / step * pieces)
+    fine = np.arange(len(target) * pieces) * small - delay * whole_loop
+    position, velocity, past, motion = 0.0, 0.0, [(0.0, 0.0)] * (back + 1), []
+    for index, goal in enumerate(np.interp(fine, step * np.arange(len(target)), target).tolist()):
+        late = past[-1 - back]
+        torque = gains.kp * (goal - (late[0] if whole_loop else position)) - gains.kd * late[1]
+        if index % pieces == 0:
+            motion.append((position, torque))
+        moved = velocity + small * (torque - offset - viscous * velocity) / inertia
+        moved = (1 if moved > 0 else -1) * max(abs(moved) - small * coulomb / inertia, 0.0)
+        position += 0.5 * small * (velocity + moved)
+        velocity = moved
+        past.append((position, velocity))
+    return np.array(motion).T
 
 
 def without_torque(log: Log) -> Log:

@@ -12,20 +12,17 @@ import io
 import json
 import random
 import re
-import resource
-import signal
 import sys
 import time
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from types import FrameType
 
 import numpy as np
 from mcap.writer import CompressionType
 
 import logfiles
-from stiction.core.errors import StictionError
+from bounded import bounded, limit_address_space, peak_memory
 from stiction.files.log import Log
 from stiction.identification.logs import open_log
 
@@ -79,10 +76,6 @@ WORDS = (
 
 LARGE = (b"\xff" * 4, b"\xff" * 8, b"\xff\xff\xff\x7f", b"\x00\x00\x00\x80", b"\x00" * 8, b"\xff" * 7 + b"\x7f")
 """Sizes that somebody might declare."""
-
-
-class TooSlowError(BaseException):
-    """Raised by the alarm; no reader's `except` catches it."""
 
 
 def damaged(data: bytes, rng: random.Random) -> bytes:
@@ -190,22 +183,6 @@ def complete(log: Log, path: Path) -> str | None:
     return None
 
 
-def judge(path: Path) -> tuple[str, str | None]:
-    """Read a file; return `taken` or `refused`, and what must not happen, or None."""
-    signal.setitimer(signal.ITIMER_REAL, LONGEST)
-    try:
-        log = open_log(path)
-        return "taken", complete(log, path)
-    except StictionError as error:
-        return "refused", None if str(error) and "\n" not in str(error) else f"a message of several lines: {error!r}"
-    except TooSlowError:
-        return "refused", "too slow"
-    except BaseException as error:
-        return "refused", f"{type(error).__name__}: {error}"[:300]
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-
-
 def attack(folder: Path, kind: str, count: int, seed: int) -> dict[str, object]:
     """Damage a valid input `count` times; return the statistics."""
     valid = KINDS[kind](folder)
@@ -218,7 +195,7 @@ def attack(folder: Path, kind: str, count: int, seed: int) -> dict[str, object]:
     open_log(valid if kind != "sidecar" else log)
     tally = {"taken": 0, "refused": 0}
     wrong, slowest = [], 0.0
-    start = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    start = peak_memory()
     for number in range(count):
         rng = random.Random(f"{kind} {seed} {number}")
         members = INSIDE.get(kind)
@@ -227,30 +204,22 @@ def attack(folder: Path, kind: str, count: int, seed: int) -> dict[str, object]:
         else:
             bad.write_bytes(damaged_inside(data, members, rng) if members else damaged(data, rng))
         before = time.perf_counter()
-        verdict, fault = judge(log)
+        read, fault = bounded(lambda: open_log(log), LONGEST)
         slowest = max(slowest, time.perf_counter() - before)
-        tally[verdict] += 1
-        if fault:
+        tally["refused" if read is None else "taken"] += 1
+        if fault := fault if read is None else complete(read, log):
             wrong.append(f"input {number}: {fault}")
-    growth = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - start)
+    growth = peak_memory() - start
     return {**tally, "slowest": slowest, "growth": growth, "wrong": wrong}
 
 
 def main() -> None:
     """Run as a program, with an alarm and a bound on memory."""
-
-    def alarm(number: int, frame: FrameType | None) -> None:
-        raise TooSlowError
-
-    signal.signal(signal.SIGALRM, alarm)
     folder, count, seed, kinds = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), sys.argv[4:]
     for kind in kinds:
         (folder / kind).mkdir(parents=True)
         KINDS[kind](folder / kind)
-    pages = int(Path("/proc/self/statm").read_text().split()[0]) if Path("/proc/self/statm").exists() else 0
-    if pages:
-        limit = pages * resource.getpagesize() + MEMORY
-        resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    limit_address_space(MEMORY)
     np.seterr(all="ignore")
     print(json.dumps({kind: attack(folder / kind, kind, count, seed) for kind in kinds}))
 

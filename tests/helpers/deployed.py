@@ -10,7 +10,7 @@ import numpy as np
 from bundles import make_contract
 from stiction.deploy.observation import Sensors
 from stiction.deploy.runtime.config import SupervisorCfg
-from stiction.deploy.runtime.supervisor import Out, Source, Stage, Supervisor
+from stiction.deploy.runtime.supervisor import Out, Source, Stage, Stop, Supervisor
 from stiction.deploy.transports.link import RobotState
 
 CONTRACT = make_contract()
@@ -107,6 +107,14 @@ class Run:
         assert self.supervisor.stage is stage, self.supervisor.stop_record
         assert stage is Stage.STOPPED or self.supervisor.stop_record is None, self.supervisor.stop_record
         return self
+
+    def ended(self, most: float = 60.0, silent: bool = False) -> Stop:
+        """Let time pass, at most so long [s], until the supervisor ends; return why. The robot may be silent."""
+        end = self.now + most
+        while not self.supervisor.ended and self.now < end:
+            self.step(silent=silent)
+        assert self.supervisor.stop_record is not None
+        return self.supervisor.stop_record
 
     def frames(self) -> list[Out]:
         """Return what went to the robot."""

@@ -45,24 +45,6 @@ def sidecar_of_joints(folder: Path) -> Path:
     return log
 
 
-def _chunk(folder: Path, content: bytes, declared: int | None = None) -> Path:
-    """Write an MCAP file of one compressed chunk."""
-    import zstandard
-    from mcap.data_stream import RecordBuilder
-    from mcap.records import Chunk, DataEnd, Footer, Header
-
-    builder = RecordBuilder()
-    builder.write(b"\x89MCAP0\r\n")
-    Header("ros2", "x").write(builder)
-    size = len(content) if declared is None else declared
-    for record in (Chunk("zstd", zstandard.compress(content), 0, 0, 0, size), DataEnd(0), Footer(0, 0, 0)):
-        record.write(builder)
-    builder.write(b"\x89MCAP0\r\n")
-    path = folder / "run.mcap"
-    path.write_bytes(builder.end())
-    return path
-
-
 def _with_topic(content: bytes) -> bytes:
     """Return a schema and a channel of joint states, and what follows."""
     from mcap.data_stream import RecordBuilder
@@ -82,19 +64,19 @@ def _message(data: bytes) -> bytes:
 
 def mcap_of_zeros(folder: Path) -> Path:
     """A chunk of 400 MB that fits into some tens of kilobytes."""
-    return _chunk(folder, bytes(400 * 2**20))
+    return logfiles.chunk(folder / "run.mcap", bytes(400 * 2**20))
 
 
 def mcap_of_one_message(folder: Path) -> Path:
     """A message of millions of empty names, an object each."""
     head = struct.pack("<IIII", 0x00000100, 1, 1, 1) + b"\0\0\0\0"
     names = struct.pack("<I", 2_000_000) + b"\x01\0\0\0\0\0\0\0" * 2_000_000
-    return _chunk(folder, _with_topic(_message(head + names)))
+    return logfiles.chunk(folder / "run.mcap", _with_topic(_message(head + names)))
 
 
 def mcap_of_small_messages(folder: Path) -> Path:
     """Half a million messages that say nothing, which once were kept as objects."""
-    return _chunk(folder, _with_topic(_message(b"\0\x01\0\0") * 380_000))
+    return logfiles.chunk(folder / "run.mcap", _with_topic(_message(b"\0\x01\0\0") * 380_000))
 
 
 def npz_of_bytes(folder: Path) -> Path:
@@ -118,49 +100,42 @@ def tensors_of_one_storage(folder: Path) -> Path:
     return path
 
 
+def written(path: Path, content: bytes) -> Path:
+    """Write a file and return it."""
+    path.write_bytes(content)
+    return path
+
+
 def csv_with_a_bad_end(folder: Path) -> Path:
     """Tens of megabytes of rows, and a word in the last."""
-    path = folder / "log.csv"
-    row = ",".join(["0.123456"] * 40) + "\n"
-    path.write_text(
-        ",".join(["time", "position", *(f"c{i}" for i in range(38))]) + "\n" + row * 30_000 + "0,x" + ",1" * 38 + "\n"
-    )
-    return path
+    names = ",".join(["time", "position", *(f"c{i}" for i in range(38))]).encode()
+    row = b",".join([b"0.123456"] * 40) + b"\n"
+    return written(folder / "log.csv", names + b"\n" + row * 30_000 + b"0,x" + b",1" * 38 + b"\n")
 
 
 def csv_of_one_line(folder: Path) -> Path:
     """A line without an end."""
-    path = folder / "log.csv"
-    path.write_bytes(b"time,position\n" + b"1" * 50_000_000)
-    return path
+    return written(folder / "log.csv", b"time,position\n" + b"1" * 50_000_000)
 
 
 def csv_of_commas(folder: Path) -> Path:
     """A header of very many columns."""
-    path = folder / "log.csv"
-    path.write_bytes((b"," * 100_000 + b"\n") * 300)
-    return path
+    return written(folder / "log.csv", (b"," * 100_000 + b"\n") * 300)
 
 
 def gzip_of_lines(folder: Path) -> Path:
     """Lines without end in a small packed file."""
-    path = folder / "log.csv.gz"
-    path.write_bytes(gzip.compress(b"time,position\n" + b"\n" * 60_000_000))
-    return path
+    return written(folder / "log.csv.gz", gzip.compress(b"time,position\n" + b"\n" * 60_000_000))
 
 
 def json_of_objects(folder: Path) -> Path:
     """Empty objects, each many times its text."""
-    path = folder / "log.json"
-    path.write_text("[" + "{}," * 2_000_000 + "{}]")
-    return path
+    return written(folder / "log.json", b"[" + b"{}," * 2_000_000 + b"{}]")
 
 
 def json_of_depth(folder: Path) -> Path:
     """Lists in lists."""
-    path = folder / "log.json"
-    path.write_text("[" * 1_000_000)
-    return path
+    return written(folder / "log.json", b"[" * 1_000_000)
 
 
 def parquet_of_one_number(folder: Path) -> Path:
@@ -169,9 +144,8 @@ def parquet_of_one_number(folder: Path) -> Path:
     from pyarrow import parquet
 
     path = folder / "log.parquet"
-    part = arrow.table(
-        {"time": arrow.array(np.zeros(2**22, np.int8)), "position": arrow.array(np.zeros(2**22, np.int8))}
-    )
+    zeros = arrow.array(np.zeros(2**22, np.int8))
+    part = arrow.table({"time": zeros, "position": zeros})
     with parquet.ParquetWriter(path, part.schema) as writer:
         for _ in range(12):
             writer.write_table(part)

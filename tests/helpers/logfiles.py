@@ -88,11 +88,17 @@ Sent = tuple[str, str, int, dict[str, Any]]
 """Topic, type, time of receipt [ns], fields."""
 
 
-def mcap(path: Path, sent: list[Sent], compression: CompressionType = CompressionType.ZSTD, crcs: bool = True) -> Path:
+def mcap(
+    path: Path,
+    sent: list[Sent],
+    compression: CompressionType = CompressionType.ZSTD,
+    crcs: bool = True,
+    definitions: dict[str, str] = DEFINITIONS,
+) -> Path:
     """Write messages as an MCAP file of ROS 2."""
     with path.open("wb") as file:
         writer = RosWriter(file, compression=compression, enable_crcs=crcs)
-        schemas = {kind: writer.register_msgdef(kind, DEFINITIONS[kind]) for kind in {kind for _, kind, _, _ in sent}}
+        schemas = {kind: writer.register_msgdef(kind, definitions[kind]) for kind in {kind for _, kind, _, _ in sent}}
         for topic, kind, received, fields in sent:
             writer.write_message(topic, schemas[kind], fields, log_time=received, publish_time=received)
         writer.finish()
@@ -120,13 +126,7 @@ def ros(folder: Path, compression: CompressionType = CompressionType.ZSTD, crcs:
 
 def bag(path: Path, sent: list[Sent], definitions: dict[str, str] = DEFINITIONS) -> Path:
     """Write messages as a rosbag2 database; they are encoded by the library that reads MCAP."""
-    packed = path.with_suffix(".mcap")
-    with packed.open("wb") as file:
-        writer = RosWriter(file)
-        schemas = {kind: writer.register_msgdef(kind, definitions[kind]) for kind in {kind for _, kind, _, _ in sent}}
-        for topic, kind, received, fields in sent:
-            writer.write_message(topic, schemas[kind], fields, log_time=received, publish_time=received)
-        writer.finish()
+    packed = mcap(path.with_suffix(".mcap"), sent, definitions=definitions)
     path.unlink(missing_ok=True)
     base = sqlite3.connect(path)
     base.execute("CREATE TABLE topics (id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT)")
@@ -209,8 +209,32 @@ def bomb_npz(folder: Path, size: int = 2**31) -> Path:
     return path
 
 
-def bomb_mcap(folder: Path) -> Path:
-    """Write an MCAP file whose chunk declares few bytes and inflates to 256 MiB."""
+GO_HEAD = "uint8[2] head\nuint8 level_flag\nuint8 frame_reserve\nuint32[2] sn\nuint32[2] version\nuint16 bandwidth\n"
+IMU = "float32[4] quaternion\nfloat32[3] gyroscope\nfloat32[3] accelerometer\nfloat32[3] rpy\n"
+LINE = "=" * 80
+UNITREE = {
+    "unitree_go/msg/LowState": GO_HEAD
+    + f"unitree_go/IMUState imu_state\nunitree_go/MotorState[20] motor_state\nuint32 tick\n{LINE}\n"
+    f"MSG: unitree_go/IMUState\n{IMU}int8 temperature\n{LINE}\nMSG: unitree_go/MotorState\n"
+    "uint8 mode\nfloat32 q\nfloat32 dq\nfloat32 ddq\nfloat32 tau_est\nfloat32 q_raw\nfloat32 dq_raw\n"
+    "float32 ddq_raw\nint8 temperature\nuint32 lost\nuint32[2] reserve\n",
+    "unitree_go/msg/LowCmd": GO_HEAD
+    + f"unitree_go/MotorCmd[20] motor_cmd\nuint32 crc\n{LINE}\nMSG: unitree_go/MotorCmd\n"
+    "uint8 mode\nfloat32 q\nfloat32 dq\nfloat32 tau\nfloat32 kp\nfloat32 kd\nuint32[3] reserve\n",
+    "unitree_hg/msg/LowState": "uint32[2] version\nuint8 mode_pr\nuint8 mode_machine\nuint32 tick\n"
+    f"unitree_hg/IMUState imu_state\nunitree_hg/MotorState[35] motor_state\nuint32 crc\n{LINE}\n"
+    f"MSG: unitree_hg/IMUState\n{IMU}int16 temperature\n{LINE}\nMSG: unitree_hg/MotorState\n"
+    "uint8 mode\nfloat32 q\nfloat32 dq\nfloat32 ddq\nfloat32 tau_est\nint16[2] temperature\nfloat32 vol\n"
+    "uint32[2] sensor\nuint32 motorstate\nuint32[4] reserve\n",
+    "unitree_hg/msg/LowCmd": "uint8 mode_pr\nuint8 mode_machine\nunitree_hg/MotorCmd[35] motor_cmd\nuint32 crc\n"
+    f"{LINE}\nMSG: unitree_hg/MotorCmd\n"
+    "uint8 mode\nfloat32 q\nfloat32 dq\nfloat32 tau\nfloat32 kp\nfloat32 kd\nuint32 reserve\n",
+}
+"""Type -> its definition in the maker's files, up to what follows the motors."""
+
+
+def chunk(path: Path, content: bytes, declared: int | None = None) -> Path:
+    """Write an MCAP file of one compressed chunk that declares its size, or another."""
     import zstandard
     from mcap.data_stream import RecordBuilder
     from mcap.records import Chunk, DataEnd, Footer, Header
@@ -218,11 +242,10 @@ def bomb_mcap(folder: Path) -> Path:
     builder = RecordBuilder()
     builder.write(b"\x89MCAP0\r\n")
     Header("ros2", "x").write(builder)
-    chunk = Chunk("zstd", zstandard.compress(bytes(2**28)), 0, 0, 0, 1000)
-    for record in (chunk, DataEnd(0), Footer(0, 0, 0)):
+    size = len(content) if declared is None else declared
+    for record in (Chunk("zstd", zstandard.compress(content), 0, 0, 0, size), DataEnd(0), Footer(0, 0, 0)):
         record.write(builder)
     builder.write(b"\x89MCAP0\r\n")
-    path = folder / "bomb.mcap"
     path.write_bytes(builder.end())
     return path
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 ORPHAN_SECONDS = 5.0
 """Longest that a process may outlive its parent [s]."""
@@ -45,3 +47,14 @@ def python(script: str, *words: str, folder: Path | None = None) -> subprocess.P
     """A process that runs a script, with its output as pipes."""
     pipe = subprocess.PIPE
     return subprocess.Popen([sys.executable, "-c", script, *words], stdout=pipe, stderr=pipe, text=True, cwd=folder)
+
+
+def outcome(script: str, *words: object) -> dict[str, Any]:
+    """Return the JSON that a helper, run as a program with one thread, prints; its memory is its own."""
+    one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "STICTION_THREADS"), "1")
+    path = os.pathsep.join([str(Path(__file__).parent), *filter(None, sys.path)])
+    command = [sys.executable, str(Path(__file__).with_name(script)), *map(str, words)]
+    env = os.environ | one | {"PYTHONPATH": path}
+    done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=1800, check=False)
+    assert done.returncode == 0, f"{words}: {done.returncode} {done.stderr[-2000:]}"
+    return json.loads(done.stdout)

@@ -13,21 +13,19 @@ import io
 import json
 import os
 import random
-import resource
 import shutil
-import signal
 import sys
 import time
 import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import numpy as np
 
 from attacks import change_bytes, change_json
+from bounded import bounded, peak_memory
 from deployed import CONTRACT, JOINTS, STANDING
 from stiction.cli.loop import friction_in, lateness, report_of
 from stiction.cli.main import main as stiction
@@ -90,10 +88,6 @@ HEADERS = {
 
 Change = Callable[[Path], object]
 """Does something to the folder of a log."""
-
-
-class TooSlowError(BaseException):
-    """Raised by the alarm; no reader's `except` catches it."""
 
 
 def write_run(folder: Path, kind: str, run: str = RUN) -> None:
@@ -202,25 +196,24 @@ def from_other_run(number: int, at: int | None = None) -> Change:
     return attack
 
 
+def rewritten(name: str, change: Callable[[bytes], bytes]) -> Change:
+    """Return the attack that changes the bytes of a file."""
+    return lambda folder: (folder / name).write_bytes(change((folder / name).read_bytes()))
+
+
 def cut(name: str, share: float) -> Change:
     """Return the attack that loses the end of a file."""
-
-    def attack(folder: Path) -> None:
-        content = (folder / name).read_bytes()
-        (folder / name).write_bytes(content[: int(share * len(content))])
-
-    return attack
+    return rewritten(name, lambda data: data[: int(share * len(data))])
 
 
 def flipped(name: str, share: float) -> Change:
     """Return the attack that turns one bit of a file."""
 
-    def attack(folder: Path) -> None:
-        content = bytearray((folder / name).read_bytes())
-        content[int(share * len(content))] ^= 4
-        (folder / name).write_bytes(bytes(content))
+    def turn(data: bytes) -> bytes:
+        place = int(share * len(data))
+        return data[:place] + bytes([data[place] ^ 4]) + data[place + 1 :]
 
-    return attack
+    return rewritten(name, turn)
 
 
 def written(name: str, content: bytes) -> Change:
@@ -230,23 +223,17 @@ def written(name: str, content: bytes) -> Change:
 
 def header(**changes: Any) -> Change:
     """Return the attack that changes fields of the header."""
-
-    def attack(folder: Path) -> None:
-        file = folder / HEADER
-        file.write_text(json.dumps(json.loads(file.read_text()) | changes))
-
-    return attack
+    return rewritten(HEADER, lambda data: json.dumps(json.loads(data) | changes).encode())
 
 
 def header_text(old: str, new: str) -> Change:
     """Return the attack that changes the header's text."""
 
-    def attack(folder: Path) -> None:
-        text = (folder / HEADER).read_text()
-        assert old in text
-        (folder / HEADER).write_text(text.replace(old, new, 1))
+    def change(data: bytes) -> bytes:
+        assert old.encode() in data
+        return data.replace(old.encode(), new.encode(), 1)
 
-    return attack
+    return rewritten(HEADER, change)
 
 
 def npy(shape: str, descr: str = "'<f4'", data: bytes = bytes(64)) -> bytes:
@@ -300,32 +287,12 @@ def many_parts(folder: Path) -> None:
         os.link(folder / part(3), folder / part(number))
 
 
-def device(name: str, target: str) -> Change:
-    """Return the attack that puts a link to somewhere in the place of a file."""
+def replaced(name: str, put: Callable[[Path], object]) -> Change:
+    """Return the attack that puts something else in the place of a file."""
 
     def attack(folder: Path) -> None:
         (folder / name).unlink()
-        (folder / name).symlink_to(target)
-
-    return attack
-
-
-def pipe(name: str) -> Change:
-    """Return the attack that puts a pipe in the place of a file, which never begins."""
-
-    def attack(folder: Path) -> None:
-        (folder / name).unlink()
-        os.mkfifo(folder / name)
-
-    return attack
-
-
-def as_folder(name: str) -> Change:
-    """Return the attack that puts a folder in the place of a file."""
-
-    def attack(folder: Path) -> None:
-        (folder / name).unlink()
-        (folder / name).mkdir()
+        put(folder / name)
 
     return attack
 
@@ -410,11 +377,10 @@ def made() -> Iterator[tuple[str, Change, str]]:
 
 def _made_of_files(middle: str) -> Iterator[tuple[str, Change, str]]:
     for name in (middle, HEADER):
-        yield f"{name} a pipe", pipe(name), REFUSED
-        yield f"{name} a device", device(name, "/dev/zero"), REFUSED
-        yield f"{name} nowhere", device(name, "nowhere"), REFUSED
-        yield f"{name} itself", device(name, name), REFUSED
-        yield f"{name} a folder", as_folder(name), REFUSED
+        yield f"{name} a pipe", replaced(name, os.mkfifo), REFUSED
+        yield f"{name} a folder", replaced(name, Path.mkdir), REFUSED
+        for target in ("/dev/zero", "nowhere", name):
+            yield f"{name} a link to {target}", replaced(name, lambda path, to=target: path.symlink_to(to)), REFUSED
 
 
 def _made_of_header(names: list[str]) -> Iterator[tuple[str, Change, str]]:
@@ -471,9 +437,9 @@ def by_chance(seed: int) -> tuple[str, Change]:
     table, number = pick.choice((READINGS, READINGS, STEPS)), pick.randrange(HALVES)
     name = part(number, table)
     if how == "header":
-        return how, lambda folder: _rewrite(folder / HEADER, pick.choice((change_json, change_bytes)), pick)
+        return how, rewritten(HEADER, lambda data: pick.choice((change_json, change_bytes))(data, pick))
     if how == "bytes":
-        return f"{how} of {name}", lambda folder: _rewrite(folder / name, change_bytes, pick)
+        return f"{how} of {name}", rewritten(name, lambda data: change_bytes(data, pick))
     if how == "array":
         return f"{how} of {name}", altered(number, lambda arrays: _change_array(arrays, pick), table)
     other = pick.randrange(HALVES + 2)
@@ -484,11 +450,6 @@ def by_chance(seed: int) -> tuple[str, Change]:
 def _tried(change: Change, folder: Path) -> None:
     with contextlib.suppress(shutil.SameFileError):
         change(folder)
-
-
-def _rewrite(file: Path, change: Callable[[bytes, random.Random], bytes], pick: random.Random) -> None:
-    content = change(file.read_bytes(), pick)
-    file.write_bytes(content)
 
 
 ODD = (np.nan, np.inf, -1.0, 0.0, 1e30, 1e300, 7.0)
@@ -558,20 +519,13 @@ def untrue(log: Any, rows: np.ndarray, edited: bool) -> str | None:
 
 def judge(folder: Path, rows: np.ndarray, edited: bool) -> tuple[str, str | None]:
     """Read a log; return what came of it, one of `REFUSED`, `TAKEN`, `NOTED`, and what must not happen, or None."""
-    signal.setitimer(signal.ITIMER_REAL, LONGEST)
-    try:
+
+    def read() -> Any:
         with limit_memory(MEMORY):
-            log = read_all(folder)
-        return NOTED if log.notes else TAKEN, untrue(log, rows, edited)
-    except StictionError as error:
-        line = str(error)
-        return REFUSED, None if line and "\n" not in line and len(line) < 2000 else f"no line: {error!r}"[:300]
-    except TooSlowError:
-        return REFUSED, "too slow"
-    except BaseException as error:
-        return REFUSED, f"{type(error).__name__}: {error}"[:300]
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
+            return read_all(folder)
+
+    log, fault = bounded(read, LONGEST)
+    return (REFUSED, fault) if log is None else (NOTED if log.notes else TAKEN, untrue(log, rows, edited))
 
 
 def identified(folder: Path, out: Path) -> str | None:
@@ -661,20 +615,15 @@ class Attacks:
 
 def main() -> None:
     """Run as a program, with an alarm and a bound on memory."""
-
-    def alarm(number: int, frame: FrameType | None) -> None:
-        raise TooSlowError
-
-    signal.signal(signal.SIGALRM, alarm)
     folder, how, *more = sys.argv[1:]
     attacks = Attacks(Path(folder))
-    start = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    start = peak_memory()
     np.seterr(all="ignore")
     if how == "random":
         attacks.by_chance(*map(int, more))
     else:
         attacks.by_name(how == "both")
-    growth = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - start)
+    growth = peak_memory() - start
     taken = attacks.counts[TAKEN] + attacks.counts[NOTED]
     found = {"refused": attacks.counts[REFUSED], "taken": taken, "wrong": attacks.wrong}
     print(json.dumps(found | {"slowest": attacks.slowest, "growth": growth}))

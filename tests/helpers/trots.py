@@ -17,7 +17,6 @@ from stiction.deploy.policy import load_policy
 from stiction.evaluation.rollout import Rollout
 from stiction.evaluation.walk_logs import record_motion
 from stiction.robots.catalog import find_robot
-from stiction.robots.model import Robot
 from stiction_experiments.flags.trot import (
     ARMATURE,
     DAMPING,
@@ -56,30 +55,3 @@ def hexapods(friction: np.ndarray, command: tuple[float, float, float], seconds:
         names = ("joint_position", "joint_velocity", "joint_target", "joint_torque", "quaternion")
         found.append(Walked(*(truth[name] for name in names), rate, force, truth["foot_contact"].astype(float)))
     return found
-
-
-def unitree_columns(raw: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the columns of the maker's messages as PlotJuggler names them."""
-    table = {"__time": raw["time"]}
-    motor = {"q": "position", "dq": "velocity", "tau_est": "torque"}
-    for index in range(raw["position"].shape[1]):
-        table |= {f"/lowstate/motor_state[{index}]/{key}": raw[role][:, index] for key, role in motor.items()}
-        table[f"/lowcmd/motor_cmd[{index}]/q"] = raw["target"][:, index]
-    for name in ("quaternion", "gyroscope", "accelerometer"):
-        for index, column in enumerate(raw[name].T):
-            table[f"/lowstate/imu_state/{name}[{index}]"] = column
-    return table | {f"/lowstate/foot_force[{index}]": column for index, column in enumerate(raw["foot_force"].T)}
-
-
-def ros_columns(spec: Robot, raw: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the columns of joint states, their command and an IMU as PlotJuggler names them."""
-    table = {"__time": raw["time"]}
-    for index, name in enumerate(spec.joint_names):
-        for key, role in (("position", "position"), ("velocity", "velocity"), ("effort", "torque")):
-            table[f"/joint_states/{name}/{key}"] = raw[role][:, index]
-        table[f"/joint_command/{name}/position"] = raw["target"][:, index]
-    for axis, column in zip("wxyz", raw["quaternion"].T, strict=True):
-        table[f"/imu/data/orientation/{axis}"] = column
-    for stem, name in (("angular_velocity", "gyroscope"), ("linear_acceleration", "accelerometer")):
-        table |= {f"/imu/data/{stem}/{axis}": column for axis, column in zip("xyz", raw[name].T, strict=True)}
-    return table

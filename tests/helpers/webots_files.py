@@ -26,23 +26,11 @@ POSE = {"translation": "SFVec3f", "rotation": "SFRotation", "children": "MFNode"
 SOLID = POSE | {"name": "SFString", "boundingObject": "SFNode", "physics": "SFNode", "contactMaterial": "SFString"}
 
 NODES: dict[str, dict[str, str]] = {
-    "WorldInfo": {
-        "title": "SFString",
-        "physics": "SFString",
-        "basicTimeStep": "SFFloat",
-        "physicsDisableLinearThreshold": "SFFloat",
-        "physicsDisableAngularThreshold": "SFFloat",
-        "contactProperties": "MFNode",
-    },
-    "ContactProperties": {
-        "material1": "SFString",
-        "material2": "SFString",
-        "coulombFriction": "MFFloat",
-        "bounce": "SFFloat",
-        "bumpSound": "SFString",
-        "rollSound": "SFString",
-        "slideSound": "SFString",
-    },
+    "WorldInfo": dict.fromkeys(("title", "physics"), "SFString")
+    | dict.fromkeys(("basicTimeStep", "physicsDisableLinearThreshold", "physicsDisableAngularThreshold"), "SFFloat")
+    | {"contactProperties": "MFNode"},
+    "ContactProperties": {"coulombFriction": "MFFloat", "bounce": "SFFloat"}
+    | dict.fromkeys(("material1", "material2", "bumpSound", "rollSound", "slideSound"), "SFString"),
     "Viewpoint": {"orientation": "SFRotation", "position": "SFVec3f", "follow": "SFString"},
     "Background": {"skyColor": "MFColor"},
     "DirectionalLight": {"direction": "SFVec3f", "intensity": "SFFloat", "castShadows": "SFBool"},
@@ -55,15 +43,8 @@ NODES: dict[str, dict[str, str]] = {
     "GPS": SOLID,
     "Receiver": SOLID | {"channel": "SFInt32"},
     "HingeJoint": {"jointParameters": "SFNode", "device": "MFNode", "endPoint": "SFNode"},
-    "HingeJointParameters": {
-        "position": "SFFloat",
-        "axis": "SFVec3f",
-        "anchor": "SFVec3f",
-        "minStop": "SFFloat",
-        "maxStop": "SFFloat",
-        "dampingConstant": "SFFloat",
-        "staticFriction": "SFFloat",
-    },
+    "HingeJointParameters": {"axis": "SFVec3f", "anchor": "SFVec3f"}
+    | dict.fromkeys(("position", "minStop", "maxStop", "dampingConstant", "staticFriction"), "SFFloat"),
     "RotationalMotor": {"name": "SFString", "maxTorque": "SFFloat", "sound": "SFString"},
     "PositionSensor": {"name": "SFString"},
     "Physics": {"density": "SFFloat", "mass": "SFFloat", "centerOfMass": "MFVec3f", "inertiaMatrix": "MFVec3f"},

@@ -107,13 +107,7 @@ class Receiver(Device):
         self.period = None
 
 
-SENSORS = {
-    "PositionSensor": PositionSensor,
-    "InertialUnit": InertialUnit,
-    "Gyro": Gyro,
-    "GPS": GPS,
-    "Receiver": Receiver,
-}
+SENSORS = {made.__name__: made for made in (PositionSensor, InertialUnit, Gyro, GPS, Receiver)}
 
 
 class Robot:

@@ -53,11 +53,7 @@ def estimates(motor: Motor, seed: int, torque: bool) -> dict[str, dict[str, Esti
         return {"output error": simulated.estimates}
     instrumental = fit_with_instruments(run, fit)
     assert instrumental is not None
-    return {
-        "output error": simulated.estimates,
-        "regression": fit.estimates(),
-        "instrument": instrumental.estimates(),
-    }
+    return {"output error": simulated.estimates, "regression": fit.estimates(), "instrument": instrumental.estimates()}
 
 
 @pytest.mark.slow

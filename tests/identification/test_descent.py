@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from stiction.identification.output_error import MAX_REJECTED_STEPS, levenberg_marquardt
 
@@ -10,44 +11,23 @@ FREE = np.full(2, np.inf)
 TINY = 1e-18
 
 
-def test_it_follows_a_curved_valley() -> None:
-    """Rosenbrock's function from its usual start: (1, 1), which plain Gauss-Newton steps overshoot."""
-    found = levenberg_marquardt(
-        lambda x: np.array([10 * (x[1] - x[0] ** 2), 1 - x[0]]),
-        lambda x: np.array([[-20 * x[0], 10.0], [-1.0, 0.0]]),
-        np.array([-1.2, 1.0]),
-        -FREE,
-        FREE,
-        lambda cost: TINY,
-    )
-    np.testing.assert_allclose(found, 1.0, atol=1e-6)
-
-
-def test_it_stops_at_a_bound_and_goes_on_along_it() -> None:
-    """Least of (x − 1)² + (x + y − 3)² with x ≥ 2: at the bound, where y is 1."""
-    slopes = np.array([[1.0, 0.0], [1.0, 1.0]])
-    found = levenberg_marquardt(
-        lambda x: np.array([x[0] - 1, x[0] + x[1] - 3]),
-        lambda x: slopes,
-        np.array([5.0, 5.0]),
-        np.array([2.0, -np.inf]),
-        FREE,
-        lambda cost: TINY,
-    )
-    np.testing.assert_allclose(found, [2.0, 1.0], atol=1e-6)
-
-
-def test_what_does_not_matter_stays_where_it_was() -> None:
-    """Only x + y is known: the search must not wander off along x − y, however small rounding makes its curvature."""
-    found = levenberg_marquardt(
-        lambda x: np.array([x[0] + x[1] - 3, 2 * (x[0] + x[1] - 3)]),
-        lambda x: np.array([[1.0, 1.0], [2.0, 2.0]]),
-        np.array([5.0, 4.0]),
-        -FREE,
-        FREE,
-        lambda cost: TINY,
-    )
-    np.testing.assert_allclose(found, [2.0, 1.0], atol=1e-6)
+@pytest.mark.parametrize(
+    ("rows", "slopes", "start", "lower", "expected"),
+    [
+        # Rosenbrock's function from its usual start, which plain Gauss-Newton steps overshoot.
+        (lambda x: [10 * x[1] - 10 * x[0] ** 2, 1 - x[0]], lambda x: [[-20 * x[0], 10], [-1, 0]], (-1.2, 1), -FREE, 1),
+        # Least of (x − 1)² + (x + y − 3)² with x ≥ 2: at the bound, where y is 1.
+        (lambda x: [x[0] - 1, x[0] + x[1] - 3], lambda x: [[1, 0], [1, 1]], [5, 5], np.array([2, -np.inf]), [2, 1]),
+        # Only x + y is known: no wandering off along x − y, however small rounding makes its curvature.
+        (lambda x: [x.sum() - 3, 2 * (x.sum() - 3)], lambda x: [[1, 1], [2, 2]], [5, 4], -FREE, [2, 1]),
+    ],
+    ids=["curved valley", "bound", "valley without an end"],
+)
+def test_the_least_is_found(rows, slopes, start: list[float], lower: np.ndarray, expected: list[float]) -> None:
+    """Follows a curved valley, stops at a bound and goes on along it, and leaves what does not matter where it was."""
+    residuals, jacobian = (lambda x: np.array(rows(x), float)), (lambda x: np.array(slopes(x), float))
+    found = levenberg_marquardt(residuals, jacobian, np.array(start, float), lower, FREE, lambda cost: TINY)
+    np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
 def test_it_ends_on_a_corner_instead_of_searching_it() -> None:

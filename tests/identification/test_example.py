@@ -42,14 +42,6 @@ def test_samples_are_taken_off_the_grid_and_stamped_as_asked() -> None:
     assert np.std(moved - speed * wander) < 0.1 * np.std(moved)
 
 
-def test_a_known_load_is_logged() -> None:
-    """The load that moved the joint stands in the log, or nobody could use it."""
-    load = np.sin(SHORT.target()[0])
-    log = example_log(LEG, SHORT, load=load)
-    np.testing.assert_array_equal(log.joints["shank"].disturbance, load)
-    assert log.setup.test_condition == "in_air"
-
-
 def test_jitter_that_reorders_samples_is_refused() -> None:
     """A standard deviation of half a step would put samples out of order."""
     with pytest.raises(StictionError, match=r"jitter 0\.5"):

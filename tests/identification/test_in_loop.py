@@ -24,10 +24,7 @@ PAYLOAD = IdentifySetup(payload_mass=1.0, payload_distance=0.2, payload_angle=0.
 
 
 def test_the_reason_is_what_happened(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A k below zero, several logs, gravity beside k, a simulation that cannot be done: four reasons, not one.
-
-    If this failed, a user would look for further logs where gains or gravity are what is in the way.
-    """
+    """A k below zero, several logs, gravity beside k, a simulation that cannot be done: four reasons, not one."""
     run = make_run(without_torque(example_log()), None, PAYLOAD)
     base = fit_rows(run.rows, run.model, strength_unknown=True)
     assert "a strength k of -" in (close_loop(run, base, base).reason or "")

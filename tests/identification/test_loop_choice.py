@@ -61,10 +61,7 @@ def test_a_law_that_cannot_be_simulated_costs_the_joint_nothing(monkeypatch: pyt
 
 
 def test_samples_in_a_gap_are_no_evidence() -> None:
-    """A log with a hole of a seventh of its length: the criterion is that of the other samples, worked out here.
-
-    If this failed, the zeros in place of residuals would count as samples, and shorten what the residuals remember.
-    """
+    """A log with a hole of a seventh of its length: the criterion is that of the other samples, worked out here."""
     log = example_log(STRIBECK, seed=7)
     seen = np.r_[0 : 3 * len(log.time) // 7, 4 * len(log.time) // 7 : len(log.time)]
     joint = next(iter(log.joints.values()))

@@ -196,13 +196,9 @@ def test_a_target_of_its_own_lateness_is_no_other_gain() -> None:
 
 def test_a_joint_without_friction_is_not_told_to_be_measured_again() -> None:
     """It has at most a hundredth of what anybody notices: that is an answer, and nothing has to be done first."""
-    lines = outcome_lines(wrong.free())
+    given = wrong.free()
+    lines = identify_joint(given.log, setup=given.setup).record.diagnostics["verdict"]["lines"]
     assert lines[1].startswith("Does it matter? No") and lines[2].startswith("Nothing has to be done")
-
-
-def outcome_lines(given: wrong.Given) -> list[str]:
-    """Return the three lines of a verdict about a leg's joint."""
-    return identify_joint(given.log, setup=given.setup).record.diagnostics["verdict"]["lines"]
 
 
 @pytest.mark.parametrize(
@@ -283,11 +279,7 @@ def exchanged() -> Log:
 @pytest.mark.parametrize(
     ("log", "gains", "said"),
     [
-        (
-            altered(torque=-1.0),
-            True,
-            r"check --torque-scale \(about -1 would fit\), and that all columns are this joint's",
-        ),
+        (altered(torque=-1.0), True, r"check --torque-scale \(about -1 would fit\), and that all columns"),
         (altered(position=-1.0), True, "turn the position's sign round in the log.* runs against its target"),
         (altered(position=-1.0), False, "must be positive: turn the position's sign round"),
         (exchanged(), True, "check that all columns are this joint's, and none are exchanged"),

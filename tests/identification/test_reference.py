@@ -50,8 +50,3 @@ def test_dead_bands_are_compared_where_the_gain_is_known() -> None:
     known = [entry for entry in REFERENCE if entry.condition == "in_air" and entry.kp is not None]
     assert placed is not None and placed.count == len(known) < place(ratio(0.009), "in_air").count
     assert placed.next_below == "Unitree Go2 hip (0.008 rad)"
-
-
-def test_without_a_condition_nothing_is_comparable() -> None:
-    """Nobody said what hung on the motor."""
-    assert place(ratio(0.01), None) is None

@@ -18,21 +18,11 @@ TARGET = 0.4 * np.sin(np.pi * TIME) + 0.3 * np.sin(4 * np.pi * TIME)
 LOAD = 0.5 * np.sin(9 * TIME)
 GAINS = PDGains(20.0, 0.5, 45.0)
 TRUTH = {
-    "inertia": 0.0145,
-    "viscous_friction": 0.07,
-    "viscous_friction_forward": 0.07,
-    "viscous_friction_backward": 0.09,
-    "coulomb_friction": 0.3,
-    "coulomb_friction_forward": 0.44,
-    "coulomb_friction_backward": 0.34,
-    "offset": -0.05,
-    "static_friction": 0.5,
-    "stribeck_velocity": 0.4,
-    "load_coefficient": 0.1,
-    "position_slope": 0.2,
-    "position_curvature": 0.3,
-    "gravity_sin": 2.0,
-    "gravity_cos": 0.5,
+    **{"inertia": 0.0145, "viscous_friction": 0.07, "coulomb_friction": 0.3, "offset": -0.05},
+    **{"viscous_friction_forward": 0.07, "viscous_friction_backward": 0.09},
+    **{"coulomb_friction_forward": 0.44, "coulomb_friction_backward": 0.34},
+    **{"static_friction": 0.5, "stribeck_velocity": 0.4, "load_coefficient": 0.1},
+    **{"position_slope": 0.2, "position_curvature": 0.3, "gravity_sin": 2.0, "gravity_cos": 0.5},
 }
 
 

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import pytest
 
+from estimates import holds
 from stiction.core.errors import ConfigurationError, LogError
-from stiction.files.joints import Estimate, JointRecord
+from stiction.files.joints import JointRecord
 from stiction.identification.drive import BRAKE
 from stiction.identification.pipeline import identify_joint
 from stiction.identification.setup import IdentifySetup
@@ -17,11 +18,6 @@ WHOLE = SERVO.viscous + SERVO.brake
 """B + kt ke/R = 0.12 + 0.5625 N m s/rad."""
 
 MOTOR = {"duty_voltage": 12.0, "kt": 1.5, "resistance": 4.0}
-
-
-def holds(estimate: Estimate | None, truth: float) -> bool:
-    """Whether an interval holds the truth."""
-    return estimate is not None and estimate.interval95[0] <= truth <= estimate.interval95[1]
 
 
 def said(record: JointRecord, words: str) -> bool:

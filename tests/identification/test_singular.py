@@ -86,12 +86,8 @@ def test_instruments_that_are_alike_give_no_second_estimate() -> None:
     log = example_log(SATURN_LITE, noise=SensorNoise.white(0.0, 0.0))
     run = make_run(log, None, IdentifySetup())
     fit = fit_rows(run.rows, run.model)
-    doubled = replace(
-        fit,
-        names=(*fit.names, "offset"),
-        values=np.append(fit.values, 0.0),
-        jacobian=np.column_stack([fit.jacobian, fit.jacobian[:, -1]]),
-    )
+    twice = np.column_stack([fit.jacobian, fit.jacobian[:, -1]])
+    doubled = replace(fit, names=(*fit.names, "offset"), values=np.append(fit.values, 0.0), jacobian=twice)
     assert fit_instrumental(run.prepared, None, doubled, lambda values: run.signals.position) is None
     assert fit_instrumental(run.prepared, None, fit, lambda values: run.signals.position) is not None
 

@@ -136,13 +136,11 @@ def test_stamps_in_whole_milliseconds_at_400_hz_are_even() -> None:
     ("stamps", "said"),
     [
         (TIME[::-1], "time runs backwards at sample 2[12], by 0.1"),
-        (np.concatenate([TIME, TIME]), "time runs backwards at sample 1001"),
         (np.concatenate([TIME, TIME + TIME[500]]), r"time runs backwards at sample 1001, by 2\.495"),
         (np.zeros(1000), "time stands still: 999 of 1000"),
         (np.concatenate([TIME, TIME - 0.00251]), "time runs backwards at sample 1001"),
         (np.round(TIME, 2), "time stands still"),
         (1000 * TIME, "in seconds"),
-        (1e9 * (TIME + 1.7e9), "in seconds"),
         (np.where(TIME > 2, TIME + 100, TIME), r"of 2\d+ samples are missing"),
         (np.append(TIME, 1e15), "samples are missing"),
         (TIME[np.random.default_rng(0).random(1000) > 0.3], "samples are missing"),

@@ -31,12 +31,8 @@ def test_inertia_with_links_in_it_is_no_armature(condition: str | None, said: st
 
 def test_what_is_null_is_named_with_what_is_known_instead() -> None:
     """A log without torque: combinations and ratios."""
-    record = motor(
-        inertia=None,
-        viscous_friction=None,
-        combinations={"viscous_friction + k kd": number(0.6)},
-        friction_ratio=number(0.01),
-    )
+    known = {"combinations": {"viscous_friction + k kd": number(0.6)}, "friction_ratio": number(0.01)}
+    record = motor(inertia=None, viscous_friction=None, **known)
     notes = " ".join(joint_physics("shank", record).notes)
     assert "viscous friction and inertia not known" in notes and "viscous_friction + k kd = 0.6" in notes
     assert "friction over torque limit" not in notes

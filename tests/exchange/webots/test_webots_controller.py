@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -163,6 +164,17 @@ def facing(yaw: float) -> np.ndarray:
     return np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
 
 
+def spied(program: ModuleType, monkeypatch: pytest.MonkeyPatch, note: Callable) -> list[np.ndarray]:
+    """Return the list to which every step of the loop adds what is noted of its sensors and its command."""
+    seen, original = [], program.PolicyLoop.torque
+    monkeypatch.setattr(
+        program.PolicyLoop,
+        "torque",
+        lambda self, sensors, command: seen.append(note(sensors, command)) or original(self, sensors, command),
+    )
+    return seen
+
+
 def test_the_heading_is_held_against_that_of_the_start(
     project: Path, program: ModuleType, bundle: Bundle, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -170,13 +182,7 @@ def test_the_heading_is_held_against_that_of_the_start(
     (_, record), *_ = walks(bundle.golden)
     yaw = np.where(np.arange(len(record)) < 5, 1.0, 1.2)
     turned = replace(record, quaternion=np.stack([facing(angle) for angle in yaw]))
-    commands = []
-    original = program.PolicyLoop.torque
-    monkeypatch.setattr(
-        program.PolicyLoop,
-        "torque",
-        lambda self, sensors, command: commands.append(command.copy()) or original(self, sensors, command),
-    )
+    commands = spied(program, monkeypatch, lambda sensors, command: command.copy())
     cfg = program.ControllerCfg("vx=0.4,wz=0.1", hold_heading=True, seconds=0.2)
     program.walk(Robot(robot_in(project), 5.0, playback(bundle, turned)), bundle, cfg)
     np.testing.assert_allclose(commands[0], [0.4, 0.0, 0.1], atol=1e-12)
@@ -188,12 +194,7 @@ def test_encoders_err_as_those_of_a_robot_do(
 ) -> None:
     """In a pose that is its own mirror image, measured exactly, a policy that is its own too stands still for ever."""
     (_, record), *_ = walks(bundle.golden)
-    seen, original = [], program.PolicyLoop.torque
-    monkeypatch.setattr(
-        program.PolicyLoop,
-        "torque",
-        lambda self, sensors, command: seen.append(sensors.joint_position) or original(self, sensors, command),
-    )
+    seen = spied(program, monkeypatch, lambda sensors, command: sensors.joint_position)
     for noise in (0.0, 0.001):
         cfg = program.ControllerCfg(seconds=0.1, encoder_noise=noise)
         program.walk(Robot(robot_in(project), 5.0, playback(bundle, record)), bundle, cfg)
@@ -211,9 +212,8 @@ def test_a_fall_ends_the_walk_and_is_said(project: Path, program: ModuleType, bu
     rolled = np.stack([np.cos(angle / 2), np.sin(angle / 2), *np.zeros((2, len(record)))], -1)
     physics = playback(bundle, replace(record, quaternion=rolled))
     said = program.walk(Robot(robot_in(project), 5.0, physics), bundle, program.ControllerCfg("stand", seconds=3.0))
-    assert said.startswith(
-        "stand: fell after 0.18"
-    )  # 0.185 s: between the ninth and the tenth control step, 37 of 5 ms
+    # 0.185 s: between the ninth and the tenth control step, 37 of 5 ms.
+    assert said.startswith("stand: fell after 0.18")
 
 
 class Sinking(Playback):

@@ -18,12 +18,8 @@ def test_speed_is_measured_along_the_command_in_the_robots_own_frame() -> None:
     odometer = Odometer(0.02)
     for k in range(151):
         place = np.array([-0.004 * k, 0.01 * k if k > 99 else 0.0, 0.3])
-        sensors = Sensors(
-            np.array([np.cos(np.pi / 4), 0.0, 0.0, np.sin(np.pi / 4)]),
-            np.array([0.0, 0.0, 0.3]),
-            np.zeros(18),
-            np.zeros(18),
-        )
+        left = np.array([0.5**0.5, 0.0, 0.0, 0.5**0.5])
+        sensors = Sensors(left, np.array([0.0, 0.0, 0.3]), *np.zeros((2, 18)))
         assert odometer.speed(parse_command("vx=1")) is None or k > 100
         odometer.add(place, sensors)
     # The first 100 periods, 2 s, do not count; the jump along y is in the last of them.

@@ -13,7 +13,9 @@ from scipy.signal import lfilter
 
 from stiction.files.log import JointSignals, Log, LogSetup
 from stiction.robots.catalog import find_robot
+from stiction.robots.mechanism import Mechanism
 from stiction.robots.mjcf import build
+from stiction.robots.model import Link
 
 HERE = Path(__file__).parent
 
@@ -52,6 +54,12 @@ class Truth:
     armature: np.ndarray
     offset: np.ndarray
     torque_limit: np.ndarray
+
+
+def pendulum() -> Mechanism:
+    """Return 2 kg half a metre below a level axis, with 0.1 kg m² about its own centre."""
+    link = Link(mass=2.0, com=(0.0, 0.0, -0.5), inertia=(0.1, 0.1, 0.1, 0, 0, 0), axis=(0.0, 1.0, 0.0))
+    return Mechanism("pendulum", (link,), ("hinge",), (0.0,), (12.0,), (0.0,))
 
 
 def compiled(limb: Limb) -> tuple[mujoco.MjModel, list[str], np.ndarray]:

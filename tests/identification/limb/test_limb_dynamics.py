@@ -8,6 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from limb_logs import pendulum
 
 from stiction.identification.limb.dynamics import MODES, corrected_torques, gyration, link_torques
 from stiction.robots.catalog import find_mechanism
@@ -16,12 +17,6 @@ from stiction.robots.mechanism import Mechanism
 from stiction.robots.model import Link
 
 HERE = Path(__file__).parent
-
-
-def pendulum() -> Mechanism:
-    """Return 2 kg half a metre below a level axis, with 0.1 kg m² about its own centre."""
-    link = Link(mass=2.0, com=(0.0, 0.0, -0.5), inertia=(0.1, 0.1, 0.1, 0, 0, 0), axis=(0.0, 1.0, 0.0))
-    return Mechanism("pendulum", (link,), ("hinge",), (0.0,), (None,), (0.0,))
 
 
 def motion(joints: int, seed: int = 0, samples: int = 50) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from limb_logs import ARM6, limb_logs
+from limb_logs import ARM6, limb_logs, pendulum
 
 from stiction.core.errors import ConfigurationError, LogError
 from stiction.exchange.physics import joint_physics
@@ -26,12 +26,6 @@ TIME = np.arange(0, 20, 0.004)
 
 FRICTION, VISCOUS, ROTOR, OFFSET = (1.2, 0.7), (0.4, 0.3), (0.08, 0.05), (0.1, -0.2)
 """Of the joints below [N m, N m s/rad, kg m², N m]."""
-
-
-def pendulum() -> Mechanism:
-    """Return 2 kg half a metre below a level axis, with 0.1 kg m² about its own centre."""
-    link = Link(mass=2.0, com=(0.0, 0.0, -0.5), inertia=(0.1, 0.1, 0.1, 0, 0, 0), axis=(0.0, 1.0, 0.0))
-    return Mechanism("pendulum", (link,), ("hinge",), (0.0,), (12.0,), (0.0,))
 
 
 def planar() -> Mechanism:

@@ -110,18 +110,3 @@ def test_a_storage_that_is_too_small_is_refused(tmp_path: Path) -> None:
     index = zipfile.ZipFile(saved(tmp_path, {"time": torch.zeros(24)})).read("x/data.pkl")
     with pytest.raises(LogError, match="'0' has 92 bytes; 24 numbers of float32 were promised"):
         open_log(with_index(tmp_path, index, bytes(92)))
-
-
-def test_the_measured_record() -> None:
-    """The Go2's record: twelve joints, 4,698 samples, the values that torch reads."""
-    folder = os.environ.get("STICTION_DATA")
-    path = Path(folder or "") / "go2" / "traj_0.pt"
-    if not folder or not path.is_file():
-        pytest.skip("the Go2 record is not here: set STICTION_DATA to a folder with go2/traj_0.pt")
-    log = open_log(path)
-    truth = torch.load(path, weights_only=True)
-    assert list(log.joints) == [f"joint_{index}" for index in range(12)] and log.time.shape == (4698,)
-    np.testing.assert_array_equal(log.time, truth["time"].numpy())
-    for index, signals in enumerate(log.joints.values()):
-        np.testing.assert_array_equal(signals.position, truth["dof_pos"][:, index].numpy())
-        np.testing.assert_array_equal(signals.target, truth["des_dof_pos"][:, index].numpy())

@@ -88,16 +88,8 @@ def test_what_is_not_read_is_told_the_nearest_way_in(tmp_path: Path, case: tuple
     _, write, command = case
     write(tmp_path)
     status, said = strangers.run(tmp_path, command)
-    ways = (
-        "rostopic",
-        "numpy.savez",
-        "save it as CSV",
-        "give the log",
-        ".parquet file",
-        "--time-scale",
-        "--torque-scale",
-        "position=NAME",
-    )
+    ways = ("rostopic", "numpy.savez", "save it as CSV", "give the log", ".parquet file", "--time-scale")
+    ways += ("--torque-scale", "position=NAME")
     assert status == 1 and any(way in said for way in ways), said
 
 

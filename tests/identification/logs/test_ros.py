@@ -154,30 +154,6 @@ def test_a_database_is_read_like_a_bag(tmp_path: Path) -> None:
         open_log(tmp_path / "x.db3")
 
 
-GO_HEAD = "uint8[2] head\nuint8 level_flag\nuint8 frame_reserve\nuint32[2] sn\nuint32[2] version\nuint16 bandwidth\n"
-IMU = "float32[4] quaternion\nfloat32[3] gyroscope\nfloat32[3] accelerometer\nfloat32[3] rpy\n"
-LINE = "=" * 80
-UNITREE = {
-    "unitree_go/msg/LowState": GO_HEAD
-    + f"unitree_go/IMUState imu_state\nunitree_go/MotorState[20] motor_state\nuint32 tick\n{LINE}\n"
-    f"MSG: unitree_go/IMUState\n{IMU}int8 temperature\n{LINE}\nMSG: unitree_go/MotorState\n"
-    "uint8 mode\nfloat32 q\nfloat32 dq\nfloat32 ddq\nfloat32 tau_est\nfloat32 q_raw\nfloat32 dq_raw\n"
-    "float32 ddq_raw\nint8 temperature\nuint32 lost\nuint32[2] reserve\n",
-    "unitree_go/msg/LowCmd": GO_HEAD
-    + f"unitree_go/MotorCmd[20] motor_cmd\nuint32 crc\n{LINE}\nMSG: unitree_go/MotorCmd\n"
-    "uint8 mode\nfloat32 q\nfloat32 dq\nfloat32 tau\nfloat32 kp\nfloat32 kd\nuint32[3] reserve\n",
-    "unitree_hg/msg/LowState": "uint32[2] version\nuint8 mode_pr\nuint8 mode_machine\nuint32 tick\n"
-    f"unitree_hg/IMUState imu_state\nunitree_hg/MotorState[35] motor_state\nuint32 crc\n{LINE}\n"
-    f"MSG: unitree_hg/IMUState\n{IMU}int16 temperature\n{LINE}\nMSG: unitree_hg/MotorState\n"
-    "uint8 mode\nfloat32 q\nfloat32 dq\nfloat32 ddq\nfloat32 tau_est\nint16[2] temperature\nfloat32 vol\n"
-    "uint32[2] sensor\nuint32 motorstate\nuint32[4] reserve\n",
-    "unitree_hg/msg/LowCmd": "uint8 mode_pr\nuint8 mode_machine\nunitree_hg/MotorCmd[35] motor_cmd\nuint32 crc\n"
-    f"{LINE}\nMSG: unitree_hg/MotorCmd\n"
-    "uint8 mode\nfloat32 q\nfloat32 dq\nfloat32 tau\nfloat32 kp\nfloat32 kd\nuint32 reserve\n",
-}
-"""Type -> its definition in the maker's files, up to what follows the motors."""
-
-
 @pytest.mark.parametrize(("family", "motors"), [("unitree_go", 20), ("unitree_hg", 35)])
 def test_unitree_s_layouts_are_those_of_its_definitions(tmp_path: Path, family: str, motors: int) -> None:
     """Encoded by another program from the definitions: every motor's number must be where it is looked for."""
@@ -202,7 +178,7 @@ def test_unitree_s_layouts_are_those_of_its_definitions(tmp_path: Path, family: 
         sent.append(("/lowcmd", f"{family}/msg/LowCmd", now - 1, head | {"motor_cmd": asked}))
         state = head | {"imu_state": imu | {"temperature": 30}, "motor_state": states + idle}
         sent.append(("/lowstate", f"{family}/msg/LowState", now, state))
-    log = open_log(logfiles.bag(tmp_path / "go2.db3", sent, UNITREE))
+    log = open_log(logfiles.bag(tmp_path / "go2.db3", sent, logfiles.UNITREE))
     assert list(log.joints) == ["joint_0", "joint_1", "joint_2"]
     for number, signals in enumerate(log.joints.values()):
         np.testing.assert_array_equal(signals.position, number + np.arange(4))

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 import trots
+from estimates import holds
 from stiction.core.errors import ConfigurationError, LogError
 from stiction.core.rotation import up_in_frames
-from stiction.files.joints import Estimate, JointsFile
+from stiction.files.joints import JointsFile
 from stiction.files.log import BodySignals, Log
 from stiction.identification.setup import IdentifySetup
 from stiction.identification.walking.contact import feet_down
@@ -51,11 +52,6 @@ def found(walk: ForeignWalk, **setup: str) -> JointsFile:
     """Identify it."""
     chosen = WalkSetup(**setup)  # type: ignore[arg-type]
     return identify_walk(walk.log, trots.GO2, chosen, walk.notes, True, walk.unplaced).joints
-
-
-def holds(estimate: Estimate | None, truth: float) -> bool:
-    """Return whether an estimate is there and its interval has the truth."""
-    return estimate is not None and estimate.interval95[0] <= truth <= estimate.interval95[1]
 
 
 def test_friction_of_a_trot_is_within_its_intervals(raw: Raw) -> None:
@@ -103,11 +99,8 @@ def test_the_least_rate_is_that_at_which_intervals_still_hold(trot: trots.Walked
             read(raw)
         return
     joints = found(read(raw))
-    inside = [
-        holds(joints.record(name).coulomb_friction, friction)
-        for name, friction in zip(trots.GO2.joint_names, GO2_FRICTION, strict=True)
-    ]
-    assert np.mean(inside) >= 0.8
+    truths = zip(trots.GO2.joint_names, GO2_FRICTION, strict=True)
+    assert np.mean([holds(joints.record(name).coulomb_friction, friction) for name, friction in truths]) >= 0.8
     for record in joints.joints.values():
         assert record.viscous_friction is None and record.inertia is None and "rotor_inertia" not in record.diagnostics
         assert any("inertia and viscous friction are not stated" in text for text in record.warnings)
@@ -238,11 +231,7 @@ def test_what_is_left_of_an_imu_is_used(raw: Raw) -> None:
     lean = np.sum(up_in_frames(level.log.quaternion) * up_in_frames(raw["quaternion"]), axis=1)
     assert np.degrees(np.arccos(lean.min())) < 6.0
     assert any("no orientation was logged" in note for note in level.notes)
-    inside = [
-        holds(found(level).record(name).coulomb_friction, friction)
-        for name, friction in list(zip(trots.GO2.joint_names, GO2_FRICTION, strict=True))[:1]
-    ]
-    assert inside == [True]
+    assert holds(found(level).record(trots.GO2.joint_names[0]).coulomb_friction, GO2_FRICTION[0])
     blind = found(read(raw, accelerometer=None)).record("FR_thigh_joint")
     assert holds(blind.coulomb_friction, GO2_FRICTION[1])
     assert any("there was no accelerometer" in text for text in blind.warnings)

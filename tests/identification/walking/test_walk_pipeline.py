@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import walks
+from estimates import holds
 from stiction.core.errors import StictionError
-from stiction.files.joints import Estimate, JointsFile
+from stiction.files.joints import JointsFile
 from stiction.files.walk import SIGNALS, WalkLog
 from stiction.identification.proposal import propose
 from stiction.identification.walking.pipeline import identify_walk, standing_inertia
@@ -23,14 +24,14 @@ def log() -> WalkLog:
     return walks.walk(FRICTION[None], [walks.FORWARD], seed=7)[0]
 
 
-def holds(estimate: Estimate | None, truth: float) -> bool:
-    """Return whether an estimate is there and its interval has the truth."""
-    return estimate is not None and estimate.interval95[0] <= truth <= estimate.interval95[1]
+@pytest.fixture(scope="module")
+def file(log: WalkLog) -> JointsFile:
+    """What is found in it."""
+    return identify_walk(log, walks.SPEC).joints
 
 
-def test_every_joint_has_a_record_by_name_or_by_kind(log: WalkLog) -> None:
+def test_every_joint_has_a_record_by_name_or_by_kind(file: JointsFile) -> None:
     """`train --joints` asks for each joint by name: the truth is in most intervals (see test_swing.py)."""
-    file = identify_walk(log, walks.SPEC).joints
     inside = []
     for name, friction, limit in zip(walks.SPEC.joint_names, FRICTION, walks.LIMITS, strict=True):
         record = file.record(name)
@@ -44,34 +45,29 @@ def test_every_joint_has_a_record_by_name_or_by_kind(log: WalkLog) -> None:
     np.testing.assert_allclose(nominal, FRICTION, rtol=0.2)
 
 
-def test_the_result_survives_its_file(log: WalkLog) -> None:
+def test_the_result_survives_its_file(file: JointsFile) -> None:
     """Plain JSON in, plain JSON out, and a proposal for training."""
-    file = identify_walk(log, walks.SPEC).joints
     data = json.loads(json.dumps(file.to_dict(), allow_nan=False))
     again = {name: type(record).from_dict(data["joints"][name], name) for name, record in file.joints.items()}
     assert JointsFile(again).to_dict() == data
-    friction = propose(file)["friction"]
-    assert friction is not None
-    assert 0.2 <= friction["level"] <= 0.35
+    assert 0.2 <= propose(file)["friction"]["level"] <= 0.35
 
 
-def test_joints_whose_own_swings_do_not_tell_are_put_together(log: WalkLog) -> None:
+def test_joints_whose_own_swings_do_not_tell_are_put_together(file: JointsFile) -> None:
     """Hips hardly move in a straight walk against friction: their kind has a record, and it says whose swings it is."""
-    file = identify_walk(log, walks.SPEC).joints
     assert "hip" in file.joints
     assert any("as if alike" in text for text in file.joints["hip"].warnings)
     assert holds(file.joints["hip"].coulomb_friction, FRICTION[0])
     assert file.joints["hip"].offset is None
 
 
-def test_inertia_is_that_of_a_leg_in_the_air(log: WalkLog) -> None:
+def test_inertia_is_that_of_a_leg_in_the_air(file: JointsFile) -> None:
     """Whoever reads `in_air` takes the links' standing inertia off and must be left with the rotor's."""
     from stiction.sim.fleet import Fleet
     from stiction.task.randomization import identified_joints
 
     links = standing_inertia(walks.SPEC)
     np.testing.assert_allclose(links, Fleet(walks.SPEC, 1).link_inertia(), rtol=1e-9)
-    file = identify_walk(log, walks.SPEC).joints
     armature = identified_joints(file, walks.SPEC.joint_names, links, walks.LIMITS).armature
     np.testing.assert_allclose(np.array(armature, float), walks.ARMATURE, rtol=0.25)
 
@@ -94,9 +90,7 @@ def test_without_torque_newton_metres_are_null(log: WalkLog) -> None:
     inside = []
     for name, friction, limit in zip(walks.SPEC.joint_names, FRICTION, walks.LIMITS, strict=True):
         record = file.record(name)
-        assert record.coulomb_friction is None
-        assert record.inertia is None
-        assert record.torque_source is None
+        assert record.coulomb_friction is record.inertia is record.torque_source is None
         inside.append(holds(record.friction_ratio, friction / limit))
         assert any("torque was not logged" in text for text in record.warnings)
     assert np.mean(inside) >= 0.85
@@ -113,8 +107,7 @@ def test_what_the_log_lacks_widens_and_is_said(log: WalkLog, missing: str, warni
         for name, friction in zip(walks.SPEC.joint_names, FRICTION, strict=True)
         if file.record(name).coulomb_friction is not None
     ]
-    assert len(inside) >= 12
-    assert np.mean(inside) >= 0.9
+    assert len(inside) >= 12 and np.mean(inside) >= 0.9
     assert all(any(warning in text for text in record.warnings) for record in file.joints.values())
 
 
