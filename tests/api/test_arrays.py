@@ -92,7 +92,7 @@ def with_nan() -> np.ndarray:
         ({"time": TIME, "position": TIME * 16384}, "counts"),
         ({"time": TIME, "position": ["a"] * 500}, "not numbers"),
         ({"time": TIME, "positions": TIME}, "unknown name 'positions'"),
-        ({"time": TIME, "position": TIME, "kp": "high"}, "kp is 'high'"),
+        ({"time": TIME, "position": TIME, "kp": "high"}, "kp is high"),
         ({"frame": 3}, "no table with named columns"),
     ],
 )

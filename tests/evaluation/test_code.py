@@ -30,6 +30,8 @@ READING = {
     *(
         "deploy/silent.py",
         "core/extras.py",
+        "core/flags.py",
+        "core/yaml_files.py",
         "core/files.py",
         "core/plugins.py",
         "core/records.py",

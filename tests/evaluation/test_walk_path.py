@@ -14,7 +14,7 @@ from stiction.robots.catalog import find_robot
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
-MOST = {"mujoco": (33, 8), "mujoco-alone": (37, 8), "physx+all": (35, 8)}
+MOST = {"mujoco": (34, 8), "mujoco-alone": (38, 8), "physx+all": (36, 8)}
 """Engine -> most modules in which a function is called between a plan and its rows, and most rooms."""
 
 MOST_IMPORTED = 77

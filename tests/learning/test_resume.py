@@ -207,7 +207,7 @@ def test_what_looks_ill_does_not_replace_what_is_well(tmp_path: Path, monkeypatc
         return figures | ({"walk/blown_up": 2.0} if self.current_learning_iteration >= 2 else {})
 
     monkeypatch.setattr(PhaseRunner, "iterate", ill)
-    with pytest.raises(StictionError, match=r"iteration 7 of the teacher, since iteration 3.*--task\.timestep"):
+    with pytest.raises(StictionError, match=r"iteration 7 of the teacher, since iteration 3.*--set task\.timestep"):
         train(cfg, run)
     kept = sorted(path.stem for path in run.checkpoints.glob("*.safetensors"))
     assert kept == ["teacher_000001", "teacher_000002"]

@@ -15,7 +15,8 @@ BY_ERROR = "compensation-error"
 
 def _called(contract: Contract) -> str:
     """Return the name in results."""
-    return COMPENSATION.name if contract.compensation_speeds is not None else BY_ERROR
+    by_error = contract.compensation is not None and contract.compensation_speeds is None
+    return BY_ERROR if by_error else COMPENSATION.name
 
 
 def _at_once(final: Mixture, pretraining: float, steps: int) -> tuple[Stage, ...]:

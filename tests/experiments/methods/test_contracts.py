@@ -61,7 +61,7 @@ def test_a_bundle_is_verified_without_its_method(name: str, tmp_path: Path) -> N
 def test_words_of_other_methods_are_bounded(wrong: dict[str, object]) -> None:
     """They stand in tables, pages and terminals."""
     data = json.loads(make_contract(method="hinf", **CONTRACTS["hinf"]).to_json())
-    with pytest.raises(BundleError, match=f"{next(iter(wrong))}'? is .*; expected (null, or )?(a name of 1|str)"):
+    with pytest.raises(BundleError, match=f"{next(iter(wrong))}'? is .*; expected (null, or )?(a name of 1|text)"):
         read_contract(json.dumps(data | wrong).encode())
 
 
