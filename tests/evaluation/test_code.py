@@ -73,7 +73,7 @@ BENCHED = {
     "files/walk.py",
     *(
         "task/friction.py",
-        "task/method.py",
+        "files/method.py",
         "task/terrain.py",
         *CHECKING,
         "deploy/observation.py",

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from stiction.core import plugins
+from stiction.files.method import known_method
 from stiction.learning.identity import defaults
-from stiction.task.method import known_method
 
 
 @contextmanager

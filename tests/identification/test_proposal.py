@@ -6,10 +6,10 @@ from dataclasses import replace
 
 from stiction.files.advice import TRAINING
 from stiction.files.joints import Estimate, JointRecord, JointsFile
+from stiction.files.method import find_method
 from stiction.identification.advice import shipped
 from stiction.identification.proposal import propose
 from stiction.task.friction import FrictionCfg
-from stiction.task.method import find_method
 
 
 def record(high: float, condition: str | None = "loaded", **changes) -> JointRecord:

@@ -8,13 +8,13 @@ from typing import get_args
 import pytest
 
 from stiction.core.errors import ConfigurationError
+from stiction.files.method import method_names
 from stiction.learning.arguments import parse
 from stiction.learning.begin import begin_run
 from stiction.learning.config import StopCfg, TeacherCfg
 from stiction.learning.effects import check_effects, idle
 from stiction.learning.presets import PresetName, preset
 from stiction.task.friction import FrictionCfg
-from stiction.task.method import method_names
 from stiction_experiments.friction.manifest import ONE_PHASE, TWO_PHASE, runs_of
 
 REFUSED = [

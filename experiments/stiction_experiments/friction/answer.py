@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from stiction.files.following import Following
+from stiction.files.method import find_method
 from stiction.joints.friction import level_text
 from stiction.report.following import has_one_seed, places_text
-from stiction.task.method import find_method
 from stiction_experiments.friction.manifest import TWO_PHASE
 from stiction_experiments.friction.planned import EVALUATED
 from stiction_experiments.friction.records import HIGHEST, STUDENT, Experiment, short_name

@@ -14,11 +14,11 @@ from stiction.core.records import part_of, read_rows
 from stiction.evaluation.evaluate import EvaluationCfg
 from stiction.files.advice import SHARES, Source, TrainedWith
 from stiction.files.following import following
+from stiction.files.method import find_method
 from stiction.files.results import ResultRow, read_metrics, read_results, read_summary
 from stiction.identification.advice import TRAINED_IN
 from stiction.learning.run import RunDirectory
 from stiction.robots.catalog import find_robot, robot_in_file
-from stiction.task.method import find_method
 from stiction_experiments.friction.claims import CLAIMS, DECEPTION, DIRECT, NONE
 from stiction_experiments.friction.evaluation import (
     CANDIDATES,

@@ -8,8 +8,8 @@ from typing import Any
 
 from stiction.core.errors import ConfigurationError
 from stiction.files.contract import Contract
+from stiction.files.method import Method
 from stiction.learning.config import NetworkCfg, TeacherCfg, TrainCfg, check_counts
-from stiction.task.method import Method
 
 REPLACED = ("privileged", "recurrent", "estimator_frame", "estimator", "terrain", "terrain_latent", "latent")
 """Fields of `NetworkCfg` that DreamWaQ's networks take the place of."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from stiction.files.contract import Contract
+from stiction.files.method import FRICTIONLESS, Method, Mixture, Stage
 from stiction.joints.compensation import BY_SPEED
-from stiction.task.method import FRICTIONLESS, Method, Mixture, Stage
 
 USUAL = (0.8, 1.2)
 """Range that the paper's Table II gives every other joint parameter."""

@@ -9,8 +9,8 @@ from typing import Any, Literal, get_args
 from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.core.provenance import stream_seed
 from stiction.files.contract import Contract
+from stiction.files.method import Method
 from stiction.learning.config import TrainCfg, check_counts
-from stiction.task.method import Method
 
 JOINT_DISTURBERS = ("friction", "random-friction")
 """Disturbers of joints, which need friction to be bounded by, and not of the base."""

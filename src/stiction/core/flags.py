@@ -229,6 +229,6 @@ def text_of(value: Any, setting: bool = False) -> str:
 
 
 def assignment(kind: type, path: str, value: Any) -> str:
-    """Return a field with its value as typed: `--method direct`, or `--set teacher.gamma=0.98`. path: from `kind` on."""
+    """Return a field as typed: `--method direct`, or `--set teacher.gamma=0.98`. path: from `kind` on."""
     entry = next(entry for entry in entries(kind) if entry.path == path)
     return f"{entry.name} {text_of(value)}" if entry.name else f"{entry.typed}={text_of(value, True)}"

@@ -12,7 +12,7 @@ from typing import Any
 from stiction.core.errors import ConfigurationError
 
 VERBS, STUDIES, METHODS = "stiction.verbs", "stiction.studies", "stiction.methods"
-"""Groups of entry points: verbs of the program, studies of `stiction study`, training methods (`task.method`)."""
+"""Groups of entry points: verbs of the program, studies of `stiction study`, training methods (`files.method`)."""
 
 
 def installed_names(group: str) -> list[str]:

@@ -13,7 +13,7 @@ FLEET = (
         "joints/friction.py",
     ),
     *("robots/*.py", "robots/shipped/*.json"),
-    *("task/friction.py", "task/method.py", "task/terrain.py", "files/contract.py", "files/known_friction.py"),
+    *("task/friction.py", "files/method.py", "task/terrain.py", "files/contract.py", "files/known_friction.py"),
     *("files/observation.py", "files/velocity.py", "files/walk.py", "virtual/drive.py"),
     *(
         f"evaluation/{name}.py"

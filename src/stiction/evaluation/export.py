@@ -34,6 +34,7 @@ from stiction.files.contract_rules import TARGET_LIMITS
 from stiction.files.joint_map import mapped, refuse_alone
 from stiction.files.joints import load_joints
 from stiction.files.known_friction import TERM, bench_friction, known_friction_text
+from stiction.files.method import Method, describe_method, known_method
 from stiction.files.velocity import COMMANDS
 from stiction.files.wear import WearModel, read_wear
 from stiction.joints.compensation import BY_SPEED, compensated
@@ -47,7 +48,6 @@ from stiction.robots.named import check_named
 from stiction.sim.fleet import Fleet
 from stiction.task.config import TaskCfg
 from stiction.task.env import to_tensor
-from stiction.task.method import Method, describe_method, known_method
 from stiction.task.observations import FrameBuilder, History, SlowMeans, roll_pitch
 from stiction.task.randomization import friction_angle, nominal_joints
 from stiction.task.terrain import FASTEST_TURN

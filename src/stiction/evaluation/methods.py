@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from stiction.files.contract import Contract
 from stiction.files.contract_rules import IMPORTED
+from stiction.files.method import installed_methods, known_method
 from stiction.joints.compensation import SHARES, By, Compensation
-from stiction.task.method import installed_methods, known_method
 
 FORWARD = "+forward"
 """Behind the names of policy and method: with friction fed forward by the position error."""

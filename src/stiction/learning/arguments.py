@@ -10,10 +10,10 @@ from typing import Annotated, Any
 from stiction.core.errors import ConfigurationError
 from stiction.core.flags import FLAT
 from stiction.core.options import Given, read_given
+from stiction.files.method import installed_methods
 from stiction.learning.config import TrainCfg
 from stiction.learning.effects import check_effects, method_setting
 from stiction.learning.presets import PresetName, preset
-from stiction.task.method import installed_methods
 
 DESCRIPTION = """Train a policy that walks on what the robot measures, with or without friction in its joints.
 

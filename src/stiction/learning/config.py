@@ -12,11 +12,11 @@ from stiction.core.errors import ConfigurationError, FileError, unknown_name
 from stiction.core.flags import FIXED, FLAG, SETTING, flag
 from stiction.core.memory import check_memory
 from stiction.core.records import check_numbers
+from stiction.files.method import Method, find_method
 from stiction.joints.friction import has_coefficient
 from stiction.robots.model import Robot
 from stiction.sim.protocol import DeviceName
 from stiction.task.config import RandomizationCfg, TaskCfg
-from stiction.task.method import Method, find_method
 
 MOST_COUNTS = {
     "num_envs": 131_072,

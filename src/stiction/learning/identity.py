@@ -13,8 +13,8 @@ from dataclasses import fields, is_dataclass
 from functools import cache
 from typing import Any
 
+from stiction.files.method import installed_methods
 from stiction.learning.config import TrainCfg
-from stiction.task.method import installed_methods
 
 APART = ("seed", "joints", "actuator", "checkpoint-every", "video-every", "contacts", "task.robot")
 """Settings that are none of a training: its seed, what changes no number of it, and files, which a contract has by

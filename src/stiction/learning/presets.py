@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Literal
 
+from stiction.files.method import find_method, method_names
 from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.robots.physics import EXACT, FAST
 from stiction.task.config import RandomizationCfg, TaskCfg
-from stiction.task.method import find_method, method_names
 
 PresetName = Literal["full", "quick", "two-phase", "paper"]
 

@@ -12,12 +12,12 @@ from markupsafe import Markup
 from stiction.files.bundle import Bundle
 from stiction.files.following import BAND, FAST, SLOW, paces, row_pace
 from stiction.files.joints import JointRecord
+from stiction.files.method import describe_method
 from stiction.files.results import ResultRow
 from stiction.joints.friction import level_text
 from stiction.report.evaluation import FILES, budget_picture, definitions_table, draw_budget, results_table, run_blocks
 from stiction.report.following import paces_text
 from stiction.report.page import Section, file_uri, paragraph, picture, render_page, table
-from stiction.task.method import describe_method
 
 RESULTS = (
     *("report.html", "side-by-side.webp", "example/shank.csv", "example/shank.json", "example/joints.json"),

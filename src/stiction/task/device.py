@@ -10,10 +10,10 @@ import mujoco
 import torch
 
 from stiction.core.errors import EngineError
+from stiction.files.method import find_method
 from stiction.sim.native import NativeSimulation
 from stiction.sim.protocol import DeviceName, Simulation
 from stiction.task.config import TaskCfg
-from stiction.task.method import find_method
 from stiction.task.task_fleet import TaskFleet
 
 

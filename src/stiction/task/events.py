@@ -8,7 +8,7 @@ is that of the random numbers: a training that is resumed draws the same.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import torch
@@ -16,13 +16,13 @@ import torch
 from stiction.sim.chosen import put
 from stiction.task.config import TaskCfg
 
-if TYPE_CHECKING:
-    from stiction.task.env import LocomotionEnv
+LocomotionEnv = Any
+"""A `task.env.LocomotionEnv`, whose module imports this one."""
 
 RESET_NOISE = (0.1, 0.3)
 """Half-width of the initial joint angles about standing [rad] and of the base's initial velocity [m/s, rad/s]."""
 
-Event = Callable[["LocomotionEnv", torch.Tensor], None]
+Event = Callable[[LocomotionEnv, torch.Tensor], None]
 """What happens to the robots `which`."""
 
 

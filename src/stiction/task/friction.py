@@ -13,9 +13,9 @@ import numpy as np
 
 from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.core.flags import FLAG, Form, flag
+from stiction.files.method import Mixture, Stage, find_method, method_names
 from stiction.joints.friction import LAWS, Law, has_coefficient, simulated_laws
 from stiction.robots.model import Robot
-from stiction.task.method import Mixture, Stage, find_method, method_names
 
 
 def law_flag(text: str, name: str = "") -> Form:

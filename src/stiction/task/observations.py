@@ -8,7 +8,7 @@ policy to estimate is a function and a line in `ESTIMATED`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Any
 
 import torch
 
@@ -16,10 +16,10 @@ from stiction.files.observation import PLACEHOLDERS, SLOW_TERMS, ObservationLayo
 from stiction.task.config import TaskCfg
 from stiction.task.randomization import FRICTION_UNIT
 
-if TYPE_CHECKING:
-    from stiction.task.env import LocomotionEnv
+LocomotionEnv = Any
+"""A `task.env.LocomotionEnv`, whose module imports this one."""
 
-ObservationTerm = Callable[["LocomotionEnv"], torch.Tensor]
+ObservationTerm = Callable[[LocomotionEnv], torch.Tensor]
 """Return one quantity of every robot, (N, size), without noise."""
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import torch
 
 from stiction.task.rewards import Snapshot
 
-if TYPE_CHECKING:
-    from stiction.task.env import LocomotionEnv
+LocomotionEnv = Any
+"""A `task.env.LocomotionEnv`, whose module imports this one."""
 
 
 @dataclass(frozen=True)

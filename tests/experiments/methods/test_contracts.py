@@ -15,7 +15,7 @@ from stiction.deploy.check import check_bundle
 from stiction.evaluation.export import write_card
 from stiction.evaluation.methods import method_of, method_texts
 from stiction.files.contract import read_contract
-from stiction.task.method import find_method, installed_methods
+from stiction.files.method import find_method, installed_methods
 from stiction_experiments.methods import dreamwaq, friction, hinf
 
 CONTRACTS = {
