@@ -23,6 +23,7 @@ import zipfile
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import ModuleType
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -86,14 +87,20 @@ def run(words: Sequence[str | Path], folder: Path) -> None:
         raise SystemExit(f"{shlex.join(map(str, words))}\nended with status {done.returncode}:\n{said}")
 
 
+def promises() -> ModuleType:
+    """Return the helper of tests that says what each install promises; it imports slow packages."""
+    sys.path[:0] = [str(ROOT / "tests/helpers"), str(ROOT / "tools/shipped_robots")]
+    import installs
+
+    return installs
+
+
 def try_install(wheel: Path, more: Path, extra: str, torch_flags: Sequence[str]) -> None:
     """Install a wheel into an environment of its own, and run there, in an empty folder, what that install promises.
 
     more: wheel of the experiments, installed beside `train`. The folder has the files of one's own that README names.
     Ends the process where a command fails.
     """
-    from helpers.installs import make_files, promised
-
     begin, title = time.monotonic(), f"pip install stiction[{extra}]" if extra else "pip install stiction"
     with tempfile.TemporaryDirectory() as scratch:
         folder, programs = Path(scratch) / "empty", Path(scratch) / "environment" / "bin"
@@ -107,8 +114,8 @@ def try_install(wheel: Path, more: Path, extra: str, torch_flags: Sequence[str])
         further = [more.resolve()] if extra == "train" else []
         run([*install, f"stiction[{extra}] @ {wheel.resolve().as_uri()}", *further], folder)
         installed = time.monotonic()
-        make_files(folder)
-        commands = promised(extra)
+        promises().make_files(folder)
+        commands = promises().promised(extra)
         for program, *words in commands:
             run([programs / program, *words], folder)
     seconds = installed - begin, time.monotonic() - installed
@@ -132,15 +139,12 @@ def main() -> None:
     parser.add_argument("out", nargs="?", type=Path, default=Path("dist"), help="folder for both files")
     parser.add_argument("--torch-flags", default="", help="options of pip where it installs torch, in one word")
     options = parser.parse_args()
-    # Not before: the files that its commands read are made by packages of half a second and more.
-    sys.path.insert(0, str(ROOT / "tests/helpers"))
-    from helpers.installs import INSTALLS
-
     wheel, sdist = distributions(ROOT, options.out)
     more = experiments(ROOT, options.out)
     with ThreadPoolExecutor(2) as pool:  # the longest first
         tries = [
-            pool.submit(try_install, wheel, more, extra, shlex.split(options.torch_flags)) for extra in INSTALLS[::-1]
+            pool.submit(try_install, wheel, more, extra, shlex.split(options.torch_flags))
+            for extra in promises().INSTALLS[::-1]
         ]
         for one in tries:
             one.result()

@@ -21,6 +21,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tools/shipped_robots"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/helpers"))
 
 from code_blocks import MADE, blocks_of

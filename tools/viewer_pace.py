@@ -23,6 +23,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tools/shipped_robots"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/helpers"))
 
 from browser import Tab, chromium, find_chromium

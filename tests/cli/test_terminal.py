@@ -11,9 +11,9 @@ import pytest
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to walk")
 
 from code_blocks import MADE
-from helpers.installs import POLICY, SHORT_WALKS
-from helpers.terminal import Screen, run_in_terminal
+from installs import POLICY, SHORT_WALKS
 from processes import stiction
+from terminal import Screen, run_in_terminal
 
 IDENTIFY = "identify swing.csv --kp 20 --kd 1 --torque-limit 45 --torque-source motor_side --out shank"
 EVALUATE = f"evaluate {POLICY} --friction-levels 0 --commands vx=0.5 {SHORT_WALKS} --out walks"

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 import stiction
-from helpers.installs import FURTHER, INSTALLS, make_files, promised
+from installs import FURTHER, INSTALLS, make_files, promised
 from stiction.cli.main import NEEDS, VERBS
 from stiction.core import extras
 

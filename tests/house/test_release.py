@@ -51,6 +51,21 @@ def test_a_script_says_how_it_is_used(name: str, tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize(
+    "use",
+    [
+        "runpy.run_path('tools/dist.py')['promises']().promised('sim')",
+        "runpy.run_path('tools/stop_trials.py')['prepare'](pathlib.Path(sys.argv[1]))",
+        *(f"runpy.run_path('tools/{name}.py')" for name in ("attacks", "stranger", "viewer_pace", "walk_intervals")),
+    ],
+)
+def test_a_script_finds_the_helpers_of_tests(use: str, tmp_path: Path) -> None:
+    """Scripts that use them are run by hand, or at the end of a long build: a helper that moved would show there."""
+    words = [sys.executable, "-c", f"import pathlib, runpy, sys; {use}", str(tmp_path)]
+    done = subprocess.run(words, cwd=CHECKOUT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.slow
 def test_wheel_and_source_distribution_hold_the_same(tmp_path: Path) -> None:
     """Who installs the one, or builds from the other, would lack policies, page templates, types or the licence."""
