@@ -129,7 +129,7 @@ def count_times() -> None:
 def count_modules() -> None:
     """Print how many modules of the package a command loads, and how many it visits."""
     bundle = "saturn_lite-flat-none-0.2"
-    row = f"evaluate {bundle} --friction-levels 0.2 --commands vx=0.5 --episodes 1 --seconds 2.5 --jobs 1 --out row"
+    row = f"evaluate {bundle} --friction-levels 0.2 --commands vx=0.5 --episodes 1 --seconds 3 --jobs 1 --out row"
     commands = {
         "identify log.csv": f"identify log.csv {logs.FLAGS} --out identified",
         "a row of evaluate": row,
