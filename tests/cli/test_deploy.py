@@ -62,7 +62,6 @@ def test_a_run_ends_as_asked_and_leaves_report_and_log(tmp_path: Path, capsys: p
         ("policy-exception", "RuntimeError: injected", 1),
         ("sigterm", "operator: SIGTERM", 128 + signal.SIGTERM),
         ("sigtstp", "operator: SIGTSTP", 128 + signal.SIGTSTP),
-        ("sigusr1", "operator: SIGUSR1", 128 + signal.SIGUSR1),
         ("second-robot", "second robot: 2, allowed 1 (127.0.0.1:", 1),
     ],
 )

@@ -12,6 +12,7 @@ from method_entries import without_methods
 from stiction.core.errors import ConfigurationError, FileError
 from stiction.evaluation.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.evaluation.methods import method_of
+from stiction.files import method as methods
 from stiction.files.bundle import read_bundle
 from stiction.files.contract import read_contract
 from stiction.learning.arguments import parse
@@ -91,3 +92,18 @@ def test_a_policy_of_any_method_walks(kind: str) -> None:
 def test_settings_of_a_method_are_left_out_where_it_has_none() -> None:
     """Settings in contracts of the product's methods have no name of another."""
     assert not any("method" in name for name in settings_of(parse([*SHORT]).config))
+
+
+def test_a_method_that_fails_to_load_stops_nobody_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who asks for it is told why; a training of the product's own goes on."""
+
+    def broken(group: str, name: str) -> None:
+        raise ConfigurationError(f"{name} failed to load; reinstall its distribution")
+
+    monkeypatch.setattr(methods, "installed_names", lambda group: ["odd"])
+    monkeypatch.setattr(methods, "find_installed", broken)
+    methods.known_method.cache_clear()
+    assert methods.installed_methods() == [] and parse(["--method", "none"]).config.method.name == "none"
+    with pytest.raises(ConfigurationError, match="odd failed to load"):
+        methods.find_method("odd")
+    methods.known_method.cache_clear()

@@ -35,7 +35,7 @@ class DreamWaQCfg:
     code: int = 16
     """Size of the code."""
     frame: int = 32
-    """As --network.history-frame, for the encoder. The paper's has no such layer."""
+    """As network.history_frame, for the encoder. The paper's has no such layer."""
     encoder: tuple[int, ...] = (128, 64)
     """Hidden layers of the encoder, after the frames."""
     decoder: tuple[int, ...] = (64, 128)

@@ -198,7 +198,7 @@ def convert(entry: Entry, words: Sequence[str]) -> Any:
     if may_lack and [*words] == ["None"]:
         return None
     kinds, many = entry.values
-    if len(words) % len(kinds) if many else len(words) != len(kinds):
+    if not words or (len(words) % len(kinds) if many else len(words) != len(kinds)):
         raise ValueError
     found = tuple(_scalar(kinds[number % len(kinds)], word) for number, word in enumerate(words))
     if get_origin(kind) is not tuple:

@@ -128,7 +128,8 @@ def read_given(
 def refuse(program: str, what: str) -> NoReturn:
     """Say in one line what is wrong with a command line, and end with status 2."""
     end = "" if what.endswith("?") else ";"
-    print(f"{program}: {escaped(what)}{end} `{program} --help` shows the usage", file=sys.stderr)
+    line = escaped(what).replace("\n", "\\n")
+    print(f"{program}: {line}{end} `{program} --help` shows the usage", file=sys.stderr)
     raise SystemExit(2)
 
 

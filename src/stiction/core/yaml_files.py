@@ -14,8 +14,13 @@ from stiction.core.files import read_bounded
 MOST_BYTES = 256 * 1024
 """Size of the largest file that is read."""
 
-EXPONENT = re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+$")
-"""Numbers such as `1e-3`, which YAML 1.1 takes for text, as people do not."""
+EXPONENT = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$")
+FLOAT = re.compile(EXPONENT.pattern + r"|[-+]?([0-9]+\.[0-9]*|\.[0-9]+|\.inf)$|\.nan$")
+INTEGER = re.compile(r"[-+]?[0-9]+$")
+"""Numbers as people write them: YAML 1.1 takes `1e-3` for text, `010` for 8 and `1:0` for 60."""
+
+NUMBERS = "tag:yaml.org,2002:float", "tag:yaml.org,2002:int"
+"""Tags of numbers."""
 
 
 class StrictLoader(yaml.SafeLoader):
@@ -39,17 +44,25 @@ class StrictLoader(yaml.SafeLoader):
 
 
 class SettingsLoader(StrictLoader):
-    """The same, with `1e-3` as the number that it is."""
+    """The same, with numbers as people write them."""
+
+    yaml_implicit_resolvers = {  # noqa: RUF012
+        first: [(tag, pattern) for tag, pattern in found if tag not in NUMBERS]
+        for first, found in StrictLoader.yaml_implicit_resolvers.items()
+    }
 
 
-SettingsLoader.add_implicit_resolver("tag:yaml.org,2002:float", EXPONENT, list("-+0123456789"))
+SettingsLoader.add_implicit_resolver(NUMBERS[0], FLOAT, list("-+.0123456789"))
+SettingsLoader.add_implicit_resolver(NUMBERS[1], INTEGER, list("-+0123456789"))
+SettingsLoader.add_constructor(NUMBERS[1], lambda loader, node: int(loader.construct_scalar(node)))
 
 
 def parse_yaml(text: str, where: str, kind: type[StictionError], loader: type[StrictLoader] = StrictLoader) -> Any:
     """Return the plain data of a YAML text; raise `kind`, which names `where` it stands, for another text."""
     try:
         return yaml.load(text, Loader=loader)
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
+    # The last three: a tag, such as `!!timestamp`, on a value of another form.
+    except (yaml.YAMLError, RecursionError, ValueError, AttributeError, KeyError, IndexError) as error:
         raise kind(f"{where}: is not YAML: {' '.join(str(error).split())[:200]}") from error
 
 

@@ -7,6 +7,7 @@ algorithms are named as rsl_rl names them, `package.module:Class`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -134,8 +135,15 @@ def method_names() -> list[str]:
 
 
 def installed_methods() -> list[Method]:
-    """Return the methods of other distributions, in alphabetical order. Raises `ConfigurationError` where one fails."""
-    return [find_method(name) for name in method_names() if name not in OWN]
+    """Return the methods of other distributions, in alphabetical order.
+
+    One that fails to load is left out: who asks for it by name is told why, and nobody else is stopped by it.
+    """
+    found = []
+    for name in method_names():
+        with suppress(ConfigurationError):
+            found.append(find_method(name))
+    return [method for method in found if method.name not in OWN]
 
 
 @cache

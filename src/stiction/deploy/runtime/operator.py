@@ -53,8 +53,8 @@ class Operator:
         Raises `ConfigurationError`: an address that is none or cannot be listened at, or a stop file that exists.
         """
         self._cfg, self._asked, self._alive = cfg, "", now
-        self._heartbeat = None if cfg.heartbeat is None else _listen(cfg.heartbeat, "--heartbeat")
-        self._commands = None if cfg.command_from is None else _listen(cfg.command_from, "--command-from")
+        self._heartbeat = None if cfg.heartbeat is None else _listen(cfg.heartbeat, "--operator.heartbeat")
+        self._commands = None if cfg.command_from is None else _listen(cfg.command_from, "--operator.command-from")
         self.complaint = ""
         """What was wrong with the last velocity command that was none; empty: nothing."""
         self.signal: int | None = None
