@@ -41,8 +41,8 @@ class BrakingOptions(ParallelOptions):
 
 def run(options: BrakingOptions, work: Work) -> Report:
     """Say when a joint at 1 rad/s comes to rest."""
-    if not options.levels:
-        raise UsageError("no level given")
+    if min(options.levels) < 0:
+        raise UsageError("a level below zero")
     work.begin()
 
     def brake(level: float) -> dict[str, float]:
@@ -101,7 +101,7 @@ def test_a_study_of_ones_own_is_one_module(tmp_path: Path, capsys: pytest.Captur
 def test_wrong_calls_of_it_are_told_as_of_any_study(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """Wrong usage is status 2, what cannot be done 1, each in one line."""
     for arguments, status, said in (
-        (["--levels"], 2, f"stiction study {NAME}: no level given"),
+        (["--levels", "-1"], 2, f"stiction study {NAME}: a level below zero"),
         (["--jobs", "0"], 1, "--jobs 0: expected at least 1"),
         (["--out", str(tmp_path / "file" / "out")], 1, "cannot be made"),
     ):
@@ -109,6 +109,9 @@ def test_wrong_calls_of_it_are_told_as_of_any_study(tmp_path: Path, capsys: pyte
         assert main(["study", NAME, *arguments]) == status
         error = capsys.readouterr().err
         assert said in error and error.count("\n") == 1
+    with pytest.raises(SystemExit, match="2"):
+        main(["study", NAME, "--levels"])
+    assert f"stiction study {NAME}: --levels: a value is missing" in capsys.readouterr().err
     for name, said in (("nowhere.at.all:STUDY", "cannot be imported"), (f"{__name__}:MADE", "expected a Study")):
         assert main(["study", name]) == 1
         error = capsys.readouterr().err
