@@ -17,6 +17,11 @@ def escaped(text: str) -> str:
     return UNSAFE.sub(lambda found: json.dumps(found[0])[1:-1], text)
 
 
+def one_line(text: str) -> str:
+    """Return a text with every unprintable character written out, line breaks among them."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 class StictionError(Exception):
     """A failure that the user can act on: what came, what was expected, what to do, in one line.
 
@@ -26,7 +31,7 @@ class StictionError(Exception):
 
     def __init__(self, message: str) -> None:
         """Keep the message to one printable line."""
-        super().__init__("".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in message))
+        super().__init__(one_line(message))
 
 
 class ConfigurationError(StictionError):

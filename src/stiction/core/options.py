@@ -16,14 +16,14 @@ from typing import Any, NoReturn, TypeVar
 
 from stiction.core.decode import short, value_of
 from stiction.core.effects import check_effects
-from stiction.core.errors import ConfigurationError, closest, escaped, nearest
+from stiction.core.errors import ConfigurationError, closest, escaped, nearest, one_line
 from stiction.core.flags import NO_PATH, Entry, convert, default_of, entries, flag
 from stiction.core.help import Groups, help_text, named, sentence, settings_text, wanted
 
 Options = TypeVar("Options")
 
 Choice = Callable[[Mapping[str, Any]], Options]
-"""Choice of defaults by what is given: key, as of --set, -> value."""
+"""Function from what is given, values by the keys of --set, to the defaults of all else."""
 
 HELP, HELP_ALL = ("-h", "--help"), "--help-all"
 """Words that ask for help: with the options that people use, and with all of them."""
@@ -128,8 +128,7 @@ def read_given(
 def refuse(program: str, what: str) -> NoReturn:
     """Say in one line what is wrong with a command line, and end with status 2."""
     end = "" if what.endswith("?") else ";"
-    line = escaped(what).replace("\n", "\\n")
-    print(f"{program}: {line}{end} `{program} --help` shows the usage", file=sys.stderr)
+    print(f"{program}: {one_line(escaped(what))}{end} `{program} --help` shows the usage", file=sys.stderr)
     raise SystemExit(2)
 
 

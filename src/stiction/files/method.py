@@ -140,10 +140,10 @@ def installed_methods() -> list[Method]:
     One that fails to load is left out: who asks for it by name is told why, and nobody else is stopped by it.
     """
     found = []
-    for name in method_names():
+    for name in method_names()[len(OWN) :]:
         with suppress(ConfigurationError):
             found.append(find_method(name))
-    return [method for method in found if method.name not in OWN]
+    return found
 
 
 @cache

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, make_dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -91,8 +92,7 @@ def parse(arguments: list[str]) -> Train:
 def parse_given(arguments: list[str]) -> tuple[Train, TrainCfg, Given]:
     """Return the options, the configuration with which they began, and what was given. Raises as `parse`."""
     methods = {method.name: method.settings for method in installed_methods() if method.settings is not None}
-    groups = [(name, settings, field(default_factory=settings)) for name, settings in methods.items()]
-    kind: Any = make_dataclass("Train", groups, bases=(Train,), frozen=True, namespace={"__doc__": Train.__doc__})
+    kind = _options_with(tuple(methods.items()))
 
     def begin(given: Mapping[str, Any]) -> Train:
         """Return what the options begin with: preset, device, engine and method change the defaults of all else."""
@@ -105,6 +105,13 @@ def parse_given(arguments: list[str]) -> tuple[Train, TrainCfg, Given]:
         options = _with_settings(options, name, getattr(options, name))
     check_effects(options.config, base.config)
     return options, base.config, given
+
+
+@cache
+def _options_with(methods: tuple[tuple[str, type[Any]], ...]) -> Any:
+    """Return the class of the options with a group of settings for each method: one class, whose table is made once."""
+    groups = [(name, settings, field(default_factory=settings)) for name, settings in methods]
+    return make_dataclass("Train", groups, bases=(Train,), frozen=True, namespace={"__doc__": Train.__doc__})
 
 
 def _with_settings(options: Train, name: str, settings: Any) -> Train:

@@ -34,11 +34,6 @@ OF_METHOD = "method_settings"
 """Field of `TrainCfg` whose fields are named after the method on command lines."""
 
 
-def _with_defaults(cfg: TrainCfg) -> TrainCfg:
-    """Return a configuration with the default settings of its method."""
-    return replace(cfg, method_settings=None)
-
-
 def check_effects(cfg: TrainCfg, base: TrainCfg | None = None) -> None:
     """Refuse settings that were changed and have no effect.
 
@@ -51,7 +46,7 @@ def check_effects(cfg: TrainCfg, base: TrainCfg | None = None) -> None:
         for name in _leaves(cfg, place):
             value = attrgetter(name)(cfg)
             # The presets set none of a method's settings.
-            bases = (_with_defaults(cfg),) if name.startswith(f"{OF_METHOD}.") else unchanged
+            bases = (replace(cfg, method_settings=None),) if name.startswith(f"{OF_METHOD}.") else unchanged
             if all(value != attrgetter(name)(one) for one in bases):
                 raise ConfigurationError(f"{_typed(cfg, name, value)} has no effect{why}; leave it out")
 
