@@ -145,6 +145,10 @@ def read_results(path: Path) -> list[ResultRow]:
     return read_rows(path, ResultRow)
 
 
+INDENTED = 500_000
+"""Longest summary.json that is written with indentation [B]: it grows by half."""
+
+
 def write_summary(path: Path, summary: dict[str, Any]) -> None:
     """Write summary.json; a number that is not finite is refused by the encoder (`ValueError`)."""
     write_text(path, summary_text(summary))
@@ -163,8 +167,10 @@ def read_summary(path: Path) -> dict[str, Any]:
 
 
 def summary_text(summary: dict[str, Any]) -> str:
-    """Return the text of summary.json, schema version first."""
-    return json.dumps({"schema_version": SCHEMA_VERSION} | summary, indent=2, allow_nan=False) + "\n"
+    """Return the text of summary.json, schema version first; without indentation above `INDENTED`."""
+    versioned = {"schema_version": SCHEMA_VERSION} | summary
+    text = json.dumps(versioned, indent=2, allow_nan=False)
+    return (text if len(text) <= INDENTED else json.dumps(versioned, allow_nan=False)) + "\n"
 
 
 def read_metrics(path: Path) -> list[dict[str, Any]]:
