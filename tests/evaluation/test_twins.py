@@ -76,6 +76,15 @@ def test_robots_start_as_in_training() -> None:
     assert RESET_NOISE[0] == INITIAL_ANGLE
 
 
+def test_the_side_that_begins_is_one_on_the_robot() -> None:
+    """What training draws as 1 or -1 is constant where it is deployed, in every frame."""
+    layout = proprioception(18, first_side=True)
+    still = np.zeros((2, 18))
+    sensors = Sensors(np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)), np.zeros((2, 3)), still, still)
+    built = ObservationBuilder(layout, np.zeros(18), (2,)).step(sensors, np.zeros((2, 3)), still)
+    assert (built.reshape(2, 11, -1)[..., -1] == 1.0).all()
+
+
 @pytest.mark.parametrize("known", [None, np.array([0.1, 0.0, 0.3]), np.array([[0.1, 0.0, 0.3], [0.2, 0.4, 1.2]])])
 def test_both_twins_are_told_the_same_friction(known: np.ndarray | None) -> None:
     """By the contract, one number for all robots, or each robot its own; in every frame of the history."""

@@ -44,10 +44,15 @@ def mirrored_state(env: LocomotionEnv, mirror: RobotMirror) -> dict[str, Any]:
         buffers[name] = signed(buffers[name])
     buffers["air_time"] = buffers["air_time"][:, feet]
 
+    buffers["first_side"] = -buffers["first_side"]
+    buffers["mean_error"] = buffers["mean_error"] * torch.tensor([1.0, -1.0, -1.0])
+
     kinds = mirror_of_kinds(env)
     buffers["bench_error"] = buffers["bench_error"][:, kinds]
 
     state["history"] = mirrored_frames(state["history"], mirror, kinds)
+    if env.cfg.first_side:
+        state["history"][..., -1] *= -1
     if env.slow is not None:
         state["slow"]["sums"] = state["slow"]["sums"][..., joints]
     groups = env.spec.groups()

@@ -218,6 +218,19 @@ def test_one_worn_joint_is_answered_on_its_side(tmp_path: Path) -> None:
     assert (mirror.action(left) - left).abs().max() > 0.01
 
 
+def test_a_symmetric_policy_has_a_first_step_on_either_side(tmp_path: Path) -> None:
+    """In a pose that is its own mirror image: the same step on the other side, and none without the side."""
+    cfg = replace(CFG, task=replace(CFG.task, first_side=True))
+    runner = phase(tmp_path, "teacher", cfg)
+    mirror, actor = task_mirror(runner.env), runner.alg.actor
+    level = TensorDict({name: torch.zeros(2, v.shape[1]) for name, v in runner.env.get_observations().items()}, [2])
+    level["proprioception"][:, -1] = torch.tensor([1.0, -1.0])
+    with torch.no_grad():
+        left, right = actor(level)
+    torch.testing.assert_close(mirror.action(left), right, atol=1e-6, rtol=0)
+    assert (mirror.action(left) - left).abs().max() > 0.01
+
+
 @pytest.mark.parametrize("symmetry", ["half", "network"])
 def test_a_run_that_is_stopped_everywhere_is_the_same_run(tmp_path: Path, symmetry: str) -> None:
     """Which samples are mirrored, and that left and right have one standard deviation, survives a resume bit by bit."""

@@ -13,7 +13,7 @@ import numpy as np
 from stiction.core.errors import PolicyError
 from stiction.core.rotation import roll_pitch, up_in_frames
 from stiction.files.known_friction import TERM
-from stiction.files.observation import CLOCK_TERMS, PLACEHOLDERS, SLOW_TERMS, GaitClock, ObservationLayout
+from stiction.files.observation import CLOCK_TERMS, FIRST_SIDE, PLACEHOLDERS, SLOW_TERMS, GaitClock, ObservationLayout
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,7 @@ MEASURED: dict[str, Callable[[Sensors, np.ndarray, np.ndarray], np.ndarray]] = {
     "joint_position": lambda sensors, command, last_action: sensors.joint_position,
     "joint_velocity": lambda sensors, command, last_action: sensors.joint_velocity,
     "last_action": lambda sensors, command, last_action: last_action,
+    FIRST_SIDE: lambda sensors, command, last_action: np.ones((*command.shape[:-1], 1)),
 }
 """Term -> what it is of the sensors, the command and the last action."""
 

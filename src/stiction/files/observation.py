@@ -34,7 +34,7 @@ class Term:
     """Symmetric bound after scaling: one number, or one of each entry; `NO_CLIP` or more is none."""
     frame: str
     """`base` (x forward, y left, z up), `heading` (the same, but z up in the world), `joint`, `joint_size` (of joints,
-    the same where an axis points the other way), `kind` (of joint), `command`, `clock` or `none`."""
+    the same where an axis points the other way), `kind` (of joint), `side`, `command`, `clock` or `none`."""
     offset: str = "none"
     """What is subtracted before scaling: `none`, or `standing` for the standing pose."""
     history_length: int | None = None
@@ -65,6 +65,7 @@ TERM_NAMES = (
     "last_action",
     "placeholder_contact",
     "known_friction",
+    "first_side",
     "slow_error",
     "slow_speed",
     "slow_power",
@@ -78,11 +79,16 @@ TERM_NAMES = (
     "height_scan",
 )
 """The paper's o_prio, {ω, (φ, ψ), 0, com, 0, θ, θ', a_{t-1}, 0}, in its order; placeholders are always zero. Behind it
-what only some policies have: `known_friction`, f/τ_max of each kind of joint as somebody identified it [-]; slow means,
+what only some policies have: `known_friction`, f/τ_max of each kind of joint as somebody identified it [-];
+`first_side`, see `FIRST_SIDE`; slow means,
 see `SLOW_TERMS`; and what policies of others observe: the direction of gravity in the base's frame, (0, 0, -1) upright;
 the base's velocity in its own frame [m/s], which no sensor of a robot measures; the command in parts, forward and
 sideways [m/s] or turn [rad/s]; a gait clock, see `GaitClock`: `phase` is the sines of all phases and then their
 cosines; and heights, see `HeightScan`. The last action is the one after clipping."""
+
+FIRST_SIDE = "first_side"
+"""Which of two mirror images of a gait the robot walks: 1 or -1, drawn for every episode in training, 1 where it is
+deployed. A symmetric policy in a symmetric pose can begin with neither side; this input says which one begins."""
 
 SLOW_TERMS = ("slow_error", "slow_speed", "slow_power")
 """Means over the last second or so of |e| [rad], |θ'| [rad/s] and e θ' [rad²/s] of each joint, where e is how far its
@@ -107,6 +113,7 @@ FRAMES = {
     **dict.fromkeys(("command", "command_linear", "command_turn"), "command"),
     **dict.fromkeys(CLOCK_TERMS, "clock"),
     "height_scan": "heading",
+    FIRST_SIDE: "side",
     TERM: "kind",
 }
 """Term -> the frame that it is in."""
@@ -268,7 +275,7 @@ class ObservationLayout:
         num_joints, num_kinds: joints of the robot, and kinds of them.
         """
         sizes = {"angular_velocity": 3, "roll_pitch": 2, "command": 3, "projected_gravity": 3, TERM: num_kinds}
-        sizes |= {"base_linear_velocity": 3, "command_linear": 2, "command_turn": 1}
+        sizes |= {"base_linear_velocity": 3, "command_linear": 2, "command_turn": 1, FIRST_SIDE: 1}
         sizes |= dict.fromkeys(("joint_position", "joint_velocity", "last_action", *SLOW_TERMS), num_joints)
         if self.clock is not None:
             phases = len(self.clock.offsets)
@@ -296,7 +303,11 @@ class ObservationLayout:
 
 
 def proprioception(
-    num_joints: int, history_length: int = HISTORY_LENGTH, known_kinds: int = 0, slow_kept: float | None = None
+    num_joints: int,
+    history_length: int = HISTORY_LENGTH,
+    known_kinds: int = 0,
+    slow_kept: float | None = None,
+    first_side: bool = False,
 ) -> ObservationLayout:
     """Return the paper's layout for a robot with `num_joints` joints (65 entries a frame for 18 joints).
 
@@ -308,6 +319,7 @@ def proprioception(
         history_length: frames in o_H, the present one included.
         known_kinds: kinds of joints whose friction the policy observes; 0: none, as in the paper.
         slow_kept: see `ObservationLayout`; None: no slow means, as in the paper.
+        first_side: True if the policy is told which side begins, see `FIRST_SIDE`; the paper's is not.
 
     """
     terms: tuple[Term, ...] = (
@@ -323,6 +335,8 @@ def proprioception(
     )
     if known_kinds:
         terms += (Term(TERM, known_kinds, 5.0, 5.0, "kind"),)
+    if first_side:
+        terms += (Term(FIRST_SIDE, 1, 1.0, 1.0, "side"),)
     if slow_kept is not None:
         scales = zip(SLOW_TERMS, (4.0, 0.5, 2.0), strict=True)
         terms += tuple(Term(name, num_joints, scale, 5.0, "joint_size") for name, scale in scales)

@@ -81,6 +81,9 @@ class RandomizationCfg:
     """Delay between command and motor [s], in whole physics steps, one for all joints of a robot. Not in the paper."""
     encoder_offset: tuple[float, float] = (-0.02, 0.02)
     """Error of each joint's measured angle [rad]; the joint controller sees it too. Not in the paper's table."""
+    standing_start: float = 0.0
+    """Share of episodes that begin exactly in the standing pose and at rest, as a robot does; the others begin with an
+    error of every angle and velocity. Not in the paper."""
     known_friction: tuple[float, float] = (0.7, 1.3)
     """Multiplier of the friction that a policy is given (--task.known-friction), one a kind of joint: the error of
     its identification, and what it has changed since."""
@@ -90,6 +93,8 @@ class RandomizationCfg:
         positive = dict.fromkeys(("armature", "stiffness", "motor_strength", "contact_time"), 1e-3)
         free = dict.fromkeys(("payload", "center_of_mass", "encoder_offset"), float("-inf"))
         check_spans(self, positive | dict.fromkeys(NOT_NEGATIVE, 0.0) | free)
+        if not 0 <= self.standing_start <= 1:
+            raise ConfigurationError(f"standing_start is {self.standing_start}; expected a share, 0 to 1")
         if not (self.push_interval >= 0 and self.push_velocity >= 0):
             raise ConfigurationError(
                 f"push every {self.push_interval} s with {self.push_velocity} m/s: expected at least 0"
@@ -131,6 +136,10 @@ class NoiseCfg:
     """Of each joint [rad/s]."""
 
 
+SLOW = (0.15, 0.6)
+"""Range of the factor of slow commands [-]."""
+
+
 @dataclass(frozen=True)
 class CommandCfg:
     """Velocity commands in the base frame."""
@@ -143,6 +152,10 @@ class CommandCfg:
     """About z [rad/s]."""
     standing_share: float = 0.1
     """Share of commands that ask to stand."""
+    alone: float = 0.0
+    """Share of commands along one axis alone, each axis as often."""
+    slow: float = 0.0
+    """Share of commands that are multiplied by a factor, drawn from `SLOW`."""
     interval: float = 5.0
     """Time between new commands [s]."""
     moving_above: float = 0.1
@@ -151,10 +164,11 @@ class CommandCfg:
     def __post_init__(self) -> None:
         """Refuse ranges, shares and times that make no commands."""
         check_spans(self, dict.fromkeys(("forward", "sideways", "turn"), float("-inf")))
-        if not (0 <= self.standing_share <= 1 and self.interval > 0):
+        shares = {name: getattr(self, name) for name in ("standing_share", "alone", "slow")}
+        if not (all(0 <= share <= 1 for share in shares.values()) and self.interval > 0):
             raise ConfigurationError(
-                f"standing share {self.standing_share}, new commands every {self.interval} s: "
-                "expected a share in [0, 1] and a positive time"
+                f"commands with {', '.join(f'{name} {share}' for name, share in shares.items())}, new ones every "
+                f"{self.interval} s: expected shares in [0, 1] and a positive time"
             )
 
 
@@ -188,6 +202,9 @@ class TaskCfg:
     known_friction: Annotated[bool, FLAG] = False
     """Whether the policy is given f/τ_max of each kind of joint: in training that of the robot, with an error drawn for
     every episode (task.randomization.known_friction), on the robot what was identified (`export --joints`)."""
+    first_side: bool = False
+    """True if the policy is told which side begins: 1 or -1, drawn for every episode, and 1 on the robot. A symmetric
+    policy, as of --symmetry network, has no first step from a symmetric pose without it."""
     slow_means: Annotated[float | None, FLAG] = None
     """Time constant [s] of means, of products of target, angle and velocity, that tell each joint's dry friction where
     no frame does: 1, say. They are in every frame; by default there are none."""
@@ -242,7 +259,7 @@ class TaskCfg:
         """Return what a policy for a robot observes."""
         kinds = len(robot.joint_kinds) if self.known_friction else 0
         decay = None if self.slow_means is None else math.exp(-self.control_period / self.slow_means)
-        return proprioception(robot.num_joints, self.history, kinds, decay)
+        return proprioception(robot.num_joints, self.history, kinds, decay, self.first_side)
 
     @property
     def control_period(self) -> float:

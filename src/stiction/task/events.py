@@ -36,6 +36,9 @@ def place_robot(env: LocomotionEnv, which: torch.Tensor) -> None:
     num, (angle, speed) = len(which), RESET_NOISE
     offset, heading = angle * env.uniform(num, env.num_actions), np.pi * env.uniform(num, 1)[:, 0]
     velocity = speed * env.uniform(num, 6)
+    if share := env.cfg.randomization.standing_start:
+        exact = env.uniform(num, 1) < 2 * share - 1
+        offset, velocity = (torch.where(exact, 0.0, value) for value in (offset, velocity))
     if env.course:
         ids = which.numpy()
         difficulty, uniform, env.host.start, course = env.course.begin(ids)
@@ -57,10 +60,16 @@ def draw_bench_error(env: LocomotionEnv, which: torch.Tensor) -> None:
         put(env.bench_error, which, low + (high - low) * torch.rand(size, generator=env.generator, device=env.home))
 
 
+def draw_first_side(env: LocomotionEnv, which: torch.Tensor) -> None:
+    """Draw which side begins, where the policy is told."""
+    if env.cfg.first_side:
+        put(env.first_side, which, env.uniform(len(which), 1).sign())
+
+
 def forget(env: LocomotionEnv, which: torch.Tensor) -> None:
     """Forget the episode before."""
     env.unsync.reset(which)
-    for buffer in (env.episode_length_buf, env.last_action, env.last_velocity, env.air_time):
+    for buffer in (env.episode_length_buf, env.last_action, env.last_velocity, env.air_time, env.mean_error):
         put(buffer, which, 0)
 
 
@@ -69,7 +78,7 @@ def push(env: LocomotionEnv, which: torch.Tensor) -> None:
     env.robots.push(env.cfg.randomization.push_velocity * env.uniform(len(which), 2), which)
 
 
-RESET: tuple[Event, ...] = (draw_robot, place_robot, draw_command, draw_bench_error, forget)
+RESET: tuple[Event, ...] = (draw_robot, place_robot, draw_command, draw_bench_error, draw_first_side, forget)
 """Events at the begin of an episode, in their order."""
 
 INTERVALS: tuple[tuple[Event, Callable[[TaskCfg], float]], ...] = (

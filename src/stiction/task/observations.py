@@ -67,6 +67,11 @@ def known_friction(env: LocomotionEnv) -> torch.Tensor:
     return env.randomizer.unloaded_share() @ env.kind_average * env.bench_error
 
 
+def first_side(env: LocomotionEnv) -> torch.Tensor:
+    """1 or -1: the mirror image of the gait that begins."""
+    return env.first_side
+
+
 FRAME_TERMS: dict[str, ObservationTerm] = {
     "angular_velocity": angular_velocity,
     "roll_pitch": tilt,
@@ -75,6 +80,7 @@ FRAME_TERMS: dict[str, ObservationTerm] = {
     "command": command,
     "last_action": last_action,
     "known_friction": known_friction,
+    "first_side": first_side,
 }
 """Name in the layout -> term. What a sensor measures has noise: the field of that name of `NoiseCfg`."""
 

@@ -7,6 +7,7 @@ without is an error.
 
 * What has a direction in the base follows the reflection y -> -y: positions and velocities (x, -y, z), rates of turn
   (-x, y, -z), roll and pitch (-φ, ψ), commands (v_x, -v_y, -ω).
+* Which side begins is turned around.
 * Angles, velocities and actions of joints are exchanged with those of the mirror image, with its sign.
 * Means of |e|, |θ'| and e θ', and friction, rotor inertia and damping, are exchanged without sign. The last two are
   observed as multipliers of each joint's own nominal value: where that differs from its image's, the multiplier is
@@ -31,7 +32,7 @@ from tensordict import TensorDict
 from torch import nn
 
 from stiction.core.errors import ConfigurationError, RobotError
-from stiction.files.observation import PLACEHOLDERS, Term
+from stiction.files.observation import FIRST_SIDE, PLACEHOLDERS, Term
 from stiction.robots.mirror import POSITION, ROTATION, RobotMirror, mirrored_kinds, robot_mirror
 from stiction.robots.model import Robot
 from stiction.task.env import LocomotionEnv
@@ -176,6 +177,7 @@ def _term(term: Term, robot: Robot, mirror: RobotMirror) -> Rows:
         "angular_velocity": ROTATION,
         "roll_pitch": ROTATION[:2],
         "command": np.array([POSITION[0], POSITION[1], ROTATION[2]]),
+        FIRST_SIDE: np.array([-1.0]),
     }
     if term.name not in rules:
         raise ConfigurationError(

@@ -17,7 +17,7 @@ from stiction.exchange.policies.exporter import export_to
 from stiction.exchange.policies.importer import read_network, said_of
 from stiction.files.bundle import read_bundle
 from stiction.files.contract import Contract
-from stiction.files.observation import FRAMES, ObservationLayout, Term
+from stiction.files.observation import FRAMES, ObservationLayout, Term, proprioception
 from stiction.robots.catalog import find_robot
 
 
@@ -84,8 +84,8 @@ def test_a_policy_comes_back_as_it_went(to: str, layout: ObservationLayout, tmp_
 
 @pytest.mark.parametrize("to", ["deploy.yaml", "mjlab"])
 def test_our_own_policies_go_out_with_an_adapter(to: str, tmp_path: Path) -> None:
-    """Roll and pitch, placeholders and eleven whole frames, which none of the targets has, are made in the network."""
-    made = contract()
+    """Roll and pitch, placeholders, the side that begins and eleven whole frames are made in the network."""
+    made = contract(proprioception(12, first_side=True))
     bundle = read_bundle(make_bundle(tmp_path / "bundle", made))
     done = export_to(tmp_path / "bundle", tmp_path / "out", to)
     assert any("cannot say the term roll_pitch" in note for note in done.notes)

@@ -25,7 +25,7 @@ from stiction.exchange.policies.description import UNBOUNDED
 from stiction.exchange.policies.onnx_file import constant
 from stiction.files.contract import Contract
 from stiction.files.known_friction import TERM
-from stiction.files.observation import FRAMES, NO_CLIP, PLACEHOLDERS, SLOW_TERMS, ObservationLayout, Term
+from stiction.files.observation import FIRST_SIDE, FRAMES, NO_CLIP, PLACEHOLDERS, SLOW_TERMS, ObservationLayout, Term
 
 PLAIN = {
     "angular_velocity": "angular_velocity",
@@ -143,6 +143,8 @@ def _source(
     """
     if term.name in PLACEHOLDERS:
         return None, 0.0
+    if term.name == FIRST_SIDE:
+        return None, 1.0
     if term.name == TERM:
         known = contract.known_friction_array
         return None, 0.0 if known is None else float(known[entry])
