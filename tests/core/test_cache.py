@@ -14,8 +14,6 @@ import pytest
 from stiction.core import cache
 from stiction.core.cache import (
     Ledger,
-    cached,
-    entry_file,
     has_entry,
     key_of,
     publish,
@@ -24,6 +22,7 @@ from stiction.core.cache import (
     sealed,
 )
 from stiction.core.errors import FileError
+from stiction_experiments.lab.files import cached, entry_file
 
 CODE = "core/cache.py"
 

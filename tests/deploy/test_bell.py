@@ -2,7 +2,7 @@
 
 import select
 
-from stiction.deploy.transports.bell import Bell
+from stiction.deploy.transports.link import Bell
 
 
 def test_nobody_waits_for_a_bell_that_nobody_hears() -> None:

@@ -87,7 +87,7 @@ def test_rows_of_the_most_joints_are_not_cut(tmp_path: Path) -> None:
     readings = row_layout(256, 6)
     write_run_header(tmp_path, HEADERS["walk"])
     ours, theirs = socket_pair()
-    rows = Rows(Channel(ours, readings), readings, STEPS)
+    rows = Rows(Channel(ours, readings), readings)
     for number in range(20):
         rows.reading(float(number), {})
     rows.end()
@@ -102,7 +102,7 @@ def test_a_read_only_folder_ends_the_logger_in_one_line(tmp_path: Path) -> None:
     """The logger ends in a traceback, of which the run says nothing."""
     write_run_header(tmp_path, HEADERS["walk"])
     ours, theirs = socket_pair()
-    rows = Rows(Channel(ours, READINGS), READINGS, STEPS)
+    rows = Rows(Channel(ours, READINGS), READINGS)
     rows.reading(1.0, {"stage": 2.0})
     rows.end()
     with read_only(tmp_path), pytest.raises(UnwrittenError, match="Permission denied"):
@@ -117,7 +117,7 @@ def test_a_disk_that_hangs_holds_up_neither_the_run_nor_its_end(monkeypatch: pyt
     monkeypatch.setattr(processes, "WRITING_SECONDS", 0.05)
     ours, theirs = socket_pair()
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        logger = Logger(Rows(Channel(ours, READINGS), READINGS, STEPS), process)
+        logger = Logger(Rows(Channel(ours, READINGS), READINGS), process)
         for number in range(20_000):
             logger.rows.reading(float(number), {})
         assert not logger.ended_now() and logger.rows.lost > 0

@@ -13,8 +13,7 @@ from bundles import make_contract
 from stiction.core.errors import ConfigurationError, PolicyError
 from stiction.core.rotation import about, product
 from stiction.deploy.observation import Sensors
-from stiction.deploy.plausibility import RULES, ReadingGuard, compare_drive
-from stiction.deploy.violation import Violation
+from stiction.deploy.plausibility import RULES, ReadingGuard, Violation, compare_drive
 from stiction.files.contract import Contract
 from stiction.task.config import CommandCfg
 

@@ -17,8 +17,7 @@ from bundles import make_contract
 from stiction.core.errors import ConfigurationError, RobotError
 from stiction.deploy.control import JointCommand
 from stiction.deploy.transports.link import Peers
-from stiction.deploy.transports.ros2 import IMU_TOPIC, STATE_TOPIC, Ros2Link, ros2_link
-from stiction.deploy.transports.ros_messages import joint_vectors, read_command
+from stiction.deploy.transports.ros2 import IMU_TOPIC, STATE_TOPIC, Ros2Link, joint_vectors, read_command, ros2_link
 from stiction.identification.logs.opening import open_log
 
 CONTRACT = make_contract()

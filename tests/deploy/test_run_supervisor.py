@@ -10,11 +10,11 @@ import pytest
 from deployed import CONTRACT, JOINTS, PERIOD, SHORT, STANDING, Run, state
 from stiction.core.errors import ConfigurationError
 from stiction.deploy.control import RANGE, SLEW, TORQUE
+from stiction.deploy.plausibility import Violation
 from stiction.deploy.runtime.config import SupervisorCfg
 from stiction.deploy.runtime.report import Timing, end_line
 from stiction.deploy.runtime.supervisor import REST_SECONDS, Stage, Stop, Supervisor
 from stiction.deploy.transports.link import Peers
-from stiction.deploy.violation import Violation
 from stiction.files.contract_rules import TARGET_LIMITS
 from stiction.joints.compensation import BY_SPEED
 
@@ -326,7 +326,10 @@ def test_a_policy_that_asks_for_no_number_or_fails_stops() -> None:
     assert (stop.violation.rule, stop.violation.joint) == ("target not finite", CONTRACT.joint_names[4])
     assert all(np.isfinite(out.command.target).all() for out in run.frames())  # type: ignore[union-attr]
     run = Run().until(Stage.RUN)
-    assert run.supervisor.policy_failed("policy gone", "its process ended with status -9", run.now) is not None
+    assert (
+        run.supervisor.stop(Violation("policy gone", None, np.nan, np.nan), run.now, "its process ended with status -9")
+        is not None
+    )
     assert run.supervisor.stop_record.sentence() == "policy gone: its process ended with status -9"  # type: ignore[union-attr]
 
 

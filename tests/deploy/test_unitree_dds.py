@@ -18,7 +18,7 @@ import pytest
 from bundles import make_bundle, make_contract
 from stiction.cli.main import main
 from stiction.core.errors import ConfigurationError
-from stiction.deploy.transports.dds import DdsBus, check_interface, domain_settings, wire_type
+from stiction.deploy.transports.dds import DdsBus, domain_settings, wire_type
 from stiction.deploy.transports.link import Peers
 from stiction.files.unitree import GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE, STRUCTURES, Structure
 from stiction.robots.catalog import find_robot
@@ -213,6 +213,6 @@ def test_only_the_named_interface_is_used(domain: int, monkeypatch: pytest.Monke
     assert bus.receive() == [] and not bus.foreign()
     bus.close()
     with pytest.raises(ConfigurationError, match=r"'lo<x/>'.*it has .*lo"):
-        check_interface("lo<x/>")
+        DdsBus("lo<x/>", GO_STATE, GO_COMMAND, domain)
     with pytest.raises(ConfigurationError, match="--domain: got 233, expected 0 to 232"):
         DdsBus("lo", GO_STATE, GO_COMMAND, 233)

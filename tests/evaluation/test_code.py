@@ -28,7 +28,6 @@ READING = {
     "core/decode.py",
     *(f"files/{name}.py" for name in ("joints", "log", "plain", "results", "signature", "tables")),
     *(
-        "deploy/silent.py",
         "core/extras.py",
         "core/flags.py",
         "core/yaml_files.py",

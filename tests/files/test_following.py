@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 
 from stiction.files.following import BAND, DEFINITION, NOT_KNOWN, following, pace, paces, row_pace, stalled
-from stiction.files.results import ResultRow, ends_of, row_of
+from stiction.files.results import ResultRow, ends_of
+from stiction_experiments.lab.files import row_of
 
 ROW = ResultRow(
     *("p", "none", 0, "mujoco", "coulomb", 0.1, "flat", "vx=0.5"), *(1.0, 0.1, 0.0, 4.0, None, 1.0, 20.0, 0.8, 0.0, 8)

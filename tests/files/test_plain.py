@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from stiction.core.decode import is_number
 from stiction.core.errors import BundleError, FileError
-from stiction.files.plain import is_number, object_text, read_object, take_version, write_object
+from stiction.files.plain import object_text, read_object, take_version, write_object
 
 
 @pytest.mark.parametrize(

@@ -60,11 +60,11 @@ def folder(tmp_path: Path) -> Path:
     """Return a log of 1000 readings, the first 100 of standing up, and 90 steps, written by the logger itself."""
     write_run_header(tmp_path, HEADER)
     ours, theirs = socket_pair()
-    rows = Rows(Channel(ours, ROWS), ROWS, STEPS)
+    rows = Rows(Channel(ours, ROWS), ROWS)
     for number in range(1000):
         rows.reading(100.0 + 0.002 * number, logged(number, Stage.STAND if number < 100 else Stage.RUN))
         if number % 10 == 0 and number >= 100:
-            rows.step(STEPS.pack(number, 100.0 + 0.002 * number, {"target": STANDING, "mode": 1.0}))
+            rows.send(STEPS.pack(number, 100.0 + 0.002 * number, {"target": STANDING, "mode": 1.0}))
     rows.end()
     record(tmp_path, theirs, ROWS, STEPS, 10_000)
     assert rows.lost == 0

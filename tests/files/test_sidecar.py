@@ -57,7 +57,7 @@ def test_what_is_written_is_read_again() -> None:
         ({"begin": 3}, "x.json: unknown field 'begin': write 'from'"),
         ({"joints": {"calf": {"kP": 3}}}, "x.json: joint 'calf': unknown field 'kP'; did you mean 'kp'. known: kp, kd"),
         ({"joints": {"calf": {"from": 3}}}, "x.json: joint 'calf': from is of the whole log"),
-        ({"axis": {}}, "expected text"),
+        ({"axis": {}}, "expected rotary, linear"),
     ],
 )
 def test_a_bad_field_is_named(data: dict, said: str) -> None:

@@ -10,7 +10,8 @@ import numpy as np
 from bundles import make_contract
 from stiction.deploy.observation import Sensors
 from stiction.deploy.runtime.config import SupervisorCfg
-from stiction.deploy.runtime.supervisor import Out, Source, Stage, Stop, Supervisor
+from stiction.deploy.runtime.motion import Motion
+from stiction.deploy.runtime.supervisor import Out, Stage, Stop, Supervisor
 from stiction.deploy.transports.link import RobotState
 
 CONTRACT = make_contract()
@@ -58,7 +59,7 @@ class Run:
     """One run in numbers: time passes by readings of 2 ms, and the policy answers at every tenth."""
 
     cfg: SupervisorCfg = SHORT
-    source: Source | None = None
+    source: Motion | None = None
     target: np.ndarray = field(default_factory=lambda: STANDING + 0.05)
     """What the policy asks for."""
     perfect: bool = True

@@ -113,5 +113,5 @@ def test_impossible_numbers_are_refused() -> None:
     """Negative friction in the middle, and a curvature that is no number."""
     with pytest.raises(StictionError, match=r"Coulomb friction -0\.1"):
         PositionDependent(-0.1, 0.0, 0.0)
-    with pytest.raises(StictionError, match="expected finite numbers"):
+    with pytest.raises(StictionError, match="expected a finite number"):
         PositionDependent(0.1, 0.0, float("nan"))

@@ -21,8 +21,8 @@ from stiction.files.design import (
     load_design,
     percent,
     read_signals,
-    write_signals,
 )
+from stiction.files.tables import write_arrays
 from stiction.report.excitation import write_excitation_page
 
 DESIGN = ExcitationDesign(
@@ -64,7 +64,7 @@ def results(folder: Path, record: ExcitationDesign = DESIGN) -> None:
     """Write what the page is drawn from."""
     time = np.arange(1001) / 100.0
     wave = 0.5 * np.sin(time)
-    write_signals(folder / "design.npz", DesignSignals(time, *[wave] * 10))
+    write_arrays(folder / "design.npz", DesignSignals(time, *[wave] * 10))
     (folder / "design.json").write_text(json.dumps(record.to_dict()))
 
 

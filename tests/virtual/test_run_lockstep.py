@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from stiction.core.errors import ConfigurationError
+from stiction.deploy.plausibility import Violation
 from stiction.deploy.policy import load_policy
 from stiction.deploy.runtime.config import SupervisorCfg
 from stiction.deploy.runtime.supervisor import Stage, Supervisor
 from stiction.deploy.transports.udp import LOOPBACK, UdpLink
-from stiction.deploy.violation import Violation
 from stiction.files.bundle import find_bundle, read_bundle
 from stiction.robots.catalog import find_robot
 from stiction.virtual.faults import ASK, FAULTS, OF_ROBOT, parse_fault

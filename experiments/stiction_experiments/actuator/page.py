@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from stiction.files.results import ResultRow, row_of
+from stiction.files.results import ResultRow
 from stiction.report.following import shade_following
 from stiction.report.page import Section, figure_uri, fold, legend, mark_look, new_figure, paragraph, picture, table
 from stiction_experiments.actuator.config import VARIANTS
 from stiction_experiments.actuator.robots import FACTORS, FRICTION_FACTORS
+from stiction_experiments.lab.files import row_of
 from stiction_experiments.lab.study import Report
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from stiction.core.statistics import conformal_bound, t_interval
+from stiction.core.statistics import t_interval
 from stiction.deploy.wear import Moments
 from stiction.evaluation.evaluate import Evaluation, EvaluationCfg
 from stiction.evaluation.trained import LATENTS, walk_run
@@ -25,6 +25,7 @@ from stiction_experiments.adaptation.probes import (
     mean_interval,
     windows,
 )
+from stiction_experiments.lab.statistics import conformal_bound
 
 WINDOW = 500
 """Control steps of a window: 10 s at 50 Hz, two commands or more."""

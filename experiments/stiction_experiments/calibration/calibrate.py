@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from stiction.core.cache import cached, key_of
+from stiction.core.cache import key_of
 from stiction.core.provenance import seed_streams
 from stiction.core.records import column
-from stiction.core.statistics import CONFIDENCE, conformal_bound, wilson
+from stiction.core.statistics import CONFIDENCE, wilson
 from stiction.deploy.check import check_bundle
 from stiction.deploy.wear import Moments, is_unusual, raw_estimate
 from stiction.engines.catalog import binaries, make_engine
@@ -23,6 +23,8 @@ from stiction.files.wear import WearCalibration, WearModel
 from stiction.virtual.cases import Case, Level
 from stiction.virtual.hidden import draw
 from stiction.virtual.trial import World, walk
+from stiction_experiments.lab.files import cached
+from stiction_experiments.lab.statistics import conformal_bound
 
 SLOWEST, FASTEST = 0.3, 0.6
 """Commanded speeds, forward and backward, another one in every window [m/s]."""

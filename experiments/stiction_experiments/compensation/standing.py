@@ -90,7 +90,7 @@ def stand(
     for _ in range(round(SECONDS / world.period)):
         seen = port.read().sensors
         angle, speed = seen.joint_position, seen.joint_velocity
-        port.exchange(JointCommand.against_friction(target, kp, kd, angle, speed, by_computer))
+        port.exchange(JointCommand.position(target, kp, kd).against_friction(angle, speed, by_computer))
         truth = robot.ground_truth()
         speeds.append(truth.motion.joint_velocity)
         torques.append(truth.torque)

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from stiction.core.cache import cached, key_of
+from stiction.core.cache import key_of
 from stiction.core.decode import from_plain
 from stiction.core.errors import ConfigurationError
 from stiction.core.parallel import spread
-from stiction.core.statistics import ratio_interval, t_interval, wilson
+from stiction.core.statistics import t_interval, wilson
 from stiction.engines.catalog import TIMESTEP, binaries, make_engine
 from stiction.evaluation.code import WALK_CODE
 from stiction.evaluation.evaluate import EvaluationCfg, evaluate_bundle
@@ -31,6 +31,8 @@ from stiction.task.config import NoiseCfg
 from stiction.virtual.cases import DataSheet
 from stiction.virtual.trial import World
 from stiction_experiments.engines.conformance.rig import Make
+from stiction_experiments.lab.files import cached
+from stiction_experiments.lab.statistics import ratio_interval
 
 TRAINING, FINE_TRAINING = "training", "training (1 ms)"
 """The simulator that policies were trained in, many robots at once, their controllers part of the engine: at its own

@@ -14,10 +14,11 @@ from dataclasses import replace
 from pathlib import Path
 from statistics import fmean
 
-from stiction.files.advice import TRAINING, CommandCount, read_advice, write_source
-from stiction.files.command_following import COMMAND_SET, CommandVerdict, judge_row, worst_command
+from stiction.files.advice import TRAINING, CommandCount, read_advice
 from stiction.files.results import ResultRow, read_results, read_summary, write_results
 from stiction.files.velocity import parse_command
+from stiction_experiments.lab.command_following import COMMAND_SET, CommandVerdict, judge_row, worst_command
+from stiction_experiments.lab.files import write_source
 
 Place = tuple[str, str]
 """Training method and engine."""

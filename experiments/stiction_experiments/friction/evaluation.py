@@ -13,7 +13,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from stiction.core.cache import cached, entry_file, key_of
+from stiction.core.cache import key_of
 from stiction.core.errors import ConfigurationError, StictionError, TrainingError
 from stiction.core.files import digest_of
 from stiction.core.parallel import spread
@@ -31,6 +31,7 @@ from stiction_experiments.friction.evidence import TrainingEvidence, at
 from stiction_experiments.friction.manifest import LEVEL, condition_of
 from stiction_experiments.friction.planned import PlannedRun
 from stiction_experiments.friction.records import STUDENT, Collapse, CurvePoint, Onset
+from stiction_experiments.lab.files import cached, entry_file
 from stiction_experiments.methods import CODE
 
 Who = Literal["teacher", "student"]

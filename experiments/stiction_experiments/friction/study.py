@@ -136,9 +136,10 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
 
 def report_of(options: FrictionOptions, experiment: Experiment, further: Callable[[], None] = lambda: None) -> Report:
     """Return the report of the experiment; with it its part of the advice is written if asked for, then `further`."""
-    from stiction.files.advice import TRAINING, write_source
+    from stiction.files.advice import TRAINING
     from stiction_experiments.friction.assemble import read_elsewhere, source_of
     from stiction_experiments.friction.page import report
+    from stiction_experiments.lab.files import write_source
 
     source = None
     if options.advice is not None:

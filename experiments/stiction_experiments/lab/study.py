@@ -23,7 +23,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from stiction.core.cache import cached, key_of
+from stiction.core.cache import key_of
 from stiction.core.errors import FileError
 from stiction.core.files import write_text
 from stiction.core.lock import output_folder
@@ -35,6 +35,7 @@ from stiction.files.settings import results_folder
 from stiction.report.terminal import Terminal, jobs_of, print_warnings, work_progress
 from stiction_experiments import CODE, PACKAGE
 from stiction_experiments.lab.cluster import use_cluster
+from stiction_experiments.lab.files import cached
 
 if TYPE_CHECKING:
     from markupsafe import Markup

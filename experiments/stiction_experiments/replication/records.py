@@ -13,8 +13,9 @@ from stiction.evaluation.methods import MethodCell
 from stiction.evaluation.table import Sample
 from stiction.files.advice import SHARES
 from stiction.files.following import Following
-from stiction.files.results import ResultRow, row_of
+from stiction.files.results import ResultRow
 from stiction_experiments.lab.claims import Verdict
+from stiction_experiments.lab.files import row_of
 
 SUMMARY = "summary.json"
 """Name of the file that has all rows."""

@@ -97,9 +97,10 @@ def run(options: ReplicateOptions, work: Work) -> Report | int:
     if options.plan:
         print_plan(options.runs)
         return 0
-    from stiction.files.advice import TRANSFER, write_source
+    from stiction.files.advice import TRANSFER
     from stiction.learning.identity import unrecorded_note
     from stiction.robots.catalog import find_robot
+    from stiction_experiments.lab.files import write_source
     from stiction_experiments.replication.clips import render
     from stiction_experiments.replication.page import report, warnings
     from stiction_experiments.replication.plan import parts_of

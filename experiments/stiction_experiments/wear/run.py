@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from stiction.core.cache import cached, key_of
+from stiction.core.cache import key_of
 from stiction.core.errors import ConfigurationError, check_once
 from stiction.core.parallel import spread
 from stiction.deploy.check import check_for_simulation
@@ -28,6 +28,7 @@ from stiction.files.velocity import parse_command
 from stiction.virtual.cases import Case, parse_level, parse_levels, reported
 from stiction.virtual.robot import Wear
 from stiction.virtual.trial import World, walk
+from stiction_experiments.lab.files import cached
 from stiction_experiments.wear.lifetimes import Lifetime, Reading, Seen, Window, judge_robot, monitor_readings, speeds
 
 WEARING = (*WALK_CODE, "files/wear.py", "stiction_experiments:wear/run.py", "stiction_experiments:wear/lifetimes.py")

@@ -14,9 +14,10 @@ from stiction.api.options import options_of, public
 from stiction.api.result import Progress, Result, html_table, silent
 from stiction.core.errors import ConfigurationError, RobotError, unknown_name
 from stiction.core.records import header, texts
-from stiction.files.design import ExcitationDesign, Predicted, percent, write_signals
+from stiction.files.design import ExcitationDesign, Predicted, percent
 from stiction.files.log import Log, write_log
 from stiction.files.plain import write_object
+from stiction.files.tables import write_arrays
 from stiction.identification.excite.plan import Excitation, design_excitation
 from stiction.identification.excite.setup import ExciteSetup
 from stiction.robots.model import Joint
@@ -93,7 +94,7 @@ class Designed(Result):
         from stiction.report.excitation import write_excitation_page
 
         write_log(folder / "trajectory.csv", self.trajectory)
-        write_signals(folder / "design.npz", self.excitation.signals)
+        write_arrays(folder / "design.npz", self.excitation.signals)
         write_object(folder / "design.json", self.to_dict())
         write_excitation_page(folder)
 

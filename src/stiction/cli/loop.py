@@ -13,12 +13,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from stiction.core.decode import is_number
 from stiction.core.errors import FileError, StictionError
 from stiction.core.files import write_text
 from stiction.core.records import column, header, texts
 from stiction.deploy.runtime.ticker import BUSY, LATE, QUIET
 from stiction.files.joints import load_joints
-from stiction.files.plain import is_number, read_object
+from stiction.files.plain import read_object
 
 
 @dataclass(frozen=True)

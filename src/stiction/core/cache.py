@@ -10,13 +10,13 @@ import hashlib
 import json
 import os
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from stiction.core.errors import FileError
-from stiction.core.files import digest_of, open_regular, publish, read_bounded, unwritten, write_text
+from stiction.core.files import digest_of, open_text, publish, read_bounded, unwritten
 from stiction.core.provenance import fingerprint
 
 ENTRY = "entry.json"
@@ -34,40 +34,19 @@ def key_of(inputs: Any, *code: str) -> str:
     return hashlib.sha256(json.dumps(everything, sort_keys=True, default=repr).encode()).hexdigest()
 
 
-def entry_file(folder: Path, name: str, key: str, suffix: str) -> Path:
-    """Return the file of an entry: a readable `name` and the first twelve digits of its key."""
-    return folder / f"{name}-{key[:12]}{suffix}"
-
-
-def cached(folder: Path, name: str, key: str, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """Return the entry of a key from its JSON file (see `entry_file`), written from `make` where there is none.
-
-    Raises `FileError` where the file cannot be written; and whatever `make` raises.
-    """
-    file = entry_file(folder, name, key, ".json")
-    found = opened(_read(file))
-    if found is not None:
-        return found
-    text = json.dumps(sealed(make()), allow_nan=False)
-    write_text(file, text)
-    # What was written and not what was made: tuples are lists, and keys text, the first time as ever after.
-    return {name: value for name, value in json.loads(text).items() if name != DIGEST}
-
-
 def read_entry(file: Path, key: str) -> dict[str, Any] | None:
     """Return the `sealed` JSON object in a file that names its own `key`; None where it is another's, or altered."""
-    found = opened(_read(file))
+    found = read_sealed(file)
     return found if found is not None and found.get("key") == key else None
 
 
-def _read(file: Path) -> dict[str, Any] | None:
-    """Return the JSON object in a file; None where there is none."""
+def read_sealed(file: Path) -> dict[str, Any] | None:
+    """Return the `sealed` JSON object in a file; None where there is none, or it was altered."""
     try:
-        found = json.loads(read_bounded(file, "an entry", FileError, LARGEST))
+        return opened(json.loads(read_bounded(file, "an entry", FileError, LARGEST)))
     # Brackets within brackets without end are a RecursionError, from the reader of JSON itself.
     except (FileError, ValueError, RecursionError):
         return None
-    return found if isinstance(found, dict) else None
 
 
 def has_entry(folder: Path, key: str) -> bool:
@@ -100,7 +79,6 @@ def publish_entry(folder: Path, key: str, label: str) -> Iterator[Path]:
 
 
 DIGEST = "entry_sha256"
-"""Field of an entry that holds its digest."""
 
 
 def sealed(entry: dict[str, Any]) -> dict[str, Any]:
@@ -135,8 +113,8 @@ class Ledger:
         try:
             text = ""
             if path.exists():
-                with open_regular(path) as file:
-                    text = file.read().decode("utf-8")
+                with open_text(path) as file:
+                    text = file.read()
         except (OSError, UnicodeDecodeError) as error:
             raise FileError(f"{path} cannot be read: {error}; move it away, or give another --out") from error
         whole = text[: text.rfind("\n") + 1]
@@ -189,4 +167,3 @@ LARGEST = 2**28
 """Bytes of an entry that are read."""
 
 MOST_LINES = 5
-"""Lines of a ledger that a warning names."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 from collections.abc import Collection, Mapping
 from functools import cache
 from pathlib import Path
@@ -74,7 +75,8 @@ def value_of(kind: Any, value: Any, where: str, error: type[StictionError]) -> A
         return {name: value_of(inner[1], entry, f"{where}: {name}", error) for name, entry in value.items()}
     if origin is Literal:
         if not isinstance(value, str) or value not in inner:
-            raise error(f"{where} is {short(value)!r}; expected {', '.join(map(str, inner))}")
+            near = nearest(value, inner) if isinstance(value, str) else ""
+            raise error(f"{where} is {short(value)!r}; expected {', '.join(map(str, inner))}{near}")
         return value
     if kind is Path and isinstance(value, str) and value:
         return Path(value)
@@ -90,7 +92,6 @@ def value_of(kind: Any, value: Any, where: str, error: type[StictionError]) -> A
 
 
 def _tuple(inner: tuple[Any, ...], value: Any, where: str, error: type[StictionError]) -> tuple[Any, ...]:
-    """Return a list as a tuple of declared entries."""
     endless = inner[-1] is Ellipsis
     if not isinstance(value, list | tuple) or not (endless or len(value) == len(inner)):
         raise error(f"{where} is {short(value)}; expected a list{'' if endless else f' of {len(inner)}'}")
@@ -114,3 +115,18 @@ def short(value: Any) -> str:
     """Return the beginning of a value as text, for messages."""
     # An integer of thousands of digits has no text.
     return "a huge integer" if isinstance(value, int) and abs(value) >= LARGEST else str(value)[:60]
+
+
+def is_number(value: object, largest: float = sys.float_info.max) -> bool:
+    """Return whether a value is a number between plus and minus `largest`, and not a bool; JSON's may be endless."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and -largest < value < largest
+
+
+def is_integer(value: object) -> bool:
+    """Return whether a value is a whole number, and not a bool."""
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def is_text(value: object) -> bool:
+    """Return whether a value is a text that is not blank."""
+    return isinstance(value, str) and bool(value.strip())

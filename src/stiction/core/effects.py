@@ -28,7 +28,6 @@ class Need:
     met: Callable[[Any], bool] | None
     """Condition on the options of the verb; by default the option is set, or has one of the values."""
     part: str
-    """Nested option that has the requirement; by default all of them."""
 
 
 def needs(text: str, met: Callable[[Any], bool] | None = None, part: str = "") -> dict[str, Any]:
@@ -71,12 +70,10 @@ def check_effects(options: Any, defaults: Any = None) -> None:
 
 
 def _within(flag: str, group: str) -> bool:
-    """Return whether a flag is another one, or nested in it."""
     return flag == group or flag.startswith(f"{group}.")
 
 
 def _is_met(options: Any, text: str, changed: dict[str, str]) -> bool:
-    """Return whether a required option is set, or has one of the values named."""
     flag, _, values = text.partition(" ")
     if not values:
         return flag in changed
@@ -84,7 +81,6 @@ def _is_met(options: Any, text: str, changed: dict[str, str]) -> bool:
 
 
 def _typed(options: Any, path: str) -> str:
-    """Return an option as it is typed: a flag, an argument in capitals, or a setting."""
     return next((entry.typed for entry in entries(type(options)) if entry.path == path), flag_of(path))
 
 

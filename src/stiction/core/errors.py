@@ -30,7 +30,6 @@ class StictionError(Exception):
     """
 
     def __init__(self, message: str) -> None:
-        """Keep the message to one printable line."""
         super().__init__(one_line(message))
 
 

@@ -73,11 +73,7 @@ def remedy(extra: str) -> str:
 
 def installed_by() -> str:
     """Return the program that installed the package: `pip`, which is also said where nobody knows, or `uv`."""
-    try:
-        noted = metadata.distribution("stiction").read_text("INSTALLER") or ""
-    except metadata.PackageNotFoundError:
-        noted = ""
-    return "uv" if noted.strip() == "uv" else "pip"
+    return "uv" if (_noted("INSTALLER") or "").strip() == "uv" else "pip"
 
 
 def installed_from() -> dict[str, Any] | None:
@@ -85,15 +81,21 @@ def installed_from() -> dict[str, Any] | None:
 
     None where it came by name, from an index; empty where no installer put it there.
     """
+    noted = _noted("direct_url.json")
+    if noted is None:
+        return None if _noted("INSTALLER") else {}
     try:
-        installed = metadata.distribution("stiction")
-        noted, installer = installed.read_text("direct_url.json"), installed.read_text("INSTALLER")
-        if noted is None:
-            return None if installer else {}
         found = json.loads(noted)
-    except (metadata.PackageNotFoundError, ValueError):
+    except ValueError:
         return {}
     return found if isinstance(found, dict) else {}
+
+
+def _noted(file: str) -> str | None:
+    try:
+        return metadata.distribution("stiction").read_text(file)
+    except metadata.PackageNotFoundError:
+        return None
 
 
 def install_command(extra: str, origin: dict[str, Any] | None, installer: str = "pip", part: str = "") -> str:

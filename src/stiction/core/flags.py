@@ -37,16 +37,9 @@ class Form:
     help: str = ""
     """Meaning; by default the docstring of the field."""
     choices: Callable[[], Sequence[str]] | None = None
-    """Return the words that a field of text takes."""
 
 
-FLAG, ARGUMENT, SETTING, FLAT, FIXED = (
-    Form("flag"),
-    Form("argument"),
-    Form("setting"),
-    Form("flat"),
-    Form("fixed"),
-)
+FLAG, ARGUMENT, SETTING, FLAT, FIXED = (Form("flag"), Form("argument"), Form("setting"), Form("flat"), Form("fixed"))
 
 
 def flag(name: str = "", help: str = "", choices: Callable[[], Sequence[str]] | None = None) -> Form:
@@ -66,9 +59,7 @@ class Entry:
     """`--seconds` of a flag, `BUNDLE` of an argument, empty for a setting."""
     form: Form
     kind: Any
-    """Declared type."""
     owner: type
-    """Dataclass that declares it."""
     default: Any
     """Value unless given; `MISSING` for a required field."""
 
@@ -134,7 +125,6 @@ def default_of(field: Field[Any]) -> Any:
 
 @cache
 def _hints(kind: type) -> dict[str, Any]:
-    """Return the declared types of a dataclass, with their forms."""
     return get_type_hints(kind, include_extras=True)
 
 
@@ -181,7 +171,6 @@ def documentation(kind: type) -> dict[str, str]:
 
 @cache
 def _classes(module: str) -> dict[str, list[ast.stmt]]:
-    """Return the bodies of a module's classes."""
     try:
         tree = ast.parse(inspect.getsource(sys.modules[module]))
     except (OSError, KeyError, TypeError):
@@ -209,7 +198,6 @@ def convert(entry: Entry, words: Sequence[str]) -> Any:
 
 
 def _scalar(kind: Any, word: str) -> Any:
-    """Return a word as one of a kind."""
     if kind is Path and not word:
         raise ValueError(NO_PATH)
     if get_origin(kind) is not Literal and kind is not bool:

@@ -28,7 +28,6 @@ YES = bytes.fromhex("b801000000c3")
 """mov eax, 1; ret."""
 
 _opened: list[ctypes.CDLL] = []
-"""The library, once it is open."""
 
 
 def fast_gemm_obstacle() -> str | None:
@@ -37,7 +36,6 @@ def fast_gemm_obstacle() -> str | None:
 
 
 def _requested() -> bool:
-    """Return whether the user asks for the fast path."""
     return os.environ.get(VARIABLE, "").strip() == "1"
 
 

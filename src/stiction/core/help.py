@@ -26,7 +26,6 @@ KINDS: dict[Any, tuple[str, str, str]] = {
 """Kind of value -> its name on a page, and in words: one and several."""
 
 COUNTS = ("no", "one", "two", "three", "four")
-"""Small numbers in words."""
 
 
 def help_text(table: Sequence[Entry], program: str, description: str, groups: Groups, brief: bool, width: int) -> str:
@@ -91,7 +90,7 @@ def _line(entry: Entry, brief: bool, width: int) -> str:
     """Return an option with what it means, the text in a column of its own."""
     text = entry.meaning
     text = _with_choices(entry, f"{sentence(text).rstrip('.')}." if brief and text else text)
-    default = _default(entry)
+    default = "" if entry.default is MISSING else text_of(entry.default)
     return _columns(f"  {named(entry)}", f"{text} [{default}]" if default not in ("", "None", "False") else text, width)
 
 
@@ -128,7 +127,6 @@ def words(entry: Entry) -> tuple[list[str], bool]:
 
 
 def _kind(kind: Any) -> tuple[str, str, str]:
-    """Return what a kind of value is called."""
     return KINDS.get(kind, ("BOOL", "true or false", "true or false"))
 
 
@@ -144,13 +142,8 @@ def wanted(entry: Entry) -> str:
         expected = f"{COUNTS[len(kinds)]} {several}"
     else:
         expected = f"{several}, one or more" if many else single
-    default = _default(entry)
-    return f"{expected}, such as {default}" if len(kinds) > 1 and default not in ("", "None") else expected
-
-
-def _default(entry: Entry) -> str:
-    """Return the default of an option as it is typed."""
-    return "" if entry.default is MISSING else text_of(entry.default)
+    example = len(kinds) > 1 and entry.default not in (MISSING, None)
+    return f"{expected}, such as {text_of(entry.default)}" if example else expected
 
 
 def sentence(text: str) -> str:

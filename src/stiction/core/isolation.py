@@ -73,5 +73,4 @@ def main_unseen() -> Iterator[None]:
 
 
 def _folders(environment: Mapping[str, str]) -> list[str]:
-    """Return the folders that PYTHONPATH names, from the root on."""
     return [str(Path(entry).absolute()) for entry in environment.get("PYTHONPATH", "").split(os.pathsep) if entry]

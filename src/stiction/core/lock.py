@@ -23,7 +23,6 @@ from stiction.core.errors import FileError
 from stiction.core.records import make_folder
 
 LOCK = ".lock"
-"""The file in a folder that is being written."""
 
 LONGEST = 4096
 """Bytes that are read of who holds a lock."""
@@ -99,12 +98,8 @@ def _locked(file: Path, folder: Path, option: str) -> Iterator[None]:
     # The folder by whatever way it was named; not the file, since a link in its place is to be refused.
     file = file.parent.resolve() / file.name
     # The lock belongs to what was opened: a second opening by this very process would be refused as another's.
-    if file not in _held:
-        number = _take(file, folder, option)
-        _held[file] = 0
-    else:
-        number = None
-    _held[file] += 1
+    number = None if file in _held else _take(file, folder, option)
+    _held[file] = _held.get(file, 0) + 1
     try:
         yield
     finally:
@@ -153,7 +148,6 @@ def _take(file: Path, folder: Path, option: str) -> int:
 
 
 def _who() -> str:
-    """Return the text by which a lock names this process."""
     program = Path(sys.argv[0])
     words = [program.parent.name if program.name == "__main__.py" else program.name, *sys.argv[1:]]
     since = datetime.now().astimezone().isoformat(timespec="seconds")
@@ -162,7 +156,6 @@ def _who() -> str:
 
 
 def _holder(number: int) -> str:
-    """Return who holds a lock, in words."""
     try:
         who = json.loads(os.pread(number, LONGEST, 0))
         since, command = str(who["since"])[:40], str(who["command"])[:200]

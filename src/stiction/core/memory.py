@@ -65,19 +65,14 @@ def limit_memory(size: int) -> Iterator[None]:
     try:
         with _held(size):
             yield
-    except MemoryError:
-        raise StictionError(_sentence(size)) from None
-    except OSError as error:
-        if error.errno != errno.ENOMEM:
+    except (MemoryError, OSError) as error:
+        if isinstance(error, OSError) and error.errno != errno.ENOMEM:
             raise
-        raise StictionError(_sentence(size)) from None
+        raise StictionError(
+            f"not enough memory: this takes more than {size / 2**30:.3g} GiB; cut the log, or raise --memory-limit"
+        ) from None
     finally:
         _limit.reset(token)
-
-
-def _sentence(size: int) -> str:
-    """Return what to say where the memory was not enough."""
-    return f"not enough memory: this takes more than {size / 2**30:.3g} GiB; cut the log, or raise --memory-limit"
 
 
 def address_space() -> int | None:

@@ -29,7 +29,6 @@ HELP, HELP_ALL = ("-h", "--help"), "--help-all"
 """Words that ask for help: with the options that people use, and with all of them."""
 
 WIDEST = 120
-"""Columns of a help page."""
 
 SET = Entry(
     *("", "set", "--set"),
@@ -44,7 +43,6 @@ CONFIG = Entry(
 """Flags of a verb that has settings."""
 
 ASSIGNMENT = "PATH=VALUE; `--set help` lists the settings"
-"""Expected value of --set."""
 
 
 class _Usage(Exception):
@@ -73,13 +71,10 @@ def read_options(
 
     kind: dataclass of the options, a field each; program: words before the arguments, `stiction train`; description:
     what it does, in paragraphs, one of them with examples, in indented lines; default: options from which those that
-    nobody gives are taken, or their choice; groups: options that `--help` shows, all of them without.
-
-    Raises:
-        ConfigurationError: an option lacks another one that it requires, or two exclude each other (`core.effects`).
-        SystemExit: help was asked for and printed (status 0), or the words are wrong, which one line on standard error
-            says (status 2).
-
+    nobody gives are taken, or their choice; groups: options that `--help` shows, all of them without. Raises
+    `ConfigurationError`: an option lacks another one that it requires, or two exclude each other (`core.effects`);
+    `SystemExit`: help was asked for and printed (status 0), or the words are wrong, which one line on standard error
+    says (status 2).
     """
     return read_given(kind, arguments, program, description, default, groups)[0]
 
@@ -141,7 +136,6 @@ def _without_list(words: list[str]) -> list[str]:
 
 
 def _has_settings(table: Sequence[Entry]) -> bool:
-    """Return whether some fields are no flags."""
     return any(not entry.name for entry in table)
 
 
@@ -223,7 +217,6 @@ def _is_flag(word: str) -> bool:
 
 
 def _meant(name: str, table: Sequence[Entry], known: Mapping[str, Entry]) -> str:
-    """Return what may have been meant by an unknown flag: another one, or a setting."""
     plain = {f"--{entry.key.replace('_', '-')}": entry.typed for entry in table if entry.form.kind != "argument"}
     found = closest(name, {**dict.fromkeys(known), **plain})
     meant = plain.get(found or "", found)
@@ -233,7 +226,6 @@ def _meant(name: str, table: Sequence[Entry], known: Mapping[str, Entry]) -> str
 
 
 def _value(entry: Entry, name: str, words: Sequence[str]) -> Any:
-    """Return the value that words give a field."""
     given = f"{name} {' '.join(words)!r}"
     for word in words if entry.choices else ():
         if word not in (*entry.choices, "None"):

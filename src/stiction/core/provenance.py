@@ -12,6 +12,7 @@ import platform
 import re
 import subprocess
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
@@ -38,7 +39,6 @@ IDLE_THREADS = ("OMP_WAIT_POLICY", "PASSIVE")
 """Variable and value with which torch's threads sleep between two operations, and leave the cores to others."""
 
 PACKAGE = Path(__file__).resolve().parents[1]
-"""The folder of the package `stiction`."""
 
 GIT_TIMEOUT = 10.0
 """Longest wait for git [s]: a result is not held up by a checkout on a slow disk."""
@@ -148,7 +148,6 @@ def git_revision(*packages: Path) -> str:
 
 
 def _git(*arguments: str, folder: Path) -> str | None:
-    """Return what git prints in `folder`, or None where it fails or is missing."""
     command = ["git", "-C", str(folder), *arguments]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=GIT_TIMEOUT, check=False)
@@ -189,17 +188,14 @@ def _cpu_model(cpuinfo: Path) -> str:
 
 @cache
 def _package_versions() -> dict[str, str]:
-    """Return the versions of `stiction` and of its installed run-time dependencies, looked up once."""
     wanted = {"stiction"}
     for requirement in metadata.requires("stiction") or []:
         if "extra == 'dev'" not in requirement.replace('"', "'"):
             wanted |= set(re.findall(r"^[A-Za-z0-9._-]+", requirement))
     found = {}
     for name in sorted(wanted):
-        try:
+        with suppress(metadata.PackageNotFoundError):
             found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue
     return found
 
 
@@ -214,7 +210,6 @@ class Origin:
     provenance: dict[str, Any]
     """`revision` and `machine`, for its summary."""
     code: tuple[str, ...]
-    """SHA-256 of each package's code."""
     packages: tuple[Path, ...] = ()
     """Folders of packages that count beside `stiction`."""
 

@@ -46,12 +46,10 @@ def texts(row: Any) -> tuple[str, ...]:
 
 
 def _shown(row: Any) -> list[dataclasses.Field]:
-    """Return the fields that tables show."""
     return [field for field in fields(row) if "label" in field.metadata] or list(fields(row))
 
 
 def _text(value: Any, form: str | Callable[[Any], str]) -> str:
-    """Return one cell for people."""
     if value is None:
         return "–"
     if callable(form):
@@ -86,7 +84,6 @@ def write_rows(path: Path, rows: Sequence[Any], form: str = ".9g") -> None:
 
 
 def _cell(path: Path, name: str, value: Any, form: str) -> str:
-    """Return one cell."""
     if isinstance(value, float):
         if not math.isfinite(value):
             raise FileError(f"{path.name}: {name} is {value}; expected a finite number")

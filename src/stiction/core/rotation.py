@@ -13,7 +13,6 @@ from typing import TypeVar
 import numpy as np
 
 Entry = TypeVar("Entry", float, np.ndarray)
-"""An entry of a quaternion, of one frame or of many."""
 
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 """Orientation of a base that is not turned: it looks along x."""

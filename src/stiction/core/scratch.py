@@ -19,8 +19,7 @@ def scratch() -> Iterator[Path]:
 
     Raises `OSError` where there is no room for one.
     """
-    folder = Path(tempfile.mkdtemp(prefix="stiction-"))
-    quiet = subprocess.DEVNULL
+    folder, quiet = Path(tempfile.mkdtemp(prefix="stiction-")), subprocess.DEVNULL
     # In a session of its own: Ctrl-C must not reach it before its parent is done with the folder.
     keeper = subprocess.Popen(
         ["/bin/sh", "-c", REMOVE, "stiction", str(folder)],

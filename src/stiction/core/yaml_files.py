@@ -12,7 +12,6 @@ from stiction.core.errors import StictionError
 from stiction.core.files import read_bounded
 
 MOST_BYTES = 256 * 1024
-"""Size of the largest file that is read."""
 
 EXPONENT = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$")
 FLOAT = re.compile(EXPONENT.pattern + r"|[-+]?([0-9]+\.[0-9]*|\.[0-9]+|\.inf)$|\.nan$")
@@ -20,7 +19,6 @@ INTEGER = re.compile(r"[-+]?[0-9]+$")
 """Numbers as people write them: YAML 1.1 takes `1e-3` for text, `010` for 8 and `1:0` for 60."""
 
 NUMBERS = "tag:yaml.org,2002:float", "tag:yaml.org,2002:int"
-"""Tags of numbers."""
 
 
 class StrictLoader(yaml.SafeLoader):

@@ -60,10 +60,8 @@ def check_robot(contract: Contract) -> None:
 
 
 OF_CONTRACT = ("robot", "method", "friction_law", "friction_level", "known_friction")
-"""What the summary of a check says of the contract."""
 
 DIGEST = re.compile("[0-9a-fA-F]{64}")
-"""A digest, as text."""
 
 LARGEST_LIST = 2**20
 """Bytes of a list of digests that are read: over ten thousand bundles."""
@@ -80,9 +78,7 @@ class BundleCheck:
     """A bundle that passed every check."""
 
     bundle: Bundle
-    """The bundle, as it was read and hashed."""
     steps: int
-    """Golden steps that were replayed."""
     observation_error: float
     """Largest difference of the observation [-]."""
     action_error: float
@@ -99,10 +95,7 @@ class BundleCheck:
         """
         contract, wear = self.bundle.contract, self.bundle.wear
         return {
-            "ok": True,
-            "bundle": self.bundle.name,
-            "digest": self.bundle.digest,
-            "size": self.bundle.size,
+            **{"ok": True, "bundle": self.bundle.name, "digest": self.bundle.digest, "size": self.bundle.size},
             **{name: getattr(contract, name) for name in OF_CONTRACT},
             "wear": [] if wear is None else [t for t, known in zip(wear.targets, wear.estimated, strict=True) if known],
             "signed": self.bundle.signature is not None,
@@ -110,9 +103,7 @@ class BundleCheck:
             "steps": self.steps,
             "exercised": asdict(exercise_of(self.bundle.golden, contract)),
             "tolerance": TOLERANCE,
-            "observation_error": self.observation_error,
-            "action_error": self.action_error,
-            "target_error": self.target_error,
+            **{name: getattr(self, name) for name in ("observation_error", "action_error", "target_error")},
         }
 
 
@@ -121,11 +112,9 @@ def check_bundle(
 ) -> BundleCheck:
     """Read a bundle, load its network and replay its golden vectors; return what was found.
 
-    Args:
-        path: its directory.
-        digest: what `Bundle.digest` has to be, 64 hexadecimal digits, as its maker published it.
-        key: public key of the maker, a PEM file, whose signature the bundle has to have.
-        allowed: digests of which the bundle has to have one, as from `read_allowed`; None: any.
+    digest: what `Bundle.digest` has to be, 64 hexadecimal digits, as its maker published it; key: public key of the
+    maker, a PEM file, whose signature the bundle has to have; allowed: digests of which it has to have one, as from
+    `read_allowed`; None: any.
 
     Raises `StictionError`: the first thing that is wrong: files, checksums, digest or signature, before anything is
     interpreted; then contract, network, or the replay.
@@ -133,9 +122,16 @@ def check_bundle(
     signers: list[str] = []
 
     def vouch(sums: bytes, signature: bytes | None) -> None:
-        if digest is not None:
-            _expect_digest(Path(path), sums, digest)
-        if allowed is not None and (found := hashlib.sha256(sums).hexdigest()) not in allowed:
+        found = hashlib.sha256(sums).hexdigest()
+        if digest is not None and DIGEST.fullmatch(digest) is None:
+            raise ConfigurationError(
+                f"the digest {digest[:80]!r} is none; expected 64 hexadecimal digits, as verify prints"
+            )
+        if digest is not None and found != digest.lower():
+            raise BundleError(
+                f"{path}: its digest is {found}, not {digest.lower()}: it is another bundle; do not use it"
+            )
+        if allowed is not None and found not in allowed:
             raise BundleError(f"{path}: its digest {found} is not among the {len(allowed)} that are allowed; do not "
                               "run it, or add it to the list")  # fmt: skip
         if key is not None:
@@ -155,13 +151,9 @@ def check_bundle(
                 "policy, contract and golden vectors do not belong together; get the bundle again"
             )
     return BundleCheck(
-        bundle,
-        len(bundle.golden),
-        observation_error=errors["observation"],
-        action_error=errors["action"],
-        target_error=errors["target"],
+        bundle, len(bundle.golden), **{f"{name}_error": error for name, error in errors.items()},
         signer=signers[0] if signers else None,
-    )
+    )  # fmt: skip
 
 
 def _first_load(path: Path | str, bundle: Bundle, observations: np.ndarray) -> Policy:
@@ -207,16 +199,6 @@ def record_notes(bundles: Iterable[Bundle]) -> list[str]:
     names = [bundle.name for bundle in bundles if bundle.vectors is None]
     told = "without golden vectors: nothing proves that the network computes as recorded"
     return [f"policy records {told}: {', '.join(names)}"] if names else []
-
-
-def _expect_digest(path: Path, sums: bytes, digest: str) -> None:
-    """Refuse a bundle with another digest than was expected."""
-    if DIGEST.fullmatch(digest) is None:
-        raise ConfigurationError(
-            f"the digest {digest[:80]!r} is none; expected 64 hexadecimal digits, as verify prints"
-        )
-    if (found := hashlib.sha256(sums).hexdigest()) != digest.lower():
-        raise BundleError(f"{path}: its digest is {found}, not {digest.lower()}: it is another bundle; do not use it")
 
 
 def read_allowed(path: Path) -> frozenset[str]:

@@ -52,21 +52,14 @@ class JointCommand:
         """Return targets and gains without any torque beside them."""
         return cls(target, kp, kd, np.zeros_like(target))
 
-    @classmethod
     def against_friction(
-        cls,
-        target: np.ndarray,
-        kp: np.ndarray,
-        kd: np.ndarray,
-        position: np.ndarray,
-        velocity: np.ndarray,
-        forward: FrictionController | None,
+        self, position: np.ndarray, velocity: np.ndarray, forward: FrictionController | None
     ) -> JointCommand:
-        """Return targets, gains and the friction that is fed forward at a measured angle [rad] and speed [rad/s]."""
+        """Return it with the friction that is fed forward at a measured angle [rad] and speed [rad/s]."""
         if forward is None:
-            return cls.position(target, kp, kd)
-        asked = kp * (target - position) - kd * velocity
-        return cls(target, kp, kd, forward.torque(target, position, velocity, asked))
+            return self
+        asked = self.kp * (self.target - position) - self.kd * velocity
+        return replace(self, forward=forward.torque(self.target, position, velocity, asked))
 
 
 @dataclass(frozen=True)
@@ -143,12 +136,8 @@ class ControlLoop:
     def __init__(self, policy: Driver, contract: Contract, forward: FrictionController | None = None) -> None:
         """Begin in the standing pose.
 
-        forward: what is added against friction; its period is that between two calls of `command`.
-
-        Raises:
-            StictionError: the policy compensates friction itself and shall be helped once more, or the contract's
-                margin leaves a joint no room.
-
+        forward: what is added against friction; its period is that between two calls of `command`. Raises
+        `StictionError`: the policy compensates friction itself, or the contract's margin leaves a joint no room.
         """
         if forward is not None and contract.compensation is not None:
             raise PolicyError("the policy compensates friction in its targets; it cannot be fed forward once more")
@@ -196,7 +185,9 @@ class ControlLoop:
         limited = self.limited
         if self._limits is not None:
             limited = self._limits.apply_torque(limited, position, velocity)
-        return JointCommand.against_friction(limited.target, self._kp, self._kd, position, velocity, self._forward)
+        return JointCommand.position(limited.target, self._kp, self._kd).against_friction(
+            position, velocity, self._forward
+        )
 
 
 @dataclass(frozen=True)
@@ -243,9 +234,7 @@ class ControlStep:
     velocity: np.ndarray
     """Commanded: forward, sideways [m/s], turn [rad/s], shape (3,)."""
     before: Reading
-    """Input of the policy."""
     policy: PolicyStep
-    """Its output."""
     readings: tuple[Reading, ...]
     """Readings while its targets were held, the last one at the end of the period."""
 
@@ -263,14 +252,11 @@ class Pilot:
     ) -> None:
         """Connect a policy, as from `deploy.policy.load_policy`, to a robot.
 
-        friction: f that is fed forward [N m], shape (J,): at every reading the joint controllers get a torque beside
-        target and gains. None: they get none. compensation: how; by default by the error. load: c that is fed beside f,
-        friction per torque that the gains ask for [1], shape (J,); not read without friction, nor by the error.
+        friction: f that is fed forward at every reading [N m], shape (J,), or None; compensation: how; load: c that is
+        fed beside f, friction per torque that the gains ask for [1], shape (J,); not read by the error.
 
-        Raises:
-            StictionError: the robot's joints are not the policy's, its readings do not fit the control period, the
-                policy compensates friction itself, or the compensation is that of the motors.
-
+        Raises `StictionError`: the robot's joints are not the policy's, its readings do not fit the control period, the
+        policy compensates friction itself, or the compensation is that of the motors.
         """
         contract = policy.contract
         if port.joint_names != contract.joint_names:

@@ -27,7 +27,6 @@ PATIENCE = 120.0
 """Longest that it may take on a machine that is busy with other things [s]."""
 
 STEPS = 32
-"""Observations that it is run on."""
 
 _passed: set[bytes] = set()
 """Digests of networks that ran, with what they ran on, in this process."""

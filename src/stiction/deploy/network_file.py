@@ -32,64 +32,41 @@ FLOAT, INT64 = 1, 7
 """Types of tensors that are known: TensorProto.FLOAT and INT64."""
 
 WIDTH = {FLOAT: 4, INT64: 8}
-"""Bytes of an entry."""
 
 OPSETS = range(13, 24)
 """Versions of the operators whose meaning `operators` knows."""
 
 IR_VERSIONS = range(7, 12)
-"""Versions of the file's own layout."""
 
 VARINT, DOUBLE, BYTES, SINGLE = 0, 1, 2, 5
-"""Wire types."""
 
 Fields = Mapping[int, tuple[str, int, int]]
 """Number of a field -> name, wire type, and how often it may stand."""
 
-_ONCE = 1
-MODEL: Fields = {
-    1: ("ir_version", VARINT, _ONCE),
-    2: ("producer_name", BYTES, _ONCE),
-    3: ("producer_version", BYTES, _ONCE),
-    4: ("domain", BYTES, _ONCE),
-    5: ("model_version", VARINT, _ONCE),
-    7: ("graph", BYTES, _ONCE),
-    8: ("opset_import", BYTES, _ONCE),
-}
-OPSET: Fields = {1: ("domain", BYTES, _ONCE), 2: ("version", VARINT, _ONCE)}
-GRAPH: Fields = {
-    1: ("node", BYTES, MOST_NODES),
-    2: ("name", BYTES, _ONCE),
-    5: ("initializer", BYTES, MOST_CONSTANTS),
-    11: ("input", BYTES, _ONCE),
-    12: ("output", BYTES, _ONCE),
-}
-NODE: Fields = {
-    1: ("input", BYTES, MOST_PARTS),
-    2: ("output", BYTES, MOST_PARTS),
-    3: ("name", BYTES, _ONCE),
-    4: ("op_type", BYTES, _ONCE),
-    5: ("attribute", BYTES, MOST_PARTS),
-    7: ("domain", BYTES, _ONCE),
-}
-ATTRIBUTE: Fields = {
-    1: ("name", BYTES, _ONCE),
-    2: ("f", SINGLE, _ONCE),
-    3: ("i", VARINT, _ONCE),
-    8: ("ints", VARINT, MOST_PARTS),
-    20: ("type", VARINT, _ONCE),
-}
-TENSOR: Fields = {
-    1: ("dims", VARINT, MOST_DIMENSIONS),
-    2: ("data_type", VARINT, _ONCE),
-    8: ("name", BYTES, _ONCE),
-    9: ("raw_data", BYTES, _ONCE),
-}
-PORT: Fields = {1: ("name", BYTES, _ONCE), 2: ("type", BYTES, _ONCE)}
-TYPE: Fields = {1: ("tensor_type", BYTES, _ONCE)}
-TENSOR_TYPE: Fields = {1: ("elem_type", VARINT, _ONCE), 2: ("shape", BYTES, _ONCE)}
-SHAPE: Fields = {1: ("dim", BYTES, MOST_DIMENSIONS)}
-DIMENSION: Fields = {1: ("dim_value", VARINT, _ONCE), 2: ("dim_param", BYTES, _ONCE)}
+
+def _fields(text: str) -> Fields:
+    """Return fields such as `7:graph`, a message or text that may stand once, and `8:ints:varint*64`."""
+    found = {}
+    for word in text.split():
+        field, _, most = word.partition("*")
+        number, name, wire = (*field.split(":"), "bytes")[:3]
+        found[int(number)] = name, {"varint": VARINT, "bytes": BYTES, "single": SINGLE}[wire], int(most or 1)
+    return found
+
+
+MODEL = _fields(
+    "1:ir_version:varint 2:producer_name 3:producer_version 4:domain 5:model_version:varint 7:graph 8:opset_import"
+)
+OPSET = _fields("1:domain 2:version:varint")
+GRAPH = _fields(f"1:node*{MOST_NODES} 2:name 5:initializer*{MOST_CONSTANTS} 11:input 12:output")
+NODE = _fields(f"1:input*{MOST_PARTS} 2:output*{MOST_PARTS} 3:name 4:op_type 5:attribute*{MOST_PARTS} 7:domain")
+ATTRIBUTE = _fields(f"1:name 2:f:single 3:i:varint 8:ints:varint*{MOST_PARTS} 20:type:varint")
+TENSOR = _fields(f"1:dims:varint*{MOST_DIMENSIONS} 2:data_type:varint 8:name 9:raw_data")
+PORT = _fields("1:name 2:type")
+TYPE = _fields("1:tensor_type")
+TENSOR_TYPE = _fields("1:elem_type:varint 2:shape")
+SHAPE = _fields(f"1:dim*{MOST_DIMENSIONS}")
+DIMENSION = _fields("1:dim_value:varint 2:dim_param")
 
 EXTERNAL = (13, 14)
 """Fields of a tensor whose numbers lie in another file."""
@@ -107,7 +84,6 @@ class Tensor:
     """`FLOAT` or `INT64`."""
     shape: tuple[int, ...]
     data: memoryview = field(repr=False)
-    """Its numbers, little-endian."""
 
     @property
     def numbers(self) -> np.ndarray:
@@ -178,12 +154,10 @@ def read_network(data: bytes) -> NetworkFile:
 
 
 def _span(versions: range) -> str:
-    """Return a range in words."""
     return f"{versions[0]} to {versions[-1]}"
 
 
 def _node(data: memoryview) -> Node:
-    """Read one operation."""
     found = read_message(data, "node", NODE)
     operator, domain = text_of(found["op_type"], "node.op_type"), text_of(found["domain"], "node.domain")
     if domain not in ("", "ai.onnx"):
@@ -217,7 +191,6 @@ def _attribute(data: memoryview, operator: str) -> tuple[str, Attribute]:
 
 
 def _tensor(data: memoryview) -> Tensor:
-    """Read one constant."""
     # Asked for first, so that the error says what to do and not that a field is unknown.
     for number, _, _ in entries(data, "tensor"):
         if number in EXTERNAL:

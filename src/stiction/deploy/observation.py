@@ -42,22 +42,17 @@ class Sensors:
         return Sensors(**{name: change(value) for name, value in self.arrays().items()})
 
 
-def gravity_direction(quaternion: np.ndarray) -> np.ndarray:
-    """Return the direction of gravity in the base's frame, (0, 0, -1) upright, shape (..., 3); w x y z, (..., 4)."""
-    return -up_in_frames(quaternion)
-
-
 MEASURED: dict[str, Callable[[Sensors, np.ndarray, np.ndarray], np.ndarray]] = {
-    "angular_velocity": lambda sensors, command, last_action: sensors.angular_velocity,
-    "roll_pitch": lambda sensors, command, last_action: roll_pitch(sensors.quaternion),
-    "projected_gravity": lambda sensors, command, last_action: gravity_direction(sensors.quaternion),
-    "command": lambda sensors, command, last_action: command,
-    "command_linear": lambda sensors, command, last_action: command[..., :2],
-    "command_turn": lambda sensors, command, last_action: command[..., 2:],
-    "joint_position": lambda sensors, command, last_action: sensors.joint_position,
-    "joint_velocity": lambda sensors, command, last_action: sensors.joint_velocity,
-    "last_action": lambda sensors, command, last_action: last_action,
-    FIRST_SIDE: lambda sensors, command, last_action: np.ones((*command.shape[:-1], 1)),
+    "angular_velocity": lambda sensors, command, action: sensors.angular_velocity,
+    "roll_pitch": lambda sensors, command, action: roll_pitch(sensors.quaternion),
+    "projected_gravity": lambda sensors, command, action: -up_in_frames(sensors.quaternion),
+    "command": lambda sensors, command, action: command,
+    "command_linear": lambda sensors, command, action: command[..., :2],
+    "command_turn": lambda sensors, command, action: command[..., 2:],
+    "joint_position": lambda sensors, command, action: sensors.joint_position,
+    "joint_velocity": lambda sensors, command, action: sensors.joint_velocity,
+    "last_action": lambda sensors, command, action: action,
+    FIRST_SIDE: lambda sensors, command, action: np.ones((*command.shape[:-1], 1)),
 }
 """Term -> what it is of the sensors, the command and the last action."""
 
@@ -76,19 +71,12 @@ class ObservationBuilder:
     ) -> None:
         """Start with an empty history.
 
-        Args:
-            layout: terms and history length.
-            standing: standing pose [rad], shape (J,).
-            batch: leading shape, `()` for one robot or `(N,)`.
-            known_friction: f/τ_max of each kind of joint [-], shape (kinds,), or of each robot, (*batch, kinds);
-                needed by a layout with that term.
-            action_scale: joint angle per unit of action [rad], for a layout with slow means.
-            control_period: time between two steps [s], for a layout with a gait clock.
+        standing: pose [rad], shape (J,); batch: leading shape, `()` for one robot or `(N,)`; known_friction: f/τ_max of
+        each kind of joint [-], shape (kinds,), or of each robot, (*batch, kinds); action_scale: joint angle per unit of
+        action [rad], for slow means; control_period: between two steps [s], for a gait clock.
 
-        Raises:
-            StictionError: the friction has another shape, is not finite or negative, or the layout has no term for it.
-            ValueError: the layout has slow means, and there is no scale of the action, or a clock, and no period.
-
+        Raises `StictionError`: the friction has another shape, is not finite or negative, or no term has it;
+        `ValueError`: slow means without a scale of the action, or a clock without a period.
         """
         self.layout = layout
         self._standing = np.asarray(standing, dtype=np.float64)
@@ -122,14 +110,9 @@ class ObservationBuilder:
     def frame(self, sensors: Sensors, command: np.ndarray, last_action: np.ndarray) -> np.ndarray:
         """Return one frame, o_t^prio, scaled and clipped, shape (*batch, frame size). Slow means are as of `step`.
 
-        Args:
-            sensors: what the robot measures now.
-            command: commanded velocity, forward, sideways [m/s], turn [rad/s], shape (*batch, 3).
-            last_action: the network's output of the step before, after clipping, shape (*batch, J); zero at first.
-
-        Raises:
-            StictionError: the layout has the joints' known friction, and none was given.
-
+        command: forward, sideways [m/s], turn [rad/s], shape (*batch, 3); last_action: the network's output of the step
+        before, after clipping, shape (*batch, J); zero at first. Raises `StictionError`: the layout has the joints'
+        known friction, and none was given.
         """
         raw = {name: term(sensors, command, last_action) for name, term in self._measured.items()}
         raw |= self._not_measured(sensors)

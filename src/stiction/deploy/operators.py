@@ -8,7 +8,7 @@ batch every size is known, and a network that would fill the memory or never end
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,7 +45,6 @@ class UnfitError(Exception):
 
 
 Rule = Callable[[Node, Sequence[Value]], list[Value]]
-"""From a node and its inputs to its outputs."""
 
 
 def check_network(network: NetworkFile, observation_size: int, num_actions: int) -> int:
@@ -88,7 +87,9 @@ def _infer(network: NetworkFile, batch: int, observation_size: int) -> tuple[Val
                 f"policy.onnx has the operator {node.operator!r}; expected one of {', '.join(sorted(OPERATORS))}"
             )
         try:
-            found = OPERATORS[node.operator](node, [_input(values, name) for name in node.inputs])
+            if absent := [name for name in node.inputs if name not in values]:
+                raise UnfitError(f"the input {absent[0]!r} is not computed before")
+            found = OPERATORS[node.operator](node, [values[name] for name in node.inputs])
         # Rules take nodes as they come: an input that is missing, or has too few axes, fails in many ways.
         except (UnfitError, ArithmeticError, IndexError, KeyError, TypeError, ValueError) as error:
             raise BundleError(f"policy.onnx: {node.operator!r} {node.outputs} cannot be run: {error}") from error
@@ -120,14 +121,6 @@ def node_work(node: Node, inputs: Sequence[Value], outputs: Sequence[Value]) -> 
 
 
 PRODUCTS = ("MatMul", "Gemm")
-"""Operators that multiply matrices."""
-
-
-def _input(values: Mapping[str, Value], name: str) -> Value:
-    """Return the value of a name that was computed before."""
-    if name not in values:
-        raise UnfitError(f"the input {name!r} is not computed before")
-    return values[name]
 
 
 def _floats(inputs: Sequence[Value], least: int, most: int) -> None:
@@ -145,7 +138,6 @@ def _known(value: Value) -> list[int]:
 
 
 def _integer(node: Node, name: str, default: int | None = None) -> int:
-    """Return an attribute that is an integer."""
     value = node.attributes.get(name, default)
     if not isinstance(value, int):
         raise UnfitError(f"{name} is {value}; expected an integer")
@@ -153,14 +145,12 @@ def _integer(node: Node, name: str, default: int | None = None) -> int:
 
 
 def _axis(axis: int, rank: int) -> int:
-    """Return the number of an axis, counted from the start."""
     if not -rank <= axis < rank:
         raise UnfitError(f"axis {axis} of {rank}")
     return axis % rank
 
 
 def _broadcast(*shapes: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the shape that several have together."""
     try:
         return np.broadcast_shapes(*shapes)
     except ValueError as error:
@@ -197,9 +187,8 @@ def _mean(node: Node, inputs: Sequence[Value]) -> list[Value]:
     gone = {_axis(axis, len(shape)) for axis in chosen}
     if 0 in gone:
         raise UnfitError(f"axes {sorted(gone)}: a mean over the robots of a batch")
-    if node.attributes.get("keepdims", 1):
-        return [Value(tuple(1 if axis in gone else size for axis, size in enumerate(shape)))]
-    return [Value(tuple(size for axis, size in enumerate(shape) if axis not in gone))]
+    keep = bool(node.attributes.get("keepdims", 1))
+    return [Value(tuple(1 if axis in gone else size for axis, size in enumerate(shape) if keep or axis not in gone))]
 
 
 def _layer_normalization(node: Node, inputs: Sequence[Value]) -> list[Value]:
@@ -259,7 +248,6 @@ def _flatten(node: Node, inputs: Sequence[Value]) -> list[Value]:
 
 
 def _squeeze(node: Node, inputs: Sequence[Value]) -> list[Value]:
-    """Without some dimensions of size 1."""
     shape = inputs[0].shape
     _floats(inputs[:1], 1, 1)
     gone = {_axis(axis, len(shape)) for axis in _known(inputs[1])}
@@ -269,7 +257,6 @@ def _squeeze(node: Node, inputs: Sequence[Value]) -> list[Value]:
 
 
 def _unsqueeze(node: Node, inputs: Sequence[Value]) -> list[Value]:
-    """With more dimensions of size 1."""
     _floats(inputs[:1], 1, 1)
     axes = _known(inputs[1])
     rank = len(inputs[0].shape) + len(axes)
@@ -280,7 +267,6 @@ def _unsqueeze(node: Node, inputs: Sequence[Value]) -> list[Value]:
 
 
 def _transpose(node: Node, inputs: Sequence[Value]) -> list[Value]:
-    """Dimensions in another order."""
     _floats(inputs, 1, 1)
     shape = inputs[0].shape
     order = node.attributes.get("perm", tuple(range(len(shape)))[::-1])
@@ -371,4 +357,3 @@ OPERATORS: dict[str, Rule] = {
     "Shape": _shape,
     "ConstantOfShape": _constant_of_shape,
 }
-"""Operator -> its rule."""

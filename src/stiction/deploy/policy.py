@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,12 +12,15 @@ from stiction.core.errors import BundleError, PolicyError
 from stiction.deploy.network_file import FLOAT, Port, read_network
 from stiction.deploy.observation import ObservationBuilder, Sensors
 from stiction.deploy.operators import check_network
-from stiction.deploy.silent import onnxruntime
 from stiction.files.contract import Contract
 from stiction.joints.compensation import compensated
 
+# From release 1.29 on its wheels keep an identifier of the machine, and send their maker an account of every session,
+# unless this variable says otherwise when they are loaded. A robot does not do that unasked.
+os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
+import onnxruntime
+
 INPUT, OUTPUT = "observation", "action"
-"""Names of the network's one input and one output."""
 
 UNIT_ERROR = 0.05
 """Largest difference of a quaternion's length from 1: orientation filters keep it within 0.001, and one of them sends
@@ -77,7 +81,6 @@ def open_session(model: bytes) -> onnxruntime.InferenceSession:
 
 
 def _check_port(side: str, port: Port, name: str, size: int) -> None:
-    """Check that a port has the given name, is float32, and has a free batch and the given size."""
     if (port.name, port.kind, port.shape) != (name, FLOAT, (None, size)):
         raise BundleError(
             f"policy.onnx has the {side} {port.name!r}, type {port.kind}, shape {port.shape}; expected {name!r}, "
@@ -111,15 +114,7 @@ class Policy:
         batch: tuple[int, ...] = (),
         known_friction: np.ndarray | None = None,
     ) -> None:
-        """Start with an empty history.
-
-        Args:
-            contract: what the policy expects.
-            network: what it computes.
-            batch: `()` for one robot or `(N,)`.
-            known_friction: see `ObservationBuilder`, also for errors; by default what the contract says.
-
-        """
+        """Start with an empty history; batch: `()` or `(N,)`; known_friction: see `ObservationBuilder`."""
         self.contract, self._network, self._batch = contract, network, batch
         self._standing, self._scale = contract.array("standing"), contract.scale
         self._clip = np.float32(contract.action_clip)
@@ -142,20 +137,13 @@ class Policy:
     def step(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
         """Advance by one control period; what is returned is the caller's own, to write into as well.
 
-        Args:
-            sensors: what the robots measure now.
-            command: commanded velocity, forward, sideways [m/s], turn [rad/s], shape (*batch, 3).
-
-        Raises:
-            PolicyError: a sensor or the command is NaN or infinite, or a quaternion is not of unit length.
-            StictionError: the policy is told the friction of its joints, and neither contract nor caller says it.
-
+        command: forward, sideways [m/s], turn [rad/s], shape (*batch, 3). Raises `PolicyError`: a sensor or the command
+        is not finite, a quaternion not of unit length, or friction is observed that neither contract nor caller says.
         """
         _check_reading(sensors, command)
         observation = self._builder.step(sensors, command, self._last_action)
         found = self._network(np.atleast_2d(observation)).reshape(self._last_action.shape)
         action = np.minimum(np.maximum(found, -self._clip), self._clip)
-        # A copy: what is returned is the caller's own, to write into as well.
         self._last_action = action.copy()
         target = self._standing + self._scale * action.astype(np.float64)
         if self.contract.compensation is not None:
@@ -190,10 +178,7 @@ def _check_reading(sensors: Sensors, command: np.ndarray) -> None:
 
 
 def load_policy(
-    contract: Contract,
-    model: bytes,
-    batch: tuple[int, ...] = (),
-    known_friction: np.ndarray | None = None,
+    contract: Contract, model: bytes, batch: tuple[int, ...] = (), known_friction: np.ndarray | None = None
 ) -> Policy:
     """Return the policy of a bundle's contract and network; see `Policy` and `Network` for shapes and errors."""
     return Policy(contract, Network(model, contract.observation.size, contract.num_joints), batch, known_friction)

@@ -12,9 +12,8 @@ from stiction.core.errors import PolicyError, RobotError, unknown_name
 from stiction.deploy.check import check_bundle
 from stiction.deploy.control import ControlLoop
 from stiction.deploy.observation import Sensors
-from stiction.deploy.plausibility import ImplausibleError, ReadingGuard
+from stiction.deploy.plausibility import ImplausibleError, ReadingGuard, Violation
 from stiction.deploy.policy import Policy, PolicyStep, load_policy
-from stiction.deploy.violation import Violation
 from stiction.files.bundle import Bundle
 from stiction.files.contract import Contract
 
@@ -34,7 +33,6 @@ class RobotStep:
     target: np.ndarray
     """Joint targets [rad]; of joints that the policy does not move, the angle at which they are held."""
     policy: PolicyStep
-    """Input, output and targets of the network, in the contract's order."""
 
     def targets(self) -> dict[str, float]:
         """Return the targets by joint [rad]."""
@@ -45,14 +43,10 @@ class JointOrder:
     """The order of a caller's joints beside the contract's."""
 
     def __init__(self, contract: Contract, joint_names: Sequence[str] | None = None) -> None:
-        """Compare the names.
+        """Compare the names; raise `RobotError` where a joint is missing, unknown, or there twice.
 
-        Args:
-            contract: of the policy.
-            joint_names: order of the caller's vectors: every joint of the contract, and joints that its robot holds
-                rigid if the caller has them too; None: the caller gives mappings from names.
-
-        Raises `RobotError`: a joint is missing, unknown, or there twice.
+        joint_names: order of the caller's vectors: every joint of the contract, and joints that its robot holds rigid
+        if the caller has them too; None: the caller gives mappings from names.
         """
         held = {} if contract.anatomy is None else {joint.name: joint.position for joint in contract.anatomy.held}
         self.names = contract.joint_names if joint_names is None else tuple(joint_names)
@@ -65,7 +59,6 @@ class JointOrder:
         self._rest = np.array([held.get(name, 0.0) for name in self.names])
 
     def _check(self, names: Sequence[str]) -> None:
-        """Check that names are those of the joints, each once."""
         for name in names:
             if name not in self._known:
                 raise RobotError(unknown_name("joint", name, self.own))
@@ -117,16 +110,10 @@ class RobotPolicy:
     ) -> None:
         """Start before the first reading.
 
-        Args:
-            contract: of the policy.
-            policy: for one robot, as from `load_policy`.
-            joint_names: order of the caller's vectors over joints, see `JointOrder`; None: mappings from names.
-            limits: rule of `plausibility.RULES` -> its limit; infinity switches it off.
-
-        Raises:
-            StictionError: joints that are not the contract's, a limit of no rule, or a policy that is told the friction
-                of its joints, and nobody says it.
-
+        policy: for one robot, as from `load_policy`; joint_names: order of the caller's vectors over joints, see
+        `JointOrder`; None: mappings from names; limits: rule of `plausibility.RULES` -> its limit; infinity switches it
+        off. Raises `StictionError`: joints that are not the contract's, a limit of no rule, or a policy that is told
+        the friction of its joints, and nobody says it.
         """
         self.contract, self.order = contract, JointOrder(contract, joint_names)
         self.guard = ReadingGuard(contract, limits)
@@ -170,19 +157,13 @@ class RobotPolicy:
 
         A step that is refused leaves the policy as it was; what the robot shall do then is the caller's to know.
 
-        Args:
-            time: when this was measured [s], on a clock that only advances.
-            quaternion: orientation of the base, of length 1, w x y z.
-            angular_velocity: of the base in its own frame [rad/s], shape (3,).
-            joint_position: angles [rad], by name or in the caller's order.
-            joint_velocity: velocities [rad/s], the same.
-            command: forward, sideways [m/s], turn [rad/s], shape (3,).
-            now: the present on the same clock [s]; without it the age of the reading is not judged.
+        time: of the measurement [s], on a clock that only advances; quaternion: of the base, of length 1, w x y z;
+        angular_velocity: in its own frame [rad/s], shape (3,); joint_position, joint_velocity: [rad, rad/s], by name or
+        in the caller's order; command: forward, sideways [m/s], turn [rad/s], shape (3,); now: the present on the same
+        clock [s]; without it the age of the reading is not judged.
 
-        Raises:
-            ImplausibleError: a rule is broken, see `plausibility.RULES`.
-            StictionError: joints that are not the robot's, shapes that are not those above, a network that fails.
-
+        Raises `ImplausibleError`: a rule is broken, see `plausibility.RULES`; `StictionError`: joints that are not the
+        robot's, shapes that are not those above, a network that fails.
         """
         sensors = Sensors(
             np.asarray(quaternion, dtype=np.float64),
@@ -193,10 +174,7 @@ class RobotPolicy:
         velocity = np.asarray(command, dtype=np.float64)
         if velocity.shape != (3,):
             raise PolicyError(f"a command of shape {velocity.shape}; expected forward, sideways, turn: (3,)")
-        broken = self.guard.check(time, sensors, velocity, now)
-        if broken is None:
-            broken = self._keep_time(time)
-        if broken is not None:
+        if (broken := self.guard.check(time, sensors, velocity, now) or self._keep_time(time)) is not None:
             raise ImplausibleError(broken)
         step = self._loop.act(sensors, velocity)
         return RobotStep(self.order.names, self.order.from_contract(step.target), step)
@@ -225,15 +203,8 @@ def load_robot_policy(
 ) -> RobotPolicy:
     """Check a bundle and return its policy for one robot.
 
-    Args:
-        bundle: its directory, which is checked as `verify` does; or one that was checked.
-        joint_names: see `RobotPolicy`.
-        limits: see `RobotPolicy`.
-        digest: see `check_bundle`; these three are of a directory alone.
-        key: see `check_bundle`.
-        allowed: see `check_bundle`.
-
-    Raises `StictionError`: see `check_bundle` and `RobotPolicy`.
+    bundle: its directory, which is checked as `verify` does, or one that was checked; joint_names, limits: see
+    `RobotPolicy`; digest, key, allowed: of a directory alone, see `check_bundle`. Raises `StictionError` as both.
     """
     if not isinstance(bundle, Bundle):
         bundle = check_bundle(bundle, digest, key, allowed).bundle

@@ -31,11 +31,10 @@ class VendorMap:
         self._sign, self._offset = np.array(robot.vendor.sign), np.array(robot.vendor.offset)
         own = {name: number for number, name in enumerate(contract.joint_names)}
         at = {joint.name: joint.position for joint in robot.held}
-        number = np.array([own.get(name, -1) for name in self.order])
-        self.held = number < 0
+        self._number = np.array([own.get(name, -1) for name in self.order])
+        self.held = self._number < 0
         """Which of the maker's joints the policy does not move, bool, shape (M,)."""
-        self._number = number
-        self._places = np.array([np.flatnonzero(number == joint)[0] for joint in range(len(own))])
+        self._places = np.array([self.order.index(name) for name in contract.joint_names])
         self._at = np.array([at.get(name, 0.0) for name in self.order])
 
     def to_maker(self, angles: np.ndarray) -> np.ndarray:

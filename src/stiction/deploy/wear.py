@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -22,10 +21,8 @@ SOFT_SIGN = 0.5
 """Speed at which sign(θ') is taken as tanh(1) [rad/s]: about the noise of the measured velocity."""
 
 JOINT_MOMENTS = 11
-"""Features of each joint."""
 
 BODY_MOMENTS = 13
-"""Features of the robot as a whole."""
 
 
 class Moments:
@@ -77,7 +74,6 @@ class WearEstimate:
     level: float
     """Mean of f/τ_max over the joints [-]."""
     level_interval95: tuple[float, float]
-    """Lower and upper end of it."""
     unusual: bool
     """Whether the window was unlike those that the map was fitted on, and the numbers are not to be trusted."""
     calibrated: bool
@@ -100,7 +96,7 @@ class WearMonitor:
         """
         self.model = model
         self._moments = Moments(contract.observation, contract.scale)
-        self._frame, self._period = contract.observation.frame_size, contract.control_period
+        self._frame = contract.observation.frame_size
         size = JOINT_MOMENTS * contract.num_joints + BODY_MOMENTS
         if model.joint_names != contract.joint_names or len(model.center) != size:
             raise BundleError(
@@ -110,10 +106,9 @@ class WearMonitor:
         self.reset()
 
     def reset(self) -> None:
-        """Empty the window, and forget the last estimate: after a stop, a fall, or a pause of the loop."""
+        """Empty the window: after a stop, a fall, or a pause of the loop."""
         self._sum, self._count = np.zeros(len(self.model.center)), 0
         self._before: np.ndarray | None = None
-        self._last: WearEstimate | None = None
 
     def step(self, observation: np.ndarray) -> WearEstimate | None:
         """Add one input of the network, shape (size,); return an estimate at the end of a window, else None."""
@@ -126,49 +121,7 @@ class WearMonitor:
             return None
         mean = self._sum / self._count
         self._sum, self._count = np.zeros_like(self._sum), 0
-        self._last = estimate(self.model, mean)
-        return self._last
-
-    def state(self) -> dict[str, Any]:
-        """Return the last reading as plain data for a log: never a number without its interval, and what held.
-
-        `window`: its length [s]; `filled`: share of the one under way [-]; `unusual`: see `WearEstimate`, null before
-        the first window is full; `note`: how often such intervals held; `targets`: by name of the joint, and `level`,
-        an object of `value` and `interval95` of f/τ_max (null where there is none), `held` (null: not measured),
-        `estimated`, and `why` where not.
-        """
-        seen, names = self._last, self.model.targets
-        state: dict[str, Any] = {
-            "window": self.model.window * self._period,
-            "filled": self._count / self.model.window,
-            "unusual": None if seen is None else seen.unusual,
-            "calibrated": self.model.calibration is not None,
-            "note": coverage_text(self.model),
-        }
-        if seen is None:
-            nothing = {
-                "value": None,
-                "interval95": None,
-                "held": None,
-                "estimated": False,
-                "why": "no window is full yet",
-            }
-            return state | {"targets": {name: dict(nothing) for name in names}}
-        values, held = (*seen.friction.tolist(), seen.level), (*seen.held.tolist(), seen.level_held)
-        ends = (*seen.interval95.T.tolist(), list(seen.level_interval95))
-        rows = zip(names, values, ends, held, seen.untold, strict=True)
-        return state | {
-            "targets": {
-                name: {
-                    "value": value if math.isfinite(value) else None,
-                    "interval95": end if math.isfinite(value) else None,
-                    "held": share if math.isfinite(share) else None,
-                    "estimated": why is None,
-                    "why": why,
-                }
-                for name, value, end, share, why in rows
-            }
-        }
+        return estimate(self.model, mean)
 
 
 def estimate(model: WearModel, mean: np.ndarray) -> WearEstimate:
@@ -197,18 +150,6 @@ def estimate(model: WearModel, mean: np.ndarray) -> WearEstimate:
     )
 
 
-def coverage_text(model: WearModel) -> str:
-    """Return what must stand beside every reading: how often the level's intervals held on virtual robots."""
-    if model.calibration is None:
-        low, high = (100 * share for share in HELD_UNCALIBRATED)
-        return (
-            "not calibrated on virtual robots, where 95 % intervals of the level of two such maps held the truth in "
-            f"{low:.0f} and {high:.0f} % of windows"
-        )
-    held, engine = 100 * model.calibration.held[-1], model.calibration.engine
-    return f"95 % intervals of the level held the truth in {held:.0f} % of windows on virtual robots with {engine}"
-
-
 def raw_estimate(model: WearModel, mean: np.ndarray) -> np.ndarray:
     """Return the map's own estimate of each target [-], shape (J + 1,); NaN where it does not estimate one."""
     standard = _standard(model, mean)
@@ -221,7 +162,6 @@ def is_unusual(model: WearModel, mean: np.ndarray) -> bool:
 
 
 def _standard(model: WearModel, mean: np.ndarray) -> np.ndarray:
-    """Return the standardised features of a window."""
     return np.clip((mean - np.array(model.center)) / np.array(model.scale), -model.limit, model.limit)
 
 

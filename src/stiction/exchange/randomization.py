@@ -12,11 +12,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
+from stiction.core.decode import is_number
 from stiction.core.effects import requirement
 from stiction.core.errors import ConfigurationError, FileError
 from stiction.exchange.mujoco import SOLIMP
 from stiction.exchange.physics import Conversion, number, one_line
-from stiction.files.plain import is_number
 
 Framework = Literal["mjlab", "isaaclab", "legged_gym", "mujoco"]
 """Where a range can be written to."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from stiction.core.decode import from_plain
 from stiction.core.errors import FileError
-from stiction.files.tables import publish_npz, read_arrays, read_header, read_npz_arrays, write_arrays, write_header
+from stiction.files.tables import publish_npz, read_arrays, read_header, read_npz_arrays, write_header
 from stiction.joints.net import ActuatorNet
 
 SCHEMA, SCHEMA_VERSION = "stiction-actuator", 1
@@ -44,9 +44,7 @@ def actuator_file(path: Path) -> Path:
 def read_actuator(path: Path) -> ActuatorNet:
     """Read a net, from its file or from the directory that `stiction train-actuator` made; nothing is executed.
 
-    Raises:
-        StictionError: not such a file, another version, a field missing, unknown or of the wrong type or shape.
-
+    Raises `StictionError`: not such a file, another version, a field missing, unknown or of the wrong type or shape.
     """
     file = actuator_file(path)
     arrays = read_npz_arrays(file)
@@ -85,13 +83,8 @@ class ActuatorFit:
     """... of the runs that were kept out, shape (G, epochs)."""
 
 
-def write_actuator_fit(path: Path, fit: ActuatorFit) -> None:
-    """Write the arrays in single precision."""
-    write_arrays(path, fit)
-
-
 def read_actuator_fit(path: Path) -> ActuatorFit:
-    """Read what `write_actuator_fit` wrote; raise `StictionError` if something is missing or of another shape."""
+    """Read what `tables.write_arrays` wrote; raise `StictionError` if something is missing or of another shape."""
     fit = read_arrays(path, ActuatorFit, "run train-actuator again")
     signals = {fit.measured.shape, fit.net.shape, fit.baseline.shape}
     right = len(signals) == 1 and fit.measured.ndim == 2 and fit.time.shape == fit.measured.shape[:1]

@@ -5,19 +5,16 @@ A study writes its own part, from its rows, with the command, the revision and t
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 from stiction.core.decode import from_plain
 from stiction.core.errors import FileError
-from stiction.core.files import write_text
 from stiction.files.following import Following
 from stiction.files.plain import read_object, take_version
 
 SCHEMA_VERSION = 2
-"""Version of the file."""
 
 TRAINING, TRANSFER = "friction-training", "replication"
 """Names of the parts: in the simulator of the training, and elsewhere."""
@@ -34,7 +31,6 @@ class TrainedWith:
     """How one training method was trained."""
 
     method: str
-    """`--method`."""
     level: float
     """`--friction-level` [-]; 0 without friction."""
     low: float
@@ -53,9 +49,7 @@ class FrictionEffect:
     engine: str
     """Engine, and what of a virtual robot is real in it."""
     seeds: int
-    """Training seeds."""
     frictionless_speed: float
-    """Speed without friction."""
     noticeable: float | None
     """Lowest tested level that cost speed, by a paired 95 % t-interval over the seeds; None where none did."""
     speed_loss: float | None
@@ -73,19 +67,15 @@ class CommandCount:
     """Commands of the command set that the policies of one training follow, in one place under one friction."""
 
     method: str
-    """Training method."""
     engine: str
     """Engine, and the virtual robot where one walked."""
     friction_level: float
     """Friction over the torque limit [-]."""
     seeds: int
-    """Training seeds."""
     follow_all: int
-    """Seeds that follow every command."""
     cells: int
-    """Pairs of seed and command."""
     followed: int
-    """Pairs that follow."""
+    """Pairs of seed and command, and those that follow."""
     worst: str
     """Command that misses by most, and its faults: `wz=0.5, too slow`; empty where all follow."""
 
@@ -95,17 +85,12 @@ class Source:
     """The part of one study."""
 
     command: str
-    """Command that made its rows."""
     revision: str
-    """Code that did."""
     robot: str
     """Robot that walked, on flat ground."""
     feet: int
-    """How many it has."""
     policies: tuple[str, ...]
-    """Names of the policies."""
     methods: Mapping[str, TrainedWith]
-    """Training method -> how it was trained."""
     cells: tuple[Following, ...]
     """Who follows, by method, engine and friction; every cell is of `policies`, and of no others."""
     effects: tuple[FrictionEffect, ...] = ()
@@ -129,25 +114,10 @@ def robot_title(name: str) -> str:
 def read_advice(path: Path) -> dict[str, Source]:
     """Return every study's part.
 
-    Raises:
-        StictionError: the file cannot be read, or is none of this version.
-
+    Raises `StictionError`: the file cannot be read, or is none of this version.
     """
     data = take_version(read_object(path, "what `stiction identify` advises by"), SCHEMA_VERSION, path.name)
     sources = data.get("sources")
     if not isinstance(sources, dict):
         raise FileError(f"{path.name}: field 'sources' is {str(sources)[:80]}; expected an object")
     return {name: from_plain(Source, source, f"{path.name}: {name}") for name, source in sources.items()}
-
-
-def write_source(path: Path, name: str, source: Source) -> None:
-    """Put one study's part into the file, which need not exist; the others stay.
-
-    Raises:
-        StictionError: the file is another one, or cannot be written.
-
-    """
-    sources = (read_advice(path) if path.exists() else {}) | {name: source}
-    plain = {key: asdict(one) for key, one in sorted(sources.items())}
-    text = json.dumps({"schema_version": SCHEMA_VERSION, "sources": plain}, indent=1, allow_nan=False)
-    write_text(path, text + "\n")

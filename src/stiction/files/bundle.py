@@ -52,15 +52,10 @@ class Bundle:
     """A bundle that was read whole, its checksums and its contract checked. What was hashed is what is used."""
 
     name: str
-    """Name of the directory."""
     contract: Contract
-    """What the policy expects of robot and runtime."""
     policy: bytes
-    """The network, ONNX."""
     vectors: Golden | None
-    """Golden vectors; None of a policy record."""
     card: str
-    """Description for people, Markdown."""
     digest: str
     """SHA-256 of SHA256SUMS: one number that names the whole bundle."""
     size: int
@@ -70,7 +65,6 @@ class Bundle:
     wear_bound: bool = False
     """Whether the golden vectors say that the map belongs to this very policy; of an older bundle they do not."""
     sums: bytes = b""
-    """SHA256SUMS, what a signature is of."""
     signature: bytes | None = None
     """SHA256SUMS.sig, not checked here; None where there is none."""
 
@@ -90,12 +84,8 @@ def read_bundle(path: Path | str, vouch: Vouch = lambda sums, signature: None, a
     """Read a bundle; check the set of files, sizes, checksums, contract, and what the golden vectors bind.
 
     vouch: called once SHA256SUMS was compared with every file, before any of them is interpreted. allow_record: read a
-    policy record too.
-
-    Raises:
-        BundleError: a file missing, too many, a link, too large, malformed, or not what SHA256SUMS or golden.npz say
-            it is.
-
+    policy record too. Raises `BundleError`: a file missing, too many, a link, too large, malformed, or not what
+    SHA256SUMS or golden.npz say it is.
     """
     folder = Path(path)
     contents = _read_files(folder, allow_record)
@@ -131,7 +121,6 @@ def read_bundle(path: Path | str, vouch: Vouch = lambda sums, signature: None, a
     wear = read_wear(contents[WEAR]) if WEAR in contents else None
     if wear is not None and wear.joint_names != contract.joint_names:
         raise BundleError(f"{folder}: {WEAR} is for other joints than the contract; export it again")
-    size = sum(map(len, contents.values()))
     return Bundle(
         name=folder.resolve().name,
         contract=contract,
@@ -139,7 +128,7 @@ def read_bundle(path: Path | str, vouch: Vouch = lambda sums, signature: None, a
         vectors=golden,
         card=card,
         digest=_sha256(sums),
-        size=size,
+        size=sum(map(len, contents.values())),
         wear=wear,
         wear_bound=WEAR in bound,
         sums=sums,
@@ -157,9 +146,7 @@ def write_bundle(
 ) -> Path:
     """Write a bundle to a directory that does not exist yet, whole or not at all; return its path.
 
-    Raises:
-        BundleError: the directory exists already.
-
+    Raises `BundleError`: the directory exists already.
     """
     folder = Path(path)
     if folder.exists():
@@ -177,17 +164,14 @@ def write_bundle(
 
 
 def _sha256(data: bytes) -> str:
-    """Return a digest in hexadecimal."""
     return hashlib.sha256(data).hexdigest()
 
 
 def _sums(digests: dict[str, str]) -> bytes:
-    """Return the text of SHA256SUMS, as `sha256sum --check` reads it."""
     return "".join(f"{digests[name]}  {name}\n" for name in listed(digests)).encode()
 
 
 def _missing(folder: Path | str, name: str) -> str:
-    """Return the message for a file that is missing."""
     if name == GOLDEN:
         return (
             f"{folder}: {GOLDEN} is missing: nothing proves that the network computes as recorded; export it again "

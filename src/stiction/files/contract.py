@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from stiction.core.decode import from_plain
+from stiction.core.decode import from_plain, is_integer
 from stiction.core.errors import BundleError, RobotError
 from stiction.core.names import kinds_of
 from stiction.files.contract_rules import (
@@ -37,7 +37,7 @@ from stiction.files.contract_rules import (
 from stiction.files.contract_training import ERAS, check_age, check_training
 from stiction.files.known_friction import TERM
 from stiction.files.observation import ObservationLayout
-from stiction.files.plain import is_integer, parse_object
+from stiction.files.plain import parse_object
 from stiction.joints.compensation import PushCfg
 from stiction.joints.friction import LAWS, Law, has_coefficient, simulated_laws
 from stiction.robots.catalog import find_robot
@@ -45,10 +45,8 @@ from stiction.robots.model import Robot
 from stiction.robots.record import robot_from
 
 PHASES = {1: "one phase", 2: "two phases"}
-"""Phases of a training, in words."""
 
 MOST_JOINTS = 256
-"""Joints that a policy may have."""
 
 LATER = {"compensation": 1, "compensation_width": 1} | dict.fromkeys(chain(*ERAS), 2)
 """Field that came later -> the last version in which it may be missing; it is then its default."""
@@ -59,13 +57,11 @@ class Contract:
     """What a policy expects of the robot and of the runtime. Sequences over joints have the order of `joint_names`."""
 
     robot: str
-    """Name of the robot: `saturn_lite`."""
     terrain: str
     """Terrain trained on: `flat`."""
     method: str
     """Training method with friction: `none`, `direct`, `deception`, or one of another distribution, a name alone."""
     seed: int
-    """Seed of the training run."""
     friction_law: str
     """Law of the joint friction in training: `coulomb`, see `stiction.joints.friction`."""
     friction_level: float
@@ -78,7 +74,6 @@ class Contract:
     control_period: float
     """Time between two actions [s]."""
     decimation: int
-    """Physics steps per action."""
     physics_timestep: float
     """Physics step of training [s]; control_period = decimation * physics_timestep."""
     kp: tuple[float, ...]
@@ -101,15 +96,12 @@ class Contract:
     """Nominal dry friction that training varied [N m]; `friction_level` is its mean share of `torque_limit`. Of the
     laws `load` and `effort` the coefficient of each joint [-]; `friction_level` is their mean."""
     observation: ObservationLayout
-    """Terms, scales, clips and history of the network's input."""
     action_scale: float | tuple[float, ...]
     """Joint angle per unit of action [rad]: one number, or one of each joint."""
     action_clip: float
     """Symmetric bound of the network's output [-]."""
     revision: str
-    """Revision of the code that trained the policy."""
     command: str
-    """Command that made the policy."""
     joints_file: Mapping[str, str] | None = None
     """`name` and `sha256` of the joints.json that set the nominal joints, or None."""
     actuator: Mapping[str, str] | None = None
@@ -122,22 +114,18 @@ class Contract:
     quaternion_order: str = "wxyz"
     """Order of the entries of the orientation; only `wxyz` is known."""
     compensation: tuple[float, ...] | None = None
-    """How far the runtime moves each target on at most, the compensated share of f over kp [rad], or None. The target
-    is then a + compensation * clip(clip(v / v_s, -1, 1) + exp(-(v / v_f)^2) * e, -1, 1) with v_s and v_f of
-    `compensation_speeds` and e = clip((a - position) / compensation_width, -1, 1), position and speed v as measured.
-    Without those speeds it is a + compensation * e."""
+    """How far the runtime moves each target on at most, the compensated share of f over kp [rad], or None; see
+    `joints.compensation.compensated`, with v_s and v_f of `compensation_speeds` and the width `compensation_width`."""
     stribeck: tuple[float, float] | None = None
     """Of a law with these numbers, `stribeck`: friction at rest over friction in motion [1], and the speed v_s [rad/s];
     else None."""
     known_friction: Mapping[str, float] | None = None
-    """Of a policy that observes its joints' friction (the term `known_friction`): the default, kind of joint -> dry
-    friction as a fraction of the torque limit [-]. None of any other policy, and of one that must be given it before
-    its first step."""
+    """Default of the term `known_friction`: kind of joint -> dry friction as a fraction of the torque limit [-]. None
+    without that term, and where it must be given before the first step."""
     known_friction_file: Mapping[str, str] | None = None
     """`name` and `sha256` of the joints.json that `known_friction` is from; None: the nominal friction of training."""
     imported: Mapping[str, str] | None = None
-    """`name` and `sha256` of the network of a policy that was trained elsewhere: what it met in training is not known,
-    whatever `terrain`, `method` and the fields of friction say. None of one that was trained here."""
+    """`name` and `sha256` of the network of a policy that was trained elsewhere, whose training is not known."""
     friction_load: tuple[float, float] | None = None
     """Range of the coefficient of friction that grows with load (the law `load`) that training drew from beside
     `friction_range` [1], or None."""
@@ -147,34 +135,25 @@ class Contract:
     disturber: str | None = None
     """What disturbed the robots while they learned, by the words of a method that does so; None: nothing."""
     phases: int | None = None
-    """Phases of the training: 1, what walked in training is what is deployed; 2, a teacher and its student. None: the
-    bundle is older than this field."""
+    """Phases of the training: 1, what walked in it is deployed; 2, a teacher and its student. None: an older bundle."""
     anatomy: Robot | None = None
-    """The whole robot: links, masses, limits, and of each joint its place and axis in the base's frame (x forward, y
-    left, z up) where all angles are zero; an angle grows by the right-hand rule about the axis. With it the joints that
-    are held, and the maker's order, signs and offsets where somebody said them. None: the bundle is older than this
-    field, and the shipped robot of the name is meant."""
+    """The whole robot, held joints and the maker's order included; places and axes of joints are in the base's frame (x
+    forward, y left, z up) where all angles are zero. None: an older bundle, of the shipped robot of its name."""
     command_range: Mapping[str, tuple[float, float]] | None = None
-    """Velocity commands that training drew from, lower and upper end of `forward`, `sideways` [m/s] and
-    `turn` [rad/s]. None: the bundle is older than this field."""
+    """Velocity commands that training drew from: ends of `forward`, `sideways` [m/s], `turn` [rad/s]; None: older."""
     settings: Mapping[str, Any] | None = None
     """Settings of the training that differ from the defaults of the code, by their dotted names on the command line:
-    `teacher.quiet`: 30; numbers, texts, or lists of them. With the seed they tell one training from another, beside
-    `robot`, `joints_file` and `actuator`. None: the bundle is older than this field, or was trained elsewhere."""
+    `teacher.quiet`: 30; numbers, texts, or lists of them. None: an older bundle, or trained elsewhere."""
     compensation_width: float = 0.05
     """Distance of the target at which all of it is added [rad]; with speeds, to a joint at rest."""
     compensation_speeds: tuple[float, float] | None = None
-    """v_s, from which measured speed on all of it is added, and v_f, at which what a joint at rest gets by the error is
-    down to 37 % [rad/s]. None: the speed plays no part; so it is in bundles that are older than this field."""
+    """v_s and v_f [rad/s]; None: the speed plays no part, as in older bundles."""
     target_limits: Mapping[str, float] | None = None
     """Limits of joint targets that every control step applies: `slew`, largest speed of a target [rad/s], and `margin`,
-    distance that it keeps from the joint's limits [rad]; with them kp (a - position) - kd v stays within
-    `torque_limit`. None: evaluation applies none; so it is in bundles that are older than this field."""
+    distance that it keeps from the joint's limits [rad]; see `deploy.control`. None: an older bundle has none."""
     schema_version: int = SCHEMA_VERSION
-    """Version of this record."""
 
     def __post_init__(self) -> None:
-        """Refuse what no runtime could obey."""
         for name, rule in RULES.items():
             expect(rule.allowed(getattr(self, name)), name, getattr(self, name), rule.expected)
         period = self.decimation * self.physics_timestep
@@ -264,9 +243,8 @@ class Contract:
 def read_contract(text: bytes) -> Contract:
     """Parse the bytes of a contract.json.
 
-    Raises:
-        BundleError: not JSON, of another version, a field missing, unknown, of the wrong type or size, or not finite.
-
+    Raises `BundleError`: not JSON, of another version, a field missing, unknown, of the wrong type or size, or not
+    finite.
     """
     data = parse_object(text, "contract.json", "the contract of a policy; export the bundle again", BundleError)
     version = data.get("schema_version", SCHEMA_VERSION)
@@ -304,7 +282,7 @@ def _check_joints(contract: Contract) -> None:
     expect(valid and len(set(names)) == len(names), "joint_names", names, f"1 to {MOST_JOINTS} different names")
     single = () if isinstance(contract.action_scale, tuple) else ("action_scale",)
     absent = () if contract.compensation is not None else ("compensation",)
-    for field, (allowed, expected, _) in PER_JOINT.items():
+    for field, (allowed, expected) in PER_JOINT.items():
         values = getattr(contract, field)
         if field in single:
             expect(allowed(values), field, values, f"{expected}, or one for each of the {len(names)} joints")
@@ -373,7 +351,7 @@ def _check_known_friction(contract: Contract) -> None:
         file = contract.known_friction_file
         expect(file is None, "known_friction_file", file, "null, as 'known_friction' is")
         return
-    allowed, expected, _ = SHARE
+    allowed, expected = SHARE
     right = isinstance(given, Mapping) and set(given) == set(kinds) and all(map(allowed, given.values()))
     expect(right, "known_friction", given, f"an object with {expected} for each of {', '.join(kinds)}, or null")
 
@@ -414,13 +392,9 @@ def contract_of_others(
 ) -> Contract:
     """Return the contract of a policy that was trained elsewhere: joints, gains and pose are the robot's.
 
-    Args:
-        robot: as the policy knows it.
-        control_period: time between two actions [s].
-        decimation: physics steps in it.
-        observation: what the policy sees.
-        more: further fields; `action_clip`, `revision` and `command` have to be among them.
-
+    robot: as the policy knows it; control_period: time between two actions [s]; decimation: physics steps in it;
+    observation: what the policy sees; more: further fields; `action_clip`, `revision` and `command` have to be among
+    them.
     """
     names = {"kp": "kp", "kd": "kd", "standing": "default_position", "torque_limit": "torque_limit"}
     names |= {name: name for name in ("lower", "upper", "armature", "damping")}

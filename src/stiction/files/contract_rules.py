@@ -10,8 +10,8 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
+from stiction.core.decode import is_integer, is_number, is_text
 from stiction.core.errors import BundleError
-from stiction.files.plain import is_integer, is_number, is_text
 from stiction.files.velocity import COMMANDS
 
 
@@ -19,11 +19,7 @@ class Rule(NamedTuple):
     """What a value may be."""
 
     allowed: Callable[[Any], bool]
-    """Whether a value is allowed."""
     expected: str
-    """What is expected, in words."""
-    schema: dict[str, Any]
-    """The same in JSON Schema, as far as that can say it."""
 
 
 LONGEST = 4096
@@ -31,28 +27,22 @@ LONGEST = 4096
 
 
 def _between(low: float, high: float, unit: str = "") -> Rule:
-    """Return the rule of a number from `low` to `high`."""
-    return Rule(
-        lambda value: is_number(value) and low <= value <= high,
-        f"a number from {low:g} to {high:g}{unit}",
-        {"type": "number", "minimum": low, "maximum": high},
-    )
+    return Rule(lambda value: is_number(value) and low <= value <= high, f"a number from {low:g} to {high:g}{unit}")
 
 
 def _integer(low: int, high: int) -> Rule:
-    """Return the rule of an integer from `low` to `high`."""
-    return Rule(
-        lambda value: is_integer(value) and low <= value <= high,
-        f"an integer from {low} to {high}",
-        {"type": "integer", "minimum": low, "maximum": high},
-    )
+    return Rule(lambda value: is_integer(value) and low <= value <= high, f"an integer from {low} to {high}")
 
 
 def one_of(*values: Any) -> Rule:
     """Return the rule of a field that takes some values alone."""
     words = " or ".join("null" if value is None else repr(value) for value in values)
     # To Python, True is in (1, 2).
-    return Rule(lambda value: value in values and not isinstance(value, bool), words, {"enum": list(values)})
+    return Rule(lambda value: value in values and not isinstance(value, bool), words)
+
+
+def _or_null(allowed: Callable[[Any], bool], expected: str) -> Rule:
+    return Rule(lambda value: value is None or allowed(value), f"null, or {expected}")
 
 
 def expect(condition: bool, field: str, value: object, expected: str) -> None:
@@ -66,41 +56,22 @@ def is_name(value: Any) -> bool:
     return is_text(value) and len(value) <= 128 and value.isprintable()
 
 
-def _is_range(value: Any) -> bool:
-    """Return whether a value is the two ends of a range of friction."""
-    return isinstance(value, tuple) and len(value) == 2 and all(map(SHARE.allowed, value)) and value[0] <= value[1]
+def _is_pair(value: Any, rule: Rule) -> bool:
+    return isinstance(value, tuple) and len(value) == 2 and all(map(rule.allowed, value))
 
 
-def _are_speeds(value: Any) -> bool:
-    """Return whether a value is two speeds of joints, or None."""
-    return value is None or (isinstance(value, tuple) and len(value) == 2 and all(map(JOINT_SPEED.allowed, value)))
+def _is_range(value: Any, rule: Rule) -> bool:
+    return _is_pair(value, rule) and value[0] <= value[1]
 
 
-def _are_commands(value: Any) -> bool:
-    """Return whether a value is a range of each entry of a velocity command, or None."""
-    named = isinstance(value, Mapping) and set(value) == set(COMMANDS)
-    return value is None or (named and all(
-        isinstance(ends, tuple) and len(ends) == 2 and all(map(VELOCITY.allowed, ends)) and ends[0] <= ends[1]
-        for ends in value.values()
-    ))  # fmt: skip
-
-
-def _are_target_limits(value: Any) -> bool:
-    """Return whether a value is limits of joint targets, or None."""
-    named = isinstance(value, Mapping) and set(value) == set(TARGET_RULES)
-    return value is None or (named and all(rule.allowed(value[name]) for name, rule in TARGET_RULES.items()))
-
-
-def pair(rule: Rule) -> dict[str, Any]:
-    """Return the JSON Schema of two values of a rule."""
-    return {"type": "array", "items": rule.schema, "minItems": 2, "maxItems": 2}
+def _has(value: Any, names: Any) -> bool:
+    """Return whether a value is an object with exactly these keys."""
+    return isinstance(value, Mapping) and set(value) == set(names)
 
 
 def _is_file(value: Any) -> bool:
-    """Return whether a value names a file, or is None."""
-    named = isinstance(value, Mapping) and set(value) == {"name", "sha256"} and is_name(value["name"])
-    return value is None or (named and isinstance(value["sha256"], str)
-                             and re.fullmatch("[0-9a-f]{64}", value["sha256"]) is not None)  # fmt: skip
+    digest = _has(value, ("name", "sha256")) and is_name(value["name"]) and value["sha256"]
+    return isinstance(digest, str) and re.fullmatch("[0-9a-f]{64}", digest) is not None
 
 
 ANGLE = _between(-1000.0, 1000.0, " rad")
@@ -110,7 +81,6 @@ SHARE = _between(0.0, 10.0)
 JOINT_SPEED = _between(1e-4, 100.0, " rad/s")
 
 TARGET_RULES = {"slew": _between(0.1, 1000.0, " rad/s"), "margin": _between(0.0, 1.0, " rad")}
-"""Limit of joint targets -> what it may be."""
 
 TARGET_LIMITS = {"slew": 40.0, "margin": 0.02}
 """Limits of new bundles, and of a robot's runtime where an older one says none: 0.8 rad in a control period of 20 ms,
@@ -125,19 +95,10 @@ VELOCITY = _between(-100.0, 100.0)
 TEXT = Rule(
     lambda value: is_text(value) and len(value) <= LONGEST and all(c.isprintable() or c == "\n" for c in value),
     f"a text of 1 to {LONGEST} printable characters",
-    {"type": "string", "minLength": 1, "maxLength": LONGEST},
 )
-NAME = Rule(is_name, "a printable text of 1 to 128 characters", {"type": "string", "minLength": 1, "maxLength": 128})
-FILE = Rule(
-    _is_file,
-    "null, or an object with 'name' and 'sha256', 64 hexadecimal digits",
-    {
-        "type": ["object", "null"],
-        "properties": {"name": NAME.schema, "sha256": {"type": "string", "pattern": "^[0-9a-f]{64}$"}},
-        "required": ["name", "sha256"],
-        "additionalProperties": False,
-    },
-)
+NAME = Rule(is_name, "a printable text of 1 to 128 characters")
+FILE = _or_null(_is_file, "an object with 'name' and 'sha256', 64 hexadecimal digits")
+RANGE = Rule(lambda value: _is_range(value, SHARE), "two numbers, 0 <= low <= high <= 10")
 
 MOST_SETTINGS, MOST_IN_LIST, LONGEST_SETTING, LARGEST_SETTING = 512, 256, 512, 1e300
 """Settings of a training, entries of one that is a list, characters of one that is a text, and size of a number."""
@@ -151,46 +112,28 @@ def _is_scalar(value: Any) -> bool:
 
 
 def _are_settings(value: Any) -> bool:
-    """Return whether a value is settings of a training by name, or None."""
-    if value is None or not isinstance(value, Mapping):
-        return value is None
-    if len(value) > MOST_SETTINGS or not all(map(is_name, value)):
+    """Return whether a value is settings of a training by name."""
+    if not isinstance(value, Mapping) or len(value) > MOST_SETTINGS or not all(map(is_name, value)):
         return False
-    lists = [one for one in value.values() if isinstance(one, list | tuple)]
-    single = [one for one in value.values() if not isinstance(one, list | tuple)]
-    return all(map(_is_scalar, single)) and all(len(one) <= MOST_IN_LIST and all(map(_is_scalar, one)) for one in lists)
+    lists = [one if isinstance(one, list | tuple) else [one] for one in value.values()]
+    return all(len(one) <= MOST_IN_LIST and all(map(_is_scalar, one)) for one in lists)
 
 
-_SCALAR: list[dict[str, Any]] = [
-    {"type": ["boolean", "null"]},
-    {"type": "number", "exclusiveMinimum": -LARGEST_SETTING, "exclusiveMaximum": LARGEST_SETTING},
-    {"type": "string", "maxLength": LONGEST_SETTING},
-]
-SETTINGS = Rule(
+SETTINGS = _or_null(
     _are_settings,
-    f"null, or an object of at most {MOST_SETTINGS} settings: a printable name of 1 to 128 characters, and a number, a "
+    f"an object of at most {MOST_SETTINGS} settings: a printable name of 1 to 128 characters, and a number, a "
     f"printable text of at most {LONGEST_SETTING} characters, true, false, null, or a list of at most {MOST_IN_LIST} "
     "such",
-    {
-        "type": ["object", "null"],
-        "maxProperties": MOST_SETTINGS,
-        "propertyNames": NAME.schema,
-        "additionalProperties": {
-            "anyOf": [*_SCALAR, {"type": "array", "items": {"anyOf": _SCALAR}, "maxItems": MOST_IN_LIST}]
-        },
-    },
 )
 
 UNKNOWN, IMPORTED = "unknown", "imported"
 """Ground, and method, of a policy that was trained elsewhere."""
 
 TERRAINS = ("flat", "slopes", "rough", "stairs", "mixed", UNKNOWN)
-"""Grounds that there are to train on."""
 
 METHOD = Rule(
     lambda value: isinstance(value, str) and re.fullmatch("[a-z][a-z0-9_-]{0,39}", value) is not None,
     "a name of 1 to 40 lower-case letters, digits, - and _",
-    {"type": "string", "pattern": "^[a-z][a-z0-9_-]{0,39}$"},
 )
 """Name of a training method, or of what disturbed a training: any installed distribution may have brought it."""
 
@@ -205,11 +148,7 @@ RULES: dict[str, Rule] = {
     **dict.fromkeys(("revision", "command"), TEXT),
     "seed": _integer(0, 2**63 - 1),
     "phases": one_of(1, 2, None),
-    "disturber": Rule(
-        lambda value: value is None or METHOD.allowed(value),
-        f"null, or {METHOD.expected}",
-        {"anyOf": [METHOD.schema, {"type": "null"}]},
-    ),
+    "disturber": _or_null(*METHOD),
     "torque_source": one_of("motor_side", "output_side", None),
     # From 2 kHz to 5 Hz; a physics step under 10 µs would take days for a minute of walking.
     "control_period": _between(5e-4, 0.2, " s"),
@@ -217,40 +156,17 @@ RULES: dict[str, Rule] = {
     "physics_timestep": _between(1e-5, 0.05, " s"),
     "action_clip": _between(1e-3, 1000.0),
     "compensation_width": _between(1e-4, 3.2, " rad"),
-    "compensation_speeds": Rule(
-        _are_speeds,
-        "null, or two numbers from 0.0001 to 100 rad/s",
-        {"anyOf": [pair(JOINT_SPEED), {"type": "null"}]},
-    ),
-    "target_limits": Rule(
-        _are_target_limits,
-        "null, or an object with 'slew', 0.1 to 1000 rad/s, and 'margin', 0 to 1 rad",
-        {
-            "type": ["object", "null"],
-            "properties": {name: rule.schema for name, rule in TARGET_RULES.items()},
-            "required": list(TARGET_RULES),
-            "additionalProperties": False,
-        },
+    "compensation_speeds": _or_null(lambda value: _is_pair(value, JOINT_SPEED), "two numbers from 0.0001 to 100 rad/s"),
+    "target_limits": _or_null(
+        lambda value: _has(value, TARGET_RULES) and all(r.allowed(value[name]) for name, r in TARGET_RULES.items()),
+        "an object with 'slew', 0.1 to 1000 rad/s, and 'margin', 0 to 1 rad",
     ),
     "friction_level": SHARE,
-    "friction_range": Rule(_is_range, "two numbers, 0 <= low <= high <= 10", pair(SHARE)),
-    **dict.fromkeys(
-        ("friction_load", "friction_spread"),
-        Rule(
-            lambda value: value is None or _is_range(value),
-            "null, or two numbers, 0 <= low <= high <= 10",
-            {"anyOf": [pair(SHARE), {"type": "null"}]},
-        ),
-    ),
-    "command_range": Rule(
-        _are_commands,
-        "null, or for each of 'forward', 'sideways' and 'turn' two numbers, -100 <= low <= high <= 100",
-        {
-            "type": ["object", "null"],
-            "properties": dict.fromkeys(COMMANDS, pair(VELOCITY)),
-            "required": list(COMMANDS),
-            "additionalProperties": False,
-        },
+    "friction_range": RANGE,
+    **dict.fromkeys(("friction_load", "friction_spread"), _or_null(*RANGE)),
+    "command_range": _or_null(
+        lambda value: _has(value, COMMANDS) and all(_is_range(ends, VELOCITY) for ends in value.values()),
+        "for each of 'forward', 'sideways' and 'turn' two numbers, -100 <= low <= high <= 100",
     ),
     "action_offset": one_of("standing"),
     "quaternion_order": one_of("wxyz"),
@@ -273,4 +189,3 @@ PER_JOINT: dict[str, Rule] = {
 """Field with one number per joint, in the order of `joint_names` -> what each may be."""
 
 TERM_RULES: dict[str, Rule] = {"scale": _between(1e-6, 1e6), "clip": _between(1e-6, 1e6)}
-"""Field of an observation's term -> what it may be."""

@@ -11,9 +11,9 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
+from stiction.core.decode import is_number
 from stiction.core.errors import BundleError
 from stiction.files.contract_rules import IMPORTED, UNKNOWN, expect
-from stiction.files.plain import is_number
 
 Contract = Any
 """A `stiction.files.contract.Contract`, whose module imports this one."""
@@ -100,18 +100,15 @@ def check_age(data: Mapping[str, Any], version: int) -> None:
 def check_training(contract: Contract) -> None:
     """Reject a contract that was read and whose method, friction, motors and settings contradict each other."""
     elsewhere, method = contract.method == IMPORTED, contract.method
-    expect((contract.terrain == UNKNOWN) == elsewhere, "terrain", contract.terrain, f"{UNKNOWN!r} with the method "
-           f"{IMPORTED!r}, and with no other")  # fmt: skip
+    words = f"{UNKNOWN!r} with the method {IMPORTED!r}, and with no other"
+    expect((contract.terrain == UNKNOWN) == elsewhere, "terrain", contract.terrain, words)
     expect(contract.imported is None or elsewhere, "imported", contract.imported, f"null with the method {method!r}")
-    expect(contract.disturber is None or method not in OWN, "disturber", contract.disturber, "null with the method "
-           f"{method!r}")  # fmt: skip
-    expect(
-        contract.torque_source is None or contract.actuator is not None,
-        "torque_source", contract.torque_source, "null, as 'actuator' is",
-    )  # fmt: skip
+    disturber, source, speeds = contract.disturber, contract.torque_source, contract.compensation_speeds
+    expect(disturber is None or method not in OWN, "disturber", disturber, f"null with the method {method!r}")
+    right = source is None or contract.actuator is not None
+    expect(right, "torque_source", source, "null, as 'actuator' is")
     if contract.compensation is None:
-        expect(contract.compensation_speeds is None, "compensation_speeds", contract.compensation_speeds, "null, as "
-               "'compensation' is")  # fmt: skip
+        expect(speeds is None, "compensation_speeds", speeds, "null, as 'compensation' is")
         # Friction that is fed forward by the error has this width too.
         width, usual = contract.compensation_width, type(contract).compensation_width
         expect(width == usual, "compensation_width", width, f"{usual}, as 'compensation' is null")
@@ -137,8 +134,6 @@ def _check_range(contract: Contract) -> None:
 
 
 def _check_settings(contract: Contract, settings: Mapping[str, Any]) -> None:
-    """Check the fields that repeat a setting."""
-
     def values(name: str) -> tuple[Any, ...]:
         return (settings[name],) if name in settings else DEFAULTS[name]
 

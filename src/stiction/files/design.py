@@ -12,11 +12,11 @@ import numpy as np
 from stiction.core.decode import from_plain
 from stiction.core.errors import FileError
 from stiction.core.records import column
+from stiction.files.log import TestCondition
 from stiction.files.plain import read_object, take_version
-from stiction.files.tables import read_arrays, write_arrays
+from stiction.files.tables import read_arrays
 
 SCHEMA_VERSION = 1
-"""Raised when a reader of the older form would misunderstand the newer one."""
 
 
 def percent(share: float) -> str:
@@ -105,15 +105,12 @@ class ExcitationDesign:
     """A designed log: how to run it, and how well it will show each parameter."""
 
     joint: str
-    """Name of the joint."""
     setup: dict[str, Any]
     """Everything that the design was asked for, defaults filled in."""
     gains: dict[str, float]
     """kp [N m/rad] and kd [N m s/rad] to run at."""
     advice: str
-    """Why these gains."""
     pattern: dict[str, Any]
-    """The motion's parameters."""
     pattern_duration: float
     """[s]."""
     repeats: int
@@ -125,7 +122,6 @@ class ExcitationDesign:
     reached: dict[str, float]
     """The same quantities, the furthest that any joint in the range of guesses goes, target included."""
     predicted: tuple[Predicted, ...]
-    """Each parameter."""
     correlation: float
     """Of the estimates of viscous and Coulomb friction at the guess [1]."""
     d_criterion: float
@@ -135,15 +131,11 @@ class ExcitationDesign:
     wanted: dict[str, float]
     """`relative`, the deviation of f asked for [1], and `duration`, the log that it takes in whole patterns [s]."""
     sines: tuple[OneSine, ...]
-    """One sine instead."""
     trials: tuple[GainTrial, ...]
     """Gains that were compared, the given ones first."""
     sweep: tuple[GainPoint, ...]
-    """What gains do."""
     warnings: tuple[str, ...]
-    """What the reader must know."""
     command: str
-    """The command that made it."""
 
     @property
     def torque_too(self) -> str:
@@ -151,7 +143,7 @@ class ExcitationDesign:
         return "" if self.setup["position_only"] else " and motor torque"
 
     @property
-    def test_condition(self) -> str:
+    def test_condition(self) -> TestCondition:
         """What hangs on the motor: a link in the air if gravity was given, else nothing."""
         return "in_air" if self.setup["gravity_sin"] or self.setup["gravity_cos"] else "bare_motor"
 
@@ -192,22 +184,12 @@ class DesignSignals:
     torque: np.ndarray
     """At the guess [N m]."""
     position_low: np.ndarray
-    """Lowest over the range of guesses [rad]."""
     position_high: np.ndarray
-    """Highest over the range of guesses [rad]."""
+    """Lowest and highest over the range of guesses [rad]; so are the others."""
     velocity_low: np.ndarray
-    """Lowest over the range of guesses [rad/s]."""
     velocity_high: np.ndarray
-    """Highest over the range of guesses [rad/s]."""
     torque_low: np.ndarray
-    """Lowest over the range of guesses [N m]."""
     torque_high: np.ndarray
-    """Highest over the range of guesses [N m]."""
-
-
-def write_signals(path: Path, signals: DesignSignals) -> None:
-    """Write `design.npz`."""
-    write_arrays(path, signals)
 
 
 def read_signals(path: Path) -> DesignSignals:

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Literal
 
 from stiction.files.results import DIRECTIONS, FOLLOWS, ResultRow
 
 Pace = Literal["too slow", "follows", "too fast"]
-"""What a speed ratio is."""
 
 SLOW, FAST = (f"{100 * end:g} %" for end in FOLLOWS)
 """Too slow is under the one, too fast over the other: the ends of the band, as people read them."""
@@ -27,7 +27,6 @@ DEFINITION = (
     f"and nobody falls. Too slow: under {SLOW} in the slower direction; too fast: over {FAST} in the faster one; a "
     "seed can be both."
 )
-"""For pages."""
 
 
 def pace(ratio: float) -> Pace:
@@ -81,18 +80,12 @@ def stalled(rows: Iterable[ResultRow]) -> list[ResultRow]:
     for row in rows:
         if row.terrain == "flat" and row.command in DIRECTIONS:
             cells.setdefault((row.policy, row.engine, row.friction_law, row.friction_level), []).append(row)
-    slow = [
-        min(known, key=_slowest_walk)
-        for own in cells.values()
-        if paces(own) == {"follows"} and (known := [row for row in own if row.slowest_walk is not None])
-    ]
-    return sorted((row for row in slow if _slowest_walk(row) < STALLS), key=_slowest_walk)
-
-
-def _slowest_walk(row: ResultRow) -> float:
-    """Return the speed ratio of the slowest walk of a row that knows it."""
-    assert row.slowest_walk is not None
-    return row.slowest_walk
+    slow: list[tuple[float, ResultRow]] = []
+    for own in cells.values():
+        known = [(row.slowest_walk, row) for row in own if row.slowest_walk is not None]
+        if known and paces(own) == {"follows"}:
+            slow.append(min(known, key=itemgetter(0)))
+    return [row for slowest, row in sorted(slow, key=itemgetter(0)) if slowest < STALLS]
 
 
 FEWEST_SEEDS = 3
@@ -107,15 +100,12 @@ class Following:
     """
 
     method: str
-    """Training method."""
     engine: str
     """Engine, and what of a virtual robot is real in it."""
     friction_law: str
-    """Law of the friction."""
     friction_level: float
     """Friction over the torque limit, or a coefficient [-]."""
     seeds: int
-    """Training seeds."""
     follow: int
     """Those that follow in both directions, and never fall."""
     too_slow: int
@@ -123,7 +113,6 @@ class Following:
     too_fast: int
     """Those that are too fast in at least one direction, on at least one robot."""
     fell: int
-    """Those that fell."""
     deviation: float
     """Mean of |speed ratio - 1| over both directions and the seeds [-]; of virtual robots, of the worst."""
     each: str

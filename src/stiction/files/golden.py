@@ -98,7 +98,6 @@ class Golden:
     was answered. None: all of the recording was walked."""
 
     def __len__(self) -> int:
-        """Return the number of steps."""
         return len(self.time)
 
 
@@ -161,8 +160,7 @@ BOUND = "sha256:"
 
 def write_golden(golden: Golden, digests: Mapping[str, str]) -> bytes:
     """Return the bytes of golden.npz; `digests` maps the bundle's other files to their SHA-256 in hexadecimal."""
-    arrays = {field.name: getattr(golden, field.name) for field in fields(Golden)}
-    arrays = {name: array for name, array in arrays.items() if array is not None}
+    arrays = {name: array for name, array in vars(golden).items() if array is not None}
     arrays |= {BOUND + name: np.array(digest) for name, digest in digests.items()}
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)
@@ -172,11 +170,9 @@ def write_golden(golden: Golden, digests: Mapping[str, str]) -> bytes:
 def read_golden(data: bytes, contract: Contract) -> tuple[Golden, dict[str, str]]:
     """Parse golden.npz and check it against the contract; return it and the digests that it binds.
 
-    Raises:
-        BundleError: not an NPZ, too large unpacked, an array missing, unknown, of the wrong shape or type, not finite
-            or out of all range; too few or too many steps; fewer than two resets, or none at the first step; times that
-            are not the control period's; rows that repeat; angles beyond the contract's limits; torques of other gains.
-
+    Raises `BundleError`: not an NPZ, too large unpacked, an array missing, unknown, of the wrong shape or type, not
+    finite or out of all range; too few or too many steps; fewer than two resets, or none at the first step; times that
+    are not the control period's; rows that repeat; angles beyond the contract's limits; torques of other gains.
     """
     try:
         arrays = parse_npz("golden.npz", data, MAX_BYTES)
@@ -205,7 +201,6 @@ def not_measured(contract: Contract) -> dict[str, int]:
 
 
 def _check_arrays(golden: Golden, contract: Contract) -> None:
-    """Check names, shapes, types and values."""
     names, given = contract.joint_names, golden.joint_names
     if given.dtype.kind != "U" or given.shape != (len(names),) or tuple(given.tolist()) != names:
         raise BundleError(f"golden.npz is for the joints {str(given.tolist())[:200]}, the contract has {names}")

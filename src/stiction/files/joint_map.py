@@ -63,18 +63,12 @@ def map_joints(
             found[name] = key
     lost = [name for name in file.joints if name not in set(found.values())]
     if lost:
+        more = f" and {len(model) - MOST_NAMES} more" if len(model) > MOST_NAMES else ""
         raise ConfigurationError(
             f"no joint of the model takes the record {lost[0]!r}; name one, as in --joint-map {lost[0]}=JOINT; the "
-            f"model has {_some(model)}"
+            f"model has {(', '.join(model[:MOST_NAMES]) + more) or 'none with a name'}"
         )
     return found
-
-
-def _some(names: Iterable[str]) -> str:
-    """List names, not too many."""
-    listed = list(names)
-    more = f" and {len(listed) - MOST_NAMES} more" if len(listed) > MOST_NAMES else ""
-    return (", ".join(listed[:MOST_NAMES]) + more) or "none with a name"
 
 
 def mapped(file: JointsFile, pairs: Sequence[str], joint_names: Sequence[str]) -> JointsFile:

@@ -11,7 +11,7 @@ people: what the level rests on, joint by joint.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +20,13 @@ import numpy as np
 from stiction.core.decode import from_plain
 from stiction.core.errors import FileError, unknown_name
 from stiction.core.names import kind_of
-from stiction.files.log import AXES, TEST_CONDITIONS
+from stiction.files.log import Axis, TestCondition
 from stiction.files.plain import read_object, take_version, write_object
 from stiction.files.tables import publish_npz, read_npz_arrays
 from stiction.joints.friction import SYMMETRIC
-from stiction.joints.net import TORQUE_SOURCES
+from stiction.joints.net import TorqueSource
 
 SCHEMA_VERSION = 1
-"""Raised when a reader of the older form would misunderstand the newer one."""
 
 PARAMETERS = ("inertia", *SYMMETRIC)
 """Parameters of the symmetric law, in the order of the regressor."""
@@ -37,7 +36,6 @@ QUANTITIES = (
     *("gravity_sin", "gravity_cos", "static_friction", "stribeck_velocity", "load_coefficient"),
     *("motor_strength", "encoder_bias", "delay", "friction_ratio", "dynamic_ratio", "dead_band"),
 )
-"""Everything in a record that is an `Estimate` or null."""
 
 
 ARMATURE = "armature"
@@ -50,11 +48,8 @@ class Estimate:
     """A number with its uncertainty."""
 
     value: float
-    """Best estimate."""
     std: float
-    """Standard deviation of the estimate."""
     interval95: tuple[float, float]
-    """95 % confidence interval, lower and upper end."""
 
     def scaled(self, factor: float) -> Estimate:
         """Return the estimate of `factor` times the quantity; `factor` is positive and exactly known."""
@@ -86,21 +81,13 @@ NEGLIGIBLE = 0.01
 """Friction over torque limit that no policy of `stiction replicate` noticed in any engine (identification/advice.json):
 where friction cannot be told from zero, and is no more than this, simulators may have it as zero."""
 
-LOAD_REGRESSORS = {
-    "gravity": "|gravity and known torque from outside| [N m]",
-    "motor_torque": "|motor torque| [N m]",
-}
+LOAD_REGRESSORS = {"gravity": "|gravity and known torque from outside| [N m]", "motor_torque": "|motor torque| [N m]"}
 """What a load coefficient may multiply -> the same in words: the first from a joint's own log, the second from a walk.
 Training has the second as its law `effort`; its law `load`, of |F| + |T| at the joint, is neither."""
 
 FRICTIONS = (
-    "coulomb_friction",
-    "static_friction",
-    "stribeck_velocity",
-    "load_coefficient",
-    "friction_ratio",
-    "dynamic_ratio",
-    "dead_band",
+    *("coulomb_friction", "static_friction", "stribeck_velocity", "load_coefficient"),
+    *("friction_ratio", "dynamic_ratio", "dead_band"),
 )
 """Quantities that say how much dry friction there is."""
 
@@ -112,9 +99,7 @@ class Objection:
     reason: str
     """One word for programs: `unexplained_torque`."""
     seen: str
-    """What was seen, with its number."""
     remedy: str
-    """What to do."""
 
     @property
     def text(self) -> str:
@@ -135,9 +120,8 @@ class JointRecord:
     offset: Estimate | None = None
     """Constant torque that the motor supplies [N m]."""
     gravity_sin: Estimate | None = None
-    """Torque that holds the link against gravity is gravity_sin sin θ + gravity_cos cos θ [N m]."""
     gravity_cos: Estimate | None = None
-    """See `gravity_sin` [N m]."""
+    """Torque that holds the link against gravity is gravity_sin sin θ + gravity_cos cos θ [N m]."""
     static_friction: Estimate | None = None
     """Friction at rest, where the log distinguishes it from Coulomb friction [N m]."""
     stribeck_velocity: Estimate | None = None
@@ -161,12 +145,9 @@ class JointRecord:
     friction_law: dict[str, Any] | None = None
     """The law that was chosen, Coulomb's too. From a joint's log: `law`, which it is, `parameters`, and `candidates`,
     what else was tried. From a walk the load law, or null where it was refused."""
-    axis: str = "rotary"
-    """`rotary` or `linear`."""
-    test_condition: str | None = None
-    """`bare_motor`, `in_air` or `loaded`; null if not declared."""
-    torque_source: str | None = None
-    """`motor_side` or `output_side`; null without torque."""
+    axis: Axis = "rotary"
+    test_condition: TestCondition | None = None
+    torque_source: TorqueSource | None = None
     kp: float | None = None
     """Proportional gain during the test [N m/rad]."""
     kd: float | None = None
@@ -178,7 +159,6 @@ class JointRecord:
     objections: tuple[Objection, ...] = ()
     """What makes the fit invalid; where there is any, nothing that trains or simulates takes its friction."""
     warnings: tuple[str, ...] = ()
-    """What a reader should know before trusting the numbers."""
 
     def objection_to(self, quantity: str) -> Objection | None:
         """Return why a quantity must not be used, None where it may be.
@@ -214,10 +194,7 @@ class JointRecord:
         law = self.friction_law or {}
         if self.load_coefficient is None:
             return None
-        if law.get("regressor") in LOAD_REGRESSORS:
-            return str(law["regressor"])
-        # Files of before named it in words alone, and those of walks alone.
-        return "motor_torque" if str(law.get("load", "")).startswith("|motor") else "gravity"
+        return str(law["regressor"]) if law.get("regressor") in LOAD_REGRESSORS else "gravity"
 
     @property
     def unloaded_friction(self) -> Estimate | None:
@@ -245,22 +222,10 @@ class JointRecord:
         for name, estimate in estimates.items():
             if estimate is not None:
                 estimate.check(f"{where}: {name}")
-        record._check_settings(where)
-        ratio, moving, holding = record.friction_ratio, record.moving_friction, record.holding_friction
-        if "dynamic_ratio" in data or not (ratio and moving and moving.value > 0 and holding):
-            return record
-        # Older files have Coulomb friction in the ratio even where more holds the joint at rest.
-        return replace(record, friction_ratio=holding.scaled(ratio.value / moving.value), dynamic_ratio=ratio)
-
-    def _check_settings(self, where: str) -> None:
-        """Refuse settings of the test that are not what they should be."""
-        choices = {"axis": AXES, "test_condition": (*TEST_CONDITIONS, None), "torque_source": (*TORQUE_SOURCES, None)}
-        for name, allowed in choices.items():
-            if (value := getattr(self, name)) not in allowed:
-                raise FileError(f"{where}: {name} is {value!r}; expected one of {', '.join(map(str, allowed))}")
         for name in ("kp", "kd", "torque_limit"):
-            if (value := getattr(self, name)) is not None and value < 0:
+            if (value := getattr(record, name)) is not None and value < 0:
                 raise FileError(f"{where}: {name} is {value!r}; expected a number that is not negative, or null")
+        return record
 
 
 @dataclass(frozen=True)
@@ -284,10 +249,9 @@ class JointsFile:
 
     def record(self, joint: str) -> JointRecord:
         """Return the record of `FL_shank`: under that name, else under its kind, `shank`; else raise `FileError`."""
-        key = self.key(joint)
-        if key is not None:
-            return self.joints[key]
-        raise FileError(f"no record for the joint or its kind: {unknown_name('joint', joint, self.joints)}")
+        if (key := self.key(joint)) is None:
+            raise FileError(f"no record for the joint or its kind: {unknown_name('joint', joint, self.joints)}")
+        return self.joints[key]
 
     def nominal(self, joints: Sequence[str], quantity: str) -> tuple[float, ...]:
         """Return one quantity's value for each joint, as simulators take it: what is below zero is zero.
@@ -298,12 +262,11 @@ class JointsFile:
         """
         values = []
         for joint in joints:
-            objection = self.record(joint).objection_to(quantity)
-            if objection is not None:
+            record = self.record(joint)
+            if (objection := record.objection_to(quantity)) is not None:
                 raise FileError(f"{quantity} of joint {joint!r} must not be used: {objection.text}")
-            estimate = getattr(self.record(joint), quantity)
-            if estimate is None:
-                why = next((f": {text}" for text in self.record(joint).warnings), "")
+            if (estimate := getattr(record, quantity)) is None:
+                why = next((f": {text}" for text in record.warnings), "")
                 raise FileError(f"{quantity} of joint {joint!r} is null in this file, it was not identified{why}")
             if quantity == "inertia" and estimate.value <= 0:
                 raise FileError(f"inertia of joint {joint!r} is {estimate.value}; expected a positive number")
@@ -401,7 +364,7 @@ def read_fit(path: Path, joint: str) -> FitSignals:
         raise FileError(f"{path.name}: no {sorted(needed - set(found))[0]} of joint {joint!r}; run identify again")
     if any(values.ndim != 1 or values.dtype.kind != "f" for values in found.values()):
         raise FileError(f"{path.name}: a signal of joint {joint!r} is no vector of numbers; run identify again")
-    if len({len(values) for values in found.values()}) != 1:
+    if len(set(map(len, found.values()))) != 1:
         raise FileError(f"{path.name}: the signals of joint {joint!r} differ in length; run identify again")
     return FitSignals(**{name: values.astype(float) for name, values in found.items()})
 
@@ -415,13 +378,11 @@ def is_training(path: Path) -> bool:
 def _check_withheld(path: Path) -> None:
     """Raise `FileError` where a training.json is missing because the fit beside it is not valid."""
     beside = path.parent / "joints.json"
-    if not path.exists() and beside.is_file():
-        objections = [
-            f"{name}: {one.text}" for name, record in load_joints(beside).joints.items() for one in record.objections
-        ]
-        if objections:
+    records = load_joints(beside).joints if not path.exists() and beside.is_file() else {}
+    for name, record in records.items():
+        for one in record.objections:
             raise FileError(
-                f"there is no {path.name}, for nothing can be proposed from this identification: {objections[0]}"
+                f"there is no {path.name}, for nothing can be proposed from this identification: {name}: {one.text}"
             )
 
 

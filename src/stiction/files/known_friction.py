@@ -15,7 +15,6 @@ from stiction.core.errors import FileError
 from stiction.files.joints import JointRecord, JointsFile
 
 TERM = "known_friction"
-"""Name of the observation's term."""
 
 
 def kind_average(kinds: Sequence[str]) -> np.ndarray:
@@ -45,11 +44,7 @@ class BenchFriction:
 
 
 def bench_friction(
-    file: JointsFile,
-    joint_names: Sequence[str],
-    kinds: Sequence[str],
-    torque_limit: np.ndarray,
-    nominal: np.ndarray,
+    file: JointsFile, joint_names: Sequence[str], kinds: Sequence[str], torque_limit: np.ndarray, nominal: np.ndarray
 ) -> BenchFriction:
     """Return the mean f/τ_max of each kind of joint as it was identified; below zero it is zero.
 
@@ -57,23 +52,15 @@ def bench_friction(
     its fit is not valid, the mean of that kind's other joints is taken; where all of a kind are so, the nominal
     friction of training.
 
-    Args:
-        file: the `joints.json`.
-        joint_names: the robot's, in its order.
-        kinds: of each joint.
-        torque_limit: of each joint [N m], shape (joints,).
-        nominal: f/τ_max of each kind in training, shape (kinds,).
-
-    Raises:
-        StictionError: a joint was identified as a linear axis.
-
+    file: the `joints.json`; joint_names: the robot's, in its order; kinds: of each joint; torque_limit: of each joint
+    [N m], shape (joints,); nominal: f/τ_max of each kind in training, shape (kinds,). Raises `StictionError`: a joint
+    was identified as a linear axis.
     """
     shares: dict[str, list[float]] = {kind: [] for kind in kinds}
     missing: dict[str, list[str]] = {kind: [] for kind in shares}
     keys = {name: file.key(name, kind) for name, kind in zip(joint_names, kinds, strict=True)}
     for name, kind, limit in zip(joint_names, kinds, torque_limit, strict=True):
-        key = keys[name]
-        share = None if key is None else _share(name, file.joints[key], float(limit))
+        share = None if (key := keys[name]) is None else _share(name, file.joints[key], float(limit))
         if share is None:
             missing[kind].append(name)
         else:

@@ -11,33 +11,25 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from stiction.core.decode import from_plain, short
-from stiction.core.errors import LogError, escaped, nearest, unknown_name
+from stiction.core.errors import LogError, escaped, unknown_name
 from stiction.core.files import write_text
 from stiction.core.names import kind_of
 from stiction.files.plain import read_object
-from stiction.files.tables import Columns, Table, read_npz, read_parquet, write_csv, write_npz, write_parquet
+from stiction.files.tables import Columns, Table, publish_npz, read_npz, read_parquet, write_csv, write_parquet
 from stiction.files.text import read_csv
-from stiction.joints.net import TORQUE_SOURCES
+from stiction.joints.net import TorqueSource
 
-TEST_CONDITIONS = ("bare_motor", "in_air", "loaded")
-AXES = ("rotary", "linear")
+TestCondition = Literal["bare_motor", "in_air", "loaded"]
+Axis = Literal["rotary", "linear"]
+TorqueColumn = Literal["torque", "current", "voltage", "duty"]
 
-TORQUE_COLUMNS = ("torque", "current", "voltage", "duty")
-"""What the torque column may hold."""
-
-CHOICES = {
-    "torque_source": TORQUE_SOURCES,
-    "test_condition": TEST_CONDITIONS,
-    "axis": AXES,
-    "torque_column": TORQUE_COLUMNS,
-}
-"""Field -> the words that it may be."""
 
 WHOLE_LOG = ("rate", "names", "joints", "columns", "time_scale", "begin", "end")
 """Fields that hold for the whole log: no joint has its own."""
@@ -68,11 +60,11 @@ class LogSetup:
     """Derivative gain [N m s/rad]."""
     torque_limit: float | None = None
     """Largest torque of the motor [N m]."""
-    torque_source: str | None = None
+    torque_source: TorqueSource | None = None
     """`motor_side` (joint friction not in it: motor current or command) or `output_side` (sensor after the gear)."""
-    test_condition: str | None = None
+    test_condition: TestCondition | None = None
     """`bare_motor`, `in_air` or `loaded`."""
-    axis: str | None = None
+    axis: Axis | None = None
     """`rotary` or `linear` (then read N for N m, m for rad, kg for kg m²)."""
     motor_strength: float | None = None
     """k: torque delivered over torque logged or commanded [1]."""
@@ -92,7 +84,7 @@ class LogSetup:
     """Distance of its centre of mass from the joint's axis [m]."""
     pendulum_angle: float | None = None
     """Angle of the joint at which it hangs straight down [rad]; found from the log."""
-    torque_column: str | None = None
+    torque_column: TorqueColumn | None = None
     """`torque`, `current`, `voltage` or `duty`: what the torque column holds, times the scale."""
     duty_voltage: float | None = None
     """Voltage at a duty of 1 [V]."""
@@ -141,19 +133,16 @@ class LogSetup:
         merged = replace(self, joints={})
         for name in dict.fromkeys((kind_of(joint), joint)):
             if name in self.joints:
-                own = {item.name: getattr(self.joints[name], item.name) for item in fields(LogSetup)}
                 # False and 0 are said; only None and an empty tuple are not.
-                said = {key: own[key] for key in own if key not in WHOLE_LOG and own[key] not in (None, ())}
-                merged = replace(merged, **said)
+                own = vars(self.joints[name]).items()
+                merged = replace(merged, **{k: v for k, v in own if k not in WHOLE_LOG and v not in (None, ())})
         return merged
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON, without the fields that say nothing."""
         data = {key: value for key, value in asdict(self).items() if value is not None and value != () and value != {}}
         data |= {written: data.pop(name) for written, name in WRITTEN.items() if name in data}
-        for name in ("names", "unknowns"):
-            if name in data:
-                data[name] = list(data[name])
+        data |= {name: list(data[name]) for name in ("names", "unknowns") if name in data}
         if self.joints:
             data["joints"] = {name: setup.to_dict() for name, setup in self.joints.items()}
         return data
@@ -161,8 +150,7 @@ class LogSetup:
 
 def read_setup(path: Path) -> LogSetup:
     """Read the sidecar of a log, `LOG.json` beside `LOG.csv`; an absent one is an empty setup."""
-    sidecar = sidecar_of(path)
-    return read_sidecar(sidecar) if sidecar.is_file() else LogSetup()
+    return read_sidecar(sidecar) if (sidecar := sidecar_of(path)).is_file() else LogSetup()
 
 
 def read_sidecar(sidecar: Path) -> LogSetup:
@@ -214,10 +202,7 @@ def _check_names(data: Mapping[str, Any], source: str, allowed: tuple[str, ...])
 
 
 def _check_field(name: str, value: Any, source: str) -> None:
-    """Refuse a word that is none of the field's, a number of no physical size, names that are twice or too many."""
-    words = CHOICES.get(name)
-    if words is not None and value not in words:
-        raise LogError(f"{source}: {name} is {value!r}; expected one of {', '.join(words)}{nearest(value, words)}")
+    """Refuse a number of no physical size, names that are twice or too many."""
     if isinstance(value, float) and not abs(value) < LARGEST_NUMBER:
         raise LogError(f"{source}: {name} is {value}; expected a number of a physical size")
     if name == "columns" and (len(value) > 2 * len(SIGNALS + BODY) or not all(value.values())):
@@ -235,7 +220,6 @@ def _check_field(name: str, value: Any, source: str) -> None:
 
 
 SIGNALS = ("position", "velocity", "target", "torque", "disturbance", "feedforward")
-"""What a log may hold per joint."""
 
 UNNAMED = "joint"
 """Name of a joint that neither the columns nor the user named."""
@@ -260,7 +244,6 @@ class JointSignals:
 
 
 BODY = ("quaternion", "gyroscope", "accelerometer", "foot_force")
-"""What a log of a walk may hold of the robot's body."""
 
 
 @dataclass(frozen=True)
@@ -282,9 +265,8 @@ class BodySignals:
 
     def each(self, change: Callable[[np.ndarray], np.ndarray]) -> BodySignals:
         """Return the signals with every one changed."""
-        found = {name: getattr(self, name) for name in BODY}
-        changed: dict[str, Any] = {name: change(values) for name, values in found.items() if values is not None}
-        return replace(self, **changed)
+        found: dict[str, Any] = {n: change(values) for n in BODY if (values := getattr(self, n)) is not None}
+        return replace(self, **found)
 
 
 @dataclass(frozen=True, repr=False)
@@ -292,13 +274,10 @@ class Log:
     """A log as read: nothing resampled, nothing filtered."""
 
     source: str
-    """Name of the file, for messages."""
     time: np.ndarray
     """Time stamps [s], shape (num_samples,)."""
     joints: dict[str, JointSignals]
-    """Joint name -> signals."""
     setup: LogSetup = field(default_factory=LogSetup)
-    """The sidecar's content."""
     notes: tuple[str, ...] = ()
     """What a reader of the results should know about how the file was read; each one sentence."""
     start: float = 0.0
@@ -337,9 +316,7 @@ TEXT = (".csv", ".tsv", ".txt", ".dat", ".log", ".csv.gz", ".tsv.gz", ".txt.gz")
 def suffix_of(path: Path) -> str:
     """Return how a file's name ends, in lower case, with what comes before .gz."""
     name = path.name.lower()
-    packed = name.endswith(".gz")
-    suffix = Path(name.removesuffix(".gz")).suffix
-    return suffix + ".gz" if packed else suffix
+    return Path(name.removesuffix(".gz")).suffix + ".gz" * name.endswith(".gz")
 
 
 def sidecar_of(path: Path) -> Path:
@@ -352,14 +329,10 @@ def sidecar_of(path: Path) -> Path:
 
 def read_table(path: Path) -> Table:
     """Read the columns of a file of text, NPZ or Parquet, and what must be known of them. Raises `LogError`."""
-    suffix = suffix_of(path)
-    if suffix in TEXT:
-        return read_csv(path)
-    if suffix == ".npz":
-        return read_npz(path)
-    if suffix == ".parquet":
-        return read_parquet(path)
-    raise LogError(f"{path.name}: unknown kind of table {path.suffix!r}; expected .csv, .npz or .parquet")
+    readers = {**dict.fromkeys(TEXT, read_csv), ".npz": read_npz, ".parquet": read_parquet}
+    if (suffix := suffix_of(path)) not in readers:
+        raise LogError(f"{path.name}: unknown kind of table {path.suffix!r}; expected .csv, .npz or .parquet")
+    return readers[suffix](path)
 
 
 def by_joint(table: Columns, joint: str | None) -> dict[str, JointSignals]:
@@ -374,18 +347,15 @@ def by_joint(table: Columns, joint: str | None) -> dict[str, JointSignals]:
 
 def write_log(path: Path, log: Log) -> None:
     """Write a log as CSV, NPZ or Parquet, by the name of the file, and its sidecar if there is anything to say."""
-    writers = {".csv": write_csv, ".npz": write_npz, ".parquet": write_parquet}
+    writers: dict[str, Callable[[Path, Columns], None]] = {".csv": write_csv, ".parquet": write_parquet}
+    writers[".npz"] = partial(publish_npz, compressed=True)
     if path.suffix.lower() not in writers:
         raise LogError(f"{path.name}: cannot write {path.suffix!r}; expected .csv, .npz or .parquet")
     table = {"time": log.time}
     for joint, signals in log.joints.items():
-        for name in SIGNALS:
-            values = getattr(signals, name)
-            if values is not None:
-                table[f"{name}.{joint}"] = values
+        table |= {f"{name}.{joint}": v for name in SIGNALS if (v := getattr(signals, name)) is not None}
     writers[path.suffix.lower()](path, table)
-    setup = log.setup.to_dict()
-    if setup:
+    if setup := log.setup.to_dict():
         write_text(path.with_suffix(".json"), json.dumps(setup, indent=2) + "\n")
 
 

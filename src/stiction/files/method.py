@@ -33,7 +33,6 @@ class Stage:
     begin: float
     """Share of the teacher's iterations before it."""
     mixture: Mixture
-    """Distribution of the multiplier."""
 
     @property
     def range(self) -> tuple[float, float]:
@@ -46,31 +45,11 @@ def one_stage(final: Mixture, pretraining: float, steps: int) -> tuple[Stage, ..
     return (Stage(0.0, final),)
 
 
-def _unchanged(cfg: TrainCfg) -> TrainCfg:
-    """Return a configuration as it is."""
-    return cfg
-
-
-def _nothing(cfg: TrainCfg) -> tuple[()]:
-    """Return no sentence, no place."""
-    return ()
-
-
-def _no_fields(cfg: TrainCfg) -> dict[str, Any]:
-    """Return no field."""
-    return {}
-
-
-def _accepted(cfg: TrainCfg) -> None:
-    """Accept a configuration."""
-
-
 @dataclass(frozen=True)
 class Method:
     """A training method. Callables get the configuration of a training (`stiction.learning.config.TrainCfg`)."""
 
     name: str
-    """Its name on command lines and in files."""
     description: str
     """Friction in training, in words for people."""
     friction_range: tuple[float, float] = (0.0, 0.0)
@@ -94,17 +73,17 @@ class Method:
     """True if it acts on the simulated robots beside the policy: on the host and in MuJoCo alone."""
     even: Callable[[TrainCfg], Mapping[str, int]] | None = None
     """Sizes of its networks, by name, that symmetric networks split into halves; None: it has the usual networks."""
-    check: Callable[[TrainCfg], None] = _accepted
+    check: Callable[[TrainCfg], None] = lambda cfg: None
     """Raises `ConfigurationError` where a configuration cannot be trained."""
-    preset: Callable[[TrainCfg], TrainCfg] = _unchanged
+    preset: Callable[[TrainCfg], TrainCfg] = lambda cfg: cfg
     """Preset -> preset for this method; the method itself is not set."""
-    idle: Callable[[TrainCfg], Iterator[tuple[str, str]] | tuple[()]] = _nothing
+    idle: Callable[[TrainCfg], Iterator[tuple[str, str]] | tuple[()]] = lambda cfg: ()
     """Places of settings that have no effect, and why, as of `stiction.learning.effects`."""
-    notes: Callable[[TrainCfg], Iterator[str] | tuple[()]] = _nothing
+    notes: Callable[[TrainCfg], Iterator[str] | tuple[()]] = lambda cfg: ()
     """Sentences that a user is told when a run begins."""
     policy: str = "the student of rapid motor adaptation"
     """Kind of its policies, for the card of a bundle."""
-    contract: Callable[[TrainCfg], Mapping[str, Any]] = _no_fields
+    contract: Callable[[TrainCfg], Mapping[str, Any]] = lambda cfg: {}
     """Further fields of its policies' contracts."""
     called: Callable[[Any], str] | None = None
     """Contract -> name of the method in results, a key of `names`; None: its name."""
@@ -116,17 +95,12 @@ OWN = {
     method.name: method
     for method in (
         Method("none", "conventional domain randomisation, without dry friction in the joints"),
-        Method(
-            "direct", "dry friction in the joints, drawn closely around its nominal value", FRICTION_RANGES["direct"]
-        ),
-        Method(
-            "deception",
-            "dry friction in the joints, drawn from zero up to above its nominal value",
-            FRICTION_RANGES["deception"],
+        *(
+            Method(name, f"dry friction in the joints, drawn {how} its nominal value", FRICTION_RANGES[name])
+            for name, how in (("direct", "closely around"), ("deception", "from zero up to above"))
         ),
     )
 }
-"""Methods of the product, by name."""
 
 
 def method_names() -> list[str]:

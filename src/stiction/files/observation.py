@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stiction.core.decode import is_integer, is_number
 from stiction.core.errors import BundleError, unknown_name
 from stiction.files.contract_rules import TERM_RULES, expect, one_of
 from stiction.files.known_friction import TERM
-from stiction.files.plain import is_integer, is_number
 
 HISTORY_LENGTH = 11
 """H = 10 in the paper, but its set runs from t-H to t: eleven frames, the current one included."""
@@ -55,28 +55,10 @@ NO_CLIP = 1e6
 """Bound that nothing reaches: no clip. Also that of the action, in multiples of its scale."""
 
 TERM_NAMES = (
-    "angular_velocity",
-    "roll_pitch",
-    "placeholder_terrain",
-    "command",
-    "placeholder_gait",
-    "joint_position",
-    "joint_velocity",
-    "last_action",
-    "placeholder_contact",
-    "known_friction",
-    "first_side",
-    "slow_error",
-    "slow_speed",
-    "slow_power",
-    "projected_gravity",
-    "base_linear_velocity",
-    "command_linear",
-    "command_turn",
-    "phase",
-    "phase_sin",
-    "phase_cos",
-    "height_scan",
+    *("angular_velocity", "roll_pitch", "placeholder_terrain", "command", "placeholder_gait", "joint_position"),
+    *("joint_velocity", "last_action", "placeholder_contact", "known_friction", "first_side", "slow_error"),
+    *("slow_speed", "slow_power", "projected_gravity", "base_linear_velocity", "command_linear", "command_turn"),
+    *("phase", "phase_sin", "phase_cos", "height_scan"),
 )
 """The paper's o_prio, {ω, (φ, ψ), 0, com, 0, θ, θ', a_{t-1}, 0}, in its order; placeholders are always zero. Behind it
 what only some policies have: `known_friction`, f/τ_max of each kind of joint as somebody identified it [-];
@@ -139,7 +121,6 @@ class GaitClock:
     """It stands while the commanded speed [m/s] and the commanded turn [rad/s] are both below this."""
 
     def __post_init__(self) -> None:
-        """Refuse a clock that does not run."""
         turns = isinstance(self.offsets, tuple) and 0 < len(self.offsets) <= 64
         right = is_number(self.period) and 0.01 <= self.period <= 100 and turns and self.first in (0, 1)
         angles = (*self.offsets, *(() if self.standing is None else (self.standing,))) if turns else ()
@@ -162,16 +143,9 @@ class HeightScan:
     """What is subtracted [m]."""
 
     def __post_init__(self) -> None:
-        """Refuse points that are no places."""
-        counted = isinstance(self.points, tuple) and 0 < len(self.points) <= MOST_POINTS
-        if (
-            not counted
-            or not is_number(self.offset, 1e3)
-            or not all(
-                isinstance(point, tuple) and len(point) == 2 and all(is_number(part, 1e3) for part in point)
-                for point in self.points
-            )
-        ):
+        right = isinstance(self.points, tuple) and 0 < len(self.points) <= MOST_POINTS and is_number(self.offset, 1e3)
+        right = right and all(isinstance(point, tuple) and len(point) == 2 for point in self.points)
+        if not right or not all(is_number(part, 1e3) for point in self.points for part in point):
             raise BundleError(
                 f"height scan of {str(self.points)[:80]}, offset {self.offset!r}: expected 1 to {MOST_POINTS} points, "
                 "forward and left [m], and a height [m]"
@@ -199,7 +173,6 @@ class ObservationLayout:
     """The points of `height_scan`, where that is a term."""
 
     def __post_init__(self) -> None:
-        """Refuse terms that the observation builder cannot compute."""
         for term in self.terms:
             if term.name not in TERM_NAMES:
                 raise BundleError(unknown_name("observation term", str(term.name)[:80], TERM_NAMES))
@@ -293,7 +266,7 @@ class ObservationLayout:
             words["offset"] = one_of("none", "standing") if term.name == "joint_position" else one_of("none")
             for field, rule in words.items():
                 expect(rule.allowed(getattr(term, field)), f"{where}.{field}", getattr(term, field), rule.expected)
-            for field, (allowed, expected, _) in TERM_RULES.items():
+            for field, (allowed, expected) in TERM_RULES.items():
                 value = getattr(term, field)
                 each = value if isinstance(value, tuple) else (value,)
                 right = len(each) == (term.size if isinstance(value, tuple) else 1) and all(map(allowed, each))
@@ -311,16 +284,12 @@ def proprioception(
 ) -> ObservationLayout:
     """Return the paper's layout for a robot with `num_joints` joints (65 entries a frame for 18 joints).
 
-    Scales are those customary for legged robots: they bring each term near unit size, so that no running
-    normalisation is needed, and the deployed observation is a fixed function of the sensors.
+    Scales are those customary for legged robots: they bring each term near unit size, so that no running normalisation
+    is needed, and the deployed observation is a fixed function of the sensors.
 
-    Args:
-        num_joints: of the robot.
-        history_length: frames in o_H, the present one included.
-        known_kinds: kinds of joints whose friction the policy observes; 0: none, as in the paper.
-        slow_kept: see `ObservationLayout`; None: no slow means, as in the paper.
-        first_side: True if the policy is told which side begins, see `FIRST_SIDE`; the paper's is not.
-
+    num_joints: of the robot; history_length: frames in o_H, the present one included; known_kinds: kinds of joints
+    whose friction the policy observes; slow_kept: see `ObservationLayout`; first_side: True if the policy is told
+    which side begins, see `FIRST_SIDE`. By default none of these, as in the paper.
     """
     terms: tuple[Term, ...] = (
         Term("angular_velocity", 3, 0.25, 5.0, "base"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +18,8 @@ def read_object(
 ) -> dict[str, Any]:
     """Return the JSON object in a file.
 
-    Args:
-        path: the file.
-        expected: what should be there, for messages.
-        error: raised where the file cannot be read, is too large, or holds no JSON object.
-        most: its largest size [B].
-
+    path: the file; expected: what should be there, for messages; error: raised where the file cannot be read, is too
+    large, or holds no JSON object; most: its largest size [B].
     """
     return parse_object(read_bounded(path, expected, error, most), path.name, expected, error)
 
@@ -54,7 +49,6 @@ def _refuse_twice(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _refuse_constant(name: str) -> float:
-    """Refuse NaN and Infinity, which Python's reader takes and JSON does not have."""
     raise ValueError(f"{name} is no number of JSON")
 
 
@@ -81,18 +75,3 @@ def write_object(path: Path, data: dict[str, Any]) -> None:
 def object_text(data: dict[str, Any]) -> str:
     """Return the text that `write_object` writes."""
     return json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
-
-
-def is_number(value: object, largest: float = sys.float_info.max) -> bool:
-    """Return whether a value is a number between plus and minus `largest`, and not a bool; JSON's may be endless."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and -largest < value < largest
-
-
-def is_integer(value: object) -> bool:
-    """Return whether a value is a whole number, and not a bool."""
-    return isinstance(value, int) and not isinstance(value, bool)
-
-
-def is_text(value: object) -> bool:
-    """Return whether a value is a text that is not blank."""
-    return isinstance(value, str) and bool(value.strip())

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+from stiction.core.decode import is_integer, is_number
 from stiction.core.errors import FileError
 from stiction.core.files import open_regular, write_text
 from stiction.core.records import LATER, column, read_rows, write_rows
-from stiction.files.plain import is_integer, is_number, read_object, take_version
+from stiction.files.plain import read_object, take_version
 from stiction.files.velocity import Command
 
 SCHEMA_VERSION = 1
@@ -107,18 +108,6 @@ LATER_COLUMNS = tuple(item.name for item in fields(ResultRow) if item.metadata.g
 """Columns that older files lack."""
 
 
-def row_of(plain: Mapping[str, Any]) -> ResultRow:
-    """Return the row of plain data as in summary.json; the slowest and the fastest robot are taken from its `robots`,
-    if it has these and not those.
-
-    Raises `KeyError` where a column is missing that has always been there.
-    """
-    later: dict[str, Any] = {name: plain.get(name) for name in LATER_COLUMNS}
-    if later["slowest"] is None:
-        later |= ends_of(plain.get("robots", {}).values())
-    return ResultRow(**{name: plain[name] for name in COLUMNS if name not in later} | later)
-
-
 def ends_of(ratios: Iterable[float | None]) -> dict[str, Any]:
     """Return the columns `slowest` and `fastest` from the speed ratios of virtual robots, None of those without."""
     known = [ratio for ratio in ratios if ratio is not None]
@@ -157,13 +146,10 @@ def write_summary(path: Path, summary: dict[str, Any]) -> None:
 def read_summary(path: Path) -> dict[str, Any]:
     """Return what a summary.json has.
 
-    Raises:
-        StictionError: it cannot be read, or is none of this version.
-
+    Raises `StictionError`: it cannot be read, or is none of this version.
     """
-    return {"schema_version": SCHEMA_VERSION} | take_version(
-        read_object(path, "a summary.json"), SCHEMA_VERSION, path.name
-    )
+    data = take_version(read_object(path, "a summary.json"), SCHEMA_VERSION, path.name)
+    return {"schema_version": SCHEMA_VERSION} | data
 
 
 def summary_text(summary: dict[str, Any]) -> str:
@@ -197,7 +183,6 @@ def read_metrics(path: Path) -> list[dict[str, Any]]:
 
 
 def _is_row(row: Any) -> bool:
-    """Say whether something is one iteration's figures."""
     return (
         isinstance(row, dict)
         and row.get("phase") in ("teacher", "student")

@@ -22,13 +22,14 @@ from pathlib import Path
 
 import numpy as np
 
-from stiction.core.decode import from_plain
+from stiction.core.decode import from_plain, is_number
 from stiction.core.errors import FileError, LogError
 from stiction.core.memory import allowance
 from stiction.files.log import JointSignals, Log, LogSetup
-from stiction.files.plain import is_number, read_object, take_version, write_object
+from stiction.files.plain import read_object, take_version, write_object
 from stiction.files.tables import Columns, parse_npz, read_bytes
 from stiction.files.walk import LARGEST_JITTER, WalkHeader, WalkLog, is_walk, read_walk
+from stiction.joints.net import TorqueSource
 
 LOG = "log"
 """Folder of the log in that of a run."""
@@ -55,49 +56,35 @@ RUN_STAGE = 2
 """Stage of the supervisor in which policy or motion had the robot, see `deploy.runtime.supervisor.Stage`."""
 
 
-@dataclass(frozen=True)
-class RunLogHeader:
-    """What the arrays of a run cannot say. Sequences over joints have the order of `joint_names`."""
+@dataclass(frozen=True, kw_only=True)
+class RunLogHeader(WalkHeader):
+    """What the arrays of a run cannot say. `policy`: name of the bundle; empty where a motion was played."""
 
-    robot: str
-    """Name of the robot: `saturn_lite`."""
-    joint_names: tuple[str, ...]
-    """Names of the joints."""
-    foot_names: tuple[str, ...]
-    """Names of the feet."""
-    period: float
-    """Time between two readings [s]."""
     control_period: float
     """Time between two steps of the policy [s]."""
-    kp: tuple[float, ...]
-    """Gains of the joint controllers in the run [N m/rad]."""
-    kd: tuple[float, ...]
-    """[N m s/rad]."""
-    torque_limit: tuple[float, ...]
-    """Largest torques of the motors [N m]."""
-    policy: str
-    """Name of the bundle, or of the motion that was played."""
     digest: str
     """Digest of the bundle; empty where a motion was played."""
     armed: bool
     """Whether commands were sent."""
-    torque_source: str | None = "motor_side"
+    torque_source: TorqueSource | None = "motor_side"
     """As in every log: `motor_side` for currents."""
     run: str = ""
     """What tells this run from every other, which each part repeats; empty in logs of before there was one."""
 
     def __post_init__(self) -> None:
-        """Refuse what no run has."""
-        self.of_walk()
+        super().__post_init__()
         right = is_number(self.control_period) and self.control_period > 0
         right = right and isinstance(self.armed, bool) and all(isinstance(t, str) for t in (self.digest, self.run))
         if not right:
             raise LogError("control_period, armed, digest, run: expected a number above 0, true or false, and texts")
 
     def of_walk(self) -> WalkHeader:
-        """Return what the header of a walking log has of it; raise `LogError` where a field is none of a robot's."""
-        shared = {item.name for item in fields(WalkHeader)} & {item.name for item in fields(self)}
-        return WalkHeader(**{name: getattr(self, name) for name in shared})
+        """Return what the header of a walking log has of it."""
+        return WalkHeader(**{item.name: getattr(self, item.name) for item in fields(WalkHeader)})
+
+
+NOT_OF_RUNS = ("recorded_in", "command", "noise")
+"""Fields of a walking log's header that the log of a run has not."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +103,8 @@ class RunLog:
 
 def write_run_header(folder: Path, header: RunLogHeader) -> None:
     """Write `log.json`."""
-    write_object(folder / HEADER, {"schema": SCHEMA, "schema_version": SCHEMA_VERSION} | asdict(header))
+    plain = {name: value for name, value in asdict(header).items() if name not in NOT_OF_RUNS}
+    write_object(folder / HEADER, {"schema": SCHEMA, "schema_version": SCHEMA_VERSION} | plain)
 
 
 def part_name(table: str, first: int, last: int) -> str:
@@ -163,10 +151,8 @@ def parts_of(names: Iterable[str], table: str) -> list[tuple[int, int, str]]:
 def read_run_log(folder: Path) -> RunLog:
     """Read the log of a run; nothing in it is executed.
 
-    Raises:
-        LogError: no such log, another version, a field of the wrong kind, no readings, parts of another run, twice, in
-            another order or of other shapes.
-
+    Raises `LogError`: no such log, another version, a field of the wrong kind, no readings, parts of another run,
+    twice, in another order or of other shapes.
     """
     header = read_run_header(folder)
     names = _names_in(folder)
@@ -278,13 +264,13 @@ def read_run_header(folder: Path) -> RunLogHeader:
     if data.pop("schema", None) != SCHEMA:
         raise LogError(f"{folder / HEADER}: does not say {SCHEMA!r}; expected the log of `stiction deploy`")
     try:
-        return from_plain(RunLogHeader, take_version(data, SCHEMA_VERSION, HEADER, LogError), HEADER, LogError)
+        data = take_version(data, SCHEMA_VERSION, HEADER, LogError)
+        return from_plain(RunLogHeader, data, HEADER, LogError, ("policy",))
     except LogError as error:
         raise LogError(f"{folder}: {error}") from error
 
 
 def _names_in(folder: Path) -> list[str]:
-    """Return the names of a folder's files; raise `LogError` where there are too many."""
     try:
         names = [path.name for path in islice(folder.iterdir(), MOST_PARTS + 1)]
     except OSError as error:
@@ -339,10 +325,8 @@ def walk_log(log: RunLog) -> WalkLog:
     """
     rows, header = log.readings, log.header
     used = _longest(np.flatnonzero(_of_run(log)), rows["robot_time"], header.period)
-    optional = {}
-    for name, column in (("specific_force", "acceleration"), ("joint_torque", "torque")):
-        if np.isfinite(rows[column][used]).all():
-            optional[name] = rows[column][used]
+    columns = {"specific_force": "acceleration", "joint_torque": "torque"}.items()
+    optional = {name: rows[column][used] for name, column in columns if np.isfinite(rows[column][used]).all()}
     contact = rows["foot_contact"][used]
     if header.foot_names and np.isfinite(contact).all():
         optional["foot_contact"] = contact > 0.5
@@ -350,12 +334,8 @@ def walk_log(log: RunLog) -> WalkLog:
     return WalkLog(
         header.of_walk(),
         time=time - time[0],
-        joint_position=rows["position"][used],
-        joint_velocity=rows["velocity"][used],
-        joint_target=rows["target"][used],
-        angular_velocity=rows["angular_velocity"][used],
-        quaternion=rows["quaternion"][used],
-        velocity_command=rows["velocity_command"][used],
+        **{f"joint_{name}": rows[name][used] for name in ("position", "velocity", "target")},
+        **{name: rows[name][used] for name in ("angular_velocity", "quaternion", "velocity_command")},
         **optional,
     )
 

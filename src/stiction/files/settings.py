@@ -100,7 +100,6 @@ def _check(
 
 
 def _present(out: Path, results: Collection[str]) -> list[str]:
-    """Return which files a folder has."""
     return [name for name in results if (out / name).exists()]
 
 
@@ -141,7 +140,6 @@ def _is_other(path: Path, text: str | None) -> bool:
 
 
 def _plain(verb: str, options: Any) -> dict[str, Any]:
-    """Return verb and options as JSON has them."""
     free = (*FREE, *getattr(options, "free", ()))
     settings = {name: value for name, value in asdict(options).items() if name not in free}
     # As it will be read back, to be compared with it: tuples are lists, paths are text.
@@ -188,11 +186,9 @@ def _values(value: Any) -> list[Any]:
 
 
 def _words(value: Any) -> str:
-    """Return a value as a person types it."""
     return "not given" if value is None else " ".join(map(str, _values(value)))[:60] or "none"
 
 
 def _write(out: Path, used: dict[str, Any]) -> None:
-    """Note the settings in the folder."""
     write_text(out / SETTINGS, json.dumps(used, indent=2) + "\n")
     (out / UNFINISHED).unlink(missing_ok=True)

@@ -11,13 +11,15 @@ import os
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeVar
 
 from stiction.core.errors import FileError
 from stiction.core.files import read_bounded, unwritten
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
+
+Key = TypeVar("Key")
 
 MOST_BYTES = 2**14
 """Size of the largest key file that is read."""
@@ -92,49 +94,44 @@ def fingerprint(key: Ed25519PublicKey) -> str:
 
 
 def _private_key(path: Path, passphrase: Callable[[], str]) -> Ed25519PrivateKey:
-    """Read a private key."""
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
     content = read_bounded(path, f"a key, PEM: {NEW_KEY}", FileError, MOST_BYTES)
-    # As below: the reader of private keys would only say that it is none.
+    # Before it is parsed, here and below: the readers of keys would only say that it is none.
     if b"PUBLIC KEY" in content and b"PRIVATE KEY" not in content:
         raise FileError(
             f"{path} is a public key, which checks signatures and makes none; name the private one, "
             f"{path.with_suffix('.pem')}"
         )
-    try:
-        secret = passphrase().encode() if b"ENCRYPTED" in content else None
-        key: Any = load_pem_private_key(content, secret)
-    except Exception as error:  # ValueError, TypeError, UnsupportedAlgorithm, by what is wrong
-        raise FileError(f"{path}: {_line(error)}; expected a private Ed25519 key, PEM: {NEW_KEY}") from error
-    if not isinstance(key, Ed25519PrivateKey):
-        raise FileError(f"{path} holds another kind of key; expected a private Ed25519 key, PEM: {NEW_KEY}")
-    return key
+
+    def load() -> object:
+        return load_pem_private_key(content, passphrase().encode() if b"ENCRYPTED" in content else None)
+
+    return _ed25519(path, load, Ed25519PrivateKey, "private")
 
 
 def _public_key(path: Path) -> Ed25519PublicKey:
-    """Read a public key."""
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
     from cryptography.hazmat.primitives.serialization import load_pem_public_key
 
     content = read_bounded(path, f"a key, PEM: {NEW_KEY}", FileError, MOST_BYTES)
-    # Before it is parsed: the reader of public keys would only say that it is none.
     if b"PRIVATE KEY" in content:
         raise FileError(f"{path} is a private key, its owner's secret; name the public one, {path.with_suffix('.pub')}")
+    return _ed25519(path, lambda: load_pem_public_key(content), Ed25519PublicKey, "public")
+
+
+def _ed25519(path: Path, load: Callable[[], object], kind: type[Key], which: str) -> Key:
+    """Return a loaded key of a kind; raise `FileError` where it is none."""
     try:
-        key: Any = load_pem_public_key(content)
-    except Exception as error:  # as above
-        raise FileError(f"{path}: {_line(error)}; expected a public Ed25519 key, PEM: {NEW_KEY}") from error
-    if not isinstance(key, Ed25519PublicKey):
-        raise FileError(f"{path} holds another kind of key; expected a public Ed25519 key, PEM: {NEW_KEY}")
+        key = load()
+    except Exception as error:  # ValueError, TypeError, UnsupportedAlgorithm, by what is wrong
+        said = " ".join(str(error).split()).partition(". ")[0][:120] or type(error).__name__
+        raise FileError(f"{path}: {said}; expected a {which} Ed25519 key, PEM: {NEW_KEY}") from error
+    if not isinstance(key, kind):
+        raise FileError(f"{path} holds another kind of key; expected a {which} Ed25519 key, PEM: {NEW_KEY}")
     return key
 
 
 NEW_KEY = "stiction sign --new-key maker.pem makes maker.pem and maker.pub"
 """How keys are made, for messages."""
-
-
-def _line(error: Exception) -> str:
-    """Return the first sentence of a library's error about a key."""
-    return " ".join(str(error).split()).partition(". ")[0][:120] or type(error).__name__

@@ -257,17 +257,11 @@ def write_csv(path: Path, table: Columns) -> None:
         np.savetxt(partial, rows, fmt=formats, delimiter=",", header=",".join(table), comments="")
 
 
-def write_npz(path: Path, table: Columns) -> None:
-    """Write columns as arrays of doubles."""
-    publish_npz(path, table, compressed=True)
-
-
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Unit of a column of time stamps -> seconds."""
 
 
 def _load(path: Path) -> tuple[ModuleType, ModuleType]:
-    """Return pyarrow and its Parquet module, or say how to get them."""
     try:
         import pyarrow
         from pyarrow import parquet
@@ -337,7 +331,6 @@ def _element(arrow: ModuleType, kind: Any) -> Any:
 
 
 def _is_number(arrow: ModuleType, kind: object) -> bool:
-    """Return whether a column can be a signal or a time."""
     types = arrow.types
     return types.is_integer(kind) or types.is_floating(kind) or types.is_timestamp(kind) or types.is_duration(kind)
 

@@ -42,8 +42,12 @@ class Structure:
         self.kind = f"{family}/msg/{name}"
         """Its name in ROS 2: `unitree_go/msg/LowCmd`."""
         self.family, self.name, self.parts, self.dtype = family, name, parts, layout
-        ends = self._wire_ends(layout)
-        self.wire_bytes = ends[-1][1]
+        ends, end = [], 0
+        for place, size in _numbers(layout, 0):
+            # CDR: a number begins at a multiple of its own size.
+            end = -(-end // size) * size + size
+            ends.append((place, end, size))
+        self.wire_bytes = end
         """Length on the wire, without the four bytes of encapsulation."""
         self._memory = np.full(self.wire_bytes, layout.itemsize)
         """Byte on the wire -> byte in memory; what only fills a gap comes from a zero behind the message."""
@@ -52,16 +56,6 @@ class Structure:
         # The way back; a gap in memory is filled from a zero behind the bytes of the wire.
         self._wire = np.full(layout.itemsize, self.wire_bytes)
         self._wire[self._memory[self._memory < layout.itemsize]] = np.flatnonzero(self._memory < layout.itemsize)
-
-    @staticmethod
-    def _wire_ends(layout: np.dtype) -> list[tuple[int, int, int]]:
-        """Return of every number its place in memory, its end on the wire, and its size [B]."""
-        ends, end = [], 0
-        for place, size in _numbers(layout, 0):
-            # CDR: a number begins at a multiple of its own size.
-            end = -(-end // size) * size + size
-            ends.append((place, end, size))
-        return ends
 
     def blank(self) -> np.ndarray:
         """Return a message of zeros."""

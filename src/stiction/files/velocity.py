@@ -18,7 +18,6 @@ class Axis(NamedTuple):
     letters: str
     """As it is typed and stands in results: `vx=0.5`."""
     name: str
-    """In contracts and configurations."""
     unit: str
 
 
@@ -29,10 +28,8 @@ AXES = tuple(axis.letters for axis in VELOCITY)
 """Axes as they are typed: forward and sideways velocity [m/s], turn rate [rad/s]."""
 
 COMMANDS = tuple(axis.name for axis in VELOCITY)
-"""Axes by name."""
 
 STAND = "stand"
-"""The command to stand still."""
 
 FASTEST = 20.0
 """Largest speed that may be commanded [m/s, rad/s], beyond any legged robot's."""

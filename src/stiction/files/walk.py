@@ -14,15 +14,13 @@ import zipfile
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from stiction.core.decode import from_plain
+from stiction.core.decode import from_plain, is_number, is_text
 from stiction.core.errors import FileError, LogError, StictionError
-from stiction.files.plain import is_number, is_text
 from stiction.files.tables import BROKEN_ARCHIVE, publish_npz, read_header, read_npz_arrays, write_header
-from stiction.joints.net import TORQUE_SOURCES
+from stiction.joints.net import TORQUE_SOURCES, TorqueSource
 
 
 @dataclass(frozen=True)
@@ -64,19 +62,14 @@ class Recording:
         return longer
 
     def _each(self, change: Callable[[np.ndarray], np.ndarray]) -> Recording:
-        """Return the recording with every signal changed."""
-        changed: dict[str, Any] = {name: change(value) for name, value in self.signals.items()}
-        return replace(self, **changed)
+        return replace(self, **{name: change(value) for name, value in self.signals.items()})  # type: ignore[arg-type]
 
 
 SCHEMA = "stiction-walk"
-"""What the header of every such log says."""
 
 SCHEMA_VERSION = 1
-"""Raised when a reader of the older form would misunderstand the newer one."""
 
 LARGEST = 1e6
-"""Largest number that a signal may hold, in its unit."""
 
 LARGEST_JITTER = 0.5
 """Largest deviation of a time step from the period, in periods: beyond, samples were dropped or doubled."""
@@ -87,7 +80,6 @@ class WalkHeader:
     """What the signals cannot say."""
 
     robot: str
-    """Name of the robot: `saturn_lite`."""
     joint_names: tuple[str, ...]
     """Names of the joints, in the order of every signal over joints: `FL_hip`, ..."""
     foot_names: tuple[str, ...]
@@ -100,7 +92,7 @@ class WalkHeader:
     """Derivative gains of the joint controllers [N m s/rad]."""
     torque_limit: tuple[float, ...]
     """Largest torques of the motors [N m]."""
-    torque_source: str | None = None
+    torque_source: TorqueSource | None = None
     """`motor_side` (current or command: joint friction not in it) or `output_side` (behind the gear: in it); None where
     that was not declared."""
     recorded_in: str = "robot"
@@ -114,13 +106,8 @@ class WalkHeader:
     sheet's."""
 
     def __post_init__(self) -> None:
-        """Refuse what no log has."""
-        _expect(
-            all(map(is_text, (self.robot, self.recorded_in))),
-            "robot, recorded_in",
-            (self.robot, self.recorded_in),
-            "texts",
-        )
+        texts = (self.robot, self.recorded_in)
+        _expect(all(map(is_text, texts)), "robot, recorded_in", texts, "texts")
         for name in ("joint_names", "foot_names"):
             value = getattr(self, name)
             different = all(map(is_text, value)) and len(set(value)) == len(value)
@@ -142,7 +129,6 @@ class WalkLog:
     """One walk of one robot: T samples, J joints, L feet. What was not measured is None."""
 
     header: WalkHeader
-    """What the signals cannot say."""
     time: np.ndarray
     """Since the start [s], one period apart, shape (T,)."""
     joint_position: np.ndarray
@@ -167,11 +153,10 @@ class WalkLog:
     """Commanded velocity: forward, sideways [m/s], turn [rad/s], shape (T, 3)."""
 
     def __post_init__(self) -> None:
-        """Refuse signals of the wrong shape, type or value, and time that does not run evenly."""
         joints, feet = len(self.header.joint_names), len(self.header.foot_names)
         widths = {name: joints for name in ("joint_position", "joint_velocity", "joint_target", "joint_torque")}
         widths |= {"quaternion": 4, "foot_contact": feet}
-        samples = self.time.shape[0] if isinstance(self.time, np.ndarray) and self.time.ndim == 1 else 0
+        samples = len(self.time) if isinstance(self.time, np.ndarray) and self.time.ndim == 1 else 0
         _expect(samples >= 2, "time", samples, "at least two samples in one dimension")
         for name in SIGNALS:
             array = getattr(self, name)
@@ -191,19 +176,15 @@ class WalkLog:
         _expect(bool(np.abs(length - 1).max() < 0.01), "quaternion", "not of length 1", "unit quaternions w x y z")
 
     def __len__(self) -> int:
-        """Return the number of samples."""
         return len(self.time)
 
 
 SIGNALS = tuple(item.name for item in fields(WalkLog) if item.name != "header")
-"""Names of the arrays."""
 
 OPTIONAL = ("joint_torque", "specific_force", "linear_velocity", "foot_contact", "velocity_command")
-"""Arrays that a log may lack."""
 
 
 def _expect(condition: bool, name: str, value: object, expected: str) -> None:
-    """Raise `LogError` naming the field unless the condition holds."""
     if not condition:
         raise LogError(f"walking log, field {name!r}: {str(value)[:80]}; expected {expected}")
 
@@ -219,23 +200,18 @@ def has_walk(path: Path, log: WalkLog) -> bool:
         found = read_npz_arrays(path)
     except StictionError:
         return False
-    expected = _arrays(log)
-    return found.keys() == expected.keys() and all(
-        (found[name].dtype, found[name].shape, found[name].tobytes()) == (array.dtype, array.shape, array.tobytes())
-        for name, array in expected.items()
-    )
+    both = [{n: (a.dtype, a.shape, a.tobytes()) for n, a in arrays.items()} for arrays in (found, _arrays(log))]
+    return both[0] == both[1]
 
 
 def _arrays(log: WalkLog) -> dict[str, np.ndarray]:
-    """Return what the file of a log has."""
-    arrays: dict[str, np.ndarray] = {}
     # Sensors have fewer digits than single precision; time has more.
-    for name in SIGNALS:
-        array = getattr(log, name)
-        if array is not None:
-            arrays[name] = array if array.dtype == bool or name == "time" else array.astype(np.float32)
-    arrays["header"] = write_header(SCHEMA, SCHEMA_VERSION, asdict(log.header))
-    return arrays
+    arrays = {
+        name: array if array.dtype == bool or name == "time" else array.astype(np.float32)
+        for name in SIGNALS
+        if (array := getattr(log, name)) is not None
+    }
+    return arrays | {"header": write_header(SCHEMA, SCHEMA_VERSION, asdict(log.header))}
 
 
 def is_walk(path: Path) -> bool:
@@ -250,9 +226,7 @@ def is_walk(path: Path) -> bool:
 def read_walk(path: Path) -> WalkLog:
     """Read a log; nothing in it is executed, and nothing is allocated that the file does not hold.
 
-    Raises:
-        LogError: not such a log, another version, a field missing, unknown, of the wrong type, shape or value.
-
+    Raises `LogError`: not such a log, another version, a field missing, unknown, of the wrong type, shape or value.
     """
     arrays = read_npz_arrays(path)
     data = read_header(arrays, SCHEMA, SCHEMA_VERSION, path.name)
@@ -289,8 +263,7 @@ PAIRS = ("swing", "load")
 
 def write_walk_fit(path: Path, fit: WalkFit) -> None:
     """Write the arrays in single precision."""
-    arrays: dict[str, np.ndarray] = {"gait.time": fit.gait_time}
-    arrays |= {f"gait.{foot}": down for foot, down in fit.gait.items()}
+    arrays = {"gait.time": fit.gait_time} | {f"gait.{foot}": down for foot, down in fit.gait.items()}
     for group in PAIRS:
         for name, pair in getattr(fit, group).items():
             for axis, values in zip("xy", pair, strict=True):

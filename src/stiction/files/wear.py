@@ -6,12 +6,11 @@ import json
 import re
 from dataclasses import asdict, dataclass, fields
 
-from stiction.core.decode import from_plain
+from stiction.core.decode import from_plain, is_integer, is_number, is_text
 from stiction.core.errors import BundleError
-from stiction.files.plain import is_integer, is_number, is_text, parse_object, take_version
+from stiction.files.plain import parse_object, take_version
 
 SCHEMA_VERSION = 3
-"""Version of wear.json. Versions 1 and 2 are read too: their `told` is `estimated`, and 1 has no `calibration`."""
 
 LARGEST, LONGEST_WINDOW = 1e9, 10**5
 """Largest number of a map, and longest window: half an hour at 50 Hz."""
@@ -45,12 +44,10 @@ class WearCalibration:
     """Engine and what of the robots is real: `physx+all`."""
 
     def __post_init__(self) -> None:
-        """Refuse sizes that do not fit, numbers that are none, and robots that tested what they calibrated."""
         columns = (self.shift, self.lower, self.upper, self.held, self.held_before)
         rows = list(zip(*columns, strict=False))
-        if any(len(column) != len(self.shift) for column in columns) or not all(
-            all(is_number(number, LARGEST) for number in row) for row in rows
-        ):
+        numbers = all(is_number(number, LARGEST) for row in rows for number in row)
+        if any(len(column) != len(self.shift) for column in columns) or not numbers:
             raise BundleError("wear.json: 'calibration' has lists of several lengths, or numbers that are none")
         if not all(low <= shift <= high and 0 <= new <= 1 and 0 <= old <= 1 for shift, low, high, new, old in rows):
             raise BundleError("wear.json: 'calibration' has an interval without its estimate, or a share above 1")
@@ -69,13 +66,11 @@ class WearModel:
     """
 
     joint_names: tuple[str, ...]
-    """The joints."""
     window: int
     """Control steps over which features are averaged before an estimate is made."""
     center: tuple[float, ...]
     """Median of each feature over the robots it was fitted on."""
     scale: tuple[float, ...]
-    """Spread of each feature."""
     limit: float
     """Standardised features, (feature - center) / scale, are cut off at plus and minus this."""
     weights: tuple[tuple[float, ...], ...]
@@ -103,13 +98,12 @@ class WearModel:
     """What virtual robots say of it; None: its intervals are those of the simulator that it was fitted in."""
 
     def __post_init__(self) -> None:
-        """Refuse sizes that do not fit each other and numbers that are not finite."""
         targets, features = len(self.joint_names) + 1, len(self.center)
         per_target = ("intercept", "reach", "estimated", "determination", "coverage")
-        sizes: dict[str, tuple[object, object]] = {name: (len(getattr(self, name)), targets) for name in per_target}
-        sizes |= {"scale": (len(self.scale), features), "weights": (len(self.weights), features)}
-        sizes |= {"weights' rows": ({len(row) for row in self.weights}, {targets})}
-        for name, (found, expected) in sizes.items():
+        sizes = [(name, len(getattr(self, name)), targets) for name in per_target]
+        sizes += [(name, len(getattr(self, name)), features) for name in ("scale", "weights")]
+        sizes += [("weights' rows", len(row), targets) for row in self.weights]
+        for name, found, expected in sizes:
             if found != expected:
                 raise BundleError(f"wear.json: {name!r} has {found} entries; expected {expected}; export again")
         if self.calibration is not None and len(self.calibration.shift) != targets:
@@ -145,22 +139,9 @@ class WearModel:
 def read_wear(text: bytes) -> WearModel:
     """Parse the bytes of a wear.json.
 
-    Raises:
-        StictionError: not JSON, another version, or a field missing, unknown, or of the wrong kind or size.
-
+    Raises `StictionError`: not JSON, another version, or a field missing, unknown, or of the wrong kind or size.
     """
     data = parse_object(text, "wear.json", "a map of the wear monitor", BundleError)
-    found = data.get("schema_version")
-    version = int(found) if is_integer(found) and found in (1, 2) else SCHEMA_VERSION
-    data = take_version(data, version, "wear.json", BundleError)
-    if version < 3:
-        if "estimated" in data:
-            raise BundleError(f"wear.json: 'estimated' in version {version}, where it is 'told'; make it again")
-        data = {"estimated" if name == "told" else name: value for name, value in data.items()}
-    required = {field.name for field in fields(WearModel)} - ({"calibration"} if version == 1 else set())
-    if version == 1 and "calibration" in data:
-        raise BundleError(f"wear.json: 'calibration' in version 1; expected version {SCHEMA_VERSION}")
-    try:
-        return from_plain(WearModel, data, "wear.json", BundleError, required)
-    except (ValueError, TypeError) as error:
-        raise BundleError(f"wear.json is malformed: {error}; make it again") from error
+    data = take_version(data, SCHEMA_VERSION, "wear.json", BundleError)
+    required = [field.name for field in fields(WearModel)]
+    return from_plain(WearModel, data, "wear.json", BundleError, required)

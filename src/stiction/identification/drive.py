@@ -37,7 +37,7 @@ class Drive:
     """How the torque column becomes torque."""
 
     column: str = "torque"
-    """One of `TORQUE_COLUMNS`."""
+    """One of `TorqueColumn`."""
     supply: float | None = None
     """Voltage at a duty of 1 [V]."""
     kt: float | None = None

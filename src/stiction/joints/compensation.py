@@ -28,7 +28,6 @@ from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.joints.pd import COMPENSATION_WIDTH, fed_forward
 
 By = Literal["error", "reference", "measured", "reference-motor", "measured-motor"]
-"""Ways to feed friction forward, see the module."""
 
 LOAD_LAW = "effort"
 """The law of simulated friction whose level is c: all of its friction grows with the motor's torque."""
@@ -52,7 +51,6 @@ class PushCfg:
     """v_f: measured speed at which that push is down to 37 % [rad/s]. Infinite: it does not fade."""
 
     def __post_init__(self) -> None:
-        """Refuse what is no speed, time or angle."""
         speeds, others = (self.slow, self.fade), (self.smoothing, self.width)
         if not (all(speed > 0 for speed in speeds) and all(0 < number < np.inf for number in others)):
             raise ConfigurationError(
@@ -66,14 +64,11 @@ class Compensation:
     """How friction is fed forward, and which share of it."""
 
     by: By
-    """The way."""
     share: float
     """Share of the identified friction [1], see `SHARES`."""
     push: PushCfg = field(default_factory=PushCfg)
-    """Of all ways but `error`."""
 
     def __post_init__(self) -> None:
-        """Refuse an unknown kind of compensation, or a share outside its range."""
         if self.by not in get_args(By):
             raise ConfigurationError(f"compensation: {unknown_name('way', self.by, get_args(By))}")
         if not 0 <= self.share <= LARGEST_SHARE:
@@ -156,7 +151,6 @@ class ErrorController:
     """The way `error`."""
 
     def __init__(self, friction: np.ndarray, width: float) -> None:
-        """friction: what is fed forward [N m]; width: see `fed_forward` [rad]."""
         self._friction, self._width = friction, width
 
     def reset(self, ids: np.ndarray | None = None) -> None:
@@ -171,13 +165,7 @@ class DirectedController:
     """All ways but `error`: see `push_direction`."""
 
     def __init__(
-        self,
-        share: float,
-        cfg: PushCfg,
-        measured: bool,
-        friction: np.ndarray,
-        period: float,
-        load: np.ndarray | float,
+        self, share: float, cfg: PushCfg, measured: bool, friction: np.ndarray, period: float, load: np.ndarray | float
     ) -> None:
         """measured: whether by the measured speed, or the target's; others as of `Compensation.controller`."""
         self._share, self._cfg, self._friction, self._load = share, cfg, friction, load

@@ -43,6 +43,14 @@ class Piece(NamedTuple):
     """[N m s/rad]."""
 
 
+NOT_NEGATIVE = {
+    **{"level": "Coulomb friction", "coulomb": "Coulomb friction", "static": "static friction"},
+    **{"forward": "Coulomb friction forward", "backward": "Coulomb friction backward"},
+    "load_coefficient": "load coefficient",
+}
+"""Number of a law that would drive the joint below zero -> the same in words."""
+
+
 class FrictionLaw:
     """What the simulation of one joint asks of a law; this one depends on neither speed, load nor angle."""
 
@@ -52,6 +60,12 @@ class FrictionLaw:
     """Friction per torque that the load transmits, at every speed and at rest [1]."""
     depends_on_angle: bool = False
     """Whether `at_angle` is anything but zero."""
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not math.isfinite(value) or (name in NOT_NEGATIVE and value < 0):
+                expected = "a number that is not negative" if name in NOT_NEGATIVE else "a finite number"
+                raise ConfigurationError(f"{NOT_NEGATIVE.get(name, name)} {value}: expected {expected}")
 
     def pieces(self, direction: int) -> tuple[Piece, ...]:
         """Return the friction of the unloaded joint turning in `direction`, 1 or -1, continuous from zero speed on."""
@@ -73,10 +87,6 @@ class Coulomb(FrictionLaw):
     level: float
     """b_c [N m]."""
 
-    def __post_init__(self) -> None:
-        """Refuse friction that would drive the joint."""
-        _not_negative("Coulomb friction", self.level)
-
 
 @dataclass(frozen=True)
 class Asymmetric(FrictionLaw):
@@ -90,15 +100,6 @@ class Asymmetric(FrictionLaw):
     """B forward [N m s/rad]."""
     viscous_backward: float = 0.0
     """B backward [N m s/rad]."""
-
-    def __post_init__(self) -> None:
-        """Refuse friction that would drive the joint."""
-        _not_negative("Coulomb friction forward", self.forward)
-        _not_negative("Coulomb friction backward", self.backward)
-        if not np.isfinite([self.viscous_forward, self.viscous_backward]).all():
-            raise ConfigurationError(
-                f"viscous friction {self.viscous_forward} and {self.viscous_backward}: expected finite numbers"
-            )
 
     def pieces(self, direction: int) -> tuple[Piece, ...]:
         """Return b_c + B |θ'| of the direction."""
@@ -121,10 +122,8 @@ class Stribeck(FrictionLaw):
     """v_s [rad/s]."""
 
     def __post_init__(self) -> None:
-        """Refuse friction that would drive the joint, and a velocity that is not positive."""
-        _not_negative("Coulomb friction", self.coulomb)
-        _not_negative("static friction", self.static)
-        if not (self.velocity > 0 and np.isfinite(self.velocity)):
+        super().__post_init__()
+        if not 0 < self.velocity < math.inf:
             raise ConfigurationError(f"Stribeck velocity {self.velocity}: expected a positive number")
 
     def pieces(self, direction: int) -> tuple[Piece, ...]:
@@ -148,11 +147,6 @@ class LoadDependent(FrictionLaw):
     load_coefficient: float
     """c [1]."""
 
-    def __post_init__(self) -> None:
-        """Refuse friction that would drive the joint."""
-        _not_negative("Coulomb friction", self.level)
-        _not_negative("load coefficient", self.load_coefficient)
-
 
 @dataclass(frozen=True)
 class PositionDependent(FrictionLaw):
@@ -169,15 +163,6 @@ class PositionDependent(FrictionLaw):
     # Without an annotation: it is the class's, and no field of the dataclass.
     depends_on_angle = True
 
-    def __post_init__(self) -> None:
-        """Refuse friction that would drive the joint."""
-        _not_negative("Coulomb friction", self.level)
-        if not np.isfinite([self.slope, self.curvature, self.middle]).all():
-            raise ConfigurationError(
-                f"friction with slope {self.slope}, curvature {self.curvature} about {self.middle}: expected finite "
-                "numbers"
-            )
-
     def at_angle(self, position: np.ndarray) -> np.ndarray:
         """Return slope (θ − θ_m) + curvature (θ − θ_m)², no less than −b_c."""
         away = position - self.middle
@@ -189,12 +174,6 @@ class PositionDependent(FrictionLaw):
         away = position - self.middle
         positive = self.slope * away + self.curvature * away**2 > -self.level
         return positive * (self.slope + 2 * self.curvature * away)
-
-
-def _not_negative(name: str, value: float) -> None:
-    """Raise `StictionError` unless the value is finite and not negative."""
-    if not (value >= 0 and np.isfinite(value)):
-        raise ConfigurationError(f"{name} {value}: expected a number that is not negative")
 
 
 def dead_band(level: float, kp: float) -> float:
@@ -212,7 +191,6 @@ def friction_ratio(level: float, torque_limit: float) -> float:
 
 
 Values = np.ndarray | float
-"""One number for each joint, or one for all."""
 
 Unit = Literal["share", "coefficient", "torque"]
 """Of a law's level: a fraction of the joint's torque limit, a coefficient [-], or a torque [N m]."""
@@ -246,7 +224,6 @@ class LawSpec:
     name: str
     """On the command line and in joints.json, contract.json and results.csv."""
     meaning: str
-    """What the friction does, in words for people."""
     unit: Unit = "share"
     """Of its level."""
     label: str = "dry friction"
@@ -294,7 +271,6 @@ def _asymmetric(of: Mapping[str, float]) -> Asymmetric:
 
 
 LAWS: dict[str, LawSpec] = {}
-"""Every law by its name."""
 
 SYMMETRIC = ("viscous_friction", "coulomb_friction", "offset")
 """Parameters of viscous and Coulomb friction, which nearly every law has."""
@@ -415,7 +391,6 @@ class Law:
     """Speed at which 63 % of that excess is gone [rad/s], of `stribeck`."""
 
     def __post_init__(self) -> None:
-        """Refuse an unknown law, and parameters out of range."""
         if self.name not in simulated_laws():
             raise ConfigurationError(unknown_name("friction law", self.name, simulated_laws()))
         if not 1 <= self.static_ratio <= 10 or not 0 < self.stribeck_velocity < math.inf:

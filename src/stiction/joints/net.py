@@ -19,6 +19,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from stiction.core.decode import is_integer, is_number, is_text
 from stiction.core.errors import ConfigurationError, FileError
 from stiction.core.names import kind_of
 
@@ -28,7 +29,6 @@ class ActuatorNet:
     """A multilayer perceptron with softsign units for each group of joints, whose joints share its weights."""
 
     robot: str
-    """Name of the robot whose joints it was trained on."""
     joint_names: tuple[str, ...]
     """Names of the joints, in the order of every vector over joints."""
     torque_limit: tuple[float, ...]
@@ -54,15 +54,33 @@ class ActuatorNet:
     loss: Mapping[str, float]
     """`training`, `validation`: mean squared error of torque over limit at the end [-]."""
     seed: int
-    """Seed of weights, order of samples and split."""
     revision: str
-    """Revision of the code that trained it."""
     command: str
-    """Command that made it."""
 
     def __post_init__(self) -> None:
-        """Refuse what no simulation could use."""
-        _check(self)
+        names = self.joint_names
+        named = bool(names) and len(set(names)) == len(names) and all(map(is_text, names))
+        _expect(named, "joint_names", names, "names")
+        for field in ("robot", "revision", "command"):
+            _expect(is_text(getattr(self, field)), field, getattr(self, field), "a text")
+        limits = self.torque_limit
+        fits = len(limits) == len(names) and all(is_number(limit) and limit > 0 for limit in limits)
+        _expect(fits, "torque_limit", limits, f"{len(names)} positive numbers")
+        once = sorted(name for group in self.groups for name in group) == sorted(names) and all(self.groups)
+        _expect(once, "groups", self.groups, "every joint in one group")
+        _expect(self.inputs in INPUT_SETS, "inputs", self.inputs, " or ".join(INPUT_SETS))
+        counted = is_integer(self.history) and 0 <= self.history <= 100
+        _expect(counted, "history", self.history, "0 to 100 samples")
+        _expect(is_number(self.period) and 1e-5 <= self.period <= 0.1, "period", self.period, "1e-5 to 0.1 s")
+        _expect(self.torque_source in TORQUE_SOURCES, "torque_source", self.torque_source, " or ".join(TORQUE_SOURCES))
+        for field in ("training", "validation"):
+            value = getattr(self, field)
+            right = isinstance(value, Mapping) and all(is_text(k) and is_text(v) for k, v in value.items())
+            _expect(right, field, value, "an object, file -> SHA-256")
+        right = isinstance(self.loss, Mapping) and all(is_number(loss) and loss >= 0 for loss in self.loss.values())
+        _expect(right, "loss", self.loss, "an object of numbers of at least 0")
+        _expect(is_integer(self.seed) and self.seed >= 0, "seed", self.seed, "an integer of at least 0")
+        _check_layers(self)
 
     def check_use(self, robot: str, joint_names: Sequence[str], torque_limit: np.ndarray, period: float) -> None:
         """Raise `FileError` unless the net is for these joints and this physics step [s]."""
@@ -98,36 +116,8 @@ PERIOD_TOLERANCE = 1e-6
 
 
 def _expect(condition: bool, field: str, value: object, expected: str) -> None:
-    """Raise `FileError` naming the field unless the condition holds."""
     if not condition:
         raise FileError(f"Actuator Net, field {field!r}: {str(value)[:80]}; expected {expected}")
-
-
-def _check(net: ActuatorNet) -> None:
-    """Check every field."""
-    names = net.joint_names
-    _expect(bool(names) and len(set(names)) == len(names) and all(map(_is_text, names)), "joint_names", names, "names")
-    for field in ("robot", "revision", "command"):
-        _expect(_is_text(getattr(net, field)), field, getattr(net, field), "a text")
-    limits = net.torque_limit
-    fits = len(limits) == len(names) and all(_number(limit) and limit > 0 for limit in limits)
-    _expect(fits, "torque_limit", limits, f"{len(names)} positive numbers")
-    together = [name for group in net.groups for name in group]
-    once = sorted(together) == sorted(names) and all(net.groups)
-    _expect(once, "groups", net.groups, "every joint in one group")
-    _expect(net.inputs in INPUT_SETS, "inputs", net.inputs, " or ".join(INPUT_SETS))
-    # Not `isinstance`: a bool is an int as well.
-    _expect(type(net.history) is int and 0 <= net.history <= 100, "history", net.history, "0 to 100 samples")
-    _expect(_number(net.period) and 1e-5 <= net.period <= 0.1, "period", net.period, "1e-5 to 0.1 s")
-    _expect(net.torque_source in TORQUE_SOURCES, "torque_source", net.torque_source, " or ".join(TORQUE_SOURCES))
-    for field in ("training", "validation"):
-        value = getattr(net, field)
-        named = isinstance(value, Mapping) and all(_is_text(k) and _is_text(v) for k, v in value.items())
-        _expect(named, field, value, "an object, file -> SHA-256")
-    right = isinstance(net.loss, Mapping) and all(_number(value) and value >= 0 for value in net.loss.values())
-    _expect(right, "loss", net.loss, "an object of numbers of at least 0")
-    _expect(type(net.seed) is int and net.seed >= 0, "seed", net.seed, "an integer of at least 0")
-    _check_layers(net)
 
 
 def _check_layers(net: ActuatorNet) -> None:
@@ -143,16 +133,6 @@ def _check_layers(net: ActuatorNet) -> None:
             _expect(bool(np.isfinite(weight).all() and np.isfinite(bias).all()), where, "not finite", "finite numbers")
             width = len(bias)
         _expect(width == 1, where, f"{width} outputs", "one, the torque over its limit")
-
-
-def _is_text(value: object) -> bool:
-    """Return whether a value is a text that is not empty."""
-    return isinstance(value, str) and bool(value.strip())
-
-
-def _number(value: object) -> bool:
-    """Return whether a value is a finite number and not a bool."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 TorqueSource = Literal["motor_side", "output_side"]
@@ -189,7 +169,6 @@ class ActuatorCfg:
     """Seed of weights, order of samples and split."""
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be fitted."""
         if self.inputs not in INPUT_SETS or self.share not in ("kind", "all"):
             raise ConfigurationError(
                 f"inputs {self.inputs!r}, shared by {self.share!r}: expected {' or '.join(INPUT_SETS)}, and kind or all"

@@ -27,7 +27,6 @@ class PDGains:
     """Motor strength, k_motor: torque delivered over torque asked for [1]."""
 
     def __post_init__(self) -> None:
-        """Refuse gains that no controller has."""
         # NaN passes every comparison below, so it is asked for by itself.
         values = (self.kp, self.kd, self.torque_limit, self.strength)
         if any(np.isnan(values)) or self.kp <= 0 or self.kd < 0 or self.torque_limit <= 0 or self.strength <= 0:

@@ -28,7 +28,6 @@ class Gravity:
     """Torque that holds the link at θ = 0 [N m]."""
 
     def __post_init__(self) -> None:
-        """Refuse a weight that is not finite."""
         if not np.isfinite([self.sin, self.cos]).all():
             raise ConfigurationError(f"gravity {self.sin} sin + {self.cos} cos: expected finite numbers")
 
@@ -64,7 +63,6 @@ class Joint:
     """Weight of the link, None where the axis is upright or nothing hangs on it."""
 
     def __post_init__(self) -> None:
-        """Refuse a joint without inertia."""
         numbers = (self.inertia, self.viscous, self.offset)
         if not self.inertia > 0 or not np.isfinite(numbers).all():
             raise ConfigurationError(

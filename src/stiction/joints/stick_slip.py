@@ -24,7 +24,6 @@ LARGEST_GROWTH = 200.0
 """Growth of an unstable motion, as the logarithm, after which a stretch is cut: floating point ends at 700."""
 
 MOST_SAMPLES = 1_000_000
-"""Samples of one stretch."""
 
 State = tuple[float, float]
 """q [rad] and q' [rad/s]."""
@@ -179,7 +178,6 @@ class Phase(NamedTuple):
     last: int
     """Sample at which it ends; `first` if it is part of the sample interval after `first`."""
     begin: float
-    """Seconds from sample `first` to the beginning."""
     end: float
     """Seconds from sample `first` to the end."""
     sign: int
@@ -189,7 +187,6 @@ class Phase(NamedTuple):
     piece: int
     """Piece of the friction law, counted from rest."""
     start: State
-    """q and q' at the beginning."""
 
 
 @dataclass(frozen=True)
@@ -217,9 +214,7 @@ class _Sliding(NamedTuple):
     drive: np.ndarray
     """u at the samples [rad/s²], shape (num_samples,)."""
     change: np.ndarray
-    """Of `Regime.changes`."""
     excited: np.ndarray
-    """Likewise."""
     slow: float
     """Speed at which the piece begins [rad/s]."""
     fast: float

@@ -19,8 +19,9 @@ import torch
 
 from stiction.core.names import kind_of
 from stiction.core.provenance import git_revision, machine, stream_seed
-from stiction.files.actuator import FILE, ActuatorFit, write_actuator, write_actuator_fit
+from stiction.files.actuator import FILE, ActuatorFit, write_actuator
 from stiction.files.results import write_summary
+from stiction.files.tables import write_arrays
 from stiction.joints.net import (
     ActuatorCfg,
     ActuatorNet,
@@ -317,6 +318,6 @@ def _curves(net: ActuatorNet, baseline: Baseline, run: LoggedRun, fits: Sequence
 def write_trained(folder: Path, trained: TrainedActuator) -> None:
     """Write `fit.npz`, `summary.json`, and last `actuator.npz`: where that is there, the others are too."""
     folder.mkdir(parents=True, exist_ok=True)
-    write_actuator_fit(folder / "fit.npz", trained.fit)
+    write_arrays(folder / "fit.npz", trained.fit)
     write_summary(folder / "summary.json", trained.summary)
     write_actuator(folder / FILE, trained.net)

@@ -18,12 +18,13 @@ import torch
 from safetensors import SafetensorError
 from safetensors.torch import load, save
 
+from stiction.core.decode import is_integer, is_number
 from stiction.core.errors import FileError, TrainingError, UnwrittenError
 from stiction.core.files import digest_of, near_file, open_regular, read_bounded, write_bytes, write_text
 from stiction.core.lock import output_folder
 from stiction.core.provenance import git_revision, machine
 from stiction.files.actuator import FILE, actuator_file, read_actuator
-from stiction.files.plain import is_integer, is_number, read_object
+from stiction.files.plain import read_object
 from stiction.files.results import read_metrics
 from stiction.joints.net import ActuatorNet
 from stiction.learning.config import TrainCfg, config_from

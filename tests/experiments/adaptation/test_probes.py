@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stiction.core.statistics import conformal_bound
 from stiction_experiments.adaptation.monitor import fit_monitor
 from stiction_experiments.adaptation.probes import (
     HISTORIES,
@@ -16,6 +15,7 @@ from stiction_experiments.adaptation.probes import (
     probe_walk,
     windows,
 )
+from stiction_experiments.lab.statistics import conformal_bound
 
 STEPS, ROBOTS, JOINTS = 120, 200, 3
 

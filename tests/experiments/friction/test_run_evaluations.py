@@ -19,6 +19,7 @@ from stiction.learning.identity import settings_of
 from stiction_experiments.friction.evaluation import BASE, LEVELS, Task, evaluate_tasks, settings_for, tasks_for
 from stiction_experiments.friction.manifest import Condition, Run
 from stiction_experiments.friction.planned import PlannedRun, unrecorded
+from stiction_experiments.lab.files import cached
 from stiction_experiments.methods import CODE
 from stiction_experiments.methods.friction import BY_ERROR
 from synthetic import place, row, write_run
@@ -103,7 +104,7 @@ def test_an_evaluation_of_before_the_slowest_walk_is_read(tmp_path: Path, walked
             if "slowest" not in name
         }
     ]
-    cache.cached(task.cache, task.who, task.key, lambda: {"rows": old})
+    cached(task.cache, task.who, task.key, lambda: {"rows": old})
     (found,), failed = evaluate_tasks([task], 1)
     assert (found.speed_ratio, found.slowest_walk, failed, walked) == (0.9, None, {}, [])
 

@@ -13,7 +13,7 @@ import logfiles
 from bounded import bounded
 from stiction.core.errors import LogError
 from stiction.files.log import BODY, Log
-from stiction.files.tables import write_csv, write_npz
+from stiction.files.tables import publish_npz, write_csv
 from stiction.identification.logs import open_log, parse_columns
 from stiction.identification.logs.imu import IMU
 from stiction.identification.logs.ros import DEFINITIONS
@@ -82,7 +82,7 @@ def test_usual_names(
     table |= spread(gyroscope, axes, GYROSCOPE) | spread(accelerometer, axes, ACCELEROMETER)
     table |= spread("/lowstate/foot_force[{}]", feet, FEET) if feet else {}
     table |= spread("/lowstate/foot_force_est[{}]", feet, 0 * FEET) if feet else {}
-    write_npz(tmp_path / "walk.npz", table)
+    publish_npz(tmp_path / "walk.npz", table)
     roles = BODY if feet else BODY[:3]
     expect(open_log(tmp_path / "walk.npz", body=True), roles)
 

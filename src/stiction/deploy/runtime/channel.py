@@ -10,15 +10,14 @@ from stiction.deploy.transports.link import MEASURED as SENSORS
 from stiction.deploy.transports.messages import Layout, Message
 from stiction.files.contract import Contract
 
-SIGHT, TARGETS, ROW, STEP = 16, 17, 18, 19
-"""Kinds of messages: supervisor to policy, policy to supervisor, supervisor to logger twice."""
+SIGHT, TARGETS, ROW = 16, 17, 18
+"""Kinds of messages: supervisor to policy, policy to supervisor, supervisor to logger."""
 
 BUFFER = 2**21
 """Bytes that may wait in a channel: some seconds of the log."""
 
 
 IDLE, RUNNING = 0.0, 1.0
-"""What the policy is asked to do: wait, or act."""
 
 
 def sight_layout(joints: int) -> Layout:
@@ -63,7 +62,6 @@ class Channel:
     """One end of a pair, for messages of one kind each way."""
 
     def __init__(self, end: socket.socket, sends: Layout, receives: Layout | None = None) -> None:
-        """`sends`, `receives`: what goes out and what comes in."""
         self.end, self._sends, self._receives, self._number = end, sends, receives, 0
         self.lost = 0
         """Messages that the other end had no room for."""
@@ -77,30 +75,22 @@ class Channel:
         """Send bytes as they are; see `send`."""
         try:
             self.end.send(data)
-        except (BlockingIOError, InterruptedError):
-            self.lost += 1
         except OSError as error:
-            if error.errno == errno.ENOBUFS:
-                self.lost += 1
-            else:
+            if not isinstance(error, BlockingIOError | InterruptedError) and error.errno != errno.ENOBUFS:
                 return False
+            self.lost += 1
         return True
 
     def receive(self) -> list[Message]:
         """Return the messages that have come, oldest first; never waits."""
         assert self._receives is not None
         found: list[Message] = []
-        while True:
-            try:
-                # One byte too many: a longer datagram would be cut to the right length.
-                data = self.end.recv(self._receives.bytes + 1)
-            except OSError:
-                return found
-            if not data:
-                return found
-            message = self._receives.unpack(data)
-            if message is not None:
-                found.append(message)
+        with suppress(OSError):
+            # One byte too many: a longer datagram would be cut to the right length.
+            while data := self.end.recv(self._receives.bytes + 1):
+                if (message := self._receives.unpack(data)) is not None:
+                    found.append(message)
+        return found
 
     def close(self) -> None:
         """Close this end."""

@@ -25,7 +25,6 @@ class LimitsCfg:
     """Distance that targets keep from the joint's limits [rad]; by default the bundle's, of older bundles 0.02."""
 
     def __post_init__(self) -> None:
-        """Refuse limits that leave nothing, or are none."""
         slew, margin = self.of(None)
         if not (0 < slew <= 1000 and 0 <= margin <= 1):
             raise ConfigurationError(
@@ -73,7 +72,6 @@ class SafetyCfg:
     """Whether a motor that says that something is wrong with it stops the robot."""
 
     def __post_init__(self) -> None:
-        """Refuse limits that are none."""
         for name, value in vars(self).items():
             if not isinstance(value, bool) and not 0 < value < 1e4:
                 raise ConfigurationError(f"safety {name} of {value}: expected a positive number")
@@ -121,23 +119,12 @@ class SupervisorCfg:
     """Of what the robot does."""
 
     def __post_init__(self) -> None:
-        """Refuse times that are none, and a ramp that throws the robot up."""
         if not 2.0 <= self.ramp <= 60.0:
             raise ConfigurationError(f"a ramp of {self.ramp} s to stand up: expected 2 to 60 s")
         if self.duration is not None and not 0 < self.duration <= 86400:
             raise ConfigurationError(f"a duration of {self.duration} s: expected up to 86,400 s, one day")
-        for name in (
-            "hold",
-            "settle",
-            "settle_limit",
-            "first_target",
-            "standing_error",
-            "stale",
-            "gap",
-            "frozen",
-            "silence",
-            "command_timeout",
-        ):
+        times = ("hold", "settle", "settle_limit", "stale", "gap", "frozen", "silence", "command_timeout")
+        for name in (*times, "first_target", "standing_error"):
             if not 0 < getattr(self, name) <= 10:
                 raise ConfigurationError(f"{name} of {getattr(self, name)}: expected a positive number of at most 10")
         if self.settle_limit < self.settle:
@@ -168,7 +155,6 @@ class OperatorCfg:
     second. Without them the robot stands, then stops."""
 
     def __post_init__(self) -> None:
-        """Refuse times that are none."""
         if not 0.05 <= self.heartbeat_timeout <= 60:
             raise ConfigurationError(f"heartbeat_timeout of {self.heartbeat_timeout} s: expected 0.05 to 60 s")
 
@@ -189,7 +175,6 @@ class RunCfg:
     """Priority of supervisor and policy under SCHED_FIFO, 1 to 99; None: as all processes."""
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be."""
         if not 0 <= self.keep_minutes <= 24 * 60:
             raise ConfigurationError(f"a log of {self.keep_minutes} minutes: expected 0 to 1440, one day")
         if self.realtime is not None and not 1 <= self.realtime <= 99:

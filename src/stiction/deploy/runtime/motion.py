@@ -16,7 +16,7 @@ LONGEST = 1800.0
 
 
 class Motion:
-    """Targets over time of some joints; the others stay in the standing pose. `Source` of a run."""
+    """Targets over time of some joints; the others stay in the standing pose."""
 
     def __init__(self, path: Path, contract: Contract) -> None:
         """Read a trajectory, `time` and `target.<joint>`, a joint's name or its kind, and its sidecar's gains.

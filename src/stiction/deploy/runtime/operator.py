@@ -35,13 +35,11 @@ that say that the program itself is broken: after them it could not send anythin
 SIGNALS = tuple(
     number for number in signal.valid_signals() if getattr(number, "name", "").removeprefix("SIG") not in NO_STOP
 )
-"""Every signal that stops the robot."""
 
 ALIVE = b"alive"
 """What a second machine sends, some ten times a second."""
 
 LARGEST_COMMAND = 512
-"""Bytes of a velocity command."""
 
 
 class Operator:
@@ -115,7 +113,6 @@ class Operator:
         return found
 
     def _signal(self, number: int, _: FrameType | None) -> None:
-        """Take a signal; the first one is the reason of the stop."""
         if self.signal is None:
             named = number in set(signal.Signals)
             self.signal, self._asked = number, signal.Signals(number).name if named else f"signal {number}"
@@ -141,7 +138,6 @@ def parse_velocity(data: bytes) -> np.ndarray:
 
 
 def _listen(address: str, option: str) -> socket.socket:
-    """Return a socket at HOST:PORT."""
     host, _, port = address.rpartition(":")
     if not host or not port.isdigit() or not 0 < int(port) < 65536:
         raise ConfigurationError(f"{option} {address!r}: expected HOST:PORT, such as 127.0.0.1:9000")
@@ -195,7 +191,6 @@ def _keys_alone(terminal: int) -> Iterator[None]:
 
 
 def _key(terminal: int) -> bool:
-    """Return whether a key that stops was pressed."""
     # Whoever else has the terminal open, the shell for one, shares this setting: it is put back.
     os.set_blocking(terminal, False)
     try:

@@ -85,7 +85,6 @@ class PolicyProcess:
         self._estimate = {"wear": value, "wear_low": low, "wear_high": high, "unusual": float(found.unusual)}
 
     def _act(self, inputs: dict[str, np.ndarray]) -> tuple[PolicyStep, dict[str, object]]:
-        """Return the policy's step on what it sees, and the answer."""
         if not self._running:
             self._loop.reset()
             if self._wear is not None:
@@ -108,7 +107,6 @@ class PolicyProcess:
 
 
 def _warm_up(loop: ControlLoop, bundle: Bundle) -> None:
-    """Take some steps over the recording, then forget them."""
     golden = bundle.golden
     for t in range(min(WARM_UP, len(golden))):
         sensors = Sensors(*(getattr(golden, name)[t] for name in SENSORS))

@@ -14,10 +14,10 @@ from typing import Any
 from stiction.core.isolation import isolated_environment, python_module
 from stiction.core.lifeline import tied
 from stiction.core.records import make_folder
-from stiction.deploy.runtime.channel import Channel, row_layout, socket_pair, targets_layout
+from stiction.deploy.runtime.channel import Channel, row_layout, socket_pair
 from stiction.deploy.runtime.config import RunCfg
+from stiction.deploy.runtime.motion import Motion
 from stiction.deploy.runtime.recorder import PART_SECONDS, Rows
-from stiction.deploy.runtime.supervisor import Source
 from stiction.deploy.transports.link import Link
 from stiction.files.bundle import Bundle
 from stiction.files.run_log import LOG, RunLogHeader, check_empty, write_run_header
@@ -54,7 +54,6 @@ def beside(module: str, words: list[object], place: int) -> Iterator[tuple[socke
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """Wait a little for a process to end by itself, then end it."""
     try:
         process.wait(timeout=0.2)
     except subprocess.TimeoutExpired:
@@ -68,7 +67,6 @@ class Death:
     """Tells that a process ends as soon as the system takes its memory away: to free it all takes 20 ms and more."""
 
     def __init__(self, process: subprocess.Popen[bytes]) -> None:
-        """Watch a process that runs."""
         self._process, self._memory = process, -1
         with suppress(OSError):  # No Linux, or it has ended already.
             self._memory = os.open(f"/proc/{process.pid}/statm", os.O_RDONLY)
@@ -92,7 +90,6 @@ class Logger:
     """The logger's process, as the supervisor sees it: takes rows, and may end before the run does."""
 
     def __init__(self, rows: Rows, process: subprocess.Popen[bytes]) -> None:
-        """`rows`: to the process."""
         self.rows, self._process = rows, process
         self.end: str | None = None
         """Why the log ended before the run did, in words; None where it did not."""
@@ -128,7 +125,7 @@ def last_line(process: subprocess.Popen[bytes]) -> str:
 
 @contextmanager
 def logging_process(
-    bundle: Bundle, folder: Path, link: Link, cfg: RunCfg, source: Source | None
+    bundle: Bundle, folder: Path, link: Link, cfg: RunCfg, source: Motion | None
 ) -> Iterator[Logger | None]:
     """Start the logger, if a log is wanted; at the end wait until all of it is written."""
     if cfg.keep_minutes == 0:
@@ -156,8 +153,7 @@ def logging_process(
     keep = round(60 * cfg.keep_minutes / PART_SECONDS)
     words = [log, keep, len(link.foot_names), folder]
     with beside("recorder", words, 1) as (end, process):
-        feet, steps = len(link.foot_names), targets_layout(contract)
-        readings = row_layout(contract.num_joints, feet)
-        logger = Logger(Rows(Channel(end, readings), readings, steps), process)
+        readings = row_layout(contract.num_joints, len(link.foot_names))
+        logger = Logger(Rows(Channel(end, readings), readings), process)
         yield logger
         logger.finish()

@@ -31,10 +31,8 @@ MERGED = 120
 """Parts that become one file: a minute."""
 
 AT_ONCE = 10
-"""Rows of readings in one datagram."""
 
 END = b"end"
-"""Says that nothing more comes."""
 
 
 class Parts:
@@ -65,7 +63,6 @@ class Parts:
             self._drop(self._number - self._keep)
 
     def _merge(self, first: int, last: int) -> None:
-        """Make one file of the parts of a minute."""
         names = [n for a, b, n in self._parts() if first <= a and b <= last]
         if len(names) < 2:
             return
@@ -76,18 +73,15 @@ class Parts:
             (self._folder / name).unlink(missing_ok=True)
 
     def _publish(self, first: int, last: int, arrays: Columns) -> None:
-        """Write a part, and of which run it is."""
-        own = {RUN: np.array(self._run)} if self._run else {}
-        publish_npz(self._folder / part_name(self._table, first, last), arrays | own, compressed=True)
+        arrays |= {RUN: np.array(self._run)} if self._run else {}
+        publish_npz(self._folder / part_name(self._table, first, last), arrays, compressed=True)
 
     def _drop(self, before: int) -> None:
-        """Remove what is older than a part."""
         for _, last, name in self._parts():
             if last < before:
                 (self._folder / name).unlink(missing_ok=True)
 
     def _parts(self) -> list[tuple[int, int, str]]:
-        """Return the parts in the folder."""
         return parts_of((path.name for path in self._folder.iterdir()), self._table)
 
 
@@ -100,9 +94,8 @@ def _plain(name: str, values: np.ndarray) -> np.ndarray:
 class Rows:
     """The supervisor's end: gathers rows of readings, sends steps at once, and never waits."""
 
-    def __init__(self, channel: Channel, readings: Layout, steps: Layout) -> None:
-        """`channel`: to the logger."""
-        self._channel, self._readings, self._steps = channel, readings, steps
+    def __init__(self, channel: Channel, readings: Layout) -> None:
+        self._channel, self._readings = channel, readings
         self._waiting: list[bytes] = []
         self._number = 0
         self.alive = True
@@ -120,23 +113,19 @@ class Rows:
         if len(self._waiting) == AT_ONCE:
             self.flush()
 
-    def step(self, data: bytes) -> None:
-        """Log one answer of the policy, as it came."""
-        self._send(data)
-
     def flush(self) -> None:
         """Send what waits."""
         if self._waiting:
-            self._send(b"".join(self._waiting))
+            self.send(b"".join(self._waiting))
             self._waiting = []
 
     def end(self) -> None:
         """Send what waits, and that it was the last."""
         self.flush()
-        self._send(END)
+        self.send(END)
 
-    def _send(self, data: bytes) -> None:
-        """Send bytes; do nothing where the logger has ended."""
+    def send(self, data: bytes) -> None:
+        """Send bytes, such as an answer of the policy as it came; do nothing where the logger has ended."""
         self.alive = self.alive and self._channel.send_raw(data)
 
 
@@ -165,7 +154,6 @@ def record(folder: Path, end: socket.socket, readings: Layout, steps: Layout, ke
 
 
 def _take(data: bytes, parts: dict[str, Parts], readings: Layout, steps: Layout) -> None:
-    """Sort the messages of a datagram into the tables."""
     if (message := steps.unpack(data)) is not None:
         parts[STEPS].add(message.time, message.values)
         return

@@ -20,17 +20,13 @@ class Timing:
     probe: Histogram = field(default_factory=Histogram)
     """Lateness of an idle loop, before the run."""
     policy: dict[str, Histogram] = field(default_factory=lambda: {name: Histogram() for name in TIMES})
-    """Times of the policy's steps."""
     reading: Histogram = field(default_factory=Histogram)
     """From having read a state to having sent the command, in the supervisor."""
     periods: int = 0
-    """Steps of the policy in the run."""
     skipped: int = 0
-    """Steps that were skipped."""
     first: float = 0.0
-    """When the first step was answered [s]."""
     last: float = 0.0
-    """When the last one was [s]."""
+    """When the first and the last step were answered [s]."""
 
     def answer(self, now: float, times: dict[str, float], skipped: int) -> None:
         """Count one step of the policy."""
@@ -49,8 +45,7 @@ class Timing:
 
 def summary(supervisor: Supervisor, timing: Timing, more: dict[str, Any]) -> dict[str, Any]:
     """Return the report as plain data; `more`: what the runtime adds."""
-    lateness = timing.policy["lateness"].milliseconds()
-    probe = timing.probe.milliseconds()
+    lateness, probe = timing.policy["lateness"].milliseconds(), timing.probe.milliseconds()
     judged = probe["p99"] <= QUIET and timing.periods > 0
     motion = supervisor.motion()
     sections = {name: timing.policy[name].milliseconds() for name in TIMES if name != "lateness"}

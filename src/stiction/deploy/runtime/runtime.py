@@ -16,6 +16,7 @@ import subprocess
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,15 +25,16 @@ import numpy as np
 from stiction.core.errors import ConfigurationError, PolicyError, RobotError
 from stiction.core.lock import one_writer
 from stiction.core.provenance import limit_library_threads
+from stiction.deploy.plausibility import Violation
 from stiction.deploy.runtime.channel import IDLE, RUNNING, SENSORS, TIMES, Channel, sight_layout, targets_layout
 from stiction.deploy.runtime.config import RunCfg
+from stiction.deploy.runtime.motion import Motion
 from stiction.deploy.runtime.operator import Operator
 from stiction.deploy.runtime.processes import Death, Logger, beside, last_line, logging_process
 from stiction.deploy.runtime.report import Timing, summary
-from stiction.deploy.runtime.supervisor import Out, Source, Stage, Supervisor, check_peers
+from stiction.deploy.runtime.supervisor import Out, Stage, Supervisor, check_peers
 from stiction.deploy.runtime.ticker import Ticker
 from stiction.deploy.transports.link import Link, RobotState
-from stiction.deploy.violation import Violation
 from stiction.files.bundle import Bundle
 from stiction.joints.compensation import BY_SPEED
 
@@ -63,28 +65,19 @@ def run(
     link: Link,
     cfg: RunCfg,
     velocity: np.ndarray,
-    source: Source | None = None,
+    source: Motion | None = None,
     injected: Injected | None = None,
     say: Callable[[str], None] = lambda text: None,
     friction: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> dict[str, Any]:
     """Run a policy, or a motion, on a robot until it ends; return the report.
 
-    Args:
-        bundle: checked; of a motion the one of its robot.
-        folder: where the bundle is.
-        link: to the robot.
-        cfg: of the run.
-        velocity: commanded at first: forward, sideways [m/s], turn [rad/s], shape (3,).
-        source: what gives targets in place of the policy.
-        injected: faults, for tests.
-        say: takes a line for people.
-        friction: fed forward by the measured speed, f [N m] and c [1], shapes (J,); see `joints.compensation`.
+    bundle, folder: checked, and where it is; of a motion the one of its robot; velocity: commanded at first: forward,
+    sideways [m/s], turn [rad/s], shape (3,); source: gives the targets in place of the policy; injected: faults, for
+    tests; say: takes a line for people; friction: fed forward by the measured speed, f [N m] and c [1], shapes (J,).
 
-    Raises:
-        StictionError: another process drives this robot, more than one robot or reader is there, or the run cannot
-            begin.
-
+    Raises `StictionError`: another process drives this robot, more than one robot or reader is there, or the run cannot
+    begin.
     """
     limit_library_threads()
     contract = bundle.contract
@@ -112,7 +105,8 @@ def run(
         if not cfg.supervisor.armed:
             say("a dry run: nothing is sent to the robot; --armed moves it")
         loop = _Loop(supervisor, link, channel, policy, logger, operator, timing, injected, say)
-        stack.callback(loop.close)
+        if loop.death is not None:
+            stack.callback(loop.death.close)
         loop.run(velocity)
         if operator.complaint:
             say(f"the last velocity command was none: {operator.complaint}")
@@ -126,39 +120,35 @@ def run(
     return summary(supervisor, timing, of_run | of_link | log | of_bundle)
 
 
+@dataclass
 class _Loop:
     """The supervisor's process: reads the robot, asks the policy, sends commands, logs."""
 
-    def __init__(
-        self,
-        supervisor: Supervisor,
-        link: Link,
-        channel: Channel | None,
-        policy: subprocess.Popen[bytes] | None,
-        logger: Logger | None,
-        operator: Operator,
-        timing: Timing,
-        injected: Injected,
-        say: Callable[[str], None],
-    ) -> None:
-        """Begin; see `run`."""
-        self._supervisor, self._link, self._channel, self._policy = supervisor, link, channel, policy
-        self._logger, self._rows = logger, None if logger is None else logger.rows
-        self._operator, self._timing, self._injected, self._say = operator, timing, injected, say
-        self._answers = targets_layout(supervisor.contract)
-        self._death = None if policy is None else Death(policy)
-        self._files = [link.fileno(), *operator.files()] + ([channel.end.fileno()] if channel else [])
-        self._stage, self._ran_since = Stage.PASSIVE, 0.0
-        self._damped_at = 0.0
+    supervisor: Supervisor
+    link: Link
+    channel: Channel | None
+    policy: subprocess.Popen[bytes] | None
+    logger: Logger | None
+    operator: Operator
+    timing: Timing
+    injected: Injected
+    say: Callable[[str], None]
+    states: int = 0
+    sent_at: float | None = None
+    """When the first damping frame of a stop was sent [s]."""
+    damped_seconds: float = 0.0
+    """Time from the first damping frame of the end to the last [s]."""
+    signal: int | None = None
+    """Number of the signal that stopped the run; None: another reason, or none."""
+
+    def __post_init__(self) -> None:
+        self._rows = None if self.logger is None else self.logger.rows
+        self._answers = targets_layout(self.supervisor.contract)
+        self.death = None if self.policy is None else Death(self.policy)
+        self._files = [self.link.fileno(), *self.operator.files()]
+        self._files += [] if self.channel is None else [self.channel.end.fileno()]
+        self._stage, self._ran_since, self._damped_at = Stage.PASSIVE, 0.0, 0.0
         self._last: tuple[float, RobotState, Out] | None = None
-        self.states = 0
-        """States that have come."""
-        self.sent_at: float | None = None
-        """When the first damping frame of a stop was sent [s]."""
-        self.damped_seconds = 0.0
-        """Time from the first damping frame of the end to the last [s]."""
-        self.signal: int | None = None
-        """Number of the signal that stopped the run; None: another reason, or none."""
 
     def run(self, velocity: np.ndarray) -> None:
         """Go on until the run has ended, however it does; velocity: commanded at first."""
@@ -167,7 +157,7 @@ class _Loop:
         gc.collect()
         gc.freeze()
         try:
-            while not self._supervisor.ended:
+            while not self.supervisor.ended:
                 self._run_once()
         except BaseException as error:
             self._fail(error)
@@ -184,132 +174,133 @@ class _Loop:
         Raises `RobotError` where more than one robot, or a reader to whom nobody agreed, is there: nothing was sent.
         """
         until = time.monotonic() + DRAIN_SECONDS
-        while self._link.receive() and time.monotonic() < until:
+        while self.link.receive() and time.monotonic() < until:
             pass
-        if (broken := check_peers(self._link.peers(), self._supervisor.cfg)) is not None:
+        if (broken := check_peers(self.link.peers(), self.supervisor.cfg)) is not None:
             rule, names = broken
             raise RobotError(
                 f"{rule.rule}: got {rule.value:g} ({names}), expected at most {rule.limit:g}; switch the others off, "
                 "choose the robot's own --domain, or raise --readers for programs that only listen"
             )
-        remote = self._operator.remote
-        self._supervisor.command_velocity(velocity, time.monotonic(), remote)
+        remote = self.operator.remote
+        self.supervisor.command_velocity(velocity, time.monotonic(), remote)
 
     def _run_once(self) -> None:
         """Wait for something to come, at most one tick, and do what follows from it."""
         select.select(self._files, [], [], TICK)
         now = time.monotonic()
         # First: after a halt the robot still obeys the last command, and all that waits here is old.
-        self._emit(self._supervisor.turn(now), None)
+        self._emit(self.supervisor.turn(now), None)
         self._obey(now)
         self._answered()  # Before anything is sent: Linux drops what a process that is gone had said last.
-        states = self._link.receive()
-        self._emit(self._supervisor.meet(self._link.peers(), now), None)
-        if not self._supervisor.ended and states:
+        states = self.link.receive()
+        self._emit(self.supervisor.meet(self.link.peers(), now), None)
+        if not self.supervisor.ended and states:
             self.states += len(states)
             *older, state = states
             for passed in older:
                 self._passed(passed)
             now = time.monotonic()
-            self._emit(self._supervisor.state(state, now), state)
-            self._timing.reading.add(time.monotonic() - now)
+            self._emit(self.supervisor.state(state, now), state)
+            self.timing.reading.add(time.monotonic() - now)
             self._show(state, now)
         self._answered()
-        self._emit(self._supervisor.tick(time.monotonic()), None)
-        if self._logger is not None and self._logger.ended_now():
-            self._say(f"no log from now on, the run goes on: {self._logger.end}")
+        self._emit(self.supervisor.tick(time.monotonic()), None)
+        if self.logger is not None and self.logger.ended_now():
+            self.say(f"no log from now on, the run goes on: {self.logger.end}")
         self._announce()
 
     def _fail(self, error: BaseException) -> None:
         """Damp the robot after an error in this program, as long as after any stop; the error is its reason."""
         said = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        violation = Violation("policy failed", None, np.nan, np.nan)
-        self._emit(self._supervisor.stop(violation, time.monotonic(), f"the supervisor itself: {said}"), None)
-        until = time.monotonic() + self._supervisor.cfg.settle_limit
-        while not self._supervisor.ended and time.monotonic() < until:
+        self._stop(Violation("policy failed", None, np.nan, np.nan), f"the supervisor itself: {said}")
+        until = time.monotonic() + self.supervisor.cfg.settle_limit
+        while not self.supervisor.ended and time.monotonic() < until:
             time.sleep(TICK)
             # Each by itself: if the error comes again in one, the other is done all the same.
             with suppress(Exception):
-                for state in self._link.receive():
-                    self._supervisor.state(state, time.monotonic())
+                for state in self.link.receive():
+                    self.supervisor.state(state, time.monotonic())
             with suppress(Exception):
-                self._emit(self._supervisor.repeat(time.monotonic()), None)
+                self._emit(self.supervisor.repeat(time.monotonic()), None)
 
     def _obey(self, now: float) -> None:
-        """Obey the operator."""
-        who = self._operator.stop(now)
+        who = self.operator.stop(now)
         if who:
-            out = self._supervisor.stop(Violation("operator", None, np.nan, np.nan), now, who)
-            self.signal = self._operator.signal if out is not None else self.signal
-            self._emit(out, None)
-        velocity = self._operator.velocity()
+            first = self._stop(Violation("operator", None, np.nan, np.nan), who)
+            self.signal = self.operator.signal if first else self.signal
+        velocity = self.operator.velocity()
         if velocity is not None:
-            self._supervisor.command_velocity(velocity, now, remote=True)
+            self.supervisor.command_velocity(velocity, now, remote=True)
 
     def _show(self, state: RobotState, now: float) -> None:
         """Let a fault happen that is due, and send the policy's process the newest reading."""
-        if self._supervisor.ended:
+        if self.supervisor.ended:
             return
-        running = self._supervisor.stage is Stage.RUN
+        running = self.supervisor.stage is Stage.RUN
         if running and not self._ran_since:
             self._ran_since = now
-        fault = self._injected.due(now - self._ran_since, self._policy) if running else 0
-        if self._channel is None:
+        fault = self.injected.due(now - self._ran_since, self.policy) if running else 0
+        if self.channel is None:
             return
         sensors = {name: getattr(state.sensors, name) for name in SENSORS}
-        inputs = {"velocity": self._supervisor.velocity, "robot_time": state.time, "fault": float(fault)}
+        inputs = {"velocity": self.supervisor.velocity, "robot_time": state.time, "fault": float(fault)}
         mode = RUNNING if running else IDLE
-        if not self._channel.send(now, sensors | inputs | {"mode": mode}):
-            self._emit(self._supervisor.policy_failed("policy gone", self._last_words(), time.monotonic()), None)
+        if not self.channel.send(now, sensors | inputs | {"mode": mode}):
+            self._policy_fails("policy gone")
 
     def _answered(self) -> None:
-        """Take the policy's answers."""
-        if self._channel is None:
+        if self.channel is None:
             return
-        for message in self._channel.receive():
+        for message in self.channel.receive():
             now = time.monotonic()
             answer = self._answers.vectors(message)
             if answer["failed"][0]:
-                self._emit(self._supervisor.policy_failed("policy failed", self._last_words(), now), None)
+                self._policy_fails("policy failed")
             elif answer["mode"][0] == RUNNING:
                 target, asked, by = (answer[name] for name in ("target", "requested", "limited_by"))
-                self._emit(self._supervisor.policy_targets(target, now, asked, by), None)
+                self._emit(self.supervisor.policy_targets(target, now, asked, by), None)
                 times = {name: float(answer[name][0]) for name in TIMES}
-                if self._supervisor.stage is Stage.RUN:
-                    self._timing.answer(now, times, int(answer["skipped"][0]))
+                if self.supervisor.stage is Stage.RUN:
+                    self.timing.answer(now, times, int(answer["skipped"][0]))
                 if self._rows is not None:
-                    self._rows.step(message.data)
+                    self._rows.send(message.data)
             else:
-                self._supervisor.policy_waits(now)
-        if self._death is not None and self._death.seen():
-            self._emit(self._supervisor.policy_failed("policy gone", self._last_words(), time.monotonic()), None)
+                self.supervisor.policy_waits(now)
+        if self.death is not None and self.death.seen():
+            self._policy_fails("policy gone")
 
-    def _last_words(self) -> str:
-        """Return what the policy's process said last."""
-        if self._policy is None:
-            return ""
-        said, status = last_line(self._policy), self._policy.poll()
+    def _policy_fails(self, rule: str) -> None:
+        """Stop, since the policy's process failed or is gone, with what it said last."""
+        assert self.policy is not None
+        said, status = last_line(self.policy), self.policy.poll()
         ended = "its process is gone" if status is None else f"its process ended with status {status}"
-        return "; ".join(text for text in (said, ended) if text)
+        self._stop(Violation(rule, None, np.nan, np.nan), "; ".join(text for text in (said, ended) if text))
+
+    def _stop(self, violation: Violation, detail: str) -> bool:
+        """Stop the run; return False where it was stopped, or had ended, before."""
+        out = self.supervisor.stop(violation, time.monotonic(), detail)
+        self._emit(out, None)
+        return out is not None
 
     def _emit(self, out: Out | None, state: RobotState | None) -> None:
         """Send what was decided, and log it with the reading that it answers."""
         if out is None:
             return
-        if out.command is not None and self._supervisor.cfg.armed:
-            self._supervisor.sent(self._link.send(out.command))
+        if out.command is not None and self.supervisor.cfg.armed:
+            self.supervisor.sent(self.link.send(out.command))
         if out.stage >= Stage.DAMP and out.command is not None:
             now = time.monotonic()
             self._damped_at = self._damped_at or now
             self.damped_seconds = now - self._damped_at
-            if self._supervisor.stop_record is not None:
+            if self.supervisor.stop_record is not None:
                 self.sent_at = self.sent_at or now
         if state is not None and self._rows is not None:
             self._log(state, out)
 
     def _passed(self, state: RobotState) -> None:
         """Judge and log a state that was no longer the newest when it was read: what went out last was in force."""
-        self._emit(self._supervisor.passed(state, time.monotonic()), None)
+        self._emit(self.supervisor.passed(state, time.monotonic()), None)
         if self._rows is not None and self._last is not None:
             self._log(state, self._last[2])
 
@@ -319,29 +310,22 @@ class _Loop:
         if before is None or self._rows is None:
             return
         at, old, decided = before
-        self._rows.reading(at, row(old, state.joint_torque, decided, self._supervisor.velocity))
+        self._rows.reading(at, row(old, state.joint_torque, decided, self.supervisor.velocity))
 
     def _end(self) -> None:
         """Log the last reading, without the torque of the period after it, and the end of the run."""
         if self._rows is not None:
             if self._last is not None:
                 at, state, out = self._last
-                self._rows.reading(
-                    at, row(state, np.full_like(state.joint_torque, np.nan), out, self._supervisor.velocity)
-                )
+                unknown = np.full_like(state.joint_torque, np.nan)
+                self._rows.reading(at, row(state, unknown, out, self.supervisor.velocity))
             self._rows.end()
 
-    def close(self) -> None:
-        """Watch the policy's process no longer."""
-        if self._death is not None:
-            self._death.close()
-
     def _announce(self) -> None:
-        """Say which stage begins."""
-        if self._supervisor.stage is not self._stage:
-            self._stage = self._supervisor.stage
+        if self.supervisor.stage is not self._stage:
+            self._stage = self.supervisor.stage
             if self._stage in STAGES:
-                self._say(STAGES[self._stage])
+                self.say(STAGES[self._stage])
 
 
 STAGES = {
@@ -349,7 +333,6 @@ STAGES = {
     Stage.RUN: "running; space, q, Enter, Ctrl-C or Ctrl-Z stops",
     Stage.DAMP: "damping",
 }
-"""Stage -> what people are told when it begins."""
 
 
 def row(state: RobotState, torque: np.ndarray, out: Out, velocity: np.ndarray) -> dict[str, object]:

@@ -1,7 +1,7 @@
 """Rules that stop a robot, one reading at a time: what it does, not whether the reading can be true.
 
-Whether a reading can be true at all is `deploy.plausibility`'s question; both say a `Violation`. Every rule has a name,
-a limit with its unit, and why the limit is what it is, in `RULES`.
+Whether a reading can be true at all is `deploy.plausibility`'s question; both say a `Violation`. Limits and reasons are
+in `SafetyCfg`, what each rule finds in docs/safety.md.
 """
 
 from __future__ import annotations
@@ -11,22 +11,10 @@ from collections import deque
 import numpy as np
 
 from stiction.core.rotation import cross, up_in_frames
+from stiction.deploy.plausibility import Violation
 from stiction.deploy.runtime.config import SafetyCfg
 from stiction.deploy.transports.link import RobotState
-from stiction.deploy.violation import Violation
 from stiction.files.contract import Contract
-
-RULES = {
-    "tilt": "the robot leans further than it can come back from",
-    "predicted tilt": "it turns so fast that it will",
-    "joint speed": "a joint moves faster than in any walk",
-    "torque": "a motor gives more than its limit: the drive is set up for another robot",
-    "temperature": "a motor is too hot",
-    "motor lost": "the robot itself does not hear a motor any more",
-    "motor fault": "a motor says that something is wrong with it, by the maker's code",
-    "flailing": "all joints together move faster than in any walk",
-}
-"""Rule -> what it says of the robot."""
 
 
 def tilt(quaternion: np.ndarray, angular_velocity: np.ndarray, horizon: float) -> tuple[float, float]:
@@ -59,9 +47,8 @@ class Safety:
 
     def reset(self) -> None:
         """Forget all earlier readings."""
-        self._torques.clear()
-        self._squares.clear()
-        self._lost.clear()
+        for earlier in (self._torques, self._squares, self._lost):
+            earlier.clear()
 
     def check(self, state: RobotState) -> Violation | None:
         """Return the first broken rule of a reading whose sensors are finite, None where none is broken."""
@@ -88,8 +75,7 @@ class Safety:
         if len(self._torques) == self._torques.maxlen:
             share = np.mean(self._torques, axis=0)
             if (worst := self._worst(share, cfg.torque)) is not None:
-                limit = cfg.torque * float(self._limit[worst])
-                value = float(share[worst] * self._limit[worst])
+                value, limit = (float(part * self._limit[worst]) for part in (share[worst], cfg.torque))
                 return Violation("torque", self._names[worst], value, limit, "N m")
         if (worst := self._worst(np.nan_to_num(state.temperature), cfg.temperature)) is not None:
             hot = float(state.temperature[worst])
@@ -104,6 +90,5 @@ class Safety:
         return None
 
     def _worst(self, values: np.ndarray, limit: float) -> int | None:
-        """Return the joint that is furthest beyond a limit, None where none is."""
         worst = int(np.argmax(values))
         return worst if values[worst] > limit else None

@@ -13,17 +13,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Protocol
 
 import numpy as np
 
 from stiction.deploy.control import FREE, JointCommand, Limited, Limits
 from stiction.deploy.plausibility import RULES as PLAUSIBLE
-from stiction.deploy.plausibility import ReadingGuard, compare_drive
+from stiction.deploy.plausibility import ReadingGuard, Violation, compare_drive
 from stiction.deploy.runtime.config import SupervisorCfg
+from stiction.deploy.runtime.motion import Motion
 from stiction.deploy.runtime.safety import Safety
 from stiction.deploy.transports.link import Peers, RobotState
-from stiction.deploy.violation import Violation
 from stiction.files.contract import Contract
 from stiction.files.run_log import RUN_STAGE
 from stiction.joints.compensation import FrictionController
@@ -47,37 +46,16 @@ class Stage(IntEnum):
     STOPPED = 5
 
 
-RULES = {
-    "stale state": "no state of the robot came in time",
-    "supervisor halted": "the supervisor itself was halted, or had no processor, for too long",
-    "second writer": "the robot acts on a command that is not ours, or another program is about to write one",
-    "second robot": "states come from a second robot: both would move by the same commands",
-    "further reader": "a program beside the robot reads the commands, and nobody has agreed: it may be a second robot",
-    "first target": "the first target is too far from where the joint is",
-    "did not stand up": "a joint is not where it should be when the run begins",
-    "policy silent": "the policy hangs or is too slow",
-    "policy gone": "the policy's process has ended",
-    "policy failed": "the policy or what is around it raised an error",
-    "target not finite": "the policy asked for no number",
-    "command lost": "nobody has said for too long what velocity is wanted",
-    "not ready": "robot or policy were not there in time",
-    "operator": "a person, a signal, a file or a second machine said stop",
-}
-"""Rules of the supervisor itself; see also `safety.RULES` and `plausibility.RULES`."""
-
-
 @dataclass(frozen=True)
 class Out:
     """What was decided at one reading."""
 
     stage: Stage
-    """When it was decided."""
     command: JointCommand | None
     """What goes to the robot; None: nothing. Without `armed` it is shown and not sent."""
     requested: np.ndarray
     """Targets that were asked for [rad], NaN where none were, shape (J,)."""
     limited: Limited
-    """What was let through, and what limited it."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +63,6 @@ class Stop:
     """Why the robot was stopped."""
 
     violation: Violation
-    """The broken rule."""
     detail: str
     """More about it, for people; may be empty."""
     time: float
@@ -117,22 +94,6 @@ def check_peers(peers: Peers, cfg: SupervisorCfg) -> tuple[Violation, str] | Non
     return None
 
 
-class Source(Protocol):
-    """What gives targets in a run without a policy: a designed motion."""
-
-    start: np.ndarray
-    """Targets from which it begins [rad], shape (J,)."""
-    kp: np.ndarray
-    """Gains that it wants [N m/rad], shape (J,)."""
-    kd: np.ndarray
-    """[N m s/rad], shape (J,)."""
-    seconds: float
-    """Its length [s]."""
-
-    def target(self, elapsed: float) -> np.ndarray:
-        """Return the targets at a time since the run began [rad], shape (J,)."""
-
-
 class Supervisor:
     """One robot, one policy or motion, one run."""
 
@@ -142,7 +103,7 @@ class Supervisor:
         cfg: SupervisorCfg,
         period: float,
         now: float,
-        source: Source | None = None,
+        source: Motion | None = None,
         forward: FrictionController | None = None,
     ) -> None:
         """Begin passive.
@@ -166,21 +127,17 @@ class Supervisor:
         standing, kp, kd = (contract.array(name) for name in ("standing", "kp", "kd"))
         lengths = (cfg.duration, None if source is None else source.seconds)
         self._length = min((length for length in lengths if length is not None), default=math.inf)
-        self._standing, self._kp, self._kd = (
-            (standing, kp, kd) if source is None else (source.start, source.kp, source.kd)
-        )
+        self._standing: np.ndarray = standing if source is None else source.start
+        self._kp, self._kd = (kp, kd) if source is None else (source.kp, source.kd)
         slew, margin = cfg.limits.of(contract)
         self._limits, self._forward = Limits(contract, slew, margin, self._kp, self._kd), forward
         self._damping = kd
         self._began, self._since, self._seen = now, now, math.nan
         self._from: np.ndarray | None = None
-        self._answered, self._asked = now, now
+        self._answered, self._asked, self._commanded = now, now, now
         self._answer: tuple[np.ndarray, Limited] | None = None
-        self._commanded, self._remote = now, False
         self._ours: tuple[float, float] = (math.nan, math.nan)
-        self._ran = 0.0
-        self._position = standing
-        self._period = period
+        self._remote, self._ran, self._position, self._period = False, 0.0, standing, period
         self._turned = self._heard = math.nan
         self._framed, self._resting_since, self._resting_at = now, now, np.full_like(standing, math.nan)
 
@@ -230,16 +187,13 @@ class Supervisor:
             self._answer = np.array(target if requested is None else requested, float), within
         return None
 
-    def policy_failed(self, rule: str, detail: str, now: float) -> Out | None:
-        """Stop, since the policy's process failed or is gone."""
-        return self.stop(Violation(rule, None, math.nan, math.nan), now, detail)
-
     def stop(self, violation: Violation, now: float, detail: str = "") -> Out | None:
         """Stop for good; return the first damping frame, or None where the run was stopped, or had ended, before."""
-        return None if self.ended or self.stop_record is not None else self._stop(violation, now, detail)
+        if self.ended or self.stop_record is not None:
+            return None
+        return self._stop(violation, now, detail)
 
     def _stop(self, violation: Violation, now: float, detail: str = "") -> Out:
-        """Stop a run that has not ended; return the first damping frame."""
         self.stop_record = Stop(violation, detail, now, self._seen)
         self.stage, self._since = Stage.DAMP, now
         return self._settle(now)
@@ -271,7 +225,6 @@ class Supervisor:
         return None
 
     def _late(self, now: float) -> Out | None:
-        """Judge what did not come in time."""
         # Until both have come, nothing can be stale or silent.
         if self.stage is Stage.PASSIVE and (math.isnan(self._seen) or not self.policy_ready):
             if now - self._began > self.cfg.ready_timeout:
@@ -339,7 +292,6 @@ class Supervisor:
         return self._out(JointCommand.position(first.target, self._kp, self._kd), self._from, first)
 
     def _stand(self, state: RobotState, now: float) -> Out:
-        """Go from where the robot was to the standing pose."""
         assert self._from is not None
         elapsed = now - self._since
         # Half a cosine: it begins and ends at rest.
@@ -358,9 +310,7 @@ class Supervisor:
         return self._limit(requested, state, now)
 
     def _run(self, state: RobotState, now: float) -> Out:
-        """Let the policy's targets through, as far as the limits allow."""
-        elapsed = now - self._since
-        self._ran = elapsed
+        self._ran = elapsed = now - self._since
         if elapsed >= self._length:
             self.stage, self._since = Stage.DAMP, now
             return self._settle(now)
@@ -376,8 +326,7 @@ class Supervisor:
     def _rest(self, state: RobotState, now: float) -> None:
         """Note whether the robot has moved since it was last looked at; a comparison with NaN counts as moved."""
         position, turn = state.sensors.joint_position, state.sensors.angular_velocity
-        still = np.abs(position - self._resting_at).max() <= REST_ANGLE and np.abs(turn).max() <= REST_TURN
-        if not still:
+        if not (np.abs(position - self._resting_at).max() <= REST_ANGLE and np.abs(turn).max() <= REST_TURN):
             self._resting_at, self._resting_since = np.array(position), now
         self._heard = now
 
@@ -392,11 +341,9 @@ class Supervisor:
 
     def _far(self, rule: str, pose: np.ndarray, limit: float) -> Violation | None:
         """Return that a joint is further than a limit from a pose [rad], None where none is."""
-        far = np.abs(pose - self._position)
-        joint = int(np.argmax(far))
-        if not far[joint] > limit:
-            return None
-        return Violation(rule, self.contract.joint_names[joint], float(far[joint]), limit, "rad")
+        joint = int(np.argmax(far := np.abs(pose - self._position)))
+        name = self.contract.joint_names[joint]
+        return Violation(rule, name, float(far[joint]), limit, "rad") if far[joint] > limit else None
 
     # What goes out.
 
@@ -408,11 +355,10 @@ class Supervisor:
 
     def _within_torque(self, requested: np.ndarray, limited: Limited, state: RobotState) -> Out:
         """Return the command for targets that are within slew and range."""
-        sensors = state.sensors
-        limited = self._limits.apply_torque(limited, sensors.joint_position, sensors.joint_velocity)
+        angle, speed = state.sensors.joint_position, state.sensors.joint_velocity
+        limited = self._limits.apply_torque(limited, angle, speed)
         forward = self._forward if self.stage is Stage.RUN and self._source is None else None
-        angle, speed = sensors.joint_position, sensors.joint_velocity
-        command = JointCommand.against_friction(limited.target, self._kp, self._kd, angle, speed, forward)
+        command = JointCommand.position(limited.target, self._kp, self._kd).against_friction(angle, speed, forward)
         return self._out(command, requested, limited)
 
     def _damp(self) -> JointCommand:
@@ -423,16 +369,12 @@ class Supervisor:
     def _out(
         self, command: JointCommand | None, requested: np.ndarray | None = None, limited: Limited | None = None
     ) -> Out:
-        """Return what was decided."""
-        joints = self.contract.num_joints
-        nothing = np.full(joints, math.nan)
+        nothing = np.full(self.contract.num_joints, math.nan)
         if limited is None:
-            shown = nothing if command is None else command.target
-            limited = Limited(shown, np.full(joints, FREE))
+            limited = Limited(nothing if command is None else command.target, np.full(len(nothing), FREE))
         return Out(self.stage, command, nothing if requested is None else requested, limited)
 
     def _judge(self, state: RobotState, now: float) -> Violation | None:
-        """Return the first broken rule of a state."""
         acting = self.stage is Stage.RUN
         broken = self._guard.check(state.time, state.sensors, self.velocity, acting=acting)
         if broken is not None:
@@ -441,18 +383,11 @@ class Supervisor:
         if self.cfg.armed and math.isfinite(state.command) and not self._ours[0] <= state.command <= self._ours[1]:
             return Violation("second writer", None, state.command, self._ours[1])
         # What a robot says of its gains may still be from before the first command that sets them.
-        gains = self.cfg.armed and (
-            self.stage is Stage.RUN or (self.stage is Stage.STAND and now - self._since > GAINS_AFTER)
-        )
-        return self._drive(state, gains) or self._safety.check(state)
-
-    def _drive(self, state: RobotState, gains: bool) -> Violation | None:
-        """Return the first way in which the drives are not the contract's; `gains`: whether ours are set already."""
+        gains = self.cfg.armed and (acting or (self.stage is Stage.STAND and now - self._since > GAINS_AFTER))
         kp, kd = (_said(values) if gains and self._source is None else None for values in (state.kp, state.kd))
         found = compare_drive(self.contract, kp, kd, _said(state.torque_limit))
-        return found[0] if found else None
+        return found[0] if found else self._safety.check(state)
 
 
 def _said(values: np.ndarray) -> np.ndarray | None:
-    """Return a value that a robot reported; None where it reports none."""
     return None if np.isnan(values).all() else values

@@ -24,10 +24,7 @@ class Ticker:
     """Wakes at start + n · period for whole n. A deadline that passed a period ago, or more, is skipped for good."""
 
     def __init__(
-        self,
-        period: float,
-        clock: Callable[[], float] = time.monotonic,
-        sleep: Callable[[float], None] = time.sleep,
+        self, period: float, clock: Callable[[], float] = time.monotonic, sleep: Callable[[float], None] = time.sleep
     ) -> None:
         """`period`: [s]; the first deadline is one period from now. `clock`, `sleep`: [s]."""
         self.period, self._clock, self._sleep = period, clock, sleep
@@ -63,7 +60,6 @@ class Histogram:
     WIDTH, BINS = 1e-5, 10_000
 
     def __init__(self) -> None:
-        """Begin empty."""
         self._counts = np.zeros(self.BINS + 1, dtype=np.int64)
         self.largest = 0.0
         """[s]."""
@@ -83,6 +79,5 @@ class Histogram:
 
     def milliseconds(self) -> dict[str, float]:
         """Return p50, p99, p99_9 and max [ms]."""
-        shares = {"p50": 0.5, "p99": 0.99, "p99_9": 0.999}
-        found = {name: 1e3 * self.quantile(share) for name, share in shares.items()}
-        return {name: round(value, 4) for name, value in (found | {"max": 1e3 * self.largest}).items()}
+        found = {name: self.quantile(share) for name, share in (("p50", 0.5), ("p99", 0.99), ("p99_9", 0.999))}
+        return {name: round(1e3 * value, 4) for name, value in (found | {"max": self.largest}).items()}

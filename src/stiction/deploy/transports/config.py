@@ -25,7 +25,6 @@ class Address:
     """A transport and where on it."""
 
     transport: str
-    """One of `WANTS`."""
     place: str
     """Network interface or namespace; empty for the virtual robot."""
 
@@ -57,7 +56,6 @@ class HeldCfg:
     """[N m s/rad]; needed where there are such joints, and what damps them after a stop."""
 
     def __post_init__(self) -> None:
-        """Refuse gains that are none."""
         for value in (self.kp, self.kd):
             if value is not None and not 0 <= value <= 1000:
                 raise ConfigurationError(f"a gain of {value} for held joints: expected 0 to 1000")

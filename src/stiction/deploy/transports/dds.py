@@ -13,23 +13,20 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from types import new_class
-from typing import Any, Protocol
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 from stiction.core.errors import ConfigurationError, RobotError
 from stiction.core.extras import remedy
-from stiction.deploy.transports.bell import Bell
-from stiction.deploy.transports.link import Peers
+from stiction.deploy.transports.link import Bell, Peers
 from stiction.files.unitree import Structure
 
 STATE_TOPIC, COMMAND_TOPIC = "rt/lowstate", "rt/lowcmd"
 
 MOST_DOMAIN = 232
 """Largest number of a DDS domain: beyond it there are no ports."""
-
-LOOPBACK_INTERFACE = "lo"
 
 MOST_WAITING = 64
 """States that may wait: an eighth of a second at 500 Hz. More are lost, the oldest first."""
@@ -47,54 +44,19 @@ HANDLE = 2**64 - 1
 """Mask of a handle: some of Cyclone's functions return it with a sign, some without."""
 
 
-class Bus(Protocol):
-    """The two topics of one robot, or what stands in for them in a test."""
-
-    def fileno(self) -> int:
-        """Return the file that is readable when a state has come."""
-
-    def receive(self) -> list[tuple[int, bytes]]:
-        """Return the states that have come, oldest first, each with its writer's time [ns]; never waits."""
-
-    def foreign(self) -> bool:
-        """Return whether another writer has sent a command since the last call."""
-
-    def peers(self) -> Peers:
-        """Return who writes states and reads commands; never waits."""
-
-    def send(self, data: bytes) -> None:
-        """Send a command; never waits."""
-
-    def close(self) -> None:
-        """Leave both topics."""
-
-
-def check_interface(name: str) -> None:
-    """Raise `ConfigurationError` where this machine has no network interface of a name."""
-    there = [known for _, known in socket.if_nameindex()]
-    if name not in there:
-        raise ConfigurationError(
-            f"no network interface {name!r} on this machine; it has {', '.join(there)}: name the one with the robot's "
-            "cable"
-        )
-
-
 def domain_settings(interface: str) -> str:
     """Return Cyclone's settings for one interface; on loopback without multicast, which it often lacks."""
-    general = f"<Interfaces><NetworkInterface name={quoteattr(interface)}/></Interfaces>"
-    alone = ""
-    if interface == LOOPBACK_INTERFACE:
-        # Without multicast participants are looked for one by one, at ports that follow from their index: each needs
-        # one.
+    general, alone = f"<Interfaces><NetworkInterface name={quoteattr(interface)}/></Interfaces>", ""
+    if interface == "lo":
+        # Without multicast participants are looked for one by one, at ports that follow from their index.
         general += "<AllowMulticast>false</AllowMulticast>"
-        alone = (
-            '<Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer address="127.0.0.1"/></Peers></Discovery>'
-        )
+        peers = '<ParticipantIndex>auto</ParticipantIndex><Peers><Peer address="127.0.0.1"/></Peers>'
+        alone = f"<Discovery>{peers}</Discovery>"
     return f'<CycloneDDS><Domain Id="any"><General>{general}</General>{alone}</Domain></CycloneDDS>'
 
 
 class DdsBus:
-    """`Bus` over Cyclone DDS on one network interface, and no other.
+    """The two topics of one robot over Cyclone DDS on one network interface, and no other; sending never waits.
 
     The writer of the first state is pinned: states of any other are not believed, but counted.
     """
@@ -105,7 +67,11 @@ class DdsBus:
         Raises `ConfigurationError`: no such interface or domain; `RobotError`: cyclonedds is not there, or cannot use
         it.
         """
-        check_interface(interface)
+        if interface not in (there := [known for _, known in socket.if_nameindex()]):
+            raise ConfigurationError(
+                f"no network interface {interface!r} on this machine; it has {', '.join(there)}: name the one with the "
+                "robot's cable"
+            )
         if not 0 <= domain <= MOST_DOMAIN:
             raise ConfigurationError(f"--domain: got {domain}, expected 0 to {MOST_DOMAIN}; choose the robot's own")
         dds = _cyclone()
@@ -157,7 +123,7 @@ class DdsBus:
         return self._bell.fileno()
 
     def receive(self) -> list[tuple[int, bytes]]:
-        """Return the states that have come."""
+        """Return the states that have come, oldest first, each with its writer's time [ns]; never waits."""
         # First: what comes from here on rings again.
         self._bell.silence()
         found = self._states.take(MOST_WAITING)
@@ -176,7 +142,7 @@ class DdsBus:
         return came
 
     def foreign(self) -> bool:
-        """Return whether another participant has sent a command."""
+        """Return whether another participant has sent a command since the last call."""
         return any(hasattr(sample, "data") for sample in self._others.take(1))
 
     def peers(self) -> Peers:
@@ -252,11 +218,11 @@ def wire_type(structure: Structure) -> type:
 
 
 def _idl_type(structure: Structure, name: str, layout: np.dtype, raw: bool = False) -> type:
-    """Return the type that a structure has in the maker's definitions, where its name ends in an underscore.
+    """Return the type that a structure has in the maker's definitions, or `raw`, where fields are bytes.
 
-    With the maker's fields, slow to write and read, or `raw`. 8-bit numbers are `octet` here, signed or not, as in the
-    definitions. Cyclone tells types apart by a hash of their definition; a robot that is told another hash asks for the
-    definition, and version 0.10.2, which robots have, does not survive the answer of version 11.
+    8-bit numbers are `octet`, signed or not, as in the definitions. Cyclone tells types apart by a hash of their
+    definition; a robot that is told another hash asks for the definition, and version 0.10.2, which robots have, does
+    not survive the answer of version 11.
     """
     from cyclonedds.idl import IdlStruct, annotations, types
 
@@ -279,7 +245,6 @@ def _idl_type(structure: Structure, name: str, layout: np.dtype, raw: bool = Fal
 
 
 def _hold(self: Any, data: bytes) -> None:
-    """Hold the bytes of a message as they are on the wire."""
     self.data = data
 
 
@@ -289,4 +254,3 @@ _RAW = {
     "deserialize": classmethod(lambda cls, data, **_: cls(bytes(data))),
     "deserialize_key": classmethod(lambda cls, data, **_: None),
 }
-"""What makes a type pass bytes through."""

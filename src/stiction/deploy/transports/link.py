@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import socket
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from typing import Protocol
 
@@ -13,7 +15,6 @@ from stiction.deploy.observation import Sensors
 from stiction.deploy.transports.messages import Layout, Message
 
 STATE, COMMAND = 1, 2
-"""Kinds of messages to and from a robot."""
 
 MEASURED = ("quaternion", "angular_velocity", "joint_position", "joint_velocity")
 """What every robot measures, of the fields of `Sensors`."""
@@ -64,7 +65,6 @@ class Peers:
     readers: tuple[str, ...] = ()
     """Readers of commands, the robot's own included: each of them may move by them."""
     writers: tuple[str, ...] = ()
-    """Other writers of commands."""
 
 
 AGES_WINDOW = 1.0
@@ -75,7 +75,6 @@ class Ages:
     """Ages of messages by their sender's clock: how much longer each one took than the fastest within a window."""
 
     def __init__(self) -> None:
-        """Begin before the first message."""
         self._least, self._since = (math.inf, math.inf), -math.inf
 
     def age(self, stamp: float, now: float) -> float:
@@ -86,6 +85,36 @@ class Ages:
             before, current, self._since = current, math.inf, now
         self._least = before, min(current, offset)
         return offset - min(self._least)
+
+
+class Bell:
+    """A file that another thread makes readable, for libraries that have none to wait for; it never waits."""
+
+    def __init__(self) -> None:
+        self._button, self._ear = socket.socketpair()
+        for end in (self._button, self._ear):
+            end.setblocking(False)
+
+    def fileno(self) -> int:
+        """Return the file."""
+        return self._ear.fileno()
+
+    def ring(self) -> None:
+        """Make the file readable; from any thread, however often."""
+        # Full means rung often and heard by nobody yet: it is readable as it is.
+        with suppress(BlockingIOError):
+            self._button.send(b"!")
+
+    def silence(self) -> None:
+        """Make it unreadable again."""
+        with suppress(BlockingIOError):
+            while self._ear.recv(256):
+                pass
+
+    def close(self) -> None:
+        """Close both ends, after the last call of `ring`."""
+        self._button.close()
+        self._ear.close()
 
 
 class Link(Protocol):
@@ -101,7 +130,6 @@ class Link(Protocol):
     """What one writer at a time may hold: the robot's address, as a name for a file."""
 
     malformed: int
-    """Messages that were no whole state."""
     complaint: str
     """What was wrong with the last of them; empty: there was none."""
 

@@ -33,17 +33,13 @@ class Message:
     values: np.ndarray
     """All values, shape (size,), read-only."""
     data: bytes
-    """As it came, to be passed on."""
 
 
 class Layout:
     """The vectors of one kind of message, in their order."""
 
     def __init__(self, kind: int, sizes: Mapping[str, int]) -> None:
-        """`kind`: distinguishes messages on one channel; `sizes`: name of each vector -> how many values it has.
-
-        Raises `ValueError`: more values than a datagram holds.
-        """
+        """`sizes`: vector -> how many values it has. Raises `ValueError`: more values than a datagram holds."""
         self.kind, self.size = kind, sum(sizes.values())
         if self.size > MOST_VALUES:
             raise ValueError(f"{self.size} values in one message; at most {MOST_VALUES} fit")

@@ -1,7 +1,12 @@
-"""A robot whose driver speaks ROS 2: `joint_states` and `imu/data` come, `joint_command` goes, see `ros_messages`.
+"""A robot whose driver speaks ROS 2: `joint_states` and `imu/data` come, `joint_command` goes.
 
 Needs a ROS 2 installation whose Python is the one that runs this (`rclpy` is on no package index). Gains and targets go
 in one message: a driver that takes targets alone cannot be damped, and is no robot for this.
+
+The driver publishes `sensor_msgs/msg/JointState` and `sensor_msgs/msg/Imu`, both with the stamp of when they were
+measured. A command is a `std_msgs/msg/Float64MultiArray` of four rows: target [rad], kp [N m/rad], kd [N m s/rad],
+torque that is added [N m], each in the order of the joints that its layout names. Messages are dictionaries here, which
+writers and readers of MCAP files take and give, so that a bag of them is a log.
 """
 
 from __future__ import annotations
@@ -9,15 +14,17 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from functools import partial
+from typing import Any
+
+import numpy as np
 
 from stiction.core.errors import ConfigurationError, RobotError
 from stiction.deploy.control import JointCommand
-from stiction.deploy.transports.bell import Bell
-from stiction.deploy.transports.link import Ages, Peers, RobotState
-from stiction.deploy.transports.ros_messages import command_message, robot_state, stamp_of
+from stiction.deploy.observation import Sensors
+from stiction.deploy.transports.link import Ages, Bell, Peers, RobotState
 from stiction.files.contract import Contract
 
 STATE_TOPIC, IMU_TOPIC, COMMAND_TOPIC = "joint_states", "imu/data", "joint_command"
@@ -26,7 +33,6 @@ PERIOD = 0.002
 """Time between two states that is expected of a driver [s]; another rate only stretches means over time."""
 
 MOST_WAITING = 64
-"""Messages that may wait; more are lost, the oldest first."""
 
 PEERS_SECONDS = 0.1
 """Time after which ROS is asked again who is there [s]."""
@@ -35,30 +41,10 @@ APART = 0.02
 """Longest that an IMU's message may be older than the joints' [s]: one control period at 50 Hz."""
 
 
-class Node(Protocol):
-    """What is needed of a ROS node, or of what stands in for one: messages as plain data."""
-
-    def fileno(self) -> int:
-        """Return the file that is readable when a message has come."""
-
-    def receive(self) -> list[tuple[str, Mapping[str, Any]]]:
-        """Return topics and messages that have come, oldest first; never waits."""
-
-    def nodes(self) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
-        """Return the nodes that publish joint states, that read commands, and that publish commands beside ours."""
-
-    def publish(self, message: Mapping[str, Any]) -> None:
-        """Send a command."""
-
-    def close(self) -> None:
-        """End the node."""
-
-
 class Ros2Link:
     """`Link` over ROS 2: a state is each message of the joints with the newest one of the IMU."""
 
-    def __init__(self, node: Node, contract: Contract, lock_name: str = "ros2") -> None:
-        """Drive the joints of a contract, by their names."""
+    def __init__(self, node: RclpyNode, contract: Contract, lock_name: str = "ros2") -> None:
         self._node, self.joint_names = node, contract.joint_names
         self.foot_names = () if contract.anatomy is None else contract.anatomy.foot_names
         self.period, self.lock_name = PERIOD, lock_name
@@ -122,7 +108,7 @@ def ros2_link(namespace: str, contract: Contract) -> Ros2Link:
 
 
 class RclpyNode:
-    """`Node` by rclpy, which spins in a thread of its own."""
+    """A node of ROS by rclpy, which spins in a thread of its own: messages as plain data."""
 
     def __init__(self, namespace: str) -> None:
         """Subscribe and advertise; nothing is sent. Raises `RobotError` where ROS 2 is not there."""
@@ -142,7 +128,7 @@ class RclpyNode:
         self._bell = Bell()
         self._waiting: deque[tuple[str, Mapping[str, Any]]] = deque(maxlen=MOST_WAITING)
         for topic, kind in ((STATE_TOPIC, JointState), (IMU_TOPIC, Imu)):
-            self._node.create_subscription(kind, topic, self._hear(topic), qos_profile_sensor_data)
+            self._node.create_subscription(kind, topic, partial(self._hear, topic), qos_profile_sensor_data)
         self._kinds = Float64MultiArray, MultiArrayLayout, MultiArrayDimension
         self._publisher = self._node.create_publisher(Float64MultiArray, COMMAND_TOPIC, 1)
         self._topics = tuple(f"{namespace.rstrip('/')}/{topic}" for topic in (STATE_TOPIC, COMMAND_TOPIC))
@@ -151,29 +137,24 @@ class RclpyNode:
         self._thread = threading.Thread(target=self._executor.spin, daemon=True, name="ros2")
         self._thread.start()
 
-    def _hear(self, topic: str) -> Callable[[Any], None]:
-        """Return what is called with every message of a topic."""
-
-        def hear(message: Any) -> None:
-            self._waiting.append((topic, plain(message)))
-            # Behind it: who is woken has to find the message.
-            self._bell.ring()
-
-        return hear
+    def _hear(self, topic: str, message: Any) -> None:
+        self._waiting.append((topic, plain(message)))
+        # Behind it: who is woken has to find the message.
+        self._bell.ring()
 
     def fileno(self) -> int:
         """Return the file that the spinning thread makes readable."""
         return self._bell.fileno()
 
     def receive(self) -> list[tuple[str, Mapping[str, Any]]]:
-        """Return what has come."""
+        """Return topics and messages that have come, oldest first; never waits."""
         # First: what comes from here on rings again.
         self._bell.silence()
         # As many as there are now: the other thread goes on adding to them.
         return [self._waiting.popleft() for _ in range(len(self._waiting))]
 
     def nodes(self) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
-        """Return the nodes at the topics."""
+        """Return the nodes that publish joint states, that read commands, and that publish commands beside ours."""
         states, commands = self._topics
         ask_writers, ask_readers = self._node.get_publishers_info_by_topic, self._node.get_subscriptions_info_by_topic
         robots, readers, writers = (
@@ -206,3 +187,105 @@ def plain(message: Any) -> Any:
     if isinstance(message, str) or not hasattr(message, "__len__"):
         return message
     return [plain(value) for value in message]
+
+
+ROWS = ("target", "kp", "kd", "forward")
+"""Rows of a command, fields of `JointCommand`."""
+
+MOST_JOINTS = 1000
+"""Joints of a message that are looked at."""
+
+
+def stamp_of(message: Mapping[str, Any]) -> float:
+    """Return when a message was measured, by its header [s]; raise `ValueError` where it does not say."""
+    stamp = message["header"]["stamp"]
+    time = float(stamp["sec"]) + 1e-9 * float(stamp["nanosec"])
+    if not time > 0:
+        raise ValueError("its header has no stamp; the driver must say when it measured")
+    return time
+
+
+def joint_vectors(message: Mapping[str, Any], joints: Sequence[str]) -> dict[str, np.ndarray]:
+    """Return position [rad], velocity [rad/s] and effort [N m] in an order of joints, each of shape (J,).
+
+    Effort that is not there is NaN. Raises `ValueError`: a joint is missing or named twice, or lengths differ.
+    """
+    names = list(message["name"])
+    if len(names) > MOST_JOINTS:
+        raise ValueError(f"{len(names)} joints; at most {MOST_JOINTS}")
+    place = {name: number for number, name in enumerate(names)}
+    missing = [name for name in joints if name not in place]
+    if missing or len(place) != len(names):
+        raise ValueError(f"joint {missing[0]!r} is not in it" if missing else "a joint is in it twice")
+    order, found = [place[name] for name in joints], {}
+    for field in ("position", "velocity", "effort"):
+        values = np.asarray(message[field], dtype=np.float64)
+        if values.shape == (0,) and field == "effort":
+            values = np.full(len(names), np.nan)
+        if values.shape != (len(names),):
+            raise ValueError(f"{values.size} numbers of {field} for {len(names)} joints")
+        found[field] = values[order]
+    return found
+
+
+def imu_vectors(message: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """Return quaternion w x y z, angular velocity [rad/s] and acceleration [m/s²]; ROS has the quaternion's w last.
+
+    Raises `ValueError` where the IMU says that it has no orientation (first covariance of -1).
+    """
+    if float(message["orientation_covariance"][0]) == -1.0:
+        raise ValueError("the IMU says that it has no orientation")
+    orders = {"orientation": "wxyz", "angular_velocity": "xyz", "linear_acceleration": "xyz"}
+    found = [np.array([float(message[field][axis]) for axis in order]) for field, order in orders.items()]
+    return dict(zip(("quaternion", "angular_velocity", "acceleration"), found, strict=True))
+
+
+def robot_state(
+    joint_state: Mapping[str, Any], imu: Mapping[str, Any], joints: Sequence[str], feet: int, number: int, first: float
+) -> RobotState:
+    """Return what the two messages say; `first`: stamp from which time is counted [s]. Raises `ValueError`."""
+    vectors, body = joint_vectors(joint_state, joints), imu_vectors(imu)
+    unknown = np.full(len(joints), np.nan)
+    sensors = Sensors(body["quaternion"], body["angular_velocity"], vectors["position"], vectors["velocity"])
+    return RobotState(
+        number=number,
+        time=stamp_of(joint_state) - first,
+        sensors=sensors,
+        acceleration=body["acceleration"],
+        joint_torque=vectors["effort"],
+        foot_contact=np.full(feet, np.nan),
+        battery=np.nan,
+        command=np.nan,
+        temperature=unknown,
+        lost=unknown,
+        motor_fault=unknown,
+        kp=unknown,
+        kd=unknown,
+        torque_limit=unknown,
+    )
+
+
+def command_message(command: JointCommand, joints: Sequence[str]) -> dict[str, Any]:
+    """Return the message of a command."""
+    count = len(joints)
+    labels = ((" ".join(ROWS), len(ROWS), len(ROWS) * count), (" ".join(joints), count, count))
+    dim = [{"label": label, "size": size, "stride": stride} for label, size, stride in labels]
+    data = [float(value) for row in ROWS for value in getattr(command, row)]
+    return {"layout": {"dim": dim, "data_offset": 0}, "data": data}
+
+
+def read_command(message: Mapping[str, Any], joints: Sequence[str]) -> JointCommand:
+    """Return the command that a message holds, for the driver at the other end.
+
+    Raises `ValueError`: other rows or joints than expected, another number of values, or what is no number.
+    """
+    rows, columns = (dim["label"] for dim in message["layout"]["dim"])
+    data = np.asarray(message["data"], dtype=np.float64)
+    if tuple(rows.split()) != ROWS or sorted(columns.split()) != sorted(joints):
+        raise ValueError(
+            f"rows {rows[:60]!r} of joints {columns[:60]!r}; expected {' '.join(ROWS)!r} of {list(joints)}"
+        )
+    if data.shape != (len(ROWS) * len(joints),) or not np.isfinite(data).all():
+        raise ValueError(f"{data.size} values; expected {len(ROWS) * len(joints)} finite ones")
+    order = [columns.split().index(name) for name in joints]
+    return JointCommand(**dict(zip(ROWS, data.reshape(len(ROWS), -1)[:, order], strict=True)))

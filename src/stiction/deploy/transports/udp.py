@@ -17,7 +17,6 @@ from stiction.deploy.transports.link import Peers, RobotState, command_layout, s
 LOOPBACK = "127.0.0.1"
 
 HELLO = b"STCN?"
-"""Asks a robot for its states."""
 
 MOST_AT_ONCE = 256
 """Datagrams that are read in one go; whoever floods the port does not hold up the supervisor."""
@@ -52,10 +51,7 @@ class UdpLink:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         # From a number of chance, so that a second writer's commands are not taken for ours.
         self._number = secrets.randbits(40)
-        self.malformed = 0
-        """Datagrams that were no whole state."""
-        self.complaint = ""
-        """What was wrong with the last of them."""
+        self.malformed, self.complaint = 0, ""
         self._strangers = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._robots = [f"{address[0]}:{address[1]}"]
         try:

@@ -10,7 +10,6 @@ they go to their angles slowly, and they are damped when the others are.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,11 +17,11 @@ from stiction.core.errors import ConfigurationError, RobotError
 from stiction.deploy.control import JointCommand
 from stiction.deploy.observation import Sensors
 from stiction.deploy.transports.config import HeldCfg
-from stiction.deploy.transports.dds import Bus, DdsBus
+from stiction.deploy.transports.dds import DdsBus
 from stiction.deploy.transports.link import Ages, Peers, RobotState
 from stiction.deploy.vendor import VendorMap
 from stiction.files.contract import Contract
-from stiction.files.unitree import GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE, Structure
+from stiction.files.unitree import GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE
 
 PERIOD = 0.002
 """Time between two states [s]."""
@@ -31,14 +30,12 @@ HEAD = (0xFE, 0xEF)
 LOW_LEVEL = 0xFF
 """`level_flag` of go: the commands are of motors, not of a gait."""
 
-MOTOR_ON, MOTOR_OFF = 1, 0
-"""`mode` of a motor."""
+MOTOR_ON = 1
 
 PITCH_ROLL = 0
 """`mode_pr` of hg: ankles and waist in numbers of joints (pitch, roll), not of the motors behind them (A, B)."""
 
 MOTORS_TIMED_OUT = 0x80
-"""In go's `bit_flag`."""
 
 HELD_SPEED = 0.5
 """How fast joints that the policy does not move go to where they are held [rad/s]."""
@@ -50,18 +47,8 @@ FOREIGN = 0.0
 """Number of a command that was not ours; ours begin with 1."""
 
 
-@dataclass(frozen=True)
-class Family:
-    """The messages of one family of robots."""
-
-    state: Structure
-    """What the robot says."""
-    command: Structure
-    """What it is told."""
-
-
-FAMILIES = {"unitree-go": Family(GO_STATE, GO_COMMAND), "unitree-hg": Family(HG_STATE, HG_COMMAND)}
-"""Transport -> its messages."""
+FAMILIES = {"unitree-go": (GO_STATE, GO_COMMAND), "unitree-hg": (HG_STATE, HG_COMMAND)}
+"""Transport -> the messages of its robots: what they say, and what they are told."""
 
 
 class Translation:
@@ -73,10 +60,10 @@ class Translation:
         Raises `RobotError`: the contract does not say the maker's order, or names more joints than the messages have;
         `ConfigurationError`: there are joints to be held, and no gains.
         """
-        self.family, self.joint_names = FAMILIES[transport], contract.joint_names
+        (self.said, self.told), self.joint_names = FAMILIES[transport], contract.joint_names
         self.foot_names = () if contract.anatomy is None else contract.anatomy.foot_names
         self._maker = VendorMap(contract)
-        motors = self.family.command.dtype["motor_cmd"].shape[0]
+        motors = self.told.dtype["motor_cmd"].shape[0]
         if len(self._maker.order) > motors:
             raise RobotError(f"{len(self._maker.order)} joints in the contract; {transport} has {motors} motors")
         self._held = self._maker.held
@@ -91,7 +78,7 @@ class Translation:
 
     def read(self, data: bytes) -> np.ndarray:
         """Return the message that bytes from the robot hold; raise `ValueError` where it is not to be believed."""
-        structure = self.family.state
+        structure = self.said
         message = structure.from_wire(data)
         if structure.checksum(message) != message["crc"]:
             raise ValueError("its checksum is that of other numbers")
@@ -115,7 +102,7 @@ class Translation:
             joint_position=self._maker.from_maker(self.measured(message)),
             joint_velocity=self._maker.rates_from_maker(motors["dq"].astype(float)),
         )
-        if self.family.state is GO_STATE:
+        if self.said is GO_STATE:
             temperature, lost = motors["temperature"], self._maker.ours(motors["lost"].astype(float))
             fault = motors["reserve"][:, 0] + 256.0 * (message["bit_flag"] & MOTORS_TIMED_OUT)
             battery = float(message["power_v"])
@@ -147,7 +134,7 @@ class Translation:
         held: angles of held joints, in the maker's numbers [rad], shape (M,); mode_machine: what hg says it is, and
         wants to hear again.
         """
-        structure, maker = self.family.command, self._maker
+        structure, maker = self.told, self._maker
         message = structure.blank()
         if structure is GO_COMMAND:
             message["head"], message["level_flag"] = HEAD, LOW_LEVEL
@@ -167,8 +154,7 @@ class Translation:
 class UnitreeLink:
     """`Link` to one robot; sends nothing before a whole state has come."""
 
-    def __init__(self, translation: Translation, bus: Bus, lock_name: str = "unitree") -> None:
-        """`lock_name`: what one writer at a time may hold."""
+    def __init__(self, translation: Translation, bus: DdsBus, lock_name: str = "unitree") -> None:
         self._translation, self._bus = translation, bus
         self.joint_names, self.foot_names = translation.joint_names, translation.foot_names
         self.period, self.lock_name = PERIOD, lock_name
@@ -178,10 +164,7 @@ class UnitreeLink:
         self._time = self._held_at = 0.0
         self._states = self._number = 0
         self._commanded, self._ages = False, Ages()
-        self.malformed = 0
-        """States that were not whole, had another checksum, or another meaning."""
-        self.complaint = ""
-        """What was wrong with the last of them."""
+        self.malformed, self.complaint = 0, ""
 
     def fileno(self) -> int:
         """Return the bus's file."""
@@ -218,9 +201,9 @@ class UnitreeLink:
         self._number += 1
         if self._newest is not None:
             held = self._hold(self._newest, bool(command.kp.any()))
-            mode = 0 if self._translation.family.state is GO_STATE else int(self._newest["mode_machine"])
+            mode = 0 if self._translation.said is GO_STATE else int(self._newest["mode_machine"])
             message = self._translation.message(command, held, mode)
-            self._bus.send(self._translation.family.command.to_wire(message))
+            self._bus.send(self._translation.told.to_wire(message))
         return self._number
 
     def _hold(self, newest: np.ndarray, stiff: bool) -> np.ndarray:
@@ -244,5 +227,5 @@ class UnitreeLink:
 def unitree_link(transport: str, interface: str, domain: int, contract: Contract, held: HeldCfg) -> UnitreeLink:
     """Return the link to the robot at a network interface, on a DDS domain; errors as of `Translation` and `DdsBus`."""
     translation = Translation(transport, contract, held)
-    bus = DdsBus(interface, translation.family.state, translation.family.command, domain)
+    bus = DdsBus(interface, translation.said, translation.told, domain)
     return UnitreeLink(translation, bus, f"unitree-{interface}-{domain}")

@@ -8,19 +8,19 @@ a planar speed and a yaw rate under 0.05. A policy follows at a friction when it
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, get_args
 
 from stiction.files.following import STALLS
 from stiction.files.results import FOLLOWS, ResultRow
-from stiction.files.velocity import AXES, STAND, parse_command
+from stiction.files.velocity import STAND, parse_command
 
 COMMAND_SET = (
     *("vx=0.2", "vx=-0.2", "vx=0.5", "vx=-0.5", "vx=0.8", "vx=-0.8", "vy=0.3", "vy=-0.3"),
     *("wz=0.5", "wz=-0.5", "wz=1", "wz=-1", "vx=0.4,wz=0.5", "vx=0.4,vy=0.2", STAND),
 )
-"""Commands that a policy has to follow, by their labels; `scaled_commands` fits them to a slower robot."""
+"""Commands that a policy has to follow, by their labels."""
 
 NEAR = 0.05
 """Distance from the command that counts as reached at any ratio; bound of the speed of standing [m/s, rad/s]."""
@@ -47,21 +47,6 @@ class CommandVerdict:
     def follows(self) -> bool:
         """True if the command is followed."""
         return not self.faults
-
-
-def scaled_commands(reach: Sequence[float]) -> tuple[str, ...]:
-    """Return the labels of the command set, each axis scaled by min(1, reach / largest of the set).
-
-    reach: largest vx, vy [m/s] and wz [rad/s] of the robot or policy, shape (3,). Commands that become equal are listed
-    once.
-    """
-    velocities = [parse_command(text).velocity for text in COMMAND_SET]
-    scales = [min(1.0, limit / max(abs(velocity[axis]) for velocity in velocities)) for axis, limit in enumerate(reach)]
-    labels = []
-    for velocity in velocities:
-        parts = [f"{axis}={value * scale:g}" for axis, value, scale in zip(AXES, velocity, scales, strict=True)]
-        labels.append(parse_command(",".join(parts)).label)
-    return tuple(dict.fromkeys(labels))
 
 
 def judge_row(row: ResultRow) -> CommandVerdict | None:

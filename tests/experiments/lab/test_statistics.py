@@ -3,7 +3,8 @@
 import pytest
 from scipy.stats import binomtest, norm, ttest_1samp, ttest_ind
 
-from stiction.core.statistics import difference_interval, ratio_interval, t_interval, wilson
+from stiction.core.statistics import t_interval, wilson
+from stiction_experiments.lab.statistics import difference_interval, ratio_interval
 
 
 def test_t_interval_by_hand() -> None:

@@ -1,4 +1,4 @@
-"""The JSON Schema of the contract says what the reader does, as far as a schema can."""
+"""Mutants of a contract in which every field says something."""
 
 from __future__ import annotations
 
@@ -9,20 +9,10 @@ from typing import Any
 import pytest
 
 from bundles import make_contract
-from json_schema import faults
 from stiction.core.errors import StictionError
-from stiction.files.bundle import shipped_bundles
-from stiction.files.contract import LATER, Contract, read_contract
-from stiction.files.contract_schema import PATH, contract_schema, schema_text
+from stiction.files.contract import LATER, read_contract
 from stiction.files.observation import proprioception
 from stiction.robots.catalog import find_robot
-
-SCHEMA = contract_schema()
-
-
-def plain(contract: Contract) -> dict[str, Any]:
-    """Return a contract as its JSON says it."""
-    return json.loads(contract.to_json())
 
 
 def whole() -> dict[str, Any]:
@@ -51,25 +41,7 @@ def whole() -> dict[str, Any]:
             "task.friction.law": "stribeck",
         },
     )
-    return plain(contract)
-
-
-def test_the_file_is_what_the_code_makes() -> None:
-    """Others would check against another contract; `python -m stiction.files.contract_schema` prints it."""
-    assert PATH.read_text(encoding="utf-8") == schema_text()
-    assert SCHEMA["$id"] == "urn:stiction:contract:2"
-
-
-def test_contracts_that_are_read_fit_the_schema() -> None:
-    """Those that are shipped, those of today for every robot, and those of version 1."""
-    for path in shipped_bundles().values():
-        assert list(faults(json.loads((path / "contract.json").read_text()), SCHEMA)) == []
-    for robot in ("saturn_lite", "go1", "go2", "g1"):
-        assert list(faults(plain(make_contract(robot, anatomy=find_robot(robot))), SCHEMA)) == []
-    first = {name: value for name, value in plain(make_contract()).items() if name not in LATER} | {"schema_version": 1}
-    assert list(faults(first, SCHEMA)) == [] and read_contract(json.dumps(first).encode())
-    assert list(faults(first | {"schema_version": 2}, SCHEMA)) == ["$: required ['compensation', 'compensation_width']"]
-    assert list(faults(whole(), SCHEMA)) == [] and read_contract(json.dumps(whole()).encode())
+    return json.loads(contract.to_json())
 
 
 MUTATIONS: list[tuple[str, Any]] = [
@@ -98,16 +70,15 @@ MUTATIONS: list[tuple[str, Any]] = [
 
 
 @pytest.mark.parametrize(("field", "value"), MUTATIONS)
-def test_what_the_reader_refuses_the_schema_does_too(field: str, value: Any) -> None:
-    """A maker of contracts who checks with the schema alone would ship what no robot runs."""
+def test_what_no_runtime_could_obey_is_refused(field: str, value: Any) -> None:
+    """A robot would run on a contract that says nothing, or what no robot can do."""
     data = copy.deepcopy(whole())
     inner: Any = data
     *outer, last = field.split(".")
     for part in outer:
         inner = inner[int(part) if isinstance(inner, list) else part]
     inner[last] = value
-    assert list(faults(data, SCHEMA))
-    with pytest.raises(StictionError):
+    with pytest.raises(StictionError, match=outer[0] if outer else last.replace("_", "[_ ]")):
         read_contract(json.dumps(data).encode())
 
 
@@ -115,13 +86,7 @@ def test_what_the_reader_refuses_the_schema_does_too(field: str, value: Any) -> 
 def test_no_field_may_be_missing(field: str) -> None:
     """A default that another version had would be taken without a word."""
     data = whole()
+    assert read_contract(json.dumps(data).encode())
     del data[field]
-    assert list(faults(data, SCHEMA))
-
-
-def test_the_schema_is_one() -> None:
-    """Checked by its own meta-schema, where somebody has the package; our small validator takes any."""
-    jsonschema = pytest.importorskip("jsonschema", reason="jsonschema, no dependency of ours, checks schemas")
-    jsonschema.Draft202012Validator.check_schema(SCHEMA)
-    checker = jsonschema.Draft202012Validator(SCHEMA)
-    assert checker.is_valid(whole()) and not checker.is_valid(whole() | {"seed": -1})
+    with pytest.raises(StictionError):
+        read_contract(json.dumps(data).encode())

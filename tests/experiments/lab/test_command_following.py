@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from stiction.files.command_following import COMMAND_SET, judge_row, scaled_commands, worst_command
 from stiction.files.results import ResultRow
+from stiction_experiments.lab.command_following import judge_row, worst_command
 
 
 def row(command: str, vx: float = 0.0, vy: float = 0.0, wz: float = 0.0, **more: Any) -> ResultRow:
@@ -58,13 +58,3 @@ def test_the_worst_command_is_named() -> None:
     assert worst is not None and worst.row.command == "wz=0.5"
     fallen = worst_command([*rows, row("vx=0.2", 0.2, fall_rate=1.0)])
     assert fallen is not None and fallen.row.command == "vx=0.2"
-
-
-def test_commands_are_scaled_to_a_slower_robot() -> None:
-    """Each axis by min(1, reach / largest): half of the forward speed, all of the sideways one, no turn."""
-    assert scaled_commands((0.8, 0.3, 1.0)) == scaled_commands((2.0, 2.0, 2.0)) == COMMAND_SET
-    slower = scaled_commands((0.4, 0.3, 0.0))
-    assert slower == (
-        *("vx=0.1", "vx=-0.1", "vx=0.25", "vx=-0.25", "vx=0.4", "vx=-0.4", "vy=0.3", "vy=-0.3"),
-        *("stand", "vx=0.2", "vx=0.2,vy=0.2"),
-    )
