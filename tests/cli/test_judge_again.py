@@ -13,8 +13,8 @@ import pytest
 from stiction.cli.main import main
 from stiction.core.records import read_rows
 from stiction.files.advice import TRAINING, TRANSFER, read_advice
-from stiction.files.following import Following
 from stiction.files.results import read_results, write_results
+from stiction.files.straight import Following
 from stiction.identification.advice import advise, shipped
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed")

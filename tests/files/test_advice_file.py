@@ -9,7 +9,7 @@ import pytest
 
 from stiction.core.errors import StictionError
 from stiction.files.advice import Source, TrainedWith, read_advice
-from stiction.files.following import Following
+from stiction.files.straight import Following
 from stiction_experiments.lab.files import write_source
 
 CELL = Following("none", "mujoco", "coulomb", 0.01, 5, 4, 0, 1, 0, 0.1, "1.00/1.00 1.25/1.00")

@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 
 from stiction.files.advice import TRAINING, TRANSFER, CommandCount, Source, TrainedWith
-from stiction.files.following import Following
+from stiction.files.following import judge_row
 from stiction.files.joints import Estimate, JointRecord
 from stiction.files.results import read_results
+from stiction.files.straight import Following
 from stiction.identification.advice import SHIPPED, STRAIGHT, advise, shipped
 from stiction.identification.verdict import Thresholds, judge
-from stiction_experiments.lab.command_following import judge_row
 
 RESULTS = Path(__file__).parents[2] / "results"
 

@@ -7,8 +7,8 @@ from typing import Any
 
 from stiction.core.decode import from_plain
 from stiction.core.records import header, texts
-from stiction.files.following import DEFINITION
 from stiction.files.results import ResultRow
+from stiction.files.straight import DEFINITION
 from stiction.joints.compensation import Compensation, parse_compensation
 from stiction.joints.friction import level_text
 from stiction.report.following import places_text

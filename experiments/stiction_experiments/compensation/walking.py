@@ -11,8 +11,8 @@ from stiction.evaluation.benches import fed_at_level
 from stiction.evaluation.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.evaluation.methods import fed_suffix
 from stiction.files.bundle import Bundle
-from stiction.files.following import pace, worst
 from stiction.files.results import ResultRow
+from stiction.files.straight import pace, worst
 from stiction.joints.compensation import Compensation
 
 

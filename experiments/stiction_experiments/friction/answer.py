@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from stiction.files.following import Following
 from stiction.files.method import find_method
+from stiction.files.straight import Following
 from stiction.joints.friction import level_text
 from stiction.report.following import has_one_seed, places_text
 from stiction_experiments.friction.manifest import TWO_PHASE

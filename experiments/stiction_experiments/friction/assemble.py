@@ -13,9 +13,9 @@ from stiction.core.errors import ConfigurationError, FileError, TrainingError
 from stiction.core.records import part_of, read_rows
 from stiction.evaluation.evaluate import EvaluationCfg
 from stiction.files.advice import SHARES, Source, TrainedWith
-from stiction.files.following import following
 from stiction.files.method import find_method
 from stiction.files.results import ResultRow, read_metrics, read_results, read_summary
+from stiction.files.straight import following
 from stiction.identification.advice import TRAINED_IN
 from stiction.learning.run import RunDirectory
 from stiction.robots.catalog import find_robot, robot_in_file

@@ -14,8 +14,8 @@ import numpy as np
 
 from stiction.evaluation.grid import BATCH
 from stiction.evaluation.samples import Measurement
-from stiction.files.following import SLOW
 from stiction.files.results import DIRECTIONS, FOLLOWS
+from stiction.files.straight import SLOW
 from stiction.files.velocity import STAND
 from stiction_experiments.friction.evaluation import iterations_by_seed
 from stiction_experiments.friction.evidence import TrainingEvidence, at

@@ -15,9 +15,9 @@ from pathlib import Path
 from statistics import fmean
 
 from stiction.files.advice import TRAINING, CommandCount, read_advice
+from stiction.files.following import COMMAND_SET, CommandVerdict, judge_row, worst_command
 from stiction.files.results import ResultRow, read_results, read_summary, write_results
 from stiction.files.velocity import parse_command
-from stiction_experiments.lab.command_following import COMMAND_SET, CommandVerdict, judge_row, worst_command
 from stiction_experiments.lab.files import write_source
 
 Place = tuple[str, str]

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from markupsafe import Markup
 
-from stiction.files.following import BAND, DEFINITION, SLOW
 from stiction.files.results import DIRECTIONS, ResultRow
+from stiction.files.straight import BAND, DEFINITION, SLOW
 from stiction.files.velocity import parse_command
 from stiction.joints.friction import level_axis, level_number
 from stiction.report.following import changes_sheet, shade_following, stalled_text

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from stiction.files.following import Following
 from stiction.files.results import ResultRow
+from stiction.files.straight import Following
 from stiction_experiments.friction.planned import State
 from stiction_experiments.lab.claims import Verdict
 

@@ -21,8 +21,8 @@ import numpy as np
 
 from stiction.core.statistics import Interval, t_interval
 from stiction.evaluation.samples import Condition, Evidence, Measurement, Rate, SeedValues
-from stiction.files.following import BAND, pace
 from stiction.files.results import DIRECTIONS, FOLLOWS
+from stiction.files.straight import BAND, pace
 from stiction_experiments.lab.statistics import difference_interval
 
 Outcome = Literal["reproduces", "does not", "only above x", "only up to x", "undecided", "not tested"]

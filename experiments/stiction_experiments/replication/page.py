@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from stiction.evaluation.methods import BEHIND_GEAR, FED, FED_BY
 from stiction.evaluation.table import BOTH, Sample
-from stiction.files.following import BAND, FAST, SLOW, Following
+from stiction.files.straight import BAND, FAST, SLOW, Following
 from stiction.joints.friction import has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
 from stiction.report.evaluation import sample_text

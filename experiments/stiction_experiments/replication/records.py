@@ -12,8 +12,8 @@ from stiction.core.errors import FileError
 from stiction.evaluation.methods import MethodCell
 from stiction.evaluation.table import Sample
 from stiction.files.advice import SHARES
-from stiction.files.following import Following
 from stiction.files.results import ResultRow
+from stiction.files.straight import Following
 from stiction_experiments.lab.claims import Verdict
 from stiction_experiments.lab.files import row_of
 

@@ -30,8 +30,8 @@ from stiction.evaluation.table import law_label, number, rows_of
 from stiction.files.advice import Source, TrainedWith
 from stiction.files.bundle import Bundle
 from stiction.files.contract import Contract, robot_of
-from stiction.files.following import following
 from stiction.files.results import read_summary
+from stiction.files.straight import following
 from stiction.learning.identity import difference
 from stiction.robots.catalog import find_robot, robot_in_file
 from stiction.robots.model import Robot

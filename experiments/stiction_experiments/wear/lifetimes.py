@@ -22,7 +22,7 @@ from stiction.core.records import column
 from stiction.core.statistics import t_interval, wilson
 from stiction.deploy.wear import WearMonitor
 from stiction.files.bundle import Bundle
-from stiction.files.following import pace
+from stiction.files.straight import pace
 from stiction.files.velocity import Command
 from stiction.files.wear import LEVEL
 from stiction.robots.model import Robot

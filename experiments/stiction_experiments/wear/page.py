@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from stiction.files.following import BAND, FAST, SLOW
+from stiction.files.straight import BAND, FAST, SLOW
 from stiction.files.wear import LEVEL
 from stiction.report.following import shade_following
 from stiction.report.page import (

@@ -9,7 +9,7 @@ from typing import Annotated
 from stiction.core.errors import FileError
 from stiction.core.flags import ARGUMENT
 from stiction.core.records import part_of, read_rows
-from stiction.files.following import FAST, SLOW
+from stiction.files.straight import FAST, SLOW
 from stiction.report.terminal import RobotSeeds
 from stiction_experiments.lab.study import ParallelOptions, RedrawnOptions, Report, Study, UsageError, Work, recorded
 

@@ -54,7 +54,7 @@ class Evaluated(Result):
 
     def lines(self) -> Sequence[str]:
         """Return a line a policy, or how many there are, and of which level it follows its commands."""
-        from stiction.files.following import row_pace
+        from stiction.files.straight import row_pace
 
         found: list[str] = []
         for policy in dict.fromkeys(row.policy for row in self.rows):

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from stiction.core.decode import from_plain
 from stiction.core.errors import FileError
-from stiction.files.following import Following
 from stiction.files.plain import read_object, take_version
+from stiction.files.straight import Following
 
 SCHEMA_VERSION = 2
 

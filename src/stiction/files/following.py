@@ -1,189 +1,100 @@
-"""Following: 80 to 120 % of the commanded speed, forward and backward, by every training seed, and nobody falls.
+"""Following: the one definition. Each commanded axis is judged alone, in the mean over walks and in the worst walk.
 
-The one definition. A speed ratio alone is too slow, follows, or is too fast; a policy, which is one training seed,
-follows where it does so in both directions and never falls, on virtual robots on each of them: one that is too slow and
-one that is too fast are not one that follows. Of a training method the seeds that follow are counted.
+A cell, one policy under one friction and one command, follows when every commanded axis reaches 0.8 to 1.2 of the
+command or comes within 0.05 m/s (0.05 rad/s) of it in the mean over walks, every other axis stays within 0.1, no walk
+falls and none is under half of the command. Standing: a planar speed and a yaw rate under 0.05. A policy follows at a
+friction when it follows every command there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from operator import itemgetter
-from typing import Literal
+from typing import Literal, get_args
 
-from stiction.files.results import DIRECTIONS, FOLLOWS, ResultRow
+from stiction.files.results import FOLLOWS, ResultRow
+from stiction.files.velocity import AXES, STAND, parse_command
 
-Pace = Literal["too slow", "follows", "too fast"]
-
-SLOW, FAST = (f"{100 * end:g} %" for end in FOLLOWS)
-"""Too slow is under the one, too fast over the other: the ends of the band, as people read them."""
-
-BAND = f"{100 * FOLLOWS[0]:g} to {FAST}"
-"""The band as people read it."""
-
-DEFINITION = (
-    f"Following is {BAND} of the commanded speed, forward and backward, by every training seed, on each virtual robot, "
-    f"and nobody falls. Too slow: under {SLOW} in the slower direction; too fast: over {FAST} in the faster one; a "
-    "seed can be both."
+COMMAND_SET = (
+    *("vx=0.2", "vx=-0.2", "vx=0.5", "vx=-0.5", "vx=0.8", "vx=-0.8", "vy=0.3", "vy=-0.3"),
+    *("wz=0.5", "wz=-0.5", "wz=1", "wz=-1", "vx=0.4,wz=0.5", "vx=0.4,vy=0.2", STAND),
 )
-
-
-def pace(ratio: float) -> Pace:
-    """Return what a speed ratio is [-]; the ends of the band belong to it."""
-    return "too slow" if ratio < FOLLOWS[0] else "too fast" if ratio > FOLLOWS[1] else "follows"
-
-
-def row_pace(row: ResultRow) -> Pace | Literal["fell"] | None:
-    """Return what a row is: `fell` if anybody fell in it, of virtual robots what the worst is; None where no speed is
-    commanded.
-    """
-    if row.ends is None:
-        return None
-    return "fell" if row.fall_rate > 0.0 else pace(worst(row.ends))
-
-
-def worst(ratios: Iterable[float]) -> float:
-    """Return the speed ratio that is the farthest from the middle of the band [-]; at least one is given."""
-    return max(ratios, key=lambda ratio: abs(ratio - sum(FOLLOWS) / 2.0))
-
-
-NOT_KNOWN = "not known"
-"""Whether a policy follows that was within the band where it walked, and did not walk both ways."""
-
-
-def paces(rows: Iterable[ResultRow]) -> set[str]:
-    """Return all that is seen in the rows of one policy under one friction, of each virtual robot: `{"follows"}` alone
-    is a policy that follows. In place of it stands `NOT_KNOWN` where it did not walk both forward and backward.
-    """
-    seen: set[str] = set()
-    ways: set[bool] = set()
-    for row in rows:
-        if row.ends is None:
-            continue
-        seen |= {"fell"} if row.fall_rate > 0.0 else {pace(ratio) for ratio in row.ends}
-        if row.command.startswith("vx=") and "," not in row.command:
-            ways.add(row.command.startswith("vx=-"))
-    return {NOT_KNOWN} if seen == {"follows"} and len(ways) < 2 else seen
-
+"""Commands that a policy has to follow, by their labels; `scaled_commands` fits them to a slower robot."""
 
 STALLS = 0.5
-"""A walk slower than this is named where its policy follows in the mean over walks, which it does not change [-]."""
+"""Smallest share of the command in any single walk [-]."""
 
+NEAR = 0.05
+"""Distance from the command that counts as reached at any ratio; bound of the speed of standing [m/s, rad/s]."""
 
-def stalled(rows: Iterable[ResultRow]) -> list[ResultRow]:
-    """Return where a policy follows on flat ground while one of its walks is slower than `STALLS`, the slowest first.
+DRIFT = 0.1
+"""Largest mean velocity along an axis that is not commanded [m/s, rad/s]."""
 
-    Of each policy, engine and friction the row of the slower direction; rows of before tell of no walk.
-    """
-    cells: dict[tuple[str, str, str, float], list[ResultRow]] = {}
-    for row in rows:
-        if row.terrain == "flat" and row.command in DIRECTIONS:
-            cells.setdefault((row.policy, row.engine, row.friction_law, row.friction_level), []).append(row)
-    slow: list[tuple[float, ResultRow]] = []
-    for own in cells.values():
-        known = [(row.slowest_walk, row) for row in own if row.slowest_walk is not None]
-        if known and paces(own) == {"follows"}:
-            slow.append(min(known, key=itemgetter(0)))
-    return [row for slowest, row in sorted(slow, key=itemgetter(0)) if slowest < STALLS]
-
-
-FEWEST_SEEDS = 3
-"""Training seeds from which on it is said of a training, and not of its seeds alone, that it follows: a choice."""
+Fault = Literal["falls", "too slow", "too fast", "drifts", "stalls"]
+"""Reason why a command is not followed, the gravest first; `drifts` also where a robot told to stand moves."""
 
 
 @dataclass(frozen=True)
-class Following:
-    """Which training seeds of a method follow under one friction in one engine on flat ground; a row of following.csv.
+class CommandVerdict:
+    """Judgement of one row under the definition of this module."""
 
-    A seed counts that walked in both directions; of virtual robots the slowest and the fastest count.
+    row: ResultRow
+    """The row, with its mean velocity."""
+    faults: tuple[Fault, ...]
+    """Reasons why the command is not followed, the gravest first; empty: it is followed."""
+    miss: float
+    """Distance of the mean velocity beyond the bounds, over all axes the largest [m/s, rad/s]; 0 within them."""
+
+    @property
+    def follows(self) -> bool:
+        """True if the command is followed."""
+        return not self.faults
+
+
+def scaled_commands(reach: Sequence[float]) -> tuple[str, ...]:
+    """Return the labels of the command set, each axis scaled by min(1, reach / largest of the set).
+
+    reach: largest vx, vy [m/s] and wz [rad/s] of the robot or policy, shape (3,). Commands that become equal are listed
+    once.
     """
-
-    method: str
-    engine: str
-    """Engine, and what of a virtual robot is real in it."""
-    friction_law: str
-    friction_level: float
-    """Friction over the torque limit, or a coefficient [-]."""
-    seeds: int
-    follow: int
-    """Those that follow in both directions, and never fall."""
-    too_slow: int
-    """Those that are too slow in at least one direction, on at least one robot."""
-    too_fast: int
-    """Those that are too fast in at least one direction, on at least one robot."""
-    fell: int
-    deviation: float
-    """Mean of |speed ratio - 1| over both directions and the seeds [-]; of virtual robots, of the worst."""
-    each: str
-    """Forward and backward speed ratio of every seed, `1.15/1.05 1.09/1.02`; of virtual robots that of the slowest and
-    of the fastest, `0.60..1.40/0.90..1.10`."""
-
-    @property
-    def every_seed(self) -> bool:
-        """Whether every training seed follows."""
-        return self.follow == self.seeds
-
-    @property
-    def covered(self) -> bool:
-        """Whether every seed follows, of as many as it takes to say so of the training."""
-        return self.every_seed and self.seeds >= FEWEST_SEEDS
-
-    @property
-    def text(self) -> str:
-        """Seeds that follow, and what is wrong with the others: `4 of 5, 1 too fast`."""
-        return counts_text([self])
+    velocities = [parse_command(text).velocity for text in COMMAND_SET]
+    scales = [min(1.0, limit / max(abs(velocity[axis]) for velocity in velocities)) for axis, limit in enumerate(reach)]
+    labels = []
+    for velocity in velocities:
+        parts = [f"{axis}={value * scale:g}" for axis, value, scale in zip(AXES, velocity, scales, strict=True)]
+        labels.append(parse_command(",".join(parts)).label)
+    return tuple(dict.fromkeys(labels))
 
 
-def counts_text(cells: Sequence[Following]) -> str:
-    """Return the text of `Following` over several cells of one training method; a seed counts once in each cell."""
-    wrong = {
-        "too slow": sum(cell.too_slow for cell in cells),
-        "too fast": sum(cell.too_fast for cell in cells),
-        "fell": sum(cell.fell for cell in cells),
-    }
-    follow, seeds = sum(cell.follow for cell in cells), sum(cell.seeds for cell in cells)
-    return ", ".join((f"{follow} of {seeds}", *(f"{number} {what}" for what, number in wrong.items() if number)))
-
-
-def count(cell: tuple[str, str, str, float], seeds: Iterable[Mapping[str, ResultRow]]) -> Following | None:
-    """Return which seeds of one cell follow; None where none of them walked in both directions.
-
-    cell: method, engine, law, level; seeds: command -> row, of each.
-    """
-    walked = [[rows[command] for command in DIRECTIONS] for rows in seeds if all(vx in rows for vx in DIRECTIONS)]
-    ratios = [[row.ends or (0.0, 0.0) for row in rows] for rows in walked]
-    seen = [{pace(ratio) for ends in both for ratio in ends} for both in ratios]
-    fell = [any(row.fall_rate > 0.0 for row in rows) for rows in walked]
-    if not walked:
+def judge_row(row: ResultRow) -> CommandVerdict | None:
+    """Return whether a row's command is followed; None where the row has no mean velocity (older files)."""
+    if row.mean_velocity is None:
         return None
-    return Following(
-        *cell,
-        seeds=len(walked),
-        follow=sum(own == {"follows"} and not down for own, down in zip(seen, fell, strict=True)),
-        too_slow=sum("too slow" in own for own in seen),
-        too_fast=sum("too fast" in own for own in seen),
-        fell=sum(fell),
-        deviation=sum(max(abs(ratio - 1.0) for ratio in ends) for both in ratios for ends in both) / (2 * len(ratios)),
-        each=" ".join("/".join(map(ends_text, rows)) for rows in walked),
-    )
+    command = parse_command(row.command).velocity
+    excess: dict[Fault, float] = {}
+    if not any(command):
+        excess["drifts"] = max(math.hypot(*row.mean_velocity[:2]), abs(row.mean_velocity[2])) - NEAR
+    for reached, asked in zip(row.mean_velocity, command, strict=True):
+        if asked:
+            ratio = reached / asked
+            fault: Fault = "too slow" if ratio < 1.0 else "too fast"
+            outside = max(FOLLOWS[0] - ratio, ratio - FOLLOWS[1]) * abs(asked)
+            amount = min(abs(reached - asked) - NEAR, outside)
+        else:
+            fault, amount = "drifts", abs(reached) - DRIFT if any(command) else -math.inf
+        excess[fault] = max(amount, excess.get(fault, -math.inf))
+    # Rounding of the bounds themselves is no miss.
+    faults = {fault for fault, amount in excess.items() if amount > 1e-9}
+    miss = max((excess[fault] for fault in faults), default=0.0)
+    if row.fall_rate > 0.0:
+        faults.add("falls")
+    if row.slowest_walk is not None and row.slowest_walk < STALLS:
+        faults.add("stalls")
+    return CommandVerdict(row, tuple(fault for fault in get_args(Fault) if fault in faults), miss)
 
 
-def ends_text(row: ResultRow) -> str:
-    """Return the speed ratio of a row; of virtual robots that of the slowest and of the fastest: `0.60..1.40`."""
-    low, high = row.ends or (0.0, 0.0)
-    return f"{low:.2f}" if row.slowest is None else f"{low:.2f}..{high:.2f}"
-
-
-def following(rows: Iterable[ResultRow], method_of: Callable[[ResultRow], str]) -> list[Following]:
-    """Return which seeds of every training method follow, in every engine and under every friction, in row order.
-
-    method_of: row -> its training method; each of its policies is one training seed.
-    """
-    cells: dict[tuple[str, str, str, float], dict[str, dict[str, ResultRow]]] = {}
-    for row in rows:
-        if row.terrain == "flat" and row.command in DIRECTIONS and row.speed_ratio is not None:
-            cell = method_of(row), row.engine, row.friction_law, round(row.friction_level, 6)
-            cells.setdefault(cell, {}).setdefault(row.policy, {})[row.command] = row
-    found = (count(cell, policies.values()) for cell, policies in cells.items())
-    return [one for one in found if one is not None]
+def worst_command(rows: Iterable[ResultRow]) -> CommandVerdict | None:
+    """Return the verdict of the row that misses by most; None where every row with a mean velocity follows."""
+    verdicts = [verdict for row in rows if (verdict := judge_row(row)) is not None and not verdict.follows]
+    return max(verdicts, key=lambda verdict: ("falls" in verdict.faults, verdict.miss), default=None)

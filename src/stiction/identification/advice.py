@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from stiction.files.advice import TRAINING, Source, TrainedWith, read_advice, robot_title
-from stiction.files.following import BAND, FEWEST_SEEDS, Following
+from stiction.files.straight import BAND, FEWEST_SEEDS, Following
 from stiction.joints.friction import level_text
 
 SHIPPED = Path(__file__).parent / "advice.json"

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 from stiction.core.errors import StictionError
 from stiction.files.advice import TRANSFER, FrictionEffect, Source
-from stiction.files.following import SLOW
 from stiction.files.results import DIRECTIONS, FOLLOWS
+from stiction.files.straight import SLOW
 from stiction.identification.advice import GROUND_AND_LAW, TRAINED_IN, place_text, shipped
 
 COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")

@@ -10,10 +10,10 @@ from typing import Any
 from markupsafe import Markup
 
 from stiction.files.bundle import Bundle
-from stiction.files.following import BAND, FAST, SLOW, paces, row_pace
 from stiction.files.joints import JointRecord
 from stiction.files.method import describe_method
 from stiction.files.results import ResultRow
+from stiction.files.straight import BAND, FAST, SLOW, paces, row_pace
 from stiction.joints.friction import level_text
 from stiction.report.evaluation import FILES, budget_picture, definitions_table, draw_budget, results_table, run_blocks
 from stiction.report.following import paces_text

@@ -14,8 +14,8 @@ from stiction.core.records import make_folder, write_rows
 from stiction.engines.catalog import TIMESTEP
 from stiction.evaluation.metrics import WINDOW
 from stiction.evaluation.table import BOTH, Sample
-from stiction.files.following import BAND, DEFINITION, FAST, NOT_KNOWN, SLOW, following, paces, row_pace
 from stiction.files.results import ResultRow, tell_slowest_walk, write_results, write_summary
+from stiction.files.straight import BAND, DEFINITION, FAST, NOT_KNOWN, SLOW, following, paces, row_pace
 from stiction.joints.friction import LAWS, has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
 from stiction.report.following import counts_sheet, judged_text, paces_text, shade_following

@@ -7,8 +7,8 @@ from itertools import groupby
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Literal
 
-from stiction.files.following import DEFINITION, NOT_KNOWN, SLOW, STALLS, Following, counts_text, stalled
 from stiction.files.results import FOLLOWS, ResultRow
+from stiction.files.straight import DEFINITION, NOT_KNOWN, SLOW, STALLS, Following, counts_text, stalled
 from stiction.joints.friction import level_text
 from stiction.report.page import COLORS, Sheet
 

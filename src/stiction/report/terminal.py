@@ -20,8 +20,8 @@ from stiction.core.errors import ConfigurationError, escaped
 from stiction.core.flags import flag
 from stiction.core.provenance import MOST_THREADS, num_threads
 from stiction.core.records import header, texts
-from stiction.files.following import row_pace
 from stiction.files.results import ResultRow, tell_slowest_walk
+from stiction.files.straight import row_pace
 from stiction.joints.friction import level_text
 
 

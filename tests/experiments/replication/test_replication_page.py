@@ -10,8 +10,8 @@ import pytest
 from stiction.core.records import read_rows
 from stiction.evaluation.methods import FED
 from stiction.evaluation.table import BOTH, Sample
-from stiction.files.following import Following, following
 from stiction.files.results import ResultRow, read_results
+from stiction.files.straight import Following, following
 from stiction.report.following import friction_text, recommended_sentence, recommended_sheet
 from stiction_experiments.lab.claims import Verdict
 from stiction_experiments.lab.study import write_report
