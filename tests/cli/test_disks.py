@@ -119,10 +119,10 @@ NETWORKS: dict[int, bytes] = {}
 """Size of the observation -> the network of the one run that is exported here."""
 
 
-def network_of_the_run(module: Any, observation_size: int) -> bytes:
+def network_of_the_run(module: Any, observation_size: int, estimates: bool = False) -> bytes:
     """Convert the network of the run once: seconds in which nothing is written; each bundle is checked against it."""
     if observation_size not in NETWORKS:
-        NETWORKS[observation_size] = export_network(module, observation_size)
+        NETWORKS[observation_size] = export_network(module, observation_size, estimates)
     return NETWORKS[observation_size]
 
 

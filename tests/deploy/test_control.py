@@ -10,11 +10,12 @@ import pytest
 import deployed
 from bundles import make_contract
 from deployed import PERIOD, SHORT, Run, state
-from stiction.deploy.control import FREE, RANGE, SLEW, ControlLoop, JointCommand, Pilot, Reading
+from stiction.deploy.control import FREE, RANGE, SLEW, CommandCorrection, ControlLoop, JointCommand, Pilot, Reading
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import PolicyStep
 from stiction.deploy.runtime.supervisor import Stage
 from stiction.exchange.webots.controller import PolicyLoop
+from stiction.files.contract_rules import COMMAND_CORRECTION
 
 # One physics step in a control period, so that all callers read at the same times.
 CONTRACT = make_contract(decimation=1, physics_timestep=0.02, target_limits={"slew": 10.0, "margin": 0.02})
@@ -113,6 +114,43 @@ def test_an_older_bundle_has_no_limits_in_its_control_step() -> None:
     np.testing.assert_array_equal(loop.act(STILL, far).target, asked)
     np.testing.assert_array_equal(loop.command(STANDING, np.zeros(JOINTS)).target, asked)
     assert loop.holds
+
+
+def test_the_correction_by_hand() -> None:
+    """U ← u + T/T_i (c − v), within 60 % of the command and 0.05 beside it; none while standing is commanded."""
+    correction, command = CommandCorrection(1.0, 0.6, 0.05, period=0.02), np.array([0.5, 0.0, 0.0])
+    correction.step(command, np.array([0.3, 0.1, 0.0]))
+    np.testing.assert_allclose(correction.corrected(command), [0.5 + 0.02 * 0.2, -0.02 * 0.1, 0.0])
+    for _ in range(200):
+        correction.step(command, np.array([0.0, 1.0, 0.0]))
+    np.testing.assert_allclose(correction.corrected(command), [0.5 + 0.6 * 0.5 + 0.05, -0.05, 0.0])
+    # A slower command at once gets no more than its own share.
+    np.testing.assert_allclose(correction.corrected(0.2 * command), [0.1 + 0.6 * 0.1 + 0.05, -0.05, 0.0])
+    assert not correction.corrected(np.zeros(3)).any()
+    correction.step(np.zeros(3), np.ones(3))
+    np.testing.assert_array_equal(correction.corrected(command), command)
+
+
+def test_a_policy_that_reaches_half_of_the_command_is_told_until_it_reaches_all() -> None:
+    """Integral action: v = 0.7 u settles at the command, one robot of a batch that begins anew starts from none."""
+    contract = replace(CONTRACT, command_correction=COMMAND_CORRECTION, target_limits=None)
+    told: list[np.ndarray] = []
+
+    class Slow(Asking):
+        def step(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
+            told.append(command)
+            return PolicyStep(np.zeros(0), np.zeros(JOINTS), STANDING, 0.7 * command[..., :2])
+
+    loop, tiled = ControlLoop(Slow(), contract), STILL.each(lambda value: np.tile(value, (2, 1)))
+    command = np.tile([0.5, -0.2, 0.0], (2, 1))
+    for _ in range(500):
+        loop.act(tiled, command)
+    np.testing.assert_array_equal(told[0], command)
+    np.testing.assert_allclose(0.7 * told[-1][:, :2], command[:, :2], atol=1e-3)
+    loop.reset(np.array([True, False]))
+    loop.act(tiled, command)
+    np.testing.assert_array_equal(told[-1][0], command[0])
+    np.testing.assert_allclose(told[-1][1], told[-2][1], atol=1e-4)
 
 
 def test_limits_of_the_robots_that_begin_anew_begin_at_the_standing_pose() -> None:

@@ -1,5 +1,6 @@
 """The network and the policy around it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from stiction.core.errors import BundleError, PolicyError, StictionError
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import Network, load_policy
 from stiction.files.contract import Contract
+from stiction.files.contract_rules import COMMAND_CORRECTION
 from stiction.files.observation import proprioception
 
 onnx = pytest.importorskip("onnx", reason="the package onnx, of the extra 'train', is needed to make test networks")
@@ -49,6 +51,31 @@ def test_last_action_returns_clipped_and_a_reset_forgets_it(contract: Contract) 
     policy.reset(np.array([True, False]))
     newest = policy.step(sensors, command).observation.reshape(2, 11, -1)[:, -1, last_action]
     assert newest.max(axis=1).tolist() == [0.0, 4.0]
+
+
+def test_the_velocity_is_a_second_output_where_the_contract_asks_for_it(contract: Contract) -> None:
+    """Rejects a network with one output too few or too many, of another name or size, or that returns NaN."""
+    size, joints = contract.observation.size, contract.num_joints
+    weights, two = np.zeros((size, joints), np.float32), np.ones((size, 2), np.float32)
+    corrected = replace(contract, command_correction=COMMAND_CORRECTION)
+    policy = load_policy(corrected, linear_network(onnx, weights, more={"velocity": two}), batch=(3,))
+    step = policy.step(standing_still(contract, (3,)), np.full((3, 3), 0.1))
+    assert step.velocity is not None and step.velocity.shape == (3, 2)
+    np.testing.assert_allclose(step.velocity[:, 0], step.observation.sum(axis=1), rtol=1e-5)
+    plain = linear_network(onnx, weights)
+    assert load_policy(contract, plain).step(standing_still(contract), np.zeros(3)).velocity is None
+    for asked, model, message in (
+        (corrected, plain, "1 outputs; expected 2"),
+        (contract, linear_network(onnx, weights, more={"velocity": two}), "2 outputs; expected 1"),
+        (corrected, linear_network(onnx, weights, more={"speed": two}), "the output 'speed'"),
+        (corrected, linear_network(onnx, weights, more={"velocity": two[:, :1]}), "the output 'velocity'"),
+        (corrected, linear_network(onnx, weights, more={"velocity": two, "third": two}), "output"),
+    ):
+        with pytest.raises(BundleError, match=message):
+            load_policy(asked, model)
+    broken = load_policy(corrected, linear_network(onnx, weights, more={"velocity": np.inf * two}))
+    with pytest.raises(PolicyError, match="not finite"):
+        broken.step(standing_still(contract), np.full(3, 0.1))
 
 
 def test_a_rehearsal_leaves_the_policy_as_it_was(contract: Contract) -> None:

@@ -20,6 +20,7 @@ from stiction.evaluation.export import (
 )
 from stiction.evaluation.golden import record_golden
 from stiction.files.contract import Contract, read_contract
+from stiction.files.contract_rules import COMMAND_CORRECTION
 from stiction.files.joints import Estimate, JointRecord, JointsFile
 from stiction.learning.config import StudentCfg, TrainCfg
 from stiction.robots.catalog import find_robot
@@ -100,6 +101,7 @@ def test_the_contract_of_a_run_says_what_was_trained() -> None:
         command_range={"forward": (-0.8, 0.8), "sideways": (-0.3, 0.3), "turn": (-0.6, 0.6)},
         settings={"task.friction.level": 0.2},
         target_limits={"slew": 40.0, "margin": 0.02},
+        command_correction=COMMAND_CORRECTION,
     )
 
 
@@ -202,7 +204,7 @@ def test_a_bench_that_has_no_effect_is_refused(tmp_path: Path, contract: Contrac
 def test_golden_vectors_hold_what_the_policy_is_told(tmp_path: Path) -> None:
     """What verify replays is the observation with the bench's numbers in it: five times 4 % are 0.2."""
     path = bench(tmp_path, hip=found(1.0), thigh=found(2.0), shank=found(9.0))
-    told = with_bench(contract_of(TOLD, HEADER), path)
+    told = replace(with_bench(contract_of(TOLD, HEADER), path), command_correction=None)
     check = export_policy(make_module(told), told, tmp_path / "toy")
     assert check.summary()["known_friction"] == told.known_friction
     frames = check.bundle.golden.observation.reshape(624, 11, -1)

@@ -237,11 +237,11 @@ def test_a_student_is_told_the_friction_of_each_robot(tmp_path: Path, monkeypatc
     seen: dict[str, list[np.ndarray]] = {"true": [], "contract": []}
     for text, frames in seen.items():
 
-        def watch(policy: LatentPolicy, observation: torch.Tensor, frames=frames) -> torch.Tensor:
+        def watch(policy: LatentPolicy, observation: torch.Tensor, frames=frames) -> tuple[torch.Tensor, torch.Tensor]:
             frames.append(observation[:, -3:].numpy())
-            return policy.policy(observation)
+            return policy.policy.with_velocity(observation)
 
-        monkeypatch.setattr(LatentPolicy, "forward", watch)
+        monkeypatch.setattr(LatentPolicy, "with_velocity", watch)
         rows = list(walk_run(directory.path, "student", replace(SHORT, known_friction=text)).rows)
         assert {row.method for row in rows} == {"told"}
     np.testing.assert_allclose(seen["true"][-1], [[0.0] * 3] * 2 + [[1.0] * 3] * 2, atol=1e-6)

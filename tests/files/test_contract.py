@@ -31,7 +31,7 @@ def test_what_is_written_is_read_back(contract: Contract) -> None:
 def test_a_contract_from_before_speeds_compensates_by_the_error_alone() -> None:
     """Its policy would walk otherwise than it was trained: at any speed, 0.1 rad from 0.02 rad before the target on."""
     data = json.loads(make_contract(compensation=(0.1,) * 18, compensation_width=0.02).to_json())
-    del data["compensation_speeds"], data["target_limits"]
+    del data["compensation_speeds"], data["target_limits"], data["command_correction"]
     push = read_contract(json.dumps(data).encode()).push
     position, velocity = np.zeros(3), np.array([0.0, 5.0, -5.0])
     np.testing.assert_allclose(compensated(np.full(3, 0.5), position, velocity, 0.1, push), 0.6, atol=1e-12)
@@ -74,7 +74,7 @@ def test_a_wrong_field_is_refused_by_name(contract: Contract, field: str, value:
 def test_another_version_is_said_before_any_field(contract: Contract, version: object, said: str) -> None:
     """A field that only this version has was said to be missing, and nobody was told to update."""
     data = json.loads(contract.to_json()) | {"schema_version": version, "from_the_future": 1}
-    del data["compensation_speeds"], data["target_limits"]
+    del data["compensation_speeds"], data["target_limits"], data["command_correction"]
     with pytest.raises(BundleError, match=f"^contract.json: {said}$"):
         read_contract(json.dumps(data).encode())
 

@@ -162,6 +162,13 @@ def contract_cases() -> Iterator[tuple[str, Change]]:
         "compensation": [[0.05] * 11, all_joints(-0.1), all_joints(10.0), all_joints(0.05), 0.05],
         "compensation_width": [0, 100.0, None],
         "compensation_speeds": [[0.2], [0.2, 0.0], [0.2, 1e9], 0.2, [0.2, "0.3"], [0.2, 0.3, 0.4]],
+        "command_correction": [
+            {"time": 1.0, "share": 0.6},
+            {"time": 0.0, "share": 0.6, "least": 0.05},
+            {"time": 1.0, "share": 1.5, "least": 0.05},
+            {"time": 1.0, "share": 0.6, "least": -0.1},
+            0.6,
+        ],
         "target_limits": [{"slew": 40.0}, {"slew": 0, "margin": 0.02}, {"slew": 40.0, "margin": 9}, [40.0, 0.02], 40.0],
         "friction_level": [0.3, -1, 1e9, "0.2"],
         "friction_range": [[0.2, 0.1], [-0.1, 0.1], [0, 0.1, 0.2], ["a", "b"], 0.2, [0, 1e9]],

@@ -91,19 +91,27 @@ def make_network(contract: Contract, seed: int = 0, gain: float = 0.02) -> bytes
     onnx = pytest.importorskip(
         "onnx", reason="the package onnx, of the extra 'train', is needed to make a test network"
     )
-    weights = gain * np.random.default_rng(seed).standard_normal((contract.observation.size, contract.num_joints))
-    return linear_network(onnx, weights.astype(np.float32))
+    generator, size = np.random.default_rng(seed), contract.observation.size
+    weights = (gain * generator.standard_normal((size, contract.num_joints))).astype(np.float32)
+    more = {"velocity": generator.standard_normal((size, 2)).astype(np.float32)} if contract.estimates_velocity else {}
+    return linear_network(onnx, weights, more=more)
 
 
-def linear_network(onnx, weights: np.ndarray, inputs: str = "observation", batch: str | int = "batch") -> bytes:
-    """Return an ONNX network with one matrix product."""
-    port = onnx.helper.make_tensor_value_info
+def linear_network(
+    onnx,
+    weights: np.ndarray,
+    inputs: str = "observation",
+    batch: str | int = "batch",
+    more: dict[str, np.ndarray] | None = None,
+) -> bytes:
+    """Return an ONNX network with one matrix product for its action, and one for each of `more` outputs."""
+    port, outputs = onnx.helper.make_tensor_value_info, {"action": weights} | (more or {})
     graph = onnx.helper.make_graph(
-        [onnx.helper.make_node("MatMul", [inputs, "weights"], ["action"])],
+        [onnx.helper.make_node("MatMul", [inputs, f"weights_{name}"], [name]) for name in outputs],
         "linear",
         [port(inputs, onnx.TensorProto.FLOAT, [batch, weights.shape[0]])],
-        [port("action", onnx.TensorProto.FLOAT, [batch, weights.shape[1]])],
-        [onnx.numpy_helper.from_array(weights, "weights")],
+        [port(name, onnx.TensorProto.FLOAT, [batch, values.shape[1]]) for name, values in outputs.items()],
+        [onnx.numpy_helper.from_array(values, f"weights_{name}") for name, values in outputs.items()],
     )
     model = onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", 18)], ir_version=10)
     return model.SerializeToString()

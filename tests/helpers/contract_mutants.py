@@ -22,10 +22,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import onnx
 
 import bundle_damage
-from bundles import linear_network, make_contract
+from bundles import make_contract, make_network
 from counts import count
 from stiction.core.errors import StictionError
 from stiction.deploy.check import check_bundle, check_robot
@@ -33,7 +32,7 @@ from stiction.deploy.policy import load_policy
 from stiction.evaluation.golden import record_golden
 from stiction.files.bundle import CARD, CONTRACT, GOLDEN, POLICY, SUMS, shipped_bundles
 from stiction.files.contract import read_contract
-from stiction.files.contract_rules import TARGET_LIMITS, TERRAINS
+from stiction.files.contract_rules import COMMAND_CORRECTION, TARGET_LIMITS, TERRAINS
 from stiction.files.contract_training import OWN
 from stiction.files.golden import BOUND, Golden
 from stiction.files.observation import FRAMES, TERM_NAMES, proprioception
@@ -85,6 +84,7 @@ PLAUSIBLE: dict[str, tuple[Any, ...]] = {
     "disturber": ("force",),
     "compensation_speeds": ([0.2, 0.3],),
     "target_limits": ({"slew": 40.0, "margin": 0.02},),
+    "command_correction": ({"time": 1.0, "share": 0.6, "least": 0.05},),
     "slow_kept": (0.98,),
     "history_length": (5,),
     "clock": ({"period": 0.5, "offsets": [0.0]},),
@@ -269,11 +269,11 @@ def go2() -> tuple[bundle_damage.Files, bundle_damage.Arrays]:
         observation=proprioception(robot.num_joints, 2),
         action_clip=5.0,
         target_limits=TARGET_LIMITS,
+        command_correction=COMMAND_CORRECTION,
         command_range=commands,
         settings={"task.friction.level": 0.2, "task.history": 2, "student.iterations": 0, "teacher.quiet": 30},
     )
-    shape = contract.observation.size, contract.num_joints
-    model = linear_network(onnx, (0.15 * np.random.default_rng(0).standard_normal(shape)).astype(np.float32))
+    model = make_network(contract, gain=0.15)
     golden = record_golden(contract, load_policy(contract, model, (1,)), robot)
     arrays = {part.name: getattr(golden, part.name) for part in fields(Golden)}
     files = {POLICY: model, CONTRACT: contract.to_json().encode(), CARD: b"# Toy\n"}

@@ -214,7 +214,9 @@ class Duel:
         if not judged:
             ages = (0, self.env.max_episode_length, (cfg.num_envs,))
             self.env.episode_length_buf = torch.randint(*ages, generator=self.env.generator)
-        self.network = Network(bundle.policy, contract.observation.size, len(contract.joint_names))
+        self.network = Network(
+            bundle.policy, contract.observation.size, contract.num_joints, contract.estimates_velocity
+        )
         self.disturbance = Disturbance(self.env.fleet, self.adversary.by_torque, self.adversary.share)
         self.best = best_task_reward(self.env.terms) * self.env.cfg.control_period
 

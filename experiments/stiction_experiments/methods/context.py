@@ -203,5 +203,10 @@ class ContextPolicy(StudentPolicy):
 
     def forward(self, observation: torch.Tensor) -> torch.Tensor:
         """Map observations (N, history) to actions (N, joints), with one pass of the encoder."""
+        return self.with_velocity(observation)[0]
+
+    def with_velocity(self, observation: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return the actions, and v̂ forward and sideways, (N, 2)."""
         context = self.context(observation)
-        return self.mlp(torch.cat((observation[:, -self.frame :], context.velocity, context.mean), -1))
+        action = self.mlp(torch.cat((observation[:, -self.frame :], context.velocity, context.mean), -1))
+        return action, context.velocity[:, :2]

@@ -97,7 +97,7 @@ class LoadedPolicy(Verified):
         size = self.contract.observation.size
         if np.ndim(observation) != 2 or np.shape(observation)[1] != size:
             raise PolicyError(f"an observation of shape {np.shape(observation)}; expected (N, {size})")
-        network = Network(self.bundle.policy, size, self.contract.num_joints)
+        network = Network(self.bundle.policy, size, self.contract.num_joints, self.contract.estimates_velocity)
         return network(np.ascontiguousarray(observation, dtype=np.float32))
 
 

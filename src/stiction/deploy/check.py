@@ -160,7 +160,7 @@ def _first_load(path: Path | str, bundle: Bundle, observations: np.ndarray) -> P
     """Check robot, network and wear map, run the network on observations, shape (T, size), and return the policy."""
     contract = bundle.contract
     check_robot(contract)
-    work = check_model(bundle.policy, contract.observation.size, contract.num_joints)
+    work = check_model(bundle.policy, contract.observation.size, contract.num_joints, contract.estimates_velocity)
     if work * len(observations) > MOST_WORK:
         raise BundleError(
             f"{path}: {len(observations)} golden steps of {work:.3g} operations each; at most {MOST_WORK:.3g} are "

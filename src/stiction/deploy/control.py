@@ -1,7 +1,8 @@
 """The one control step: sensors and command in, joint command out, for one robot or a batch.
 
     sensors ─▶ observation ─▶ policy ─▶ slew, range ─▶ torque ─▶ friction fed forward ─▶ joint command
-               └── once in a control period: `act` ──┘ └─ at every reading or physics step: `command` ─┘
+    command ─▶ correction ─┘   └─ velocity ─▶ correction of the next step
+    └───────────── once in a control period: `act` ──┘ └─ at every reading or physics step: `command` ─┘
 
 Evaluation, golden vectors, virtual robots, the viewer, the policy's process on a robot and the Webots controller all
 call it: what is evaluated is what runs. A `Pilot` calls it on one robot behind a `Port`: a virtual one in the same
@@ -119,6 +120,39 @@ class Limits:
         return Limited(inside, np.where(np.abs(inside - limited.target) > LEAST_CHANGE, TORQUE, limited.by))
 
 
+class CommandCorrection:
+    """Integral action on the velocity command, of one robot or a batch; holds the correction.
+
+        u ← clip(u + T/T_i (c − v), ±(share |c| + least)),    the policy gets c + u
+
+    with the control period T, the time T_i, the command c and the velocity v: the policy's own estimate of the base's
+    forward and sideways velocity, and the measured yaw rate. A policy that is slower than told, as with more friction
+    in its joints than it makes up for, is told more, until the mean over a stride is what was asked for. While standing
+    is commanded there is no correction.
+    """
+
+    def __init__(self, time: float, share: float, least: float, period: float) -> None:
+        """Start with no correction; time: T_i [s]; share: [1]; least: [m/s, rad/s]; period: T [s]."""
+        self._rate, self._share, self._least = period / time, share, least
+        self._value = np.zeros(3)
+
+    def reset(self, mask: np.ndarray | None = None) -> None:
+        """Forget the correction of the robots in `mask` (bool, the batch's shape), of all without it."""
+        self._value = np.zeros(3) if mask is None else np.where(mask[..., None], 0.0, self._value)
+
+    def corrected(self, command: np.ndarray) -> np.ndarray:
+        """Return the command that the policy gets, shape (*batch, 3)."""
+        return command + self._within(self._value, command)
+
+    def step(self, command: np.ndarray, velocity: np.ndarray) -> None:
+        """Go on by one control period at a velocity: forward, sideways [m/s], turn [rad/s], shape (*batch, 3)."""
+        self._value = self._within(self._value + self._rate * (command - velocity), command)
+
+    def _within(self, value: np.ndarray, command: np.ndarray) -> np.ndarray:
+        most = (self._share * np.abs(command) + self._least) * np.any(command, axis=-1, keepdims=True)
+        return np.clip(value, -most, most)
+
+
 class Driver(Protocol):
     """Turns sensors into joint targets: `Policy`, its twin in torch, or a function."""
 
@@ -146,6 +180,10 @@ class ControlLoop:
         self._limits = (
             None if limits is None else Limits(contract, limits["slew"], limits["margin"], self._kp, self._kd)
         )
+        correction = contract.command_correction
+        self._correction = (
+            None if correction is None else CommandCorrection(**correction, period=contract.control_period)
+        )
         standing = contract.array("standing")
         self.requested = standing
         """Targets that the policy asked for last [rad], shape (*batch, J)."""
@@ -167,13 +205,18 @@ class ControlLoop:
             self._forward.reset(None if mask is None else np.flatnonzero(mask))
         if self._limits is not None:
             self._limits.begin(self._contract.array("standing"), mask)
+        if self._correction is not None:
+            self._correction.reset(mask)
 
     def act(self, sensors: Sensors, velocity: np.ndarray) -> PolicyStep:
         """Advance by one control period; return the policy's step, its targets within slew and range.
 
         Arguments and errors as of `Policy.step`.
         """
-        step = self._policy.step(sensors, velocity)
+        step = self._policy.step(sensors, self._correction.corrected(velocity) if self._correction else velocity)
+        if self._correction is not None and step.velocity is not None:
+            reached = np.concatenate([step.velocity, sensors.angular_velocity[..., 2:]], axis=-1)
+            self._correction.step(velocity, reached)
         self.requested, self.limited = step.target, Limited(step.target, np.full(step.target.shape, FREE))
         if self._limits is None:
             return step

@@ -58,7 +58,7 @@ MODEL = _fields(
     "1:ir_version:varint 2:producer_name 3:producer_version 4:domain 5:model_version:varint 7:graph 8:opset_import"
 )
 OPSET = _fields("1:domain 2:version:varint")
-GRAPH = _fields(f"1:node*{MOST_NODES} 2:name 5:initializer*{MOST_CONSTANTS} 11:input 12:output")
+GRAPH = _fields(f"1:node*{MOST_NODES} 2:name 5:initializer*{MOST_CONSTANTS} 11:input 12:output*2")
 NODE = _fields(f"1:input*{MOST_PARTS} 2:output*{MOST_PARTS} 3:name 4:op_type 5:attribute*{MOST_PARTS} 7:domain")
 ATTRIBUTE = _fields(f"1:name 2:f:single 3:i:varint 8:ints:varint*{MOST_PARTS} 20:type:varint")
 TENSOR = _fields(f"1:dims:varint*{MOST_DIMENSIONS} 2:data_type:varint 8:name 9:raw_data")
@@ -123,6 +123,8 @@ class NetworkFile:
     constants: Mapping[str, Tensor]
     input: Port
     output: Port
+    velocity: Port | None = None
+    """Second output, the estimated velocity of the base."""
 
 
 def read_network(data: bytes) -> NetworkFile:
@@ -150,7 +152,8 @@ def read_network(data: bytes) -> NetworkFile:
     if len(constants) < len(graph["initializer"]):
         raise BundleError("policy.onnx has two constants of one name; export the bundle again")
     ports = (read_port(only(graph, name, "graph"), name) for name in ("input", "output"))
-    return NetworkFile(tuple(map(_node, graph["node"])), constants, *ports)
+    velocity = (read_port(part, "output") for part in graph["output"][1:])
+    return NetworkFile(tuple(map(_node, graph["node"])), constants, *ports, *velocity)
 
 
 def _span(versions: range) -> str:

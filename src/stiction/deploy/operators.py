@@ -44,23 +44,27 @@ class UnfitError(Exception):
     """Raised where the inputs of an operator do not fit; its text says what was expected."""
 
 
+VELOCITY_SIZE = 2
+"""Entries of the second output: forward and sideways."""
+
 Rule = Callable[[Node, Sequence[Value]], list[Value]]
 
 
 def check_network(network: NetworkFile, observation_size: int, num_actions: int) -> int:
     """Return the work of one step of one robot.
 
-    Raises `BundleError`: an operator that is not known, inputs that do not fit it, an output of another size than
-    (batch, num_actions), a node with more than `MOST_ENTRIES`, or more work than `MOST_WORK`.
+    Raises `BundleError`: an operator that is not known, inputs that do not fit it, outputs of other sizes than
+    (batch, num_actions) and (batch, 2), a node with more than `MOST_ENTRIES`, or more work than `MOST_WORK`.
     """
     alone = _infer(network, 1, observation_size)[1]
     for batch in BATCHES:
-        found, work = _infer(network, batch, observation_size)
-        if found.kind != FLOAT or found.shape != (batch, num_actions):
-            raise BundleError(
-                f"policy.onnx has the output {network.output.name!r} of shape {found.shape} for {batch} observations; "
-                f"expected {(batch, num_actions)}; export the bundle again"
-            )
+        values, work = _infer(network, batch, observation_size)
+        for port, size in ((network.output, num_actions), (network.velocity, VELOCITY_SIZE)):
+            if port is not None and ((value := values[port.name]).kind, value.shape) != (FLOAT, (batch, size)):
+                raise BundleError(
+                    f"policy.onnx has the output {port.name!r} of shape {value.shape} for {batch} observations; "
+                    f"expected {(batch, size)}; export the bundle again"
+                )
         # A product of the batch with itself would grow with its square.
         if work > batch * alone:
             raise BundleError(f"policy.onnx takes more work for each of {batch} robots than for one; expected as much")
@@ -70,8 +74,8 @@ def check_network(network: NetworkFile, observation_size: int, num_actions: int)
     return alone
 
 
-def _infer(network: NetworkFile, batch: int, observation_size: int) -> tuple[Value, int]:
-    """Return the network's output for a batch, and the work of all nodes without their `OVERHEAD`."""
+def _infer(network: NetworkFile, batch: int, observation_size: int) -> tuple[dict[str, Value], int]:
+    """Return all values of the network for a batch, by name, and the work of all nodes without their `OVERHEAD`."""
     values = {
         # Shapes, axes and bounds are short; longer integers are data, whose values decide no shape.
         name: Value(one.shape, one.kind, one.numbers if one.kind == INT64 and one.numbers.size <= 64 else None)
@@ -105,9 +109,10 @@ def _infer(network: NetworkFile, batch: int, observation_size: int) -> tuple[Val
                 )
             values[name] = value
         work += node_work(node, [values[name] for name in node.inputs if name], found)
-    if network.output.name not in values:
-        raise BundleError(f"policy.onnx: nothing computes the output {network.output.name!r}; export the bundle again")
-    return values[network.output.name], work
+    for port in filter(None, (network.output, network.velocity)):
+        if port.name not in values:
+            raise BundleError(f"policy.onnx: nothing computes the output {port.name!r}; export the bundle again")
+    return values, work
 
 
 def node_work(node: Node, inputs: Sequence[Value], outputs: Sequence[Value]) -> int:

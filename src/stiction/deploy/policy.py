@@ -11,7 +11,7 @@ import numpy as np
 from stiction.core.errors import BundleError, PolicyError
 from stiction.deploy.network_file import FLOAT, Port, read_network
 from stiction.deploy.observation import ObservationBuilder, Sensors
-from stiction.deploy.operators import check_network
+from stiction.deploy.operators import VELOCITY_SIZE, check_network
 from stiction.files.contract import Contract
 from stiction.joints.compensation import compensated
 
@@ -20,7 +20,8 @@ from stiction.joints.compensation import compensated
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
 import onnxruntime
 
-INPUT, OUTPUT = "observation", "action"
+INPUT, OUTPUT, VELOCITY = "observation", "action", "velocity"
+"""Names of the network's input and outputs; the second output is there where the contract corrects commands."""
 
 UNIT_ERROR = 0.05
 """Largest difference of a quaternion's length from 1: orientation filters keep it within 0.001, and one of them sends
@@ -30,37 +31,50 @@ UNIT_ERROR = 0.05
 class Network:
     """A network in ONNX, run by onnxruntime on one CPU thread: observation (N, size) -> action (N, J), float32."""
 
-    def __init__(self, model: bytes, observation_size: int, num_actions: int) -> None:
+    def __init__(self, model: bytes, observation_size: int, num_actions: int, estimates: bool = False) -> None:
         """Load the network from its bytes, once its file, every operator, size and its work are known to be in bounds.
 
-        Raises `BundleError`, see `check_model`.
+        estimates: True if it has the output velocity. Raises `BundleError`, see `check_model`.
         """
-        check_model(model, observation_size, num_actions)
+        check_model(model, observation_size, num_actions, estimates)
+        self._outputs = [OUTPUT, VELOCITY] if estimates else [OUTPUT]
         self._session = open_session(model)
 
-    def __call__(self, observation: np.ndarray) -> np.ndarray:
-        """Return the actions, float32, shape (N, J), for observations, float32, shape (N, size).
+    def run(self, observation: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+        """Return the actions, (N, J), and the velocity of the base [m/s], (N, 2), or None, all float32.
 
-        Raises `PolicyError`: the network fails on an input of the right shape, or returns what is not finite.
+        observation: float32, shape (N, size). Raises `PolicyError`: the network fails on an input of the right shape,
+        or returns what is not finite.
         """
         try:
-            action = self._session.run([OUTPUT], {INPUT: observation})[0]
+            outputs = self._session.run(self._outputs, {INPUT: observation})
         except Exception as error:  # Of a class for each status code, see `open_session`.
             raise PolicyError(f"policy.onnx failed on an observation of shape {observation.shape}: {error}") from error
-        if not np.isfinite(action).all():
+        if not all(np.isfinite(output).all() for output in outputs):
             raise PolicyError("policy.onnx returned an action that is not finite; do not run this policy")
-        return action
+        return outputs[0], outputs[1] if len(outputs) > 1 else None
+
+    def __call__(self, observation: np.ndarray) -> np.ndarray:
+        """Return the actions alone; see `run`."""
+        return self.run(observation)[0]
 
 
-def check_model(model: bytes, observation_size: int, num_actions: int) -> int:
+def check_model(model: bytes, observation_size: int, num_actions: int, estimates: bool = False) -> int:
     """Return the multiplications that a network takes in one step of one robot; nothing runs for it.
 
     Raises `BundleError`: not a network that is run here, see `read_network` and `check_network`, or one with other
-    inputs and outputs than (batch, observation_size) and (batch, num_actions).
+    inputs and outputs than (batch, observation_size), (batch, num_actions) and, if it `estimates`, (batch, 2).
     """
     file = read_network(model)
     _check_port("input", file.input, INPUT, observation_size)
     _check_port("output", file.output, OUTPUT, num_actions)
+    if estimates and file.velocity is not None:
+        _check_port("output", file.velocity, VELOCITY, VELOCITY_SIZE)
+    elif estimates or file.velocity is not None:
+        raise BundleError(
+            f"policy.onnx has {1 + (file.velocity is not None)} outputs; expected {1 + estimates}, as the contract's "
+            "command_correction says; export the bundle again"
+        )
     return check_network(file, observation_size, num_actions)
 
 
@@ -98,6 +112,8 @@ class PolicyStep:
     """Output of the network after clipping, float32, shape (*batch, J)."""
     target: np.ndarray
     """Joint targets [rad], shape (*batch, J)."""
+    velocity: np.ndarray | None = None
+    """Estimated velocity of the base, forward and sideways [m/s], float32, shape (*batch, 2); None: not estimated."""
 
 
 class Policy:
@@ -142,14 +158,14 @@ class Policy:
         """
         _check_reading(sensors, command)
         observation = self._builder.step(sensors, command, self._last_action)
-        found = self._network(np.atleast_2d(observation)).reshape(self._last_action.shape)
-        action = np.minimum(np.maximum(found, -self._clip), self._clip)
+        unclipped, velocity = self._network.run(np.atleast_2d(observation))
+        action = np.minimum(np.maximum(unclipped.reshape(self._last_action.shape), -self._clip), self._clip)
         self._last_action = action.copy()
         target = self._standing + self._scale * action.astype(np.float64)
         if self.contract.compensation is not None:
             angle, push = self.contract.array("compensation"), self.contract.push
             target = compensated(target, sensors.joint_position, sensors.joint_velocity, angle, push)
-        return PolicyStep(observation, action, target)
+        return PolicyStep(observation, action, target, None if velocity is None else velocity.reshape(*self._batch, -1))
 
     def rehearse(self, sensors: Sensors, command: np.ndarray) -> None:
         """Compute what a step takes and forget it: the next one finds code and weights in the processor's cache.
@@ -181,4 +197,5 @@ def load_policy(
     contract: Contract, model: bytes, batch: tuple[int, ...] = (), known_friction: np.ndarray | None = None
 ) -> Policy:
     """Return the policy of a bundle's contract and network; see `Policy` and `Network` for shapes and errors."""
-    return Policy(contract, Network(model, contract.observation.size, contract.num_joints), batch, known_friction)
+    network = Network(model, contract.observation.size, contract.num_joints, contract.estimates_velocity)
+    return Policy(contract, network, batch, known_friction)

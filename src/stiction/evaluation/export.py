@@ -24,13 +24,13 @@ from stiction.core.errors import BundleError, ConfigurationError, FileError, Sti
 from stiction.core.files import digest_of, read_bounded
 from stiction.deploy.check import BundleCheck, check_bundle
 from stiction.deploy.observation import Sensors, friction_of_robots
-from stiction.deploy.policy import INPUT, OUTPUT, PolicyStep
+from stiction.deploy.policy import INPUT, OUTPUT, VELOCITY, PolicyStep
 from stiction.deploy.vendor import VendorMap, write_maker_targets
 from stiction.evaluation.golden import record_golden
 from stiction.evaluation.known_friction import nominal_known
 from stiction.files.bundle import MAX_BYTES, WEAR, write_bundle
 from stiction.files.contract import Contract, robot_of
-from stiction.files.contract_rules import TARGET_LIMITS
+from stiction.files.contract_rules import COMMAND_CORRECTION, TARGET_LIMITS
 from stiction.files.joint_map import mapped, refuse_alone
 from stiction.files.joints import load_joints
 from stiction.files.known_friction import TERM, bench_friction, known_friction_text
@@ -285,6 +285,7 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         compensation_width=push.width,
         compensation_speeds=None if angle is None else (push.slow, push.fade),
         target_limits=TARGET_LIMITS | {"margin": min(TARGET_LIMITS["margin"], 0.1 * narrowest)},
+        command_correction=COMMAND_CORRECTION,
         command_range=_command_range(task),
         revision=str(header["revision"]),
         command=_without_folders(str(header["command"])),
@@ -335,24 +336,40 @@ def export_policy(module: torch.nn.Module, contract: Contract, out: Path, wear: 
     """
     if out.exists():
         raise BundleError(f"{out} exists already; choose another --out or remove it")
-    model = export_network(module, contract.observation.size)
+    model = export_network(module, contract.observation.size, contract.estimates_velocity)
     golden = record_golden(contract, TrainedPolicy(module, contract), robot_of(contract), contract.seed)
     return check_bundle(write_bundle(out, contract, model, golden, write_card(contract), wear))
 
 
-def export_network(module: torch.nn.Module, observation_size: int) -> bytes:
-    """Return a network as ONNX: one file, one input and one output, any batch, nothing of this machine in it."""
+class WithVelocity(torch.nn.Module):
+    """A policy and its estimate of the base's velocity: observations (N, size) -> actions (N, J), velocity (N, 2)."""
+
+    def __init__(self, policy: Any) -> None:
+        """Take a policy with a method `with_velocity`."""
+        super().__init__()
+        self.policy = policy
+
+    def forward(self, observation: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return actions and velocity."""
+        return self.policy.with_velocity(observation)
+
+
+def export_network(module: torch.nn.Module, observation_size: int, estimates: bool = False) -> bytes:
+    """Return a network as ONNX: one file, one input, any batch, nothing of this machine in it.
+
+    estimates: True for a second output, the velocity of the base.
+    """
     import onnx
 
     example = torch.zeros(EXAMPLE_BATCH, observation_size)
     with _quiet(), torch.no_grad():
         program = torch.onnx.export(
-            module.eval(),
+            (WithVelocity(module) if estimates else module).eval(),
             (example,),
             dynamo=True,
             external_data=False,
             input_names=[INPUT],
-            output_names=[OUTPUT],
+            output_names=[OUTPUT, VELOCITY] if estimates else [OUTPUT],
             dynamic_shapes=({0: torch.export.Dim("batch")},),
             opset_version=OPSET,
             verbose=False,
@@ -413,7 +430,8 @@ class TrainedPolicy:
             StictionError: the friction does not fit the policy.
 
         """
-        self._module, self._contract, layout = module.eval(), contract, contract.observation
+        self._contract, layout = contract, contract.observation
+        self._module = (WithVelocity(module) if contract.estimates_velocity else module).eval()
         self._standing = to_tensor(contract.array("standing"))
         scale = contract.scale
         self._scale = scale if isinstance(scale, float) else to_tensor(scale)
@@ -454,11 +472,14 @@ class TrainedPolicy:
             raw |= self._slow.push(error, velocity, self._fresh)
         observation = self._history.push(self._frames(raw), self._fresh)
         self._fresh = torch.zeros_like(self._fresh)
-        action = self._module(observation).clamp(-contract.action_clip, contract.action_clip)
+        outputs = self._module(observation)
+        unclipped, estimate = outputs if contract.estimates_velocity else (outputs, None)
+        action = unclipped.clamp(-contract.action_clip, contract.action_clip)
         target = self._standing + self._scale * action
         if contract.compensation is not None:
             angle = to_tensor(contract.array("compensation"))
             target = compensated(target, raw["joint_position"], raw["joint_velocity"], angle, contract.push)
         # A copy: `reset` writes zeros into it, and the step that is handed out shares the other's memory.
         self._last_action = action.clone()
-        return PolicyStep(observation.numpy(), action.numpy(), target.double().numpy())
+        reached = None if estimate is None else estimate.numpy()
+        return PolicyStep(observation.numpy(), action.numpy(), target.double().numpy(), reached)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 import numpy as np
 
 from stiction.core.provenance import seed_streams
@@ -71,7 +69,7 @@ def record_golden(contract: Contract, policy: Driver, spec: Robot, seed: int = 0
     sensed = [sensors.arrays() for sensors, _ in steps]
     arrays = {name: np.concatenate([each[name] for each in sensed]) for name in sensed[0]}
     arrays |= {
-        part.name: np.concatenate([getattr(step, part.name) for _, step in steps]) for part in fields(PolicyStep)
+        name: np.concatenate([getattr(step, name) for _, step in steps]) for name in ("observation", "action", "target")
     }
     motors = (spec.joint_values(name) for name in ("kp", "kd", "torque_limit"))
     torque = controller_torque(arrays["target"], arrays["joint_position"], arrays["joint_velocity"], *motors)

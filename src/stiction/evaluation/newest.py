@@ -56,7 +56,8 @@ class OneTrained:
     def step(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
         """Advance by one control period; see `Policy.step`."""
         step = self._driver.step(sensors.each(lambda value: value[None]), np.asarray(command, float)[None])
-        return PolicyStep(step.observation[0], step.action[0], step.target[0])
+        velocity = None if step.velocity is None else step.velocity[0]
+        return PolicyStep(step.observation[0], step.action[0], step.target[0], velocity)
 
 
 class NewestPolicy:

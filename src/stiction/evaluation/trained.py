@@ -106,6 +106,10 @@ class LatentPolicy(nn.Module):
 
     def forward(self, observation: torch.Tensor) -> torch.Tensor:
         """Return the mean actions, (N, joints)."""
+        return self.with_velocity(observation)[0]
+
+    def with_velocity(self, observation: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return the mean actions, (N, joints), and the velocity of the base, as of `StudentPolicy.with_velocity`."""
         latent = self.policy.adaptation(observation) if self.constant is None else self.constant
         if len(latent) != len(observation):
             raise ConfigurationError(
@@ -116,7 +120,8 @@ class LatentPolicy(nn.Module):
             latent = self.frozen.expand_as(latent)
         elif self.sources is not None:
             latent = latent[self.sources]
-        return self.policy.act(observation, latent)
+        estimate = self.policy.estimator(observation)
+        return self.policy.act(observation, latent, estimate), estimate[:, :2]
 
 
 CALIBRATION_SEED = 1_000_003

@@ -151,6 +151,10 @@ class Contract:
     target_limits: Mapping[str, float] | None = None
     """Limits of joint targets that every control step applies: `slew`, largest speed of a target [rad/s], and `margin`,
     distance that it keeps from the joint's limits [rad]; see `deploy.control`. None: an older bundle has none."""
+    command_correction: Mapping[str, float] | None = None
+    """Integral action on the velocity command in every control step: `time` [s], `share` of the command and `least`
+    [m/s, rad/s]; see `deploy.control`. The network then has a second output, the velocity of the base. None: the
+    policy gets the command as it is."""
     schema_version: int = SCHEMA_VERSION
 
     def __post_init__(self) -> None:
@@ -174,6 +178,11 @@ class Contract:
     def met_friction(self) -> bool:
         """True if its joints had dry friction while it learned, as far as that is known."""
         return max(self.friction_range[1], self.largest_load) > 0.0
+
+    @property
+    def estimates_velocity(self) -> bool:
+        """True if the network has a second output, the velocity of the base."""
+        return self.command_correction is not None
 
     @property
     def trained(self) -> str:

@@ -86,6 +86,12 @@ TARGET_LIMITS = {"slew": 40.0, "margin": 0.02}
 """Limits of new bundles, and of a robot's runtime where an older one says none: 0.8 rad in a control period of 20 ms,
 more than the shipped policies ask for (results/deploy)."""
 
+CORRECTION_RULES = {"time": _between(0.1, 100.0, " s"), "share": _between(0.0, 1.0), "least": _between(0.0, 0.2)}
+
+COMMAND_CORRECTION = {"time": 1.0, "share": 0.6, "least": 0.05}
+"""Correction of new bundles: integral action over a stride or two, at most 60 % of the command, and 0.05 m/s (rad/s)
+against a drift."""
+
 SPEED_RATIO = (_between(1.0, 10.0), JOINT_SPEED)
 """Friction at rest over friction in motion, and the speed of Stribeck's law."""
 
@@ -160,6 +166,12 @@ RULES: dict[str, Rule] = {
     "target_limits": _or_null(
         lambda value: _has(value, TARGET_RULES) and all(r.allowed(value[name]) for name, r in TARGET_RULES.items()),
         "an object with 'slew', 0.1 to 1000 rad/s, and 'margin', 0 to 1 rad",
+    ),
+    "command_correction": _or_null(
+        lambda value: (
+            _has(value, CORRECTION_RULES) and all(r.allowed(value[name]) for name, r in CORRECTION_RULES.items())
+        ),
+        "an object with 'time', 0.1 to 100 s, 'share', 0 to 1, and 'least', 0 to 0.2 m/s",
     ),
     "friction_level": SHARE,
     "friction_range": RANGE,

@@ -39,6 +39,7 @@ ERAS: tuple[tuple[str, ...], ...] = (
     ("settings",),
     ("compensation_speeds",),
     ("target_limits",),
+    ("command_correction",),
 )
 """Fields in the order in which version 2 got them; a file that has some of them has all that came before."""
 

@@ -235,10 +235,17 @@ class StudentPolicy(nn.Module):
         """Map observations (N, history) to actions (N, joints); the current frame is the history's last."""
         return self.act(observation, self.adaptation(observation))
 
-    def act(self, observation: torch.Tensor, latent: torch.Tensor) -> torch.Tensor:
+    def with_velocity(self, observation: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return the actions, and the estimated forward and sideways velocity of the base [m/s], (N, 2)."""
+        estimate = self.estimator(observation)
+        return self.act(observation, self.adaptation(observation), estimate), estimate[:, :2]
+
+    def act(
+        self, observation: torch.Tensor, latent: torch.Tensor, estimate: torch.Tensor | None = None
+    ) -> torch.Tensor:
         """Return the mean actions (N, joints) on a latent, z, z* or another robot's, (N, latent)."""
         current = observation[:, -self.frame :]
-        parts = [current, self.estimator(observation), latent]
+        parts = [current, self.estimator(observation) if estimate is None else estimate, latent]
         if self.terrain is not None:
             parts.append(self.terrain(observation))
         return self.mlp(torch.cat(parts, -1))

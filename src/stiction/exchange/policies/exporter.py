@@ -107,7 +107,7 @@ def expressed(bundle: Bundle, to: Target) -> tuple[Contract, ForeignNetwork, lis
             "observation are in it; do not scale them once more"
         )
     notes += _differences(bundle.contract, contract.observation, to)
-    return contract, replace(foreign, network=network), notes
+    return replace(contract, command_correction=None), replace(foreign, network=network), notes
 
 
 def _differences(contract: Contract, layout: ObservationLayout, to: Target) -> list[str]:
@@ -118,6 +118,10 @@ def _differences(contract: Contract, layout: ObservationLayout, to: Target) -> l
         notes.append(
             f"its history begins with {begins[ZERO_FILL[to]]}, the bundle's with {begins[not ZERO_FILL[to]]}: the "
             f"first {layout.depth} steps differ; let the robot stand for that long"
+        )
+    if contract.command_correction is not None:
+        notes.append(
+            "the correction of commands is not in it: with friction in the joints the policy is slower than it is told"
         )
     if contract.observes_friction:
         notes.append("the friction that the policy is told is a constant in the network: of another robot export again")

@@ -33,7 +33,7 @@ from stiction.deploy.network_file import (
     text_of,
 )
 from stiction.deploy.operators import OPERATORS
-from stiction.deploy.policy import INPUT, OUTPUT
+from stiction.deploy.policy import INPUT, OUTPUT, VELOCITY
 
 MOST_NOTES, MOST_VALUES, LARGEST_NOTE = 256, 4096, 2**20
 """Entries of metadata, notes on values, and bytes of one entry that is kept; longer ones are left out."""
@@ -122,7 +122,9 @@ def _read(data: bytes) -> ForeignNetwork:
     constants = {tensor.name: tensor for tensor in map(_tensor, graph["initializer"])}
     # Files of before 2019 list constants among the inputs.
     inputs = [port for port in _ports(graph["input"], "input") if port.name not in constants]
-    observed, acted = _single(inputs, "input"), _single(_ports(graph["output"], "output"), "output")
+    outputs = _ports(graph["output"], "output")
+    # The velocity that our own networks estimate beside the action: no other runtime asks for it.
+    observed, acted = _single(inputs, "input"), _single(outputs[: len(outputs) - _estimates(outputs)], "output")
     nodes = []
     for part in graph["node"]:
         node = _node(part)
@@ -138,6 +140,11 @@ def _read(data: bytes) -> ForeignNetwork:
         )
     network = _renamed(NetworkFile(tuple(nodes), constants, observed, acted))
     return ForeignNetwork(network, _notes(model["metadata_props"]), opset, layout, sizes[0], sizes[1])
+
+
+def _estimates(outputs: list[Port]) -> bool:
+    """Return True if the outputs are those of a policy with a `command_correction`."""
+    return [port.name for port in outputs] == [OUTPUT, VELOCITY]
 
 
 def _single(ports: list[Port], side: str) -> Port:
