@@ -108,7 +108,7 @@ def test_a_package_that_is_missing_is_named_in_one_line(tmp_path: Path) -> None:
         ("load_robot", (stiction,), {}, "load_robot: robot is a module; expected str or Path"),
         ("load_policy", (["a"],), {}, "load_policy: bundle is ['a']; expected str or Path"),
         ("verify", ("a",), {"aginst": "b"}, "verify: unknown option 'aginst'; did you mean 'against'?"),
-        ("evaluate", (5,), {}, "evaluate: policies is 5; expected Verified or str or Path or Callable"),
+        ("evaluate", (5,), {}, "evaluate: policies is 5; expected LoadedPolicy or str or Path or Callable"),
         (
             "evaluate",
             ("a",),

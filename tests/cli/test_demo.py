@@ -14,7 +14,7 @@ from stiction.cli import demo
 from stiction.cli.main import main
 from stiction.files.log import LogSetup, write_log
 from stiction.identification.example import example_log
-from stiction.report.demo import DemoClips, render_demo
+from stiction.report.demo import render_demo
 from stiction.report.page import marked
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
@@ -92,7 +92,7 @@ def test_warnings_of_an_identification_stand_on_the_page(tmp_path: Path) -> None
     write_log(log, replace(example_log(), setup=LogSetup()))
     joint = demo._identify("a swing", [str(log), "--out", str(tmp_path / "found")])
     assert any("test condition" in text for text in joint.record.warnings)
-    page = render_demo([joint], [], [], {"command": "stiction demo"}, DemoClips("vx=0.5", 0.2))
+    page = render_demo([joint], {}, [], {"command": "stiction demo"}, ("vx=0.5", 0.2, None))
     assert page.count("<p>Warning: ") == len(joint.record.warnings)
     lines = joint.record.diagnostics["verdict"]["lines"]
     assert len(lines) == 3 and all(marked(line) in page for line in lines)

@@ -20,6 +20,7 @@ from stiction.core.errors import (
     StictionError,
     TrainingError,
     check_once,
+    nearest,
     unknown_name,
 )
 from stiction.identification.logs.naming import parse_columns
@@ -157,3 +158,9 @@ def test_what_was_given_twice_is_refused_however_it_was_typed() -> None:
             check_once("levels", given, **options)
     with pytest.raises(ConfigurationError, match="ways 3 3: expected each once"):
         check_once("ways", (3, 3), least=0)
+
+
+def test_only_similar_words_are_proposed() -> None:
+    """Dashes that all flags share make no two of them alike."""
+    assert nearest("--frobnicate", ["--robot", "--out"]) == ""
+    assert nearest("--terrains", ["--terrain"]) == "; did you mean '--terrain'?"

@@ -75,7 +75,7 @@ def test_engines_are_listed_with_the_same_command(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr("stiction.cli.list.installed_from", lambda: {})
     monkeypatch.setattr("stiction.cli.list.installed_by", lambda: "pip")
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    assert {row.install for row in engines()} == {extras.install_command(name, {}) for name in ("sim", "engines")}
+    assert {row["install"] for row in engines()} == {extras.install_command(name, {}) for name in ("sim", "engines")}
 
 
 def test_the_extras_are_those_of_the_project() -> None:

@@ -10,8 +10,7 @@ import pytest
 from stiction.core.errors import RobotError
 from stiction.robots.catalog import find_robot, robot_names
 from stiction.robots.model import Robot, on_its_feet
-from stiction.robots.named import check_named
-from stiction.robots.order import reordered
+from stiction.robots.named import check_named, reordered
 
 GO2 = find_robot("go2")
 

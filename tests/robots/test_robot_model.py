@@ -9,12 +9,12 @@ import types
 import mujoco
 import numpy as np
 import pytest
-from boxes import Leg
+from boxes import Leg, box_inertia
 
 from stiction.core.errors import StictionError
 from stiction.robots.catalog import find_robot, robot_names
 from stiction.robots.mjcf import build_model
-from stiction.robots.model import Robot, box_inertia, link_poses
+from stiction.robots.model import Robot, link_poses
 from stiction.robots.shapes import Shape, bounds, reach
 
 

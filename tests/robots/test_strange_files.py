@@ -189,7 +189,7 @@ def test_a_path_may_have_an_at(tmp_path: Path) -> None:
 
 def test_a_function_of_ones_own_says_what_was_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its notes were lost, its own error was said to be a fault of stiction. And a folder hides no shipped robot."""
-    from stiction.api.robot import read
+    from stiction.robots.catalog import find_derived
 
     (tmp_path / "go1").mkdir()
     (tmp_path / "robot.xml").write_text(MJCF)
@@ -199,9 +199,9 @@ def test_a_function_of_ones_own_says_what_was_not_taken(tmp_path: Path, monkeypa
     )
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
-    assert any("claims frictionloss" in note for note in read("own_strange_robot:make").notes)
+    assert any("claims frictionloss" in note for note in find_derived("own_strange_robot:make").notes)
     with pytest.raises(StictionError, match="its function fails: KeyError: 'leg'"):
-        read("own_strange_robot:fail")
+        find_derived("own_strange_robot:fail")
     assert find_robot("go1").num_joints == 12
 
 

@@ -156,13 +156,14 @@ def test_a_run_on_a_busy_machine_is_made_again_and_kept(tmp_path: Path, monkeypa
         return int(made["stop"] is not None)
 
     monkeypatch.setattr(loop, "_status", run)
-    loop._deploy(loop.LoopCfg(tmp_path), tmp_path / "walk", "--armed")
+    loop._deploy(tmp_path / "walk", "--armed")
     assert len(ran) == 3 and sorted(path.name for path in tmp_path.iterdir()) == ["walk", "walk-late1", "walk-late2"]
     ran.clear()
-    with pytest.raises(StictionError, match="too busy"):
-        loop._deploy(loop.LoopCfg(tmp_path, tries=2), tmp_path / "bench")
+    with monkeypatch.context() as patched, pytest.raises(StictionError, match="too busy"):
+        patched.setattr(loop, "TRIES", 2)
+        loop._deploy(tmp_path / "bench")
     reports[0] = report("tilt")
     ran.clear()
     with pytest.raises(StictionError, match="ended with status 1"):
-        loop._deploy(loop.LoopCfg(tmp_path), tmp_path / "other")
+        loop._deploy(tmp_path / "other")
     assert len(ran) == 1

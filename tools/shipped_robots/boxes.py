@@ -6,13 +6,14 @@ Legs on the right mirror those on the left: their hips turn about the opposite a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from stiction.core.errors import RobotError
-from stiction.robots.model import Base, Foot, Joint, Link, Robot, box_inertia
-from stiction.robots.shapes import Contact, Shape, Vector
+from stiction.robots.model import Base, Foot, Joint, Link, Robot
+from stiction.robots.shapes import Contact, Shape, Vector, vector
 
 KINDS = ("hip", "thigh", "shank")
 """The joints of a leg, from the trunk down: abduction, flexion, knee. Fields of `BoxLegs` have these names."""
@@ -26,6 +27,20 @@ SHANK: Vector = (0.55, 0.6, 0.66)
 
 FEET: tuple[Vector, Vector] = ((0.9, 0.45, 0.15), (0.15, 0.5, 0.85))
 """Colors by contact group."""
+
+
+def box_inertia(mass: float, size: Sequence[float]) -> np.ndarray:
+    """Return the principal moments of a uniform box [kg m²], shape (3,). `size` is its full extent [m]."""
+    x, y, z = size
+    return mass / 12.0 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
+
+
+def reflect(body: Link, x: bool = False, y: bool = False) -> Link:
+    """Return the mirror image of a link, in the plane across x or across y, with its axis as it is."""
+    sign = np.array([-1.0 if x else 1.0, -1.0 if y else 1.0, 1.0])
+    xx, yy, zz, xy, xz, yz = body.inertia
+    inertia = (xx, yy, zz, float(xy * sign[0] * sign[1]), float(xz * sign[0]), float(yz * sign[1]))
+    return replace(body, origin=vector(sign * body.origin), com=vector(sign * body.com), inertia=inertia)
 
 
 @dataclass(frozen=True)

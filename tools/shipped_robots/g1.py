@@ -12,8 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from boxes import reflect
 
-from stiction.robots.hold import hold, reflect
+from stiction.robots.hold import hold
 from stiction.robots.model import Base, Foot, Joint, Link, Robot, Vendor, on_its_feet
 from stiction.robots.shapes import Shape, Vector
 

@@ -9,9 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from boxes import FEET, SHANK_RADIUS, THIGH_RADIUS, TRUNK, bone
+from boxes import FEET, SHANK_RADIUS, THIGH_RADIUS, TRUNK, bone, reflect
 
-from stiction.robots.hold import reflect
 from stiction.robots.model import Base, Foot, Joint, Link, Robot, Vendor, on_its_feet
 from stiction.robots.shapes import Shape, Vector
 

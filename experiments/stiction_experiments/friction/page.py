@@ -13,7 +13,7 @@ from stiction.files.results import DIRECTIONS, ResultRow
 from stiction.files.straight import BAND, DEFINITION, SLOW
 from stiction.files.velocity import parse_command
 from stiction.joints.friction import level_axis, level_number
-from stiction.report.following import changes_sheet, shade_following, stalled_text
+from stiction.report.following import shade_following
 from stiction.report.page import (
     COLORS,
     INK,
@@ -37,6 +37,7 @@ from stiction_experiments.friction.manifest import TWO_PHASE
 from stiction_experiments.friction.records import HIGHEST, STUDENT, ConditionRecord, Experiment, SeedMean, short_name
 from stiction_experiments.lab import study
 from stiction_experiments.lab.claims import JUDGED
+from stiction_experiments.lab.following import changes_sheet, stalled_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

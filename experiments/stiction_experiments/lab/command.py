@@ -5,14 +5,18 @@ from __future__ import annotations
 import sys
 
 from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.core.help import columns
 from stiction.core.options import refuse
 from stiction.core.plugins import STUDIES, find_installed, find_named, installed_names
 from stiction_experiments.lab.study import Study
 
-USAGE = "usage: stiction study NAME [--help] [options]\n\nstudies:\n"
+WIDTH = 80
+"""Columns of the list of studies."""
+
+USAGE = "usage: stiction study NAME [--help] [options]\n\nstudies:"
 EPILOG = """
 Example:
-  stiction study gait saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out gait
+  stiction study gait saturn_lite-flat-none-0.2 --out gait
 
 One of your own is `package.module:STUDY`, anywhere on the Python path.
 """
@@ -42,8 +46,9 @@ def find_study(name: str) -> Study:
 
 def overview() -> str:
     """Return the text of `stiction study --help`."""
-    width = 2 + max(map(len, study_names()))
-    return USAGE + "".join(f"  {name:<{width}}{find_study(name).question}\n" for name in study_names()) + EPILOG
+    begin = 4 + max(map(len, study_names()))
+    lines = [columns(f"  {name}", find_study(name).question, WIDTH, begin) for name in study_names()]
+    return "\n".join([USAGE, *lines, EPILOG])
 
 
 def main(arguments: list[str]) -> int:

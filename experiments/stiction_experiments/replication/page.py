@@ -12,14 +12,7 @@ from stiction.files.straight import BAND, FAST, SLOW, Following
 from stiction.joints.friction import has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
 from stiction.report.evaluation import sample_text
-from stiction.report.following import (
-    changes_sheet,
-    friction_text,
-    places_sheet,
-    recommended_sentence,
-    recommended_sheet,
-    shade_following,
-)
+from stiction.report.following import friction_text, shade_following
 from stiction.report.page import (
     COLORS,
     INK,
@@ -41,6 +34,7 @@ from stiction.report.page import (
 from stiction.robots.terrain import STEPS, TREAD
 from stiction_experiments.lab import study
 from stiction_experiments.lab.claims import JUDGED, said_of
+from stiction_experiments.lab.following import changes_sheet, places_sheet, recommended_sentence, recommended_sheet
 from stiction_experiments.replication.clips import ClipPair, clip_sections
 from stiction_experiments.replication.plan import STAIRS_COMMAND
 from stiction_experiments.replication.records import (

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from stiction.api.options import options_of, public, several
-from stiction.api.policy import Verified
+from stiction.api.policy import LoadedPolicy
 from stiction.api.result import Progress, Result, html_table, silent
 from stiction.core.errors import ConfigurationError
 from stiction.core.lock import output_folder
@@ -92,7 +92,7 @@ class Evaluated(Result):
 
 @public
 def evaluate(
-    *policies: Verified | str | Path | Callable[..., Any],
+    *policies: LoadedPolicy | str | Path | Callable[..., Any],
     robot: str | Path | None = None,
     callable_period: float = 0.02,
     friction_levels: float | Sequence[float] = (0.0, 0.1, 0.2),
@@ -171,7 +171,7 @@ def _walk(
     from stiction.evaluation.summary import bundle_of, evaluate_all
 
     # A bundle that was checked is not read again: what is evaluated is what was hashed.
-    given = [one.bundle if isinstance(one, Verified) else one if callable(one) else Path(one) for one in policies]
+    given = [one.bundle if isinstance(one, LoadedPolicy) else one if callable(one) else Path(one) for one in policies]
     bundles = [bundle_of(policy, cfg, robot, period) for policy in given]
     if any(callable(policy) for policy in policies):
         jobs = 1  # the function is in this process

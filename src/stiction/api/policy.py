@@ -23,8 +23,8 @@ from stiction.files.plain import write_object
 
 
 @dataclass(frozen=True, repr=False)
-class Verified(Result):
-    """A policy bundle that passed every check."""
+class LoadedPolicy(Result):
+    """A policy bundle that passed every check, and can be run, evaluated, or driven step by step."""
 
     check: BundleCheck
     """The bundle, the replay's largest differences, and whose signature it has."""
@@ -76,11 +76,6 @@ class Verified(Result):
         """Write verified.json."""
         write_object(folder / "verified.json", self.to_dict())
 
-
-@dataclass(frozen=True, repr=False)
-class LoadedPolicy(Verified):
-    """A policy that was checked and can be run, evaluated, or driven step by step."""
-
     def batch(self, num: int) -> Policy:
         """Return the policy of `num` robots at once, for a simulator: `step(sensors, command)`, shapes (num, ...)."""
         return open_policy(self.contract, self.bundle.policy, (num,))
@@ -120,7 +115,7 @@ def verify(
     key: str | Path | None = None,
     expect_digest: str | None = None,
     allow: str | Path | None = None,
-) -> Verified:
+) -> LoadedPolicy:
     """Check a policy bundle: files, digests, contract, network, its first run, and a replay of recorded sensors.
 
     Args:
@@ -161,8 +156,7 @@ def load_policy(
     stiction.core.errors.BundleError: unknown policy 'saturn_lite-flat-non'; did you mean ...
 
     """
-    found = verified(bundle, against, key, expect_digest, allow)
-    return LoadedPolicy(found.check, found.against)
+    return verified(bundle, against, key, expect_digest, allow)
 
 
 def verified(
@@ -171,16 +165,16 @@ def verified(
     key: str | Path | None,
     expect_digest: str | None,
     allow: str | Path | None,
-) -> Verified:
+) -> LoadedPolicy:
     """Check a bundle; see `verify`."""
     allowed = None if allow is None else read_allowed(Path(allow))
     check = check_bundle(find_bundle(Path(bundle)), expect_digest, None if key is None else Path(key), allowed)
     if against is None:
-        return Verified(check)
+        return LoadedPolicy(check)
     from stiction.robots.compare import check_against
 
     check_against(robot_of(check.bundle.contract), Path(against))
-    return Verified(check, Path(against).name)
+    return LoadedPolicy(check, Path(against).name)
 
 
-__all__ = ["LoadedPolicy", "Verified", "list_policies", "load_policy", "verified", "verify"]
+__all__ = ["LoadedPolicy", "list_policies", "load_policy", "verified", "verify"]

@@ -5,18 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from markupsafe import Markup
 
 from stiction.api.options import public
 from stiction.api.result import Result, html_table
-from stiction.core.plugins import find_named
-from stiction.robots.catalog import find_robot, is_file_name, robot_names
+from stiction.robots.catalog import find_derived, find_robot, robot_names
 from stiction.robots.model import Robot
-
-if TYPE_CHECKING:
-    from stiction.robots.derive import Derived
 
 
 @dataclass(frozen=True, repr=False)
@@ -101,20 +97,6 @@ def list_robots() -> list[str]:
     return list(robot_names())
 
 
-def read(name: str | Path) -> Derived:
-    """Return a robot with the origins of its values; a shipped one has none to tell."""
-    from stiction.robots.derive import Derived
-    from stiction.robots.load import as_robot
-    from stiction.robots.load import load_robot as from_file
-
-    if not is_file_name(str(name)):
-        if ":" in str(name) and "@" not in str(name):
-            return as_robot(find_named("robot", str(name)), str(name))
-        return Derived(find_robot(str(name)), (), ())
-
-    return from_file(Path(name))
-
-
 @public
 def load_robot(robot: str | Path) -> Robot:
     """Return a robot: a shipped one by its name, or one's own from a file.
@@ -152,8 +134,8 @@ def check_robot(robot: Robot | str | Path) -> RobotCheck:
 
     if isinstance(robot, Robot):
         return RobotCheck(robot, findings_of(robot))
-    derived = read(robot)
+    derived = find_derived(str(robot))
     return RobotCheck(derived.robot, findings_of(derived.robot), derived.notes)
 
 
-__all__ = ["RobotCheck", "check_robot", "list_robots", "load_robot", "read", "write_model"]
+__all__ = ["RobotCheck", "check_robot", "list_robots", "load_robot", "write_model"]

@@ -116,11 +116,11 @@ def _run(cfg: DemoCfg, arguments: list[str]) -> tuple[Path, dict[str, Any], list
 
 def _loop(cfg: DemoCfg) -> None:
     """Run the loop on a virtual robot and print what agrees."""
-    from stiction.cli.loop import LoopCfg, run_loop, shares, show
+    from stiction.cli.loop import run_loop, shares, show
     from stiction.files.settings import results_folder
 
     with results_folder(cfg.out, "demo --loop", cfg, ("loop.json",)):
-        rows = run_loop(LoopCfg(cfg.out))
+        rows = run_loop(cfg.out)
     if cfg.json:
         print((cfg.out / "loop.json").read_text(encoding="utf-8"), end="")
         return
@@ -215,7 +215,7 @@ def _evaluate(
     warnings: list[str],
 ) -> tuple[Path, dict[str, Any]]:
     """Evaluate and render the checked policies; write every file; return the page's path and the summary."""
-    from stiction.report.demo import DemoClips, DemoPolicy, policy_names, render_demo
+    from stiction.report.demo import policy_names, render_demo
     from stiction.report.evaluation import write_evaluation
 
     level = round(checks[0].bundle.contract.friction_level, 6) or LEVEL if checks else LEVEL
@@ -229,13 +229,12 @@ def _evaluate(
         summary |= evaluated
         write_evaluation(cfg.out / "evaluation", rows, summary)
     names = policy_names([check.bundle for check in checks])
-    policies = [
-        DemoPolicy(check.bundle, check.steps, max(check.action_error, check.target_error), name)
-        for check, name in zip(checks, names, strict=True)
-    ]
-    shown = DemoClips(COMMANDS[0], level, _render(cfg, bundles, names, level, warnings))
+    clip = _render(cfg, bundles, names, level, warnings)
     page = cfg.out / "report.html"
-    write_text(page, render_demo(joints, policies, rows, summary, shown, warnings))
+    write_text(
+        page,
+        render_demo(joints, dict(zip(names, checks, strict=True)), rows, summary, (COMMANDS[0], level, clip), warnings),
+    )
     return page, summary
 
 

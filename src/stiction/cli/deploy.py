@@ -22,16 +22,12 @@ from stiction.deploy.transports.config import HeldCfg
 from stiction.files.settings import check_file, results_folder
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from stiction.deploy.runtime.config import RunCfg
-    from stiction.deploy.runtime.motion import Motion
     from stiction.deploy.transports.config import Address
     from stiction.deploy.transports.link import Link
     from stiction.files.bundle import Bundle
     from stiction.files.contract import Contract
-    from stiction.virtual.faults import Fault
-    from stiction.virtual.serve import VirtualCfg
+    from stiction.virtual.faults import Faults
 
 DESCRIPTION = """Run a policy bundle on a robot, or play a designed motion on it.
 
@@ -72,9 +68,12 @@ UNITREE = needs("--robot unitree-go:INTERFACE", lambda cfg: cfg.robot.startswith
 """Requirement of options of a Unitree robot."""
 
 
-def _has_heartbeat(cfg: DeployCfg) -> bool:
-    """Return whether a second machine sends heartbeats, or a fault plays one."""
-    return cfg.operator.heartbeat is not None or any(text.partition("@")[0] == "heartbeat" for text in cfg.fault)
+HEARTBEAT = needs(
+    "--operator.heartbeat",
+    lambda cfg: cfg.operator.heartbeat is not None or any(text.partition("@")[0] == "heartbeat" for text in cfg.fault),
+    "heartbeat_timeout",
+)
+"""Requirement of a second machine that sends heartbeats, or a fault that plays one."""
 
 
 @dataclass(frozen=True)
@@ -122,9 +121,7 @@ class DeployCfg:
     """Of what goes out."""
     safety: SafetyCfg = field(default_factory=SafetyCfg)
     """Of what the robot may do."""
-    operator: OperatorCfg = field(
-        default_factory=OperatorCfg, metadata=needs("--operator.heartbeat", _has_heartbeat, "heartbeat_timeout")
-    )
+    operator: OperatorCfg = field(default_factory=OperatorCfg, metadata=HEARTBEAT)
     """Who may stop or steer the run."""
     realtime: int | None = None
     """Real-time priority (SCHED_FIFO, 1 to 99) of supervisor and policy; what it does to an idle loop is printed."""
@@ -153,30 +150,6 @@ SEARCH_SECONDS = 1.0
 """Time in which other programs on the network are looked for before a person is asked [s]."""
 
 
-@dataclass(frozen=True)
-class Plan:
-    """A run of which every option has been checked, and that has not begun."""
-
-    address: Address
-    """How the robot is reached."""
-    bundle: Bundle
-    """Checked; of a motion the one of its robot."""
-    folder: Path
-    """Where the bundle is."""
-    run: RunCfg
-    """Of the run, its operators included."""
-    velocity: np.ndarray
-    """Commanded at first: forward, sideways [m/s], turn [rad/s], shape (3,)."""
-    motion: Motion | None
-    """What is played in place of the policy."""
-    virtual: VirtualCfg | None
-    """Which virtual robot; None for another one."""
-    faults: tuple[Fault, ...]
-    """What is to happen to it."""
-    friction: tuple[np.ndarray, np.ndarray] | None
-    """Fed forward: f [N m] and c [1], shapes (J,)."""
-
-
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
     cfg = read_options(DeployCfg, arguments, "stiction deploy", DESCRIPTION, groups=GROUPS)
@@ -192,11 +165,11 @@ def main(arguments: list[str]) -> int:
     said: list[str] = []
     try:
         # First: what is no bundle would else be called one of other settings than those in the folder.
-        plan = _plan(cfg, address, check_bundle(folder, cfg.expect_digest).bundle, folder)
+        drive = _planned(cfg, address, check_bundle(folder, cfg.expect_digest).bundle, folder)
         written: tuple[str, ...] = () if cfg.report else ("report.json",)
         read = {"bundle": folder, "excitation": cfg.excitation, "forward": cfg.forward}
         with results_folder(cfg.out, "deploy", cfg, written, read):
-            report = _run(cfg, plan)
+            report = drive()
             write_text(cfg.report or cfg.out / "report.json", _text(report))
     except UnwrittenError as error:
         if not report:
@@ -219,33 +192,25 @@ def _text(report: dict[str, Any]) -> str:
     return json.dumps(report, indent=2, allow_nan=False) + "\n"
 
 
-def _plan(cfg: DeployCfg, address: Address, bundle: Bundle, folder: Path) -> Plan:
-    """Return what is to be run; raise `StictionError` for options that cannot be, before anything begins."""
+def _planned(cfg: DeployCfg, address: Address, bundle: Bundle, folder: Path) -> Callable[[], dict[str, Any]]:
+    """Return what runs on the robot and returns the report; folder: of the bundle.
+
+    Raises `StictionError` for options that cannot be, before anything begins.
+    """
     import numpy as np
 
     from stiction.deploy.runtime.config import RunCfg, SupervisorCfg
     from stiction.deploy.runtime.motion import Motion
+    from stiction.deploy.runtime.runtime import run
     from stiction.evaluation.command import untrained
     from stiction.files.joints import load_joints
     from stiction.files.velocity import parse_command
 
-    run = part_of(RunCfg, cfg, supervisor=part_of(SupervisorCfg, cfg))
+    planned = part_of(RunCfg, cfg, supervisor=part_of(SupervisorCfg, cfg))
     command = parse_command(cfg.command)
     if said := untrained([command], bundle.contract):
         raise ConfigurationError(f"{said}; command less")
     motion = None if cfg.excitation is None else Motion(cfg.excitation, bundle.contract)
-    virtual: VirtualCfg | None = None
-    faults: tuple[Fault, ...] = ()
-    if address.transport == "virtual":
-        # Here alone is a simulator, and only for the robot that is one.
-        from stiction.virtual.faults import WITH_POLICY, operated, parse_fault
-        from stiction.virtual.serve import VirtualCfg
-
-        virtual = VirtualCfg(cfg.robot_seed, cfg.engine, cfg.friction_level, cfg.robot_cell, cfg.stand)
-        faults = tuple(map(parse_fault, cfg.fault))
-        if motion is not None and (idle := [fault.name for fault in faults if fault.name in WITH_POLICY]):
-            raise ConfigurationError(exclusion("--excitation", f"--fault {idle[0]}"))
-        run = replace(run, operator=operated(cfg.operator, faults, cfg.out / "stop"))
     friction = None
     if cfg.forward is not None:
         if bundle.contract.compensation is not None:
@@ -253,21 +218,43 @@ def _plan(cfg: DeployCfg, address: Address, bundle: Bundle, folder: Path) -> Pla
         joints = load_joints(cfg.forward)
         _, unloaded, load = np.transpose([joints.fed_forward(name) for name in bundle.contract.joint_names])
         friction = unloaded, load
-    return Plan(address, bundle, folder, run, np.array(command.velocity), motion, virtual, faults, friction)
-
-
-def _run(cfg: DeployCfg, plan: Plan) -> dict[str, Any]:
-    """Run on the robot; return the report."""
-    from stiction.deploy.runtime.runtime import run
-
     # Quiet with --json, where everything that is said is in the report.
     say = (lambda text: None) if cfg.json else lambda text: print(f"stiction deploy: {text}", file=sys.stderr)
-    if plan.virtual is not None:
-        return _on_virtual_robot(plan, plan.virtual, say)
-    with closing(_link(cfg, plan.address, plan.bundle.contract)) as link:
-        readers = _consent(cfg, link)
-        agreed = replace(plan.run, supervisor=replace(plan.run.supervisor, readers=readers))
-        return run(plan.bundle, plan.folder, link, agreed, plan.velocity, plan.motion, None, say, plan.friction)
+    velocity = np.array(command.velocity)
+
+    def drive(link: Link, agreed: RunCfg, injected: Faults | None = None) -> dict[str, Any]:
+        return run(bundle, folder, link, agreed, velocity, motion, injected, say, friction)
+
+    if address.transport == "virtual":
+        # Here alone is a simulator, and only for the robot that is one.
+        from stiction.virtual.faults import WITH_POLICY, Faults, operated, parse_fault
+        from stiction.virtual.process import virtual_robot
+        from stiction.virtual.serve import VirtualCfg
+
+        virtual = VirtualCfg(cfg.robot_seed, cfg.engine, cfg.friction_level, cfg.robot_cell, cfg.stand)
+        faults = tuple(map(parse_fault, cfg.fault))
+        if motion is not None and (idle := [fault.name for fault in faults if fault.name in WITH_POLICY]):
+            raise ConfigurationError(exclusion("--excitation", f"--fault {idle[0]}"))
+        watched = replace(planned, operator=operated(cfg.operator, faults, cfg.out / "stop"))
+
+        def on_virtual_robot() -> dict[str, Any]:
+            with virtual_robot(folder, virtual) as robot, ExitStack() as stack:
+                injected = None
+                if faults:
+                    told = Faults(faults, robot.address, watched.operator, bundle.contract.num_joints, velocity)
+                    injected = stack.enter_context(told)
+                report = drive(robot.link, watched, injected)
+                times = {} if injected is None else injected.times
+                return report | {"faults": times, "virtual": robot.said() if cfg.armed else {}}
+
+        return on_virtual_robot
+
+    def on_robot() -> dict[str, Any]:
+        with closing(_link(cfg, address, bundle.contract)) as link:
+            readers = _consent(cfg, link)
+            return drive(link, replace(planned, supervisor=replace(planned.supervisor, readers=readers)))
+
+    return on_robot
 
 
 def _consent(cfg: DeployCfg, link: Link) -> int:
@@ -296,25 +283,6 @@ def _link(cfg: DeployCfg, address: Address, contract: Contract) -> Link:
     from stiction.deploy.transports.unitree import unitree_link
 
     return unitree_link(address.transport, address.place, cfg.domain, contract, cfg.held)
-
-
-def _on_virtual_robot(plan: Plan, virtual: VirtualCfg, say: Callable[[str], None]) -> dict[str, Any]:
-    """Start a virtual robot and run on it, with the faults that are asked for; return the report."""
-    from stiction.deploy.runtime.runtime import run
-    from stiction.virtual.faults import Faults
-    from stiction.virtual.process import virtual_robot
-
-    operator, joints = plan.run.operator, plan.bundle.contract.num_joints
-    with virtual_robot(plan.folder, virtual) as robot, ExitStack() as stack:
-        injected = None
-        if plan.faults:
-            injected = stack.enter_context(Faults(plan.faults, robot.address, operator, joints, plan.velocity))
-        robot_run = (plan.bundle, plan.folder, robot.link, plan.run, plan.velocity, plan.motion, injected, say)
-        report = run(*robot_run, plan.friction)
-        return report | {
-            "faults": {} if injected is None else injected.times,
-            "virtual": robot.said() if plan.run.supervisor.armed else {},
-        }
 
 
 def _show(cfg: DeployCfg, report: dict[str, Any]) -> None:

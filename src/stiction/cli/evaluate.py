@@ -112,7 +112,12 @@ def main(arguments: list[str]) -> int:
     cfg = read_options(EvaluateCfg, arguments, "stiction evaluate", DESCRIPTION, groups=GROUPS)
     command = shlex.join(["stiction", "evaluate", *arguments])
     if cfg.judge_again:
-        check_evaluated(cfg.out)
+        lacking = [name for name in ("results.csv", "summary.json") if not (cfg.out / name).is_file()]
+        if lacking:
+            raise FileError(
+                f"{cfg.out} has no {' and no '.join(lacking)}; expected a folder that `stiction evaluate` wrote: name "
+                "it with --out, or evaluate first"
+            )
         with output_folder(cfg.out):
             judge_again(cfg, command)
         return 0
@@ -153,16 +158,6 @@ def main(arguments: list[str]) -> int:
         print_warnings("evaluate", summary["warnings"])
         write_and_print(cfg, rows, {"command": command} | summary)
     return 0
-
-
-def check_evaluated(out: Path) -> None:
-    """Raise `FileError` where a folder has no results to judge again."""
-    lacking = [name for name in ("results.csv", "summary.json") if not (out / name).is_file()]
-    if lacking:
-        raise FileError(
-            f"{out} has no {' and no '.join(lacking)}; expected a folder that `stiction evaluate` wrote: name it with "
-            "--out, or evaluate first"
-        )
 
 
 def judge_again(cfg: EvaluateCfg, command: str) -> None:

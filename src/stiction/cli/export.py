@@ -75,8 +75,6 @@ def main(arguments: list[str]) -> None:
     cfg = read_options(ExportCfg, arguments, "stiction export", DESCRIPTION)
     if cfg.to == "bundle":
         _to_bundle(cfg)
-    elif cfg.to == "webots":
-        _to_webots(cfg)
     else:
         _to_others(cfg, cfg.to)
 
@@ -105,36 +103,25 @@ def _to_bundle(cfg: ExportCfg) -> None:
         print(f"check it with `stiction verify {out}`", file=sys.stderr)
 
 
-def _to_webots(cfg: ExportCfg) -> None:
-    """Export one bundle as a Webots project."""
-    from stiction.exchange.webots.export import NOT_RUN, WebotsCfg, export_webots
+def _to_others(cfg: ExportCfg, to: Literal["webots", "deploy.yaml", "rl_sar", "mjlab"]) -> None:
+    """Export one bundle as a Webots project, or as another runtime deploys it."""
+    from stiction.exchange.policies.exporter import export_to
+    from stiction.exchange.webots.export import WebotsCfg, export_webots
 
     source = _bundle(cfg.source)
     given = {name: getattr(cfg, name) for name in ("friction_level", "step_height") if getattr(cfg, name) is not None}
-    out = cfg.out or Path(f"webots-{_bundle_name(source)}")
-    with replaced_folder(out):
-        project = export_webots(source, out, WebotsCfg(**given), cfg.robot)
-    if cfg.json:
-        print(json.dumps(project.summary(), indent=2))
-    else:
-        print(f"{project.path}: {len(project.files)} files for {project.robot}, digest {project.bundle.digest}")
-        print(f"{NOT_RUN}; {project.path / 'README.md'} says how to start it", file=sys.stderr)
-
-
-def _to_others(cfg: ExportCfg, to: Literal["deploy.yaml", "rl_sar", "mjlab"]) -> None:
-    """Export one bundle as another runtime deploys it."""
-    from stiction.exchange.policies.exporter import export_to
-
-    source = _bundle(cfg.source)
     out = cfg.out or Path(f"{to.removesuffix('.yaml')}-{_bundle_name(source)}")
     with replaced_folder(out):
-        done = export_to(source, out, to)
+        if to == "webots":
+            done = export_webots(source, out, WebotsCfg(**given), cfg.robot)
+        else:
+            done = export_to(source, out, to)
     if cfg.json:
         print(json.dumps(done.summary(), indent=2))
         return
     for note in done.notes:
         print(f"stiction export: {note}", file=sys.stderr)
-    print(f"{done.path}: {', '.join(done.files)}")
+    print(f"{done.path}: {len(done.files)} files for {done.robot}, digest {done.bundle.digest}")
 
 
 def _bundle_name(folder: Path) -> str:

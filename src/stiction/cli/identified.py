@@ -46,7 +46,8 @@ def _one(name: str, record: JointRecord) -> Table:
     from stiction.report.page import number, unit
 
     other = record.diagnostics.get("output_error") or {}
-    table = Table("", "unit", "value", "95 % interval", "output error", title=_title(name, record))
+    title = f"{name}: NOT VALID, see above" if record.objections else name
+    table = Table("", "unit", "value", "95 % interval", "output error", title=title)
     for quantity in (*PARAMETERS, *EXTRA, "friction_ratio", "dynamic_ratio", "dead_band"):
         estimate = getattr(record, quantity)
         if estimate is None:
@@ -65,11 +66,6 @@ def _interval(ends: Sequence[float]) -> str:
     from stiction.report.page import number
 
     return " to ".join(map(number, ends))
-
-
-def _title(name: str, record: JointRecord) -> str:
-    """Return the name of a joint over its numbers, and whether they may be used."""
-    return f"{name}: NOT VALID, see above" if record.objections else name
 
 
 def _law(record: JointRecord) -> Table:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -117,6 +117,13 @@ class ReadOptions:
     sidecar: Path | None = None
     """A sidecar that does not lie beside the log as LOG.json: gains, limits and so on, for all joints and for each."""
 
+    def open(self, path: Path, joint: str | None = None, body: bool = False) -> Log:
+        """Open a log. joint: name of the joint of a log without names; body: signals of the body are read, too."""
+        from stiction.identification.logs import open_log, parse_columns
+
+        columns, ends = parse_columns(self.columns), (self.begin, self.end)
+        return open_log(path, columns, joint, self.names, self.rate, self.sidecar, self.time_scale, *ends, body=body)
+
 
 @dataclass(frozen=True, kw_only=True)
 class WriteOptions:
@@ -212,10 +219,11 @@ def _identify_joints(config: IdentifyConfig, command: str) -> int:
     # Before anything is read: a folder of other results is refused at once, not after minutes of fitting.
     check_settings(config.out, _verb(config), config, RESULTS, _inputs(config))
     setup = part_of(IdentifySetup, config)
-    first, *more = [_open(config, path) for path in config.log]
+    joint = config.joint[0] if len(config.joint) == 1 else None
+    first, *more = [config.open(path, joint) for path in config.log]
     if config.join:
         first, more = join_logs([first, *more]), []
-    repeats = [_open(config, path, repeat=True) for path in config.repeat]
+    repeats = [_open_repeat(config, path, joint) for path in config.repeat]
     if config.robot is None:
         with work_progress() as progress:
             found = identify_joints(first, setup, config.joint, repeats, more, progress=progress)
@@ -250,20 +258,16 @@ def _start_sidecar(config: IdentifyConfig) -> str:
     return write_sidecar(config.log[0], LogSetup(**declared), *config.joint)
 
 
-def _open(config: IdentifyConfig, path: Path, repeat: bool = False) -> Log:
-    """Open one of the logs; a repeat is whole, and has a sidecar of its own."""
-    from stiction.identification.logs import open_log, parse_columns
+def _open_repeat(config: IdentifyConfig, path: Path, joint: str | None) -> Log:
+    """Open a repeat, which is whole, and has a sidecar of its own."""
+    from stiction.identification.logs import parse_columns
 
-    columns, name = parse_columns(config.columns), config.joint[0] if len(config.joint) == 1 else None
-    if repeat:
-        columns |= parse_columns(config.repeat_columns)
-        try:
-            return open_log(path, columns, name, config.names, config.rate, None, config.time_scale)
-        except LogError as error:
-            raise LogError(f"{path.name} cannot be a repeat, leave it out or mend it: {error}") from error
-    return open_log(
-        path, columns, name, config.names, config.rate, config.sidecar, config.time_scale, config.begin, config.end
-    )
+    columns = parse_columns(config.columns) | parse_columns(config.repeat_columns)
+    words = tuple(f"{role}={name}" for role, name in columns.items())
+    try:
+        return replace(config, columns=words, sidecar=None, begin=None, end=None).open(path, joint)
+    except LogError as error:
+        raise LogError(f"{path.name} cannot be a repeat, leave it out or mend it: {error}") from error
 
 
 def memory_of(limit: float) -> int:
@@ -296,7 +300,7 @@ def _identify_walk(arguments: list[str]) -> int:
                 raise RobotError(f"the log is of the robot {walk.header.robot!r}, not a shipped one; name it: --robot")
             found = identify_walk(walk, find_robot(options.robot or walk.header.robot), setup)
         else:
-            log = _open_walk(options)
+            log = options.open(options.log, body=True)
             if options.robot is None:
                 raise RobotError(f"{log.source}: of which robot is this walk? Its masses and lengths: --robot FILE")
             declared = IdentifySetup(**{name: getattr(options, name) for name in DECLARED})
@@ -310,23 +314,6 @@ def _identify_walk(arguments: list[str]) -> int:
             write_walking_page(options.out, shlex.join(["stiction", "identify", WALK, *arguments]))
     _print_results(options, found.joints, show_walk)
     return 0
-
-
-def _open_walk(options: WalkOptions) -> Log:
-    """Open the log of a walk that has columns of its own."""
-    from stiction.identification.logs import open_log, parse_columns
-
-    return open_log(
-        options.log,
-        parse_columns(options.columns),
-        names=options.names,
-        rate=options.rate,
-        sidecar=options.sidecar,
-        time_scale=options.time_scale,
-        begin=options.begin,
-        end=options.end,
-        body=True,
-    )
 
 
 def _refuse_declared(options: WalkOptions) -> None:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from stiction.core.extras import install_command, installed_by, installed_from, is_installed
 from stiction.core.flags import ARGUMENT
 from stiction.core.options import read_options
-from stiction.core.records import column, header, texts
 
 DESCRIPTION = """List what comes with the package, by the names that other verbs take.
 
@@ -30,106 +28,74 @@ class ListCfg:
     """Print the list as JSON on standard output, and nothing else."""
 
 
-@dataclass(frozen=True)
-class RobotRow:
-    """A shipped robot."""
-
-    name: str = field(metadata=column("robot"))
-    """As `--robot` takes it."""
-    mass: float = field(metadata=column("mass", "kg", ".4g"))
-    """Of the whole robot."""
-    joints: tuple[str, ...] = field(metadata=column("joints", form=lambda names: str(len(names))))
-    """Those that move."""
-    feet: tuple[str, ...] = field(metadata=column("feet", form=lambda names: str(len(names))))
-    """Those that it stands on."""
-
-
-@dataclass(frozen=True)
-class PolicyRow:
-    """A shipped policy."""
-
-    name: str = field(metadata=column("policy"))
-    """As `verify`, `evaluate` and `deploy` take it."""
-    robot: str = field(metadata=column("robot"))
-    """What it walks on."""
-    terrain: str = field(metadata=column("ground"))
-    """What it was trained on."""
-    training: str = field(metadata=column("friction in training"))
-    """What its joints had."""
-
-
-@dataclass(frozen=True)
-class EngineRow:
-    """A physics engine."""
-
-    name: str = field(metadata=column("engine"))
-    """As `--engines` takes it."""
-    here: bool = field(metadata=column("installed"))
-    """Whether it can be used now."""
-    install: str = field(metadata=column("if not: install it by"))
-    """The command that installs its extra; a dash where it is there."""
-
-
 def main(arguments: list[str]) -> int:
     """Run the verb."""
     cfg = read_options(ListCfg, arguments, "stiction list", DESCRIPTION)
-    kinds: dict[str, Callable[[], list[Any]]] = {"robots": robots, "policies": policies, "engines": engines}
-    found = {name: make() for name, make in kinds.items() if cfg.what in ("all", name)}
+    found = {name: make() for name, (make, _) in KINDS.items() if cfg.what in ("all", name)}
     if cfg.json:
-        print(json.dumps({name: [asdict(row) for row in rows] for name, rows in found.items()}, indent=2))
+        print(json.dumps(found, indent=2))
         return 0
-    for rows in filter(None, found.values()):
-        show(rows)
-    return 0
-
-
-def show(rows: Sequence[Any]) -> None:
-    """Print records as a table."""
     from rich.table import Table
 
     from stiction.report.terminal import Terminal
 
-    name, *rest = header(rows[0])
-    table = Table()
-    table.add_column(name, no_wrap=True)
-    for title in rest:
-        table.add_column(title)
-    for row in rows:
-        table.add_row(*texts(row))
-    Terminal().print(table)
+    for name, rows in found.items():
+        table = Table(*KINDS[name][1])
+        table.columns[0].no_wrap = True
+        for row in rows:
+            table.add_row(*map(_cell, row.values()))
+        if rows:
+            Terminal().print(table)
+    return 0
 
 
-def robots() -> list[RobotRow]:
-    """Return the shipped robots."""
+def _cell(value: Any) -> str:
+    """Return a value as a cell of the table: of several how many."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return str(len(value)) if isinstance(value, list) else f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def robots() -> list[dict[str, Any]]:
+    """Return the shipped robots: mass [kg], joints that move, feet that it stands on."""
     from stiction.robots.catalog import find_robot, robot_names
 
-    found = map(find_robot, robot_names())
-    return [RobotRow(robot.name, robot.mass, tuple(robot.joint_names), tuple(robot.foot_names)) for robot in found]
+    return [
+        {"name": robot.name, "mass": robot.mass, "joints": [*robot.joint_names], "feet": [*robot.foot_names]}
+        for robot in map(find_robot, robot_names())
+    ]
 
 
-def policies() -> list[PolicyRow]:
-    """Return the shipped policies."""
+def policies() -> list[dict[str, Any]]:
+    """Return the shipped policies: the robot and the ground of their training, and the friction of its joints."""
     from stiction.files.bundle import read_bundle, shipped_bundles
 
-    rows = []
-    for name, path in shipped_bundles().items():
-        contract = read_bundle(path).contract
-        rows.append(PolicyRow(name, contract.robot, contract.terrain, contract.trained))
-    return rows
+    found = {name: read_bundle(path).contract for name, path in shipped_bundles().items()}
+    return [
+        {"name": name, "robot": policy.robot, "terrain": policy.terrain, "training": policy.trained}
+        for name, policy in found.items()
+    ]
 
 
-def engines() -> list[EngineRow]:
-    """Return the shipped engines, and whether each can be used here."""
+def engines() -> list[dict[str, Any]]:
+    """Return the shipped engines, whether each can be used here, and else the command that installs its extra."""
     from stiction.engines.catalog import ENGINES
 
     rows, source, program = [], installed_from(), installed_by()
     for spec in ENGINES.values():
         here = all(found is not None for found in spec.binaries().values())
         here = here and is_installed(PACKAGES.get(spec.name, "stiction"))
-        missing = spec.extra and not here
-        rows.append(EngineRow(spec.name, here, install_command(spec.extra, source, program) if missing else "–"))
+        install = install_command(spec.extra, source, program) if spec.extra and not here else "–"
+        rows.append({"name": spec.name, "here": here, "install": install})
     return rows
 
 
 PACKAGES = {"mujoco": "mujoco", "physx": "sapien"}
 """Engine -> the Python package that it needs; the others need a library alone."""
+
+KINDS = {
+    "robots": (robots, ("robot", "mass [kg]", "joints", "feet")),
+    "policies": (policies, ("policy", "robot", "ground", "friction in training")),
+    "engines": (engines, ("engine", "installed", "if not: install it by")),
+}
+"""What can be listed -> the function that returns it, and the headings of its table."""

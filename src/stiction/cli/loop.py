@@ -21,28 +21,20 @@ from stiction.deploy.runtime.ticker import BUSY, LATE, QUIET
 from stiction.files.joints import load_joints
 from stiction.files.plain import read_object
 
+POLICY, ROBOT = "saturn_lite-flat-deception-0.2", "saturn_lite"
+"""Bundle that is deployed, and its robot."""
 
-@dataclass(frozen=True)
-class LoopCfg:
-    """A loop on one virtual robot."""
+KINDS = ("hip", "thigh", "shank")
+"""Kinds of joints that go on the bench, one after the other."""
 
-    out: Path
-    """Folder of everything that is made."""
-    policy: str = "saturn_lite-flat-deception-0.2"
-    """Bundle that is deployed."""
-    robot: str = "saturn_lite"
-    """Its robot."""
-    kinds: tuple[str, ...] = ("hip", "thigh", "shank")
-    """Kinds of joints that go on the bench, one after the other."""
-    seed: int = 3
-    """Of the virtual robot."""
-    level: str = "0.1"
-    """Its dry friction."""
-    seconds: float = 12.0
-    """Length of the walk [s]."""
-    tries: int = 3
-    """How often a run is made on a machine that was too busy for it."""
+SEED, LEVEL = 3, "0.1"
+"""Virtual robot, and its dry friction."""
 
+SECONDS = 12.0
+"""Length of the walk [s]."""
+
+TRIES = 3
+"""How often a run is made on a machine that was too busy for it."""
 
 WAITS, WAITS_FOR_POLICY = ("--stale", "0.5", "--gap", "0.5"), ("--silence", "2")
 """How long the supervisor waits for the robot, and for a policy [s]: longer than on a robot of metal, since here
@@ -75,37 +67,37 @@ class JointRow:
     """The same of the walk."""
 
 
-def run_loop(cfg: LoopCfg) -> list[JointRow]:
+def run_loop(out: Path) -> list[JointRow]:
     """Run the loop, write `loop.json`, and return a row a joint.
 
     Raises `StictionError` where a step fails: what it said stands on standard error.
     """
     found: dict[str, tuple[float, float]] = {}
-    virtual = ["--robot", "virtual", "--armed", "--robot-seed", str(cfg.seed), "--friction-level", cfg.level]
-    for kind in cfg.kinds:
-        motion, bench = cfg.out / f"excite-{kind}", cfg.out / f"bench-{kind}"
-        _step("excite", "--robot", cfg.robot, "--joint", kind, "--out", motion)
-        _deploy(cfg, bench, *virtual, "--stand", "--excitation", motion / "trajectory.csv")
-        _step("identify", bench, "--test-condition", "in_air", "--out", cfg.out / f"identified-{kind}", "--overwrite")
-        found |= friction_in(cfg.out / f"identified-{kind}" / "joints.json")
-    walk = cfg.out / "walk"
-    _deploy(cfg, walk, *virtual, "--command", "vx=0.4", "--duration", cfg.seconds, *WAITS_FOR_POLICY)
-    _step("identify", "walk", walk, "--out", cfg.out / "identified-walk", "--overwrite")
-    after = friction_in(cfg.out / "identified-walk" / "joints.json")
-    rows = compared(own_friction(cfg), found, after)
+    virtual = ["--robot", "virtual", "--armed", "--robot-seed", str(SEED), "--friction-level", LEVEL]
+    for kind in KINDS:
+        motion, bench = out / f"excite-{kind}", out / f"bench-{kind}"
+        _step("excite", "--robot", ROBOT, "--joint", kind, "--out", motion)
+        _deploy(bench, *virtual, "--stand", "--excitation", motion / "trajectory.csv")
+        _step("identify", bench, "--test-condition", "in_air", "--out", out / f"identified-{kind}", "--overwrite")
+        found |= friction_in(out / f"identified-{kind}" / "joints.json")
+    walk = out / "walk"
+    _deploy(walk, *virtual, "--command", "vx=0.4", "--duration", SECONDS, *WAITS_FOR_POLICY)
+    _step("identify", "walk", walk, "--out", out / "identified-walk", "--overwrite")
+    after = friction_in(out / "identified-walk" / "joints.json")
+    rows = compared(own_friction(), found, after)
     summary = {"joints": [vars(row) for row in rows], **shares(rows)}
-    write_text(cfg.out / "loop.json", json.dumps(summary, indent=2) + "\n")
+    write_text(out / "loop.json", json.dumps(summary, indent=2) + "\n")
     return rows
 
 
-def own_friction(cfg: LoopCfg) -> dict[str, float]:
+def own_friction() -> dict[str, float]:
     """Return what the joints of the virtual robot have, f/k [N m]: the truth, which no step above was told."""
     from stiction.robots.catalog import find_robot
     from stiction.virtual.cases import Case, parse_level
     from stiction.virtual.hidden import draw
 
-    spec = find_robot(cfg.robot)
-    own = Case(cfg.seed, "all", parse_level(cfg.level)).shown(draw(spec, cfg.seed), spec)
+    spec = find_robot(ROBOT)
+    own = Case(SEED, "all", parse_level(LEVEL)).shown(draw(spec, SEED), spec)
     return {name: float(value) for name, value in zip(spec.joint_names, own, strict=True)}
 
 
@@ -151,13 +143,13 @@ def show(rows: list[JointRow]) -> None:
     Terminal().print(table)
 
 
-def _deploy(cfg: LoopCfg, out: Path, *words: object) -> None:
+def _deploy(out: Path, *words: object) -> None:
     """Make a run of the robot in a folder, and again where the machine was too busy for it; those are set aside.
 
     Raises `StictionError` where a run was stopped for another reason, or the machine stays busy.
     """
-    said = ("deploy", cfg.policy, *words, *WAITS, "--out", out)
-    for number in range(1, cfg.tries + 1):
+    said = ("deploy", POLICY, *words, *WAITS, "--out", out)
+    for number in range(1, TRIES + 1):
         status = _status(*said)
         late = lateness(report_of(out))
         if status == 0:
@@ -169,13 +161,11 @@ def _deploy(cfg: LoopCfg, out: Path, *words: object) -> None:
             return
         if not late:
             raise _failure(said, status)
-        print(
-            f"the machine was too busy for a robot in real time: {late}; try {number} of {cfg.tries}", file=sys.stderr
-        )
-        if number < cfg.tries:
+        print(f"the machine was too busy for a robot in real time: {late}; try {number} of {TRIES}", file=sys.stderr)
+        if number < TRIES:
             out.rename(out.with_name(f"{out.name}-late{number}"))
     raise StictionError(
-        f"the machine was too busy for a robot in real time, {cfg.tries} times ({late}): end other programs, then again"
+        f"the machine was too busy for a robot in real time, {TRIES} times ({late}): end other programs, then again"
     )
 
 

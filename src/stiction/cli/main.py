@@ -10,31 +10,31 @@ from collections.abc import Callable
 from stiction import __version__
 from stiction.cli.process import DEBUG, begin, failed, stopped
 from stiction.core.errors import ConfigurationError, StictionError, unknown_name
-from stiction.core.extras import EXPERIMENTS, experiments_remedy, require
+from stiction.core.extras import require, without_experiments
 from stiction.core.plugins import VERBS as VERB_GROUP
 from stiction.core.plugins import find_installed
 from stiction.core.provenance import limit_library_threads
 
 VERBS = {
-    "demo": "run the whole line on small real input and write one page that explains it",
-    "list": "list the robots, policies and engines that come with the package",
-    "robot": "check a robot's file, show what is known of it and from where",
-    "excite": "design the log that identification needs, before the robot is touched",
+    "demo": "run the whole line on small input, explained on one page",
+    "list": "list the robots, policies and engines that come with stiction",
+    "robot": "check a robot's file, show its values and their origins",
+    "excite": "design the log for identification, before any motion",
     "identify": "find a joint's inertia and friction from a log, with intervals",
-    "convert": "write identified joints as MuJoCo, URDF, Isaac Lab or Webots reads them",
-    "train": "train a policy that walks, with or without joint friction",
-    "evaluate": "drive a policy bundle over engines, virtual robots, friction, grounds and commands, and tabulate",
-    "replicate": "run the paper's comparison over engines and a virtual robot, and judge its sentences",
-    "train-actuator": "fit an Actuator Net to logs of walks, in place of the PD law in training",
-    "study": "run one of the experiments behind the results, and write its page",
-    "import": "turn a policy that was trained elsewhere, in ONNX, into a policy bundle",
-    "export": "turn a training run into a policy bundle, or a bundle into what Webots, Unitree, rl_sar or mjlab take",
-    "sign": "put the maker's signature into a policy bundle, or make a key",
-    "verify": "check a policy bundle: every file, the contract, and the golden vectors",
-    "deploy": "run a policy bundle on a robot, real or virtual, under a supervisor that fails safe",
-    "view": "watch policies walk in the browser, and turn their joints' friction up while they do",
-    "bench": "measure the throughput ratios on this machine, side by side in one run",
-    "doctor": "measure that every randomised parameter really changes the physics; or say what this machine is",
+    "convert": "write joints for MuJoCo, URDF, Isaac Lab or Webots",
+    "train": "train a policy to walk, with or without joint friction",
+    "evaluate": "drive a bundle over engines, friction, grounds, commands",
+    "replicate": "run the paper's comparison, and judge its sentences",
+    "train-actuator": "fit an Actuator Net to logs of walks",
+    "study": "run an experiment behind the results, and write its page",
+    "import": "turn a policy in ONNX, trained elsewhere, into a bundle",
+    "export": "turn a run into a bundle, or a bundle into others' formats",
+    "sign": "sign a policy bundle, or make a key",
+    "verify": "check a policy bundle: files, contract, golden vectors",
+    "deploy": "run a bundle on a robot, real or virtual, under a supervisor",
+    "view": "interactive browser viewer with friction sliders",
+    "bench": "benchmark simulation and training throughput",
+    "doctor": "describe the machine; audit the randomisation",
 }
 """Verb -> what it does, in the order in which the data flows. The module is `stiction.cli.<verb>`, with _ for -."""
 
@@ -51,15 +51,16 @@ HELP = frozenset({"-h", "--help", "--help-all"})
 
 USAGE = "usage: stiction VERB [--help] [options]\n\nverbs:\n"
 EPILOG = """
-Verbs with [sim], [train] and the like need that extra, and print the command that installs it where it is missing.
+Verbs with [sim], [train] and the like need that extra, and print the command
+that installs it where it is missing.
 
 Examples:
   stiction demo
   stiction identify log.csv --kp 20 --kd 1 --torque-limit 45
   stiction verify saturn_lite-flat-deception-0.2
 
-`stiction VERB --help` explains a verb. `stiction --version` prints the version. `--debug`, with any verb,
-prints the traceback of an error before its line.
+`stiction VERB --help` explains a verb. `stiction --version` prints the version.
+`--debug`, with any verb, prints the traceback of an error before its line.
 """
 
 
@@ -100,11 +101,16 @@ def main(arguments: list[str]) -> int:
             warnings.showwarning = lambda message, *_, **__: print(
                 f"stiction {name}: warning: {' '.join(str(message).split())}", file=sys.stderr
             )
+            asked = not HELP.isdisjoint(rest)
             run = find_verb(verb)
-            if verb in NEEDS and not HELP & set(rest):
+            if run is None:
+                if not asked:
+                    raise ConfigurationError(without_experiments("this"))
+                print(f"stiction {name}: {VERBS[verb]}; {without_experiments('this')}")
+                return 0
+            if verb in NEEDS and not asked:
                 require(NEEDS[verb])
-            status = run(rest)
-        return int(status or 0)
+            return int(run(rest) or 0)
     except KeyboardInterrupt as stop:
         said, status = stopped(stop)
         print(f"stiction {name}: {said}", file=sys.stderr)
@@ -113,12 +119,10 @@ def main(arguments: list[str]) -> int:
         return failed(error, name, debug)
 
 
-def find_verb(verb: str) -> Callable[[list[str]], int | None]:
-    """Return the `main` of a verb. Raises `ConfigurationError` where its distribution is not installed."""
+def find_verb(verb: str) -> Callable[[list[str]], int | None] | None:
+    """Return the `main` of a verb, None where its distribution is not installed."""
     if verb in INSTALLED:
-        if (run := find_installed(VERB_GROUP, verb)) is None:
-            raise ConfigurationError(f"this needs {EXPERIMENTS}, which is not installed; {experiments_remedy()}")
-        return run
+        return find_installed(VERB_GROUP, verb)
     name = "import_policy" if verb == "import" else verb.replace("-", "_")
     return importlib.import_module(f"stiction.cli.{name}").main
 

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+from stiction.cli.list import main as list_verb
 from stiction.core.errors import RobotError, unknown_name
 from stiction.core.files import keep_inputs
 from stiction.core.flags import ARGUMENT
@@ -39,14 +40,6 @@ class ShowCfg:
     """Print the robot as JSON on standard output, and nothing else."""
 
 
-@dataclass(frozen=True)
-class ListCfg:
-    """List the shipped robots."""
-
-    json: bool = False
-    """Print the list as JSON on standard output, and nothing else."""
-
-
 def main(arguments: list[str]) -> int:
     """Run one of the three; return 1 where a check fails."""
     asked, *rest = arguments or ["list"]
@@ -54,7 +47,7 @@ def main(arguments: list[str]) -> int:
         print(USAGE)
         return 0
     if asked == "list":
-        return _list(read_options(ListCfg, rest, "stiction robot list", LIST))
+        return list_verb(["robots", *rest])
     if asked == "check":
         return _check(read_options(CheckCfg, rest, "stiction robot check", CHECK))
     if asked == "show":
@@ -101,10 +94,11 @@ def _check(cfg: CheckCfg) -> int:
 
 def _show(cfg: ShowCfg) -> None:
     """Print every value with its origin, and write picture, YAML and model."""
-    from stiction.api.robot import MODEL_FILES, read, write_model
+    from stiction.api.robot import MODEL_FILES, write_model
+    from stiction.robots.catalog import find_derived
     from stiction.robots.description import files_of
 
-    derived = read(cfg.robot)
+    derived = find_derived(cfg.robot)
     robot = derived.robot
     if cfg.out is not None:
         for name in MODEL_FILES if is_file_name(cfg.robot) else ():
@@ -162,25 +156,6 @@ def _print(derived: Any) -> None:
     for note in derived.notes:
         console.print(f"note: {note}")
 
-
-def _list(cfg: ListCfg) -> int:
-    """Print the shipped robots, and the names of the policies."""
-    from stiction.cli.list import robots, show
-    from stiction.files.bundle import shipped_bundles
-
-    rows, policies = robots(), list(shipped_bundles())
-    if cfg.json:
-        print(json.dumps({"robots": [asdict(row) for row in rows], "policies": policies}, indent=2))
-    else:
-        show(rows)
-        print("shipped policies: " + ", ".join(policies))
-    return 0
-
-
-LIST = """List the shipped robots and policies, as `stiction list` does.
-
-Example:
-  stiction robot list"""
 
 CHECK = """Check a robot: mass, inertias, limits, motors, gravity in the pose, feet, mirror, order, and that it stands.
 

@@ -47,29 +47,18 @@ def main(arguments: list[str]) -> None:
     _refuse_shipped(cfg.bundle)
     if cfg.key is None:
         refuse("stiction sign", "--key PATH is missing: Your private key, a PEM file")
-    fingerprint = sign_bundle(cfg.bundle, cfg.key)
-    _say(cfg, {"bundle": str(cfg.bundle), "signature": fingerprint}, f"{cfg.bundle}: signed by the key {fingerprint}")
-
-
-def sign_bundle(path: Path, key: Path) -> str:
-    """Check a bundle and put the key's signature into it; return the key's fingerprint.
-
-    path: its directory. Raises `StictionError` for what is none, or came with the package.
-    """
     from stiction.core.files import write_bytes
     from stiction.deploy.check import check_bundle
     from stiction.files.signature import sign
 
-    def passphrase() -> str:
-        return getpass.getpass(f"passphrase of {key}: ")
-
-    _refuse_shipped(path)
-    bundle = check_bundle(path).bundle
-    signature, by = sign(bundle.sums, key, passphrase)
+    bundle = check_bundle(cfg.bundle).bundle
+    signature, by = sign(bundle.sums, cfg.key, lambda: getpass.getpass(f"passphrase of {cfg.key}: "))
     if bundle.signature not in (None, signature):
-        raise FileError(f"{path} has the signature of another key, or a damaged one; remove {SIGNATURE} to sign it")
-    write_bytes(path / SIGNATURE, signature)
-    return by
+        raise FileError(
+            f"{cfg.bundle} has the signature of another key, or a damaged one; remove {SIGNATURE} to sign it"
+        )
+    write_bytes(cfg.bundle / SIGNATURE, signature)
+    _say(cfg, {"bundle": str(cfg.bundle), "signature": by}, f"{cfg.bundle}: signed by the key {by}")
 
 
 def _refuse_shipped(path: Path) -> None:

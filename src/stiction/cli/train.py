@@ -7,9 +7,7 @@ import os
 import shlex
 import sys
 import warnings
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
-from pathlib import Path
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
 from stiction.core.effects import exclusion
@@ -26,13 +24,6 @@ if TYPE_CHECKING:
 
 AGAIN = ("resume", "json", "view", "config.task.robot", "config.task.rewards.own")
 """Options beside --resume. Two may name a module and have to be given again: a module that a file names is not run."""
-
-
-def _only_resume(given: Given) -> None:
-    """Refuse options beside --resume, with their default values too: the run continues as its config.json says."""
-    for path, typed in given.typed.items():
-        if path not in AGAIN:
-            raise ConfigurationError(exclusion("--resume", typed))
 
 
 def main(arguments: list[str]) -> int:
@@ -103,7 +94,10 @@ def _resume(options: Train, given: Given) -> int:
     from stiction.learning.run import RunDirectory
 
     assert options.resume is not None
-    _only_resume(given)
+    # Options with their default values too: the run continues as its config.json says.
+    for path, typed in given.typed.items():
+        if path not in AGAIN:
+            raise ConfigurationError(exclusion("--resume", typed))
     run, task = RunDirectory(options.resume), options.config.task
     if "config.task.robot" in given.values:
         run.adopt(task.robot)
@@ -128,6 +122,7 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
     from stiction.learning.run import identified_values
     from stiction.learning.runner import train
     from stiction.report.terminal import stop_requests
+    from stiction.view.companion import watching
 
     ranks = named_ranks()
     run.check_processes(ranks.size)
@@ -137,7 +132,7 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
         output_folder(run.path),
         training_progress(cfg) as display,
         stop_requests(display.say, "this iteration") as asked,
-        _viewer(run.path, display.say) if options.view else nullcontext(),
+        watching(run.path, lambda line: display.say(f"viewer: {line}")) if options.view else nullcontext(),
         warnings.catch_warnings(),
     ):
         # Python's own form is two lines, the second one of our source code.
@@ -159,13 +154,6 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
         _say(note)
     _report(run, summary, options.json)
     return 0
-
-
-def _viewer(run: Path, say: Callable[[str], None]) -> AbstractContextManager[Any]:
-    """Show the run in the browser, in a process beside its training."""
-    from stiction.view.companion import watching
-
-    return watching(run, lambda line: say(f"viewer: {line}"))
 
 
 def _report(run: RunDirectory, summary: dict[str, Any], as_json: bool) -> None:

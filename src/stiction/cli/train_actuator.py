@@ -39,13 +39,6 @@ class TrainActuator:
     """Print summary.json on standard output, and nothing else."""
 
 
-def _logs_in(path: Path) -> list[Path]:
-    """Return the logs that a path names: itself, or those in a folder that is not the log of a run."""
-    from stiction.files.run_log import find_run_log
-
-    return sorted(path.glob("*.npz")) if path.is_dir() and find_run_log(path) is None else [path]
-
-
 def main(arguments: list[str]) -> int:
     """Run the verb."""
     options = read_options(TrainActuator, arguments, "stiction train-actuator", DESCRIPTION)
@@ -58,6 +51,7 @@ def main(arguments: list[str]) -> int:
     from stiction.core.provenance import num_threads
     from stiction.files.inputs import with_sidecars
     from stiction.files.results import summary_text
+    from stiction.files.run_log import find_run_log
     from stiction.files.settings import results_folder
     from stiction.learning.actuator import train_actuator, write_trained
     from stiction.learning.actuator_data import read_run
@@ -65,7 +59,8 @@ def main(arguments: list[str]) -> int:
     from stiction.report.training import is_worse, lead, write_actuator_page
 
     torch.set_num_threads(num_threads())
-    files = [file for path in options.logs for file in _logs_in(path)]
+    folders = {path for path in options.logs if path.is_dir() and find_run_log(path) is None}
+    files = [file for path in options.logs for file in (sorted(path.glob("*.npz")) if path in folders else [path])]
     if not files:
         raise ConfigurationError(
             f"no log in {', '.join(map(str, options.logs))}; expected NPZ logs of `stiction evaluate --log`"

@@ -57,10 +57,6 @@ class ViewCfg:
     """Dry friction at the beginning, as a fraction of each joint's torque limit [-]; of the laws load and effort, the
     coefficient."""
     friction_law: Annotated[str, law_flag("Law of the dry friction, whatever the training's.")] = "coulomb"
-    static_ratio: float = field(default=1.5, metadata=needs("--friction-law stribeck"))
-    """Friction at rest over friction in motion, of the law stribeck."""
-    stribeck_velocity: float = field(default=0.1, metadata=needs("--friction-law stribeck"))
-    """Speed at which 63 % of that excess is gone [rad/s], of the law stribeck."""
     engine: str = "mujoco"
     """Physics engine at the beginning: mujoco, physx, ode, ode-webots, or package.module:ENGINE of your own."""
     terrain: str = "flat"
@@ -166,8 +162,7 @@ def simulation_of(cfg: ViewCfg, policies: list[ViewedPolicy], robot: Robot) -> S
     for policy in policies:
         if said := untrained([command], policy.contract):
             raise ConfigurationError(f"{policy.name!r}: {said}; command less")
-    law = Law(cfg.friction_law, cfg.static_ratio, cfg.stribeck_velocity)
-    world = part_of(WorldCfg, cfg, course=parse_course(cfg.terrain), law=law)
+    world = part_of(WorldCfg, cfg, course=parse_course(cfg.terrain), law=Law(cfg.friction_law))
     simulation = Simulation(policies, robot, world)
     for kind in simulation.kinds:
         simulation.set_level(kind, cfg.friction_level)
@@ -178,7 +173,7 @@ def simulation_of(cfg: ViewCfg, policies: list[ViewedPolicy], robot: Robot) -> S
 def write_static(cfg: ViewCfg, path: Path, simulation: Simulation) -> int:
     """Write the page that needs no server."""
     from stiction.report.terminal import work_progress
-    from stiction.view.page import write_page
+    from stiction.view.scene import write_page
     from stiction.view.server import serve
 
     with serve() as server, work_progress() as progress:

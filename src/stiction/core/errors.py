@@ -73,6 +73,10 @@ MOST_NAMES = 24
 """Names that a message lists: the joints of a legged robot, and kinds of them."""
 
 
+SIMILAR = 0.65
+"""Least similarity of a word and a slip of it, by difflib and without the dashes of flags."""
+
+
 def nearest(word: str, known: Iterable[str]) -> str:
     """Return `; did you mean 'hip'?` with the nearest of the known words, nothing where none is near."""
     found = closest(word, known)
@@ -81,10 +85,11 @@ def nearest(word: str, known: Iterable[str]) -> str:
 
 def closest(word: str, known: Iterable[str]) -> str | None:
     """Return the nearest of the known words, None where none is near."""
-    names = list(known)
+    names, bare = {name.lstrip("-"): name for name in known}, word.lstrip("-")
     # Letters of the wrong case are no near match to difflib where a word is short.
-    found = [name for name in names if name.lower() == word.lower()] or get_close_matches(word, names, n=1)
-    return found[0] if found else None
+    same = [name for name in names if name.lower() == bare.lower()]
+    found = same or get_close_matches(bare, names, n=1, cutoff=SIMILAR)
+    return names[found[0]] if found else None
 
 
 def unknown_name(what: str, name: str, known: Iterable[str]) -> str:

@@ -135,6 +135,11 @@ def experiments_remedy(extra: str = "") -> str:
     return f"install it with: {install_command(extra, installed_from(), installed_by(), 'experiments')}"
 
 
+def without_experiments(what: str) -> str:
+    """Return the message for a verb or method (`what`) whose distribution is not installed."""
+    return f"{what} needs {EXPERIMENTS}, which is not installed; {experiments_remedy()}"
+
+
 def missing_extra(error: ModuleNotFoundError, what: str) -> str | None:
     """Return what to install for a missing package; None where no extra has it. what: the feature that needs it."""
     extra = extra_of((error.name or "").split(".")[0])

@@ -70,7 +70,7 @@ def settings_text(table: Sequence[Entry], program: str, width: int) -> str:
             kinds, many = words(entry)
             left = " ".join([f"  {entry.key}", *kinds, *(["..."] if many else [])])
             text = f"{_with_choices(entry, entry.meaning.rstrip('.') + '.')}{default}{flagged}"
-            sections.setdefault(entry.key.rpartition(".")[0] or "general", []).append(_columns(left, text, width))
+            sections.setdefault(entry.key.rpartition(".")[0] or "general", []).append(columns(left, text, width))
     blocks = ["\n".join([f"{title}:", *lines]) for title, lines in sections.items()]
     return "\n\n".join([_wrapped(intro, width), *blocks])
 
@@ -91,7 +91,7 @@ def _line(entry: Entry, brief: bool, width: int) -> str:
     text = entry.meaning
     text = _with_choices(entry, f"{sentence(text).rstrip('.')}." if brief and text else text)
     default = "" if entry.default is MISSING else text_of(entry.default)
-    return _columns(f"  {named(entry)}", f"{text} [{default}]" if default not in ("", "None", "False") else text, width)
+    return columns(f"  {named(entry)}", f"{text} [{default}]" if default not in ("", "None", "False") else text, width)
 
 
 def _with_choices(entry: Entry, text: str) -> str:
@@ -100,12 +100,12 @@ def _with_choices(entry: Entry, text: str) -> str:
     return f"{text} One of {', '.join(entry.choices)}." if unsaid else text
 
 
-def _columns(left: str, text: str, width: int) -> str:
-    """Return a name with its text in a column of its own, below it where the name is long."""
-    body = textwrap.wrap(" ".join(text.split()), width - LEFT, break_on_hyphens=False) or [""]
-    body = [" " * LEFT + part for part in body]
-    if len(left) < LEFT - 1:
-        return "\n".join([left.ljust(LEFT) + body[0].lstrip(), *body[1:]])
+def columns(left: str, text: str, width: int, begin: int = LEFT) -> str:
+    """Return a name with its text in a column that begins at `begin`, below it where the name is long."""
+    body = textwrap.wrap(" ".join(text.split()), width - begin, break_on_hyphens=False) or [""]
+    body = [" " * begin + part for part in body]
+    if len(left) < begin - 1:
+        return "\n".join([left.ljust(begin) + body[0].lstrip(), *body[1:]])
     return "\n".join([left, *body])
 
 

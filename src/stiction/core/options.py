@@ -218,7 +218,8 @@ def _is_flag(word: str) -> bool:
 
 def _meant(name: str, table: Sequence[Entry], known: Mapping[str, Entry]) -> str:
     plain = {f"--{entry.key.replace('_', '-')}": entry.typed for entry in table if entry.form.kind != "argument"}
-    found = closest(name, {**dict.fromkeys(known), **plain})
+    last = f"--{name.rpartition('.')[2]}"
+    found = closest(name, [*known, *plain]) or (last if last in known else None)
     meant = plain.get(found or "", found)
     if meant is None:
         return ""

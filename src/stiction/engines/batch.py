@@ -151,14 +151,12 @@ class EngineBatch(Simulation):
                 # A robot that was placed is at rest and gets all of its velocity; else only what was written on top of
                 # it.
                 before = 0.0 if new or moved[env] else self._seen["qvel"][env, :2]
-                self._push(engine, qvel[env, :2] - before)
+                velocity = qvel[env, :2] - before
+                # A robot whose engine cannot push begins at rest.
+                if isinstance(engine, Pushable) and velocity.any():
+                    engine.push(velocity)
                 self._read(env, engine)
         self._fresh[:] = False
-
-    def _push(self, engine: Engine, velocity: np.ndarray) -> None:
-        """Push a robot, if its engine can: one that cannot begins at rest."""
-        if isinstance(engine, Pushable) and velocity.any():
-            engine.push(velocity)
 
     def _numbers(self) -> np.ndarray:
         """Return what robots are built of, shape (num, numbers)."""

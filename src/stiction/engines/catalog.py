@@ -11,6 +11,8 @@ import hashlib
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
+from importlib import import_module
 from pathlib import Path
 
 from stiction.core.errors import EngineError, StictionError, unknown_name
@@ -49,28 +51,11 @@ class EngineSpec:
         return f"{self.name}-alone" if self.batched else self.name
 
 
-def _mujoco(body: Body, ground: Ground, timestep: float) -> Engine:
-    from stiction.engines.mujoco_engine import MujocoEngine
-
-    return MujocoEngine(body, ground, timestep)
-
-
-def _physx(body: Body, ground: Ground, timestep: float) -> Engine:
-    from stiction.engines.physx import PhysxEngine
-
-    return PhysxEngine(body, ground, timestep)
-
-
-def _ode(body: Body, ground: Ground, timestep: float) -> Engine:
-    from stiction.engines.ode.engine import OdeEngine
-
-    return OdeEngine(body, ground, timestep)
-
-
-def _ode_webots(body: Body, ground: Ground, timestep: float) -> Engine:
-    from stiction.engines.ode.engine import WEBOTS, OdeEngine
-
-    return OdeEngine(body, ground, timestep, WEBOTS)
+def _made(path: str, body: Body, ground: Ground, timestep: float) -> Engine:
+    """Return a robot in the engine of a class of this room, `module:CLASS`, which is imported now."""
+    module, _, name = path.partition(":")
+    engine: Engine = getattr(import_module(f"stiction.engines.{module}"), name)(body, ground, timestep)
+    return engine
 
 
 def _libode() -> dict[str, str | None]:
@@ -82,10 +67,12 @@ def _libode() -> dict[str, str | None]:
 ENGINES = {
     spec.name: spec
     for spec in (
-        EngineSpec("mujoco", _mujoco, cost=1.0, batched=True, extra="sim"),
-        EngineSpec("physx", _physx, cost=2.0, extra="engines"),
-        EngineSpec("ode", _ode, cost=6.0, extra="engines", binaries=_libode),
-        EngineSpec("ode-webots", _ode_webots, cost=4.0, extra="engines", binaries=_libode),
+        EngineSpec("mujoco", partial(_made, "mujoco_engine:MujocoEngine"), cost=1.0, batched=True, extra="sim"),
+        EngineSpec("physx", partial(_made, "physx:PhysxEngine"), cost=2.0, extra="engines"),
+        EngineSpec("ode", partial(_made, "ode.engine:OdeEngine"), cost=6.0, extra="engines", binaries=_libode),
+        EngineSpec(
+            "ode-webots", partial(_made, "ode.engine:webots_engine"), cost=4.0, extra="engines", binaries=_libode
+        ),
     )
 }
 """The shipped engines by name."""

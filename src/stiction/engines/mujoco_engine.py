@@ -14,15 +14,12 @@ import numpy as np
 
 from stiction.core.rotation import UPRIGHT, into_frame
 from stiction.engines.engine import TOUCH, Body, Motion, check_speed
-from stiction.engines.ground import Ground, HeightField
-from stiction.robots.mjcf import GROUND, OBSTACLE, build, foot_geometries
+from stiction.engines.ground import Ground
+from stiction.robots.mjcf import build, foot_geometries
 from stiction.robots.model import GRAVITY
 
 # MuJoCo would write every instability to a file in the current folder and to the terminal; `step` raises instead.
 mujoco.set_mju_user_warning(lambda message: None)
-
-FIELD_DEPTH = 0.5
-"""Thickness of the ground under a height field [m]: a foot that is pressed into it is pushed up, not down."""
 
 
 class MujocoEngine:
@@ -40,8 +37,6 @@ class MujocoEngine:
         spec = build(body.spec, timestep, ground.half_sizes, joint_sensors=True)
         spec.option.gravity = [0.0, 0.0, -GRAVITY]
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
-        if ground.field is not None:
-            add_field(spec, ground.field)
         base = spec.body("base")
         base.ipos = body.base_com
         if body.fixed:
@@ -117,31 +112,3 @@ class MujocoEngine:
         """Return |F| and |T| of every joint in the last step [N, N m], shape (2, J)."""
         wrench = np.moveaxis(self._data.sensordata[self._legs :].reshape(self._joints, 2, 3), 1, 0)
         return np.sqrt(np.square(wrench).sum(-1))
-
-
-def add_field(spec: mujoco.MjSpec, field: HeightField) -> None:
-    """Add a height field, which collides like a box.
-
-    MuJoCo centres it, and stretches its data from the lowest to the highest.
-    """
-    heights = np.asarray(field.heights, float)
-    rows, columns = heights.shape
-    lowest, highest = heights.min(), heights.max()
-    half = 0.5 * field.cell * (columns - 1), 0.5 * field.cell * (rows - 1)
-    # A level field: MuJoCo takes no height field without rise.
-    rise = max(highest - lowest, 1e-6)
-    spec.add_hfield(
-        name="field",
-        size=[*half, rise, FIELD_DEPTH],
-        nrow=rows,
-        ncol=columns,
-        userdata=((heights - lowest) / rise).ravel().tolist(),
-    )
-    spec.worldbody.add_geom(
-        name="field",
-        type=mujoco.mjtGeom.mjGEOM_HFIELD,
-        hfieldname="field",
-        pos=[field.corner[0] + half[0], field.corner[1] + half[1], lowest],
-        contype=OBSTACLE,
-        conaffinity=GROUND | OBSTACLE,
-    )

@@ -86,22 +86,18 @@ class PhysxEngine:
         self._stepped = False
 
     def _add_ground(self) -> None:
-        """Add plane, boxes and the triangles of the height field."""
+        """Add plane and boxes."""
         physx, pose = self._sapien.physx, self._sapien.Pose
         ground = physx.PhysxRigidStaticComponent()
         plane = physx.PhysxCollisionShapePlane(self._rubber)
         # A plane of PhysX looks along its x axis.
         plane.set_local_pose(pose(q=[np.sqrt(0.5), 0.0, -np.sqrt(0.5), 0.0]))
         _attach(ground, plane, FEET_AND_TRUNK)
-        boxes = self.ground
-        for half, place, turn in zip(boxes.half_sizes, boxes.positions, boxes.quaternions, strict=True):
+        boxes = self.ground.half_sizes, self.ground.positions, self.ground.quaternions
+        for half, place, turn in zip(*boxes, strict=True):
             box = physx.PhysxCollisionShapeBox(half, self._rubber)
             box.set_local_pose(pose(p=place, q=turn))
             _attach(ground, box, OBSTACLE)
-        if boxes.field is not None:
-            vertices, triangles = boxes.field.triangles()
-            surface = physx.PhysxCollisionShapeTriangleMesh(vertices, triangles, np.ones(3), self._rubber)
-            _attach(ground, surface, OBSTACLE)
         self._ground_shapes = set(ground.get_collision_shapes())
         entity = self._sapien.Entity()
         entity.add_component(ground)

@@ -57,7 +57,14 @@ def joint_physics(recorded: str, record: JointRecord, name: str | None = None) -
     coulomb, viscous = record.coulomb_friction, record.viscous_friction
     if stribeck_law(record):
         # The best symmetric fit of such a joint has too much dry friction and too little viscous.
-        coulomb, viscous = (_of_law(record, name) for name in ("coulomb_friction", "viscous_friction"))
+        given = (record.friction_law or {}).get("parameters", {})
+        coulomb, viscous = (
+            # Not known where a motor's brake hides it.
+            None
+            if name not in given and getattr(record, name) is None
+            else Estimate.from_dict(given.get(name), f"friction_law.parameters.{name}")
+            for name in ("coulomb_friction", "viscous_friction")
+        )
     if (objection := record.objection_to("coulomb_friction")) is not None:
         coulomb = None
         notes.append(f"dry friction is left out: {objection.text}")
@@ -86,8 +93,11 @@ def joint_physics(recorded: str, record: JointRecord, name: str | None = None) -
 def beyond_coulomb(record: JointRecord, represented: frozenset[str] = frozenset()) -> list[str]:
     """Name what the record knows beyond symmetric Coulomb and viscous friction, but for what is `represented`."""
     richer = ("static_friction", "stribeck_velocity", "load_coefficient")
+    # Three laws have a load coefficient, and no target has friction that follows one.
+    regressor = record.load_regressor
+    load = "" if regressor is None else f" of {LOAD_REGRESSORS[regressor]}"
     notes = [
-        f"{quantity} {number(estimate.value)}{_of_what(record, quantity)} is not represented"
+        f"{quantity} {number(estimate.value)}{load if quantity == 'load_coefficient' else ''} is not represented"
         + (": at rest the model is held by its friction in motion alone" if quantity == "static_friction" else "")
         for quantity in richer
         if quantity not in represented and (estimate := getattr(record, quantity)) is not None
@@ -102,26 +112,10 @@ def beyond_coulomb(record: JointRecord, represented: frozenset[str] = frozenset(
     return notes
 
 
-def _of_what(record: JointRecord, quantity: str) -> str:
-    """Say what a load coefficient multiplies: three laws go by that name, and no target has friction that follows
-    one.
-    """
-    regressor = record.load_regressor
-    return f" of {LOAD_REGRESSORS[regressor]}" if quantity == "load_coefficient" and regressor is not None else ""
-
-
 def stribeck_law(record: JointRecord) -> bool:
     """Return whether friction at rest was identified in N m: Coulomb and viscous friction are then the law's own."""
     law = record.friction_law or {}
     return law.get("law") == "stribeck" and not law.get("over_strength") and record.static_friction is not None
-
-
-def _of_law(record: JointRecord, name: str) -> Estimate | None:
-    """Return a parameter of the law that was chosen; None where it is not known, as a motor's brake may hide B."""
-    parameters = (record.friction_law or {}).get("parameters", {})
-    if name not in parameters and getattr(record, name) is None:
-        return None
-    return Estimate.from_dict(parameters.get(name), f"friction_law.parameters.{name}")
 
 
 def notes_of(

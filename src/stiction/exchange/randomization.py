@@ -8,20 +8,15 @@ whoever takes a number from one to the other trains other physics; each text say
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any
 
 from stiction.core.decode import is_number
 from stiction.core.effects import requirement
 from stiction.core.errors import ConfigurationError, FileError
 from stiction.exchange.mujoco import SOLIMP
 from stiction.exchange.physics import Conversion, number, one_line
-
-Framework = Literal["mjlab", "isaaclab", "legged_gym", "mujoco"]
-"""Where a range can be written to."""
-
-FRAMEWORKS: tuple[Framework, ...] = get_args(Framework)
 
 
 @dataclass(frozen=True)
@@ -80,24 +75,22 @@ def recipe_of(training: Mapping[str, Any], limits: Mapping[str, float]) -> Recip
     return Recipe(ranges, together, tuple(one_line(text) for text in said if text))
 
 
-def randomization_term(recipe: Recipe, to: Framework, assumed_load: float | None = None) -> Conversion:
-    """Return Python that draws the friction in a framework at each reset.
+def randomization_term(recipe: Recipe, to: str, assumed_load: float | None = None) -> Conversion:
+    """Return Python that draws the friction in a framework at each reset; to: one of `FRAMEWORKS`.
 
     assumed_load: |F| + |T| that the joints transmit [N + N m], for the engines whose joint friction is a coefficient.
-    Raises `StictionError` for a framework that is none, and where the load would be ignored.
+    Raises `ConfigurationError` where the load would be ignored.
     """
     if assumed_load is not None and to not in ("isaaclab", "legged_gym"):
         raise ConfigurationError(requirement("--assumed-load", "--to isaaclab or legged_gym"))
-    written: dict[str, Callable[[], tuple[Sequence[str], Sequence[str]]]] = {
-        "mjlab": lambda: _mjlab(recipe),
-        "isaaclab": lambda: _isaaclab(recipe, assumed_load),
-        "legged_gym": lambda: _legged_gym(recipe, assumed_load),
-        "mujoco": lambda: _mujoco(recipe),
-    }
-    traps, lines = written[to]()
+    traps, lines = FRAMEWORKS[to](recipe, assumed_load)
     notes = [*recipe.notes, *traps]
     text = "\n".join([*(f"# {note}" for note in notes), "", *lines]) + "\n"
     return Conversion(text, {name: name for span in recipe.ranges for name in span.joints}, tuple(notes))
+
+
+Written = tuple[list[str], list[str]]
+"""Traps of a framework, and lines of code."""
 
 
 def _names(span: FrictionRange) -> str:
@@ -119,14 +112,7 @@ def _table(recipe: Recipe, factor: float) -> list[str]:
     ]
 
 
-def _apart(recipe: Recipe, where: str) -> list[str]:
-    """Return the trap that a framework cannot draw one number for all joints of a robot."""
-    if not recipe.together or len(recipe.ranges) == 1:
-        return []
-    return [f"proposed is one random number a robot; {where} draws one a term: joints of other limits get another one"]
-
-
-def _mjlab(recipe: Recipe) -> tuple[list[str], list[str]]:
+def _mjlab(recipe: Recipe, _: float | None) -> Written:
     """Return traps and lines for mjlab."""
     traps = [
         "joint_friction sets dof_frictionloss [N m]; its default operation is 'abs', 'scale' of a model without "
@@ -134,8 +120,11 @@ def _mjlab(recipe: Recipe) -> tuple[list[str], list[str]]:
         "an actuator's own frictionloss replaces the model's when the scene is built, and is replaced by this at reset",
         "MuJoCo's friction is soft: in the model give these joints solreffriction='2*timestep 1' and "
         f"solimpfriction='{' '.join(map(str, SOLIMP))}' (`stiction convert joints.json --to mujoco`), or they creep",
-        *_apart(recipe, "mjlab"),
     ]
+    if recipe.together and len(recipe.ranges) > 1:
+        traps.append(
+            "proposed is one random number a robot; mjlab draws one a term: joints of other limits get another one"
+        )
     lines = [
         "from mjlab.envs.mdp import dr",
         "from mjlab.managers.event_manager import EventTermCfg",
@@ -159,7 +148,7 @@ def _mjlab(recipe: Recipe) -> tuple[list[str], list[str]]:
     return traps, [*lines, "}"]
 
 
-def _isaaclab(recipe: Recipe, assumed_load: float | None) -> tuple[list[str], list[str]]:
+def _isaaclab(recipe: Recipe, assumed_load: float | None) -> Written:
     """Return traps and lines for Isaac Lab."""
     traps = [
         "from Isaac Sim 5 (PhysX 5.6) joint friction is an effort [N m]; before, it is a coefficient of the load "
@@ -213,12 +202,7 @@ def _isaaclab(recipe: Recipe, assumed_load: float | None) -> tuple[list[str], li
     ]
 
 
-def _legged_gym(recipe: Recipe, assumed_load: float | None) -> tuple[list[str], list[str]]:
-    """Return traps and lines for legged_gym: friction in the motor's torque, or the engine's coefficient."""
-    return _taken_off_the_torque(recipe) if assumed_load is None else _coefficient(recipe, assumed_load)
-
-
-def _coefficient(recipe: Recipe, load: float) -> tuple[list[str], list[str]]:
+def _coefficient(recipe: Recipe, load: float) -> Written:
     """Return traps and lines for Isaac Gym's own joint friction under a load |F| + |T| [N + N m]."""
     traps = [
         "Isaac Gym's dof friction is a coefficient of the load that the joint transmits: right at a load "
@@ -245,8 +229,10 @@ def _coefficient(recipe: Recipe, load: float) -> tuple[list[str], list[str]]:
     ]
 
 
-def _taken_off_the_torque(recipe: Recipe) -> tuple[list[str], list[str]]:
-    """Return traps and lines for a class that takes friction off legged_gym's torque."""
+def _legged_gym(recipe: Recipe, assumed_load: float | None) -> Written:
+    """Return traps and lines for legged_gym: friction taken off the motor's torque, or the engine's coefficient."""
+    if assumed_load is not None:
+        return _coefficient(recipe, assumed_load)
     traps = [
         "Isaac Gym's dof friction is a coefficient of the load on the joint, not N m (--assumed-load writes it); so "
         "friction is taken off the motor's torque here, after it was clipped; rewards of torque then see what is left",
@@ -295,7 +281,7 @@ def _taken_off_the_torque(recipe: Recipe) -> tuple[list[str], list[str]]:
     ]
 
 
-def _mujoco(recipe: Recipe) -> tuple[list[str], list[str]]:
+def _mujoco(recipe: Recipe, _: float | None) -> Written:
     """Return traps and lines for plain MuJoCo."""
     traps = [
         "MuJoCo's friction is soft: solref and solimp are set with it, or the joint creeps; they suit one timestep",
@@ -317,3 +303,12 @@ def _mujoco(recipe: Recipe) -> tuple[list[str], list[str]]:
         "        model.dof_solref[dof] = [2 * model.opt.timestep, 1]",
         f"        model.dof_solimp[dof] = {list(SOLIMP)}",
     ]
+
+
+FRAMEWORKS: dict[str, Callable[[Recipe, float | None], Written]] = {
+    "mjlab": _mjlab,
+    "isaaclab": _isaaclab,
+    "legged_gym": _legged_gym,
+    "mujoco": _mujoco,
+}
+"""Where a range can be written to."""

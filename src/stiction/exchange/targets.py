@@ -98,15 +98,13 @@ def convert_training(path: Path, options: ConvertOptions) -> Conversion:
     for name in ("model", "timestep", "joint_map"):
         if getattr(options, name):
             raise ConfigurationError(requirement(flag_of(name), "a joints.json"))
-    to = next((name for name in FRAMEWORKS if name == options.to), None)
-    if to is None:
+    if options.to not in FRAMEWORKS:
         raise ConfigurationError(
             f"--to {options.to} takes the values of a joints.json; the range of a training.json goes to "
             f"{', '.join(FRAMEWORKS)}"
         )
-    return randomization_term(
-        recipe_of(read_training(path), torque_limits(path, options.robot)), to, options.assumed_load
-    )
+    recipe = recipe_of(read_training(path), torque_limits(path, options.robot))
+    return randomization_term(recipe, options.to, options.assumed_load)
 
 
 def torque_limits(path: Path, robot: str | None) -> dict[str, float]:

@@ -180,7 +180,9 @@ TYPES = {"rotary": ("revolute", "continuous"), "linear": ("prismatic",)}
 def urdf_snippet(joints: list[JointPhysics]) -> Conversion:
     """Return a `<dynamics>` element for each joint."""
     notes = _notes(joints)
-    lines = [f"<!-- {_safe(joint.name)} -->\n{_dynamics(joint).decode()}" for joint in joints if _values(joint)]
+    # A name that does not end a comment.
+    names = {joint.name: one_line(joint.name).replace("--", "- -").replace(">", "?") for joint in joints}
+    lines = [f"<!-- {names[joint.name]} -->\n{_dynamics(joint).decode()}" for joint in joints if _values(joint)]
     return Conversion.of(xml_comment(notes) + "\n".join(lines) + "\n", joints, notes)
 
 
@@ -244,8 +246,3 @@ def _notes(joints: list[JointPhysics]) -> list[str]:
         "below its friction: better --to mujoco. SAPIEN's loader drops the friction. Measure what yours does with it",
         rotor="URDF has no rotor inertia, give it to the simulator by its own means",
     )
-
-
-def _safe(name: str) -> str:
-    """Return a name that does not end a comment."""
-    return one_line(name).replace("--", "- -").replace(">", "?")

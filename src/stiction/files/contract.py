@@ -42,7 +42,6 @@ from stiction.joints.compensation import PushCfg
 from stiction.joints.friction import LAWS, Law, has_coefficient, simulated_laws
 from stiction.robots.catalog import find_robot
 from stiction.robots.model import Robot
-from stiction.robots.record import robot_from
 
 PHASES = {1: "one phase", 2: "two phases"}
 
@@ -270,7 +269,7 @@ def read_contract(text: bytes) -> Contract:
     if version == 1:
         data["schema_version"] = SCHEMA_VERSION
     if data.get("anatomy") is not None:
-        data["anatomy"] = robot_from(data["anatomy"], "contract.json: anatomy")
+        data["anatomy"] = from_plain(Robot, data["anatomy"], "contract.json: anatomy", RobotError)
     known = {field.name for field in fields(Contract)}
     contract = from_plain(Contract, data, "contract.json", BundleError, known - later)
     check_training(contract)

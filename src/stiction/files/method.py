@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from stiction.core.errors import ConfigurationError, nearest, unknown_name
+from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.core.extras import without_experiments
 from stiction.core.plugins import METHODS, find_installed, installed_names
 from stiction.files.contract_rules import IMPORTED
 from stiction.files.contract_training import FRICTION_RANGES
@@ -103,20 +104,24 @@ OWN = {
 }
 
 
+EXPERIMENTAL = ("compensation", "dreamwaq", "finetune", "hinf", "iterative")
+"""Methods of the distribution of the experiments, known by name where it is not installed."""
+
+
 def method_names() -> list[str]:
-    """Return the names of all methods: the product's, then the installed ones in alphabetical order."""
-    return [*OWN, *(name for name in installed_names(METHODS) if name not in OWN)]
+    """Return the names of all methods: the product's, then all others in alphabetical order."""
+    return [*OWN, *sorted({*EXPERIMENTAL, *installed_names(METHODS)} - OWN.keys())]
 
 
 def installed_methods() -> list[Method]:
-    """Return the methods of other distributions, in alphabetical order.
+    """Return the methods of other distributions that are installed, in alphabetical order.
 
     One that fails to load is left out: who asks for it by name is told why, and nobody else is stopped by it.
     """
     found = []
     for name in method_names()[len(OWN) :]:
         with suppress(ConfigurationError):
-            found.append(find_method(name))
+            found += [method for method in (known_method(name),) if method is not None]
     return found
 
 
@@ -138,11 +143,9 @@ def describe_method(name: str) -> str:
 
 
 def find_method(name: str) -> Method:
-    """Return a method by its name. Raises `ConfigurationError` where there is none of this name."""
+    """Return a method by its name. Raises `ConfigurationError` where there is none, or it is not installed."""
     if (found := known_method(name)) is not None:
         return found
-    if nearest(name, method_names()):
-        raise ConfigurationError(unknown_name("friction method", name, method_names()))
-    raise ConfigurationError(
-        f"method: got {name!r}, which is not installed; pip install ./experiments (stiction-experiments)"
-    )
+    if name in EXPERIMENTAL:
+        raise ConfigurationError(without_experiments(f"the method {name!r}"))
+    raise ConfigurationError(unknown_name("friction method", name, method_names()))

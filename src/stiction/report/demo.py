@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
 
+from stiction.deploy.check import BundleCheck
 from stiction.files.bundle import Bundle
 from stiction.files.joints import JointRecord
 from stiction.files.method import describe_method
@@ -42,18 +43,11 @@ class DemoJoint:
     """Table and pictures of the identification."""
 
 
-@dataclass(frozen=True)
-class DemoPolicy:
-    """One policy, checked and evaluated."""
+Policies = Mapping[str, BundleCheck]
+"""What a policy is called on the page, see `policy_names` -> the policy, checked."""
 
-    bundle: Bundle
-    """The bundle."""
-    steps: int
-    """Golden steps replayed by the check."""
-    error: float
-    """Largest difference of action or target in the replay."""
-    name: str
-    """What it is called on the page, see `policy_names`."""
+Clips = tuple[str, float, Path | None]
+"""Command and friction level of the clip, and all policies in one scene; None where it could not be rendered."""
 
 
 def policy_names(bundles: Sequence[Bundle]) -> list[str]:
@@ -65,24 +59,12 @@ def policy_names(bundles: Sequence[Bundle]) -> list[str]:
     ]
 
 
-@dataclass(frozen=True)
-class DemoClips:
-    """What the clips show."""
-
-    command: str
-    """Command of the clips: `vx=0.5`."""
-    level: float
-    """Friction level of the clips [-]."""
-    file: Path | None = None
-    """All policies in one scene, or None where it could not be rendered."""
-
-
 def render_demo(
     joints: Sequence[DemoJoint],
-    policies: Sequence[DemoPolicy],
+    policies: Policies,
     rows: Sequence[ResultRow],
     summary: dict[str, Any],
-    clips: DemoClips,
+    clips: Clips,
     warnings: Sequence[str] = (),
 ) -> str:
     """Return the page as one HTML text.
@@ -95,13 +77,13 @@ def render_demo(
     if policies:
         lead = verdict(policies, rows)
         heading = "Three ways to train, one robot" if len(policies) == 3 else "The policies"
-        called = {policy.bundle.name: policy.name for policy in policies}
+        called = {check.bundle.name: name for name, check in policies.items()}
         rows = [replace(row, policy=called[row.policy]) for row in rows]
         budget = budget_picture(draw_budget(rows)), paragraph(BUDGET_TEXT), _followed(rows, policies)
         sections += [
             Section(heading, _policy_blocks(policies)),
             Section(
-                f"How they walk with {level_text('coulomb', clips.level)} friction in every joint",
+                f"How they walk with {level_text('coulomb', clips[1])} friction in every joint",
                 _clip_blocks(policies, rows, clips),
             ),
             Section("How much friction each of them bears", budget),
@@ -161,84 +143,77 @@ def _joint_section(joint: DemoJoint) -> Section:
     return Section(f"Friction from a log: {joint.title}", blocks)
 
 
-def _policy_blocks(policies: Sequence[DemoPolicy]) -> tuple[Markup, ...]:
+def _policy_blocks(policies: Policies) -> tuple[Markup, ...]:
     """Return how the policies were trained."""
-    contracts = [policy.bundle.contract for policy in policies]
+    contracts = {name: check.bundle.contract for name, check in policies.items()}
     cells = [
         (
-            policy.name,
+            name,
             describe_method(contract.method),
             contract.method,
             "{:g} to {:g} %".format(*(100 * end for end in contract.friction_range)),
             str(contract.seed),
         )
-        for policy, contract in zip(policies, contracts, strict=True)
+        for name, contract in contracts.items()
     ]
-    robots = ", ".join(dict.fromkeys(contract.robot for contract in contracts))
+    robots = ", ".join(dict.fromkeys(contract.robot for contract in contracts.values()))
     return (
         paragraph(METHODS_TEXT.format(robots=robots)),
         table(["policy", "meaning", "method", "friction in training [of τ_max]", "seed"], cells),
     )
 
 
-def verdict(policies: Sequence[DemoPolicy], rows: Sequence[ResultRow]) -> list[str]:
+def verdict(policies: Policies, rows: Sequence[ResultRow]) -> list[str]:
     """Return a line for each policy: with how much friction it follows both ways, and with how much it does not."""
     lines = []
-    for policy in policies:
+    for name, check in policies.items():
         walked: dict[float, list[ResultRow]] = {}
         for row in sorted(rows, key=lambda row: row.friction_level):
-            if row.policy == policy.bundle.name and row.ends is not None:
+            if row.policy == check.bundle.name and row.ends is not None:
                 walked.setdefault(row.friction_level, []).append(row)
         said = paces_text([(level_text("coulomb", at), paces(own)) for at, own in walked.items()])
-        lines.append(f"{policy.name.capitalize()}, it {said} of friction.")
+        lines.append(f"{name.capitalize()}, it {said} of friction.")
     return lines
 
 
-def _clip_blocks(policies: Sequence[DemoPolicy], rows: Sequence[ResultRow], clips: DemoClips) -> tuple[Markup, ...]:
+def _clip_blocks(policies: Policies, rows: Sequence[ResultRow], clips: Clips) -> tuple[Markup, ...]:
     """Return all policies in one scene, and what each reached."""
+    command, level, file = clips
     ratios = {
         r.policy: f"{100 * r.speed_ratio:.0f} % of it ({row_pace(r)})"
         for r in rows
-        if (r.friction_level, r.command) == (clips.level, clips.command) and r.speed_ratio is not None
+        if (r.friction_level, r.command) == (level, command) and r.speed_ratio is not None
     }
-    said = f"commanded {clips.command} m/s, reached"
-    reached = [
-        paragraph(f"{policy.name}: {said} {ratios.get(policy.name, 'an unknown share')}.") for policy in policies
-    ]
-    if clips.file is None:
-        return tuple(reached)
-    return picture(file_uri(clips.file), SCENE), *reached
+    said = f"commanded {command} m/s, reached"
+    reached = [paragraph(f"{name}: {said} {ratios.get(name, 'an unknown share')}.") for name in policies]
+    return (*([] if file is None else [picture(file_uri(file), SCENE)]), *reached)
 
 
 SCENE = "One start line, one command, one camera that stands still; a line on the ground is a metre. In real time."
 """What the clip shows."""
 
 
-def _followed(rows: Sequence[ResultRow], policies: Sequence[DemoPolicy]) -> Markup:
+def _followed(rows: Sequence[ResultRow], policies: Policies) -> Markup:
     """Tabulate at which tested levels each policy follows each command, and what it does at others."""
     moving = sorted((r for r in rows if r.speed_ratio is not None), key=lambda r: r.friction_level)
     commands = list(dict.fromkeys(r.command for r in rows if r.speed_ratio is not None))
     cells = []
-    for policy in policies:
+    for name in policies:
         seen: dict[str, list[tuple[str, set[str]]]] = {command: [] for command in commands}
         for r in moving:
-            if r.policy == policy.name:
+            if r.policy == name:
                 seen[r.command].append((level_text("coulomb", r.friction_level), {row_pace(r) or ""}))
-        cells.append([policy.name, *map(paces_text, seen.values())])
+        cells.append([name, *map(paces_text, seen.values())])
     return table(["policy", *(f"{command} m/s" for command in commands)], cells)
 
 
-def _check_blocks(policies: Sequence[DemoPolicy]) -> tuple[Markup, ...]:
+def _check_blocks(policies: Policies) -> tuple[Markup, ...]:
     """Return what the check of each bundle found."""
-    cells = [
-        (
-            policy.bundle.name,
-            f"{policy.bundle.size / 1e6:.2f} MB",
-            f"{policy.steps} steps, {policy.error:.0e}",
-            policy.bundle.digest[:16],
-        )
-        for policy in policies
-    ]
+    cells = []
+    for check in policies.values():
+        replay = f"{check.steps} steps, {max(check.action_error, check.target_error):.0e}"
+        bundle = check.bundle
+        cells.append((bundle.name, f"{bundle.size / 1e6:.2f} MB", replay, bundle.digest[:16]))
     return (
         paragraph(CHECK_TEXT),
         table(["bundle", "size", "replay, largest difference", "digest"], cells),

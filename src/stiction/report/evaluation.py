@@ -106,7 +106,9 @@ def draw_budget(rows: Sequence[ResultRow], samples: Sequence[Sample] = (), metho
         axis.axhline(0.0, color=INK, linewidth=0.8)
         for name in names:
             if name in several:
-                draw_seeds(axis, _spreads([one for one in own if one.method == name]), name, names)
+                mine = sorted((one for one in own if one.method == name), key=lambda one: one.friction_level)
+                spreads = [Spread(level_number(law, s.friction_level), s.mean, s.low, s.high, s.each) for s in mine]
+                draw_seeds(axis, spreads, name, names)
                 continue
             points = sorted((level_number(law, r.friction_level), r.speed_ratio) for r in shown if r.policy == name)
             levels, ratios = ([point[k] for point in points] for k in (0, 1))
@@ -124,12 +126,6 @@ def draw_budget(rows: Sequence[ResultRow], samples: Sequence[Sample] = (), metho
         # Under the panels: within, names of thirty letters lie on lines.
         legend(figure, labelled(axes[0]), loc="outside lower center", ncols=min(2, width))
     return figure
-
-
-def _spreads(samples: Sequence[Sample]) -> list[Spread]:
-    """Return the samples of one training method in one panel, by their level."""
-    own = sorted(samples, key=lambda one: one.friction_level)
-    return [Spread(level_number(s.friction_law, s.friction_level), s.mean, s.low, s.high, s.each) for s in own]
 
 
 TITLE = "Speed over joint friction"
@@ -278,8 +274,9 @@ def lead(rows: Sequence[ResultRow]) -> str:
         for scene in scenes:
             own = [row for row in rows if row.policy == policy and _scene(row) == scene]
             if own:
-                where = f", {_scene_text(scene)}," if len(scenes) > 1 else ""
-                sentences.append(f"{policy}{where} {_follows_where(own)}")
+                where, levels = f", {_scene_text(scene)}," if len(scenes) > 1 else "", _seen(own)
+                said = paces_text([(_level(*level), seen) for level, seen in sorted(levels.items())])
+                sentences.append(f"{policy}{where} {said if levels else 'was not asked to move'}.")
     return "\n".join((*sentences, f"A policy is one training seed. {DEFINITION}"))
 
 
@@ -306,14 +303,6 @@ def best(rows: Sequence[ResultRow]) -> str:
 
 MOST_NAMED = 3
 """Policies that the first sentence names."""
-
-
-def _follows_where(rows: Sequence[ResultRow]) -> str:
-    """Return at which levels one policy follows in one scene, as the end of a sentence."""
-    levels = _seen(rows)
-    if not levels:
-        return "was not asked to move."
-    return f"{paces_text([(_level(*level), seen) for level, seen in sorted(levels.items())])}."
 
 
 def _seen(rows: Sequence[ResultRow]) -> dict[tuple[str, float], set[str]]:

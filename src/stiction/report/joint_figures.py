@@ -74,7 +74,9 @@ def signals(record: JointRecord, fit: FitSignals) -> Markup:
     """Draw position and torque over a few seconds, measured and fitted."""
     position, torque = axis_units(record)
     start = 0.3 * float(fit.time[-1])
-    shown = _thin(fit, start, start + min(SHOWN, 0.5 * float(fit.time[-1])))
+    end = start + min(SHOWN, 0.5 * float(fit.time[-1]))
+    shown = np.flatnonzero((fit.time >= start) & (fit.time <= end))
+    shown = shown[:: max(1, len(shown) // MOST_POINTS)]
     figure, (top, bottom) = new_figure(2, 1, (8.0, 5.0), fixed=True)
     time = fit.time[shown]
     if fit.target is not None:
@@ -143,9 +145,3 @@ def _used(fit: FitSignals) -> np.ndarray:
     """Return indices of at most `MOST_POINTS` samples that entered the fit."""
     used = np.flatnonzero(fit.used > 0)
     return used[:: max(1, len(used) // MOST_POINTS)]
-
-
-def _thin(fit: FitSignals, low: float, high: float) -> np.ndarray:
-    """Return indices of at most `MOST_POINTS` samples between two times."""
-    chosen = np.flatnonzero((fit.time >= low) & (fit.time <= high))
-    return chosen[:: max(1, len(chosen) // MOST_POINTS)]

@@ -1,4 +1,4 @@
-"""The rigid bodies of a compiled model, as links with frames parallel to the base's where all angles are zero.
+"""The rigid bodies and motors of a compiled model; links have frames parallel to the base's at angles of zero.
 
 Bodies that no driven joint parts are one link: masses add up, inertias by the parallel-axis theorem. MuJoCo's own
 kinematics says where everything is at angles of zero, so that a joint's reference, the frames of the file and nested
@@ -7,8 +7,9 @@ bodies need no formula here.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mujoco
@@ -17,7 +18,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from stiction.core.errors import RobotError, unknown_name
 from stiction.robots.hold import Frame, merge
-from stiction.robots.model import Body
+from stiction.robots.model import Body, Link
 from stiction.robots.shapes import Contact, Shape, ShapeKind, Vector
 
 MOST_CORNERS = 64
@@ -25,20 +26,15 @@ MOST_CORNERS = 64
 
 
 @dataclass(frozen=True)
-class Part(Body):
-    """One link, or the base, as the file has it."""
+class Part(Link):
+    """One link, or the base, as the file has it; `shapes` has those that are only seen, too."""
 
-    name: str = ""
-    """Of the body that the joint moves."""
     bodies: tuple[int, ...] = ()
     """Numbers of the bodies that it is made of."""
     tip: str = ""
     """Name of the body furthest out, which is often the foot."""
-    parent: int = -1
-    origin: Vector = (0.0, 0.0, 0.0)
-    axis: Vector = (0.0, 0.0, 1.0)
     touched: tuple[Shape, ...] = ()
-    """Shapes that touch something in the file; `shapes` has those that are only seen, too."""
+    """Shapes that touch something in the file."""
     geoms: tuple[int, ...] = ()
     """Numbers of the geometries of `touched`."""
 
@@ -75,47 +71,90 @@ def dissect(model: mujoco.MjModel, base: str | None, origin: str) -> Anatomy:
             )
         moved[body] = number
     root = int(model.body_rootid[model.jnt_bodyid[driven[0]]])
-    # -2: the world's own bodies, which belong to no part of the robot.
-    owner = {0: -2, root: -1}
-    for body in range(1, model.nbody):
-        if body != root:
-            owner[body] = moved.get(body, owner[int(model.body_parentid[body])])
-    frame = _named_base(model, base, owner, origin) if base else root
-    data = _at_zero(model)
-    middle, turn = data.xpos[frame].copy(), data.xmat[frame].reshape(3, 3).copy()
-    anchors = np.array([turn.T @ (data.xanchor[joint] - middle) for joint in driven])
-    axes = np.array([turn.T @ data.xaxis[joint] for joint in driven])
-    parts = []
-    for number in range(-1, len(driven)):
-        bodies = [body for body in range(1, model.nbody) if owner[body] == number]
-        anchor = np.zeros(3) if number < 0 else anchors[number]
-        parent = -1 if number < 0 else owner[int(model.body_parentid[model.jnt_bodyid[driven[number]]])]
-        place = anchor if number < 0 or parent < 0 else anchor - anchors[parent]
-        parts.append(
-            _part(model, data, bodies, (middle + turn @ anchor, turn))
-            | {
-                "parent": parent,
-                "origin": as_vector(place),
-                "axis": as_vector(axes[number] if number >= 0 else (0, 0, 1)),
-            }
-            | ({} if number < 0 else _called(model, bodies, driven[number]))
-        )
+    owner = owners(model, driven, root)
+    data = at_zero(model)
+    body = _named_base(model, base, owner, origin) if base else root
+    frame = data.xpos[body].copy(), data.xmat[body].reshape(3, 3).copy()
+    links = tree(model, data, driven, owner, frame)
+    whole = _rigid(model, data, owner, -1, frame)
     return Anatomy(
-        Part(**parts[0]),
-        tuple(Part(**part) for part in parts[1:]),
+        _part(model, data, owner, -1, frame, Link(**vars(whole), name=model.body(root).name)),
+        tuple(
+            _part(model, data, owner, number, (frame[0] + frame[1] @ anchor, frame[1]), link)
+            for number, (link, anchor) in enumerate(zip(links, _anchors(data, driven, frame), strict=True))
+        ),
         tuple(driven),
     )
 
 
-def _called(model: mujoco.MjModel, bodies: Sequence[int], joint: int) -> dict[str, str]:
-    """Return the names of a link and of its outermost body with a shape: the joint's where a body has none."""
-    shaped = [body for body in bodies if model.body_geomnum[body]] or bodies
-    outermost = max(shaped, key=lambda body: len(_ancestors(model, body)))
-    own, tip = model.body(bodies[0]).name, model.body(outermost).name
-    return {"name": own or model.joint(joint).name, "tip": tip or own or model.joint(joint).name}
+def owners(model: mujoco.MjModel, driven: Sequence[int], root: int | None = None) -> list[int]:
+    """Return the link that each body belongs to: the number of the last hinge that moves it, -1 for the base.
+
+    root: the body that floats, all others of the world then have -2; None: the world itself is the base.
+    """
+    last = {int(model.jnt_bodyid[joint]): number for number, joint in enumerate(driven)}
+    owner = [-1 if root is None else -2]
+    for body in range(1, model.nbody):
+        owner.append(-1 if body == root else last.get(body, owner[int(model.body_parentid[body])]))
+    return owner
 
 
-def _named_base(model: mujoco.MjModel, name: str, owner: Mapping[int, int], origin: str) -> int:
+def at_zero(model: mujoco.MjModel) -> mujoco.MjData:
+    """Return where everything is with hinges at zero, all else at its reference, and a floating base at the origin."""
+    data = mujoco.MjData(model)
+    for joint in range(model.njnt):
+        address = int(model.jnt_qposadr[joint])
+        if model.jnt_type[joint] == int(mujoco.mjtJoint.mjJNT_HINGE):
+            data.qpos[address] = 0.0
+        elif model.jnt_type[joint] == int(mujoco.mjtJoint.mjJNT_FREE):
+            data.qpos[address : address + 7] = (0, 0, 0, 1, 0, 0, 0)
+    mujoco.mj_kinematics(model, data)
+    return data
+
+
+def tree(
+    model: mujoco.MjModel, data: mujoco.MjData, driven: Sequence[int], owner: Sequence[int], frame: Frame
+) -> list[Link]:
+    """Return the links that hinges move, without shapes, in frames parallel to one of the world; data: see `at_zero`.
+
+    A body with several hinges is a chain of links, of which only the last has its mass.
+    """
+    links, anchors = [], _anchors(data, driven, frame)
+    for number, joint in enumerate(driven):
+        body, (place, turn) = int(model.jnt_bodyid[joint]), frame
+        chained = number > 0 and int(model.jnt_bodyid[driven[number - 1]]) == body
+        parent = number - 1 if chained else owner[int(model.body_parentid[body])]
+        links.append(
+            Link(
+                **vars(_rigid(model, data, owner, number, (place + turn @ anchors[number], turn))),
+                name=model.body(body).name or model.joint(joint).name,
+                parent=parent,
+                origin=as_vector(anchors[number] - anchors[parent] if parent >= 0 else anchors[number]),
+                axis=as_vector(turn.T @ data.xaxis[joint]),
+            )
+        )
+    return links
+
+
+def _anchors(data: mujoco.MjData, driven: Sequence[int], frame: Frame) -> list[np.ndarray]:
+    """Return the places of hinges in a frame of the world [m]."""
+    return [frame[1].T @ (data.xanchor[joint] - frame[0]) for joint in driven]
+
+
+def _rigid(model: mujoco.MjModel, data: mujoco.MjData, owner: Sequence[int], number: int, frame: Frame) -> Body:
+    """Return the bodies of one owner as one, without shapes, in a frame of the world."""
+    place, turn = frame
+    parts = []
+    for body in np.flatnonzero(np.equal(owner, number)):
+        # Along its principal axes, about its centre of mass.
+        x, y, z = (float(moment) for moment in model.body_inertia[body])
+        mass = Body(float(model.body_mass[body]), (0.0, 0.0, 0.0), (x, y, z, 0.0, 0.0, 0.0))
+        parts.append((mass, (turn.T @ (data.xipos[body] - place), turn.T @ data.ximat[body].reshape(3, 3))))
+    whole = merge(parts)
+    return replace(whole, com=as_vector(whole.com))
+
+
+def _named_base(model: mujoco.MjModel, name: str, owner: Sequence[int], origin: str) -> int:
     """Return the number of the body whose frame is the robot's."""
     names = [model.body(body).name for body in range(1, model.nbody)]
     if name not in names:
@@ -128,16 +167,6 @@ def _named_base(model: mujoco.MjModel, name: str, owner: Mapping[int, int], orig
     return body
 
 
-def _at_zero(model: mujoco.MjModel) -> mujoco.MjData:
-    """Return where everything is with the base at the origin and all joints at zero."""
-    data = mujoco.MjData(model)
-    data.qpos[:] = 0.0
-    for joint in np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)):
-        data.qpos[model.jnt_qposadr[joint] + 3] = 1.0
-    mujoco.mj_kinematics(model, data)
-    return data
-
-
 def as_vector(values: Sequence[float] | np.ndarray) -> Vector:
     """Return three numbers, those that are nothing but rounding as zero."""
     x, y, z = (0.0 if abs(value) < 1e-12 else float(value) for value in values)
@@ -145,10 +174,10 @@ def as_vector(values: Sequence[float] | np.ndarray) -> Vector:
 
 
 def _part(
-    model: mujoco.MjModel, data: mujoco.MjData, bodies: Sequence[int], frame: tuple[np.ndarray, np.ndarray]
-) -> dict:
-    """Return mass and shapes of bodies that are one, in a frame (its place, its orientation) of the world."""
-    whole = merge([centred(model, data, body, frame) for body in bodies])
+    model: mujoco.MjModel, data: mujoco.MjData, owner: Sequence[int], number: int, frame: Frame, link: Link
+) -> Part:
+    """Return a link, or the base (-1), with its shapes and its tip; frame: its own, in the world."""
+    bodies = np.flatnonzero(np.equal(owner, number)).tolist()
     geoms = [geom for geom in range(model.ngeom) if int(model.geom_bodyid[geom]) in set(bodies)]
     # Some files leave the bits to the program that loads them, and only the names say what is to touch.
     solid = [
@@ -156,36 +185,22 @@ def _part(
         for geom in geoms
         if model.geom_contype[geom] or model.geom_conaffinity[geom] or "collision" in model.geom(geom).name
     ]
-    shapes = {geom: _shape(model, data, geom, frame) for geom in geoms}
-    return {
-        "name": model.body(bodies[0]).name,
-        "bodies": tuple(bodies),
-        "mass": whole.mass,
-        "com": as_vector(whole.com),
-        "inertia": whole.inertia,
-        "shapes": tuple(shape for shape in shapes.values() if shape is not None),
-        "touched": tuple(shapes[geom] for geom in solid if shapes[geom] is not None),
-        "geoms": tuple(geom for geom in solid if shapes[geom] is not None),
-    }
+    found = {geom: _shape(model, data, geom, frame) for geom in geoms}
+    shapes = {geom: shape for geom, shape in found.items() if shape is not None}
+    shaped = [body for body in bodies if model.body_geomnum[body]] or bodies
+    outermost = max(shaped, key=lambda body: _depth(model, body))
+    return Part(
+        **vars(link) | {"shapes": tuple(shapes.values())},
+        bodies=tuple(bodies),
+        tip=model.body(outermost).name or link.name,
+        touched=tuple(shapes[geom] for geom in solid if geom in shapes),
+        geoms=tuple(geom for geom in solid if geom in shapes),
+    )
 
 
-def centred(
-    model: mujoco.MjModel, data: mujoco.MjData, body: int, frame: tuple[np.ndarray, np.ndarray]
-) -> tuple[Body, Frame]:
-    """Return one body along its principal axes about its centre of mass, and where that is in a frame of the world."""
-    place, turn = frame
-    x, y, z = (float(moment) for moment in model.body_inertia[body])
-    mass = Body(float(model.body_mass[body]), (0.0, 0.0, 0.0), (x, y, z, 0.0, 0.0, 0.0))
-    return mass, (turn.T @ (data.xipos[body] - place), turn.T @ data.ximat[body].reshape(3, 3))
-
-
-def _ancestors(model: mujoco.MjModel, body: int) -> list[int]:
-    """Return the numbers of the bodies that carry one."""
-    found: list[int] = []
-    while body:
-        body = int(model.body_parentid[body])
-        found.append(body)
-    return found
+def _depth(model: mujoco.MjModel, body: int) -> int:
+    """Return how many bodies carry one."""
+    return 1 + _depth(model, int(model.body_parentid[body])) if body else 0
 
 
 _PLAIN: dict[int, ShapeKind] = {
@@ -196,7 +211,7 @@ _PLAIN: dict[int, ShapeKind] = {
 }
 
 
-def _shape(model: mujoco.MjModel, data: mujoco.MjData, geom: int, frame: tuple[np.ndarray, np.ndarray]) -> Shape | None:
+def _shape(model: mujoco.MjModel, data: mujoco.MjData, geom: int, frame: Frame) -> Shape | None:
     """Return one geometry in a frame of the world; None for planes, height fields and the like."""
     place, turn = frame
     position = as_vector(turn.T @ (data.geom_xpos[geom] - place))
@@ -258,3 +273,44 @@ def _directions() -> np.ndarray:
     angle = np.pi * (1.0 + 5.0**0.5) * np.arange(count)
     radius = np.sqrt(1.0 - height**2)
     return np.stack((radius * np.cos(angle), radius * np.sin(angle), height), -1)
+
+
+def _actuators(model: mujoco.MjModel, joint: int) -> list[int]:
+    """Return the numbers of the actuators that drive a joint."""
+    return [
+        number
+        for number in range(model.nu)
+        if int(model.actuator_trntype[number]) == int(mujoco.mjtTrn.mjTRN_JOINT)
+        and int(model.actuator_trnid[number, 0]) == joint
+    ]
+
+
+def torque_limit(model: mujoco.MjModel, joint: int) -> tuple[float, str]:
+    """Return the smallest torque limit that the file states, and where; 0 where it states none."""
+    found: list[tuple[float, str]] = []
+    if model.jnt_actfrclimited[joint]:
+        found.append((float(np.abs(model.jnt_actfrcrange[joint]).min()), "file: actuatorfrcrange, or effort"))
+    for actuator in _actuators(model, joint):
+        gear = abs(float(model.actuator_gear[actuator, 0]))
+        if model.actuator_forcelimited[actuator]:
+            found.append((gear * float(np.abs(model.actuator_forcerange[actuator]).min()), "file: forcerange"))
+        # Without a bias the control is a torque; that of a position actuator is an angle, and its range says nothing
+        # here.
+        motor = not np.any(model.actuator_biasprm[actuator])
+        if motor and model.actuator_ctrllimited[actuator]:
+            gain = gear * abs(float(model.actuator_gainprm[actuator, 0]))
+            found.append(
+                (gain * float(np.abs(model.actuator_ctrlrange[actuator]).min()), "file: ctrlrange of its motor")
+            )
+    return min((pair for pair in found if pair[0] > 0), default=(0.0, "file: none"))
+
+
+def gains(model: mujoco.MjModel, joint: int) -> tuple[float, float]:
+    """Return kp and kd of the position actuator that drives a joint in the file; 0 where there is none."""
+    for actuator in _actuators(model, joint):
+        kp, (_, minus_kp, minus_kd) = float(model.actuator_gainprm[actuator, 0]), model.actuator_biasprm[actuator, :3]
+        # Its position is gear times the joint's angle, and its force gear times as much at the joint.
+        squared = math.prod([float(model.actuator_gear[actuator, 0])] * 2)
+        if kp * squared > 0 and math.isclose(kp, -minus_kp):
+            return squared * kp, squared * float(-minus_kd)
+    return 0.0, 0.0

@@ -11,7 +11,7 @@ from stiction.core.errors import RobotError, unknown_name
 from stiction.core.plugins import find_named
 from stiction.robots.mechanism import Mechanism, on_a_stand
 from stiction.robots.model import Robot
-from stiction.robots.record import read_robot
+from stiction.robots.record import Derived, read_robot
 
 SHIPPED = Path(__file__).with_name("shipped")
 """Folder of the records of the robots that come with the package."""
@@ -47,8 +47,14 @@ def find_robot(name: str) -> Robot:
 
     Raises `StictionError` where there is no such robot, or the variation is none.
     """
+    return find_derived(name).robot
+
+
+def find_derived(name: str) -> Derived:
+    """Return the robot called `name` as `find_robot`, with the origins of its values; a shipped one has none."""
     plain, variation = _parted(name)
-    return _find(name) if variation is None else vary(_find(plain), name, variation)
+    found = _find(plain)
+    return found if variation is None else Derived(vary(found.robot, name, variation))
 
 
 def _parted(name: str) -> tuple[str, str | None]:
@@ -115,17 +121,17 @@ def _is_there(name: str, kind: Callable[[Path], bool]) -> bool:
         return False
 
 
-def _find(name: str) -> Robot:
+def _find(name: str) -> Derived:
     """Return the robot called `name`, without variations.
 
     Raises `StictionError` where there is no such robot.
     """
     if name.lower().endswith(".json"):
-        return read_robot(Path(name))
+        return Derived(read_robot(Path(name)))
     if is_file_name(name):
         from stiction.robots.load import load_robot
 
-        return load_robot(Path(name)).robot
+        return load_robot(Path(name))
     if name not in robot_names() and name and _is_there(name, Path.is_dir):
         raise RobotError(f"robot {name!r} is a folder; name the robot.yaml, .xml or .urdf in it")
     module_name, _, variable = name.partition(":")
@@ -137,10 +143,10 @@ def _find(name: str) -> Robot:
             raise RobotError(
                 f"{message}; one of your own: the path of its robot.yaml, .xml or .urdf, or package.module:ROBOT"
             )
-        return _shipped(name)
+        return Derived(_shipped(name))
     found = find_named("robot", f"{module_name}:{variable or 'ROBOT'}")
     if isinstance(found, Robot):
-        return found
+        return Derived(found)
     from stiction.robots.load import as_robot
 
-    return as_robot(found, name).robot
+    return as_robot(found, name)

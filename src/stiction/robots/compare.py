@@ -12,12 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from stiction.core.errors import RobotError, unknown_name
-from stiction.robots.actuators import torque_limit
-from stiction.robots.anatomy import hinges
+from stiction.robots.anatomy import hinges, torque_limit
 from stiction.robots.derive import derive
-from stiction.robots.description import describe
+from stiction.robots.description import Description, describe
 from stiction.robots.hold import hold
-from stiction.robots.load import described_source
+from stiction.robots.load import described_model
 from stiction.robots.model import Robot, link_poses
 from stiction.robots.source import Source, read_source
 
@@ -33,7 +32,8 @@ def check_against(robot: Robot, path: Path) -> int:
     what, and by how much; or a model that cannot be read.
     """
     described = path.suffix.lower() in (".yaml", ".yml")
-    source, base = described_source(path) if described else (read_source(path), None)
+    file, said = described_model(path) if described else (path, Description())
+    source, base = read_source(file), said.base
     other = _model(robot, source, base)
     missing = [name for name in robot.joint_names if name not in other.joint_names]
     if missing:

@@ -18,18 +18,18 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import fields, replace
 
 import mujoco
 import numpy as np
 
 from stiction.core.errors import RobotError, unknown_name
 from stiction.core.names import kind_of
-from stiction.robots.actuators import gains, torque_limit
-from stiction.robots.anatomy import Anatomy, Part, dissect, hinges
+from stiction.robots.anatomy import Anatomy, Part, dissect, gains, hinges, torque_limit
 from stiction.robots.description import Description
 from stiction.robots.hold import hold
 from stiction.robots.model import Base, Foot, Joint, Link, Robot, tree_poses
+from stiction.robots.record import Derived, Origin
 from stiction.robots.shapes import Contact, Shape, bounds, reach, vector
 from stiction.robots.source import Source
 
@@ -50,28 +50,6 @@ SOLE = 0.01
 
 STANDING_KEYS = ("home", "standing", "stand")
 """Keyframes that are taken for the standing pose where nothing is said."""
-
-
-@dataclass(frozen=True)
-class Origin:
-    """Where one value of a robot came from."""
-
-    subject: str
-    """Joint, or part of the robot."""
-    field: str
-    value: str
-    source: str
-    """`file`, `robot.yaml`, or the rule."""
-
-
-@dataclass(frozen=True)
-class Derived:
-    """A robot, and what is known of how it came about."""
-
-    robot: Robot
-    origins: tuple[Origin, ...]
-    notes: tuple[str, ...]
-    """What was left out, mended or not believed, a sentence each."""
 
 
 def derive(source: Source, said: Description) -> Derived:
@@ -97,17 +75,15 @@ def derive(source: Source, said: Description) -> Derived:
             raise RobotError(f"{origin}: the link {part.name!r} has no mass; give its body an inertia")
     typical = _typical_armatures(model, anatomy, said)
     joints = tuple(_joint(model, number, angles[number], typical, said, origins) for number in anatomy.joints)
-    links = tuple(_link(part) for part in anatomy.links)
-    pose = np.array([joint.default_position for joint in joints])
     base = _base(anatomy.base, said, origins)
-    poses = tree_poses(links, pose)
+    poses = tree_poses(anatomy.links, np.array([joint.default_position for joint in joints]))
     feet, lowest = _feet(model, anatomy, said, poses, origins)
-    links = tuple(
-        _with_contacts(link, part, feet, number, said)
-        for number, (link, part) in enumerate(zip(links, anatomy.links, strict=True))
-    )
+    links = tuple(_link(part, feet, number, said) for number, part in enumerate(anatomy.links))
     feet = _grouped(feet, said, poses, origins)
     _check_names(links, joints, feet, origin)
+    mirror_names = None
+    if said.mirror is not None:
+        mirror_names = tuple(said.mirror.get(joint.name, joint.name) for joint in joints) if said.mirror else ()
     robot = Robot(
         name=said.name or _name(source.name),
         base=base,
@@ -116,7 +92,7 @@ def derive(source: Source, said: Description) -> Derived:
         feet=feet,
         standing_height=-lowest,
         vendor=said.vendor_of(tuple(names)),
-        mirror_names=_mirror_names(joints, said),
+        mirror_names=mirror_names,
     )
     origins.append(Origin("robot", "standing height", f"{-lowest:.4g} m", "feet on the ground in the pose"))
     notes = source.notes + _frictions(model, anatomy, said) + _limitless(model, anatomy, said)
@@ -291,19 +267,6 @@ def _motor(model: mujoco.MjModel, number: int, take: Take, said: Description) ->
     return torque, armature
 
 
-def _link(part: Part) -> Link:
-    """Return a link with nothing to touch yet."""
-    return Link(
-        name=part.name or "link",
-        parent=part.parent,
-        origin=part.origin,
-        axis=part.axis,
-        mass=part.mass,
-        com=part.com,
-        inertia=part.inertia,
-    )
-
-
 def _base(part: Part, said: Description, origins: list[Origin]) -> Base:
     """Return the trunk, with the box that stands for it."""
     shapes = part.touched or part.shapes
@@ -311,19 +274,14 @@ def _base(part: Part, said: Description, origins: list[Origin]) -> Base:
         low, high = bounds(shapes)
         where = "file: what it touches with" if part.touched else "file: what is seen of it"
     else:
-        half = _equal_box(part) / 2
+        x, y, z = part.inertia[:3]
+        half = np.sqrt(np.maximum(6.0 / part.mass * np.array([y + z - x, x + z - y, x + y - z]), 1e-4)) / 2
         low, high, where = np.array(part.com) - half, np.array(part.com) + half, "rule: the box of equal inertia"
     size, middle = vector(high - low), vector((high + low) / 2)
     box = Shape("box", vector((high - low) / 2), middle, contact="ground")
     seen = tuple(replace(shape, contact="ground") for shape in part.touched) if said.collision == "file" else (box,)
     origins.append(Origin("base", "box", " x ".join(f"{extent:.3g}" for extent in size) + " m", where))
     return Base(part.mass, part.com, part.inertia, seen or (box,), size, middle)
-
-
-def _equal_box(part: Part) -> np.ndarray:
-    """Return the full extent of a uniform box of the same mass and moments [m], shape (3,)."""
-    x, y, z = part.inertia[:3]
-    return np.sqrt(np.maximum(6.0 / part.mass * np.array([y + z - x, x + z - y, x + y - z]), 1e-4))
 
 
 Poses = tuple[np.ndarray, np.ndarray]
@@ -412,14 +370,14 @@ def _said_feet(model: mujoco.MjModel, anatomy: Anatomy, said: Description) -> li
     return found
 
 
-def _with_contacts(link: Link, part: Part, feet: Sequence[Foot], number: int, said: Description) -> Link:
+def _link(part: Part, feet: Sequence[Foot], number: int, said: Description) -> Link:
     """Return a link with its shapes: those of a foot's link catch on obstacles, others are seen or as the file says."""
     # By what they are: shapes of feet were copied with another contact, and are not the same objects.
     foot = {(shape.kind, shape.position, shape.size) for item in feet if item.link == number for shape in item.shapes}
     rest = [shape for shape in part.touched or part.shapes if (shape.kind, shape.position, shape.size) not in foot]
     contact: Contact = "ground" if said.collision == "file" else "obstacles" if foot else "nothing"
-    solid = bool(part.touched)
-    return replace(link, shapes=tuple(replace(shape, contact=contact if solid else "nothing") for shape in rest))
+    shapes = tuple(replace(shape, contact=contact if part.touched else "nothing") for shape in rest)
+    return Link(**{item.name: getattr(part, item.name) for item in fields(Link)} | {"shapes": shapes})
 
 
 def _grouped(feet: tuple[Foot, ...], said: Description, poses: Poses, origins: list[Origin]) -> tuple[Foot, ...]:
@@ -444,13 +402,6 @@ def _grouped(feet: tuple[Foot, ...], said: Description, poses: Poses, origins: l
     found = [[names[foot] for foot in sorted(group) if group[foot] == value] for value in (0, 1)]
     origins.append(Origin("feet", "groups", str(found), "rule: tripod or trot, from front to rear"))
     return tuple(replace(foot, group=group[number]) for number, foot in enumerate(feet))
-
-
-def _mirror_names(joints: Sequence[Joint], said: Description) -> tuple[str, ...] | None:
-    """Return the name of each joint's image where it was said; empty where the robot has none."""
-    if said.mirror is None:
-        return None
-    return tuple(said.mirror.get(joint.name, joint.name) for joint in joints) if said.mirror else ()
 
 
 def _limitless(model: mujoco.MjModel, anatomy: Anatomy, said: Description) -> tuple[str, ...]:

@@ -20,9 +20,11 @@ from typing import Any
 
 import yaml
 
-from stiction.core.errors import RobotError, StictionError, unknown_name
-from stiction.core.yaml_files import EXPONENT, read_yaml
+from stiction.core.errors import RobotError, unknown_name
+from stiction.core.yaml_files import Values, read_yaml
 from stiction.robots.model import Robot, Vendor
+
+TAKE = Values(RobotError)
 
 MOST_REPETITIONS = 4
 """Of `*`, `+`, `?` and `{}`, and of groups, in one regular expression: its time grows with the length of the name to
@@ -135,7 +137,7 @@ def describe(content: Any, source: str) -> Description:
 
     Raises `RobotError` naming the entry that is wrong.
     """
-    entries = _mapping(content, source, "the file")
+    entries = TAKE.mapping(content, f"{source}: the file")
     for name in entries:
         if name not in FIELDS:
             raise RobotError(f"{source}: {unknown_name('field', str(name), FIELDS)}")
@@ -144,18 +146,21 @@ def describe(content: Any, source: str) -> Description:
     collision = entries.get("collision", "feet")
     if collision not in ("feet", "file"):
         raise RobotError(f"{source}: collision is {collision!r}; expected feet or file")
-    if not re.fullmatch(r"\w[\w.-]*", name := _text(entries.get("name", "robot"), source, "name")):
+    if not re.fullmatch(r"\w[\w.-]*", name := TAKE.word(entries.get("name", "robot"), f"{source}: name")):
         raise RobotError(f"{source}: name is {name!r}; expected letters, digits, and . _ - between them")
     return Description(
         **{
-            name: _text(entries[name], source, name)
+            name: TAKE.word(entries[name], f"{source}: {name}")
             for name in ("model", "name", "keyframe", "base")
             if name in entries
         },
         joints=_joints(entries.get("joints", {}), source),
-        pose=_numbers(entries.get("pose", {}), source, "pose"),
-        feet=_names(entries.get("feet", []), source, "feet"),
-        groups=tuple(_names(group, source, "groups") for group in _list(entries.get("groups", []), source, "groups")),
+        pose=_by_name(entries.get("pose", {}), "pose", source),
+        feet=TAKE.names(entries.get("feet", []), f"{source}: feet"),
+        groups=tuple(
+            TAKE.names(group, f"{source}: groups")
+            for group in TAKE.sequence(entries.get("groups", []), f"{source}: groups")
+        ),
         mirror=_mirror(entries.get("mirror"), source),
         collision=collision,
         vendor=_vendor(entries.get("vendor", {}), source),
@@ -187,9 +192,9 @@ def check_pattern(pattern: str, source: str) -> str:
 def _joints(value: Any, source: str) -> dict[str, dict[str, Any]]:
     """Return what is said of joints, by expression."""
     found: dict[str, dict[str, Any]] = {}
-    for pattern, entry in _mapping(value, source, "joints").items():
+    for pattern, entry in TAKE.mapping(value, f"{source}: joints").items():
         where = f"joints: {pattern}"
-        entries = found[check_pattern(pattern, source)] = dict(_mapping(entry, source, where))
+        entries = found[check_pattern(pattern, source)] = dict(TAKE.mapping(entry, f"{source}: {where}"))
         for name, item in entries.items():
             if name not in JOINT_FIELDS:
                 raise RobotError(f"{source}: {where}: {unknown_name('field', name, JOINT_FIELDS)}")
@@ -197,9 +202,9 @@ def _joints(value: Any, source: str) -> dict[str, dict[str, Any]]:
                 if not isinstance(item, bool):
                     raise RobotError(f"{source}: {where}: action is {item!r}; expected true or false")
             elif name == "kind":
-                entries[name] = _text(item, source, f"{where}: kind")
+                entries[name] = TAKE.word(item, f"{source}: {where}: kind")
             else:
-                entries[name] = yaml_number(item, f"{source}: {where}: {name}", RobotError)
+                entries[name] = TAKE.number(item, f"{source}: {where}: {name}")
     return found
 
 
@@ -207,19 +212,22 @@ def _mirror(value: Any, source: str) -> dict[str, str] | None:
     """Return what is said of the mirror."""
     if value is None or value == "none":
         return None if value is None else {}
-    pairs = {name: _text(other, source, f"mirror: {name}") for name, other in _mapping(value, source, "mirror").items()}
+    pairs = {
+        name: TAKE.word(other, f"{source}: mirror: {name}")
+        for name, other in TAKE.mapping(value, f"{source}: mirror").items()
+    }
     return pairs | {other: name for name, other in pairs.items()}
 
 
 def _vendor(value: Any, source: str) -> dict[str, Any]:
     """Return what is said of the maker's protocol."""
-    entries = _mapping(value, source, "vendor")
+    entries = TAKE.mapping(value, f"{source}: vendor")
     found: dict[str, Any] = {}
     for name, item in entries.items():
         if name == "order":
-            found[name] = _names(item, source, "vendor.order")
+            found[name] = TAKE.names(item, f"{source}: vendor.order")
         elif name in ("sign", "offset"):
-            found[name] = _numbers(item, source, f"vendor.{name}")
+            found[name] = _by_name(item, f"vendor.{name}", source)
         else:
             raise RobotError(f"{source}: vendor: {unknown_name('field', name, ('order', 'sign', 'offset'))}")
     for pattern, number in found.get("sign", {}).items():
@@ -228,56 +236,10 @@ def _vendor(value: Any, source: str) -> dict[str, Any]:
     return found
 
 
-def _mapping(value: Any, source: str, where: str) -> Mapping[str, Any]:
-    """Return a mapping with names as keys."""
-    return yaml_mapping(value, f"{source}: {where}", RobotError)
-
-
-def yaml_mapping(value: Any, where: str, kind: type[StictionError]) -> Mapping[str, Any]:
-    """Return a mapping with names as keys; raise `kind`, which names `where` it stands, for anything else."""
-    if not isinstance(value, Mapping) or not all(isinstance(name, str) for name in value):
-        what = "empty" if value is None else repr(str(value)[:60])
-        raise kind(f"{where} is {what}; expected names with values")
-    return value
-
-
-def _list(value: Any, source: str, where: str) -> list[Any]:
-    """Return a list."""
-    if not isinstance(value, list | tuple):
-        raise RobotError(f"{source}: {where} is {value!r}; expected a list")
-    return list(value)
-
-
-def _names(value: Any, source: str, where: str) -> tuple[str, ...]:
-    """Return a list of different names."""
-    names = tuple(_text(item, source, where) for item in _list(value, source, where))
-    if len(set(names)) != len(names):
-        raise RobotError(f"{source}: {where} names one thing twice: {list(names)}")
-    return names
-
-
-def _numbers(value: Any, source: str, where: str) -> dict[str, float]:
+def _by_name(value: Any, where: str, source: str) -> dict[str, float]:
     """Return numbers by expression."""
-    return {
-        check_pattern(pattern, source): yaml_number(item, f"{source}: {where}: {pattern}", RobotError)
-        for pattern, item in _mapping(value, source, where).items()
-    }
-
-
-def _text(value: Any, source: str, where: str) -> str:
-    """Return a name."""
-    if not isinstance(value, str) or not 0 < len(value) <= 200:
-        raise RobotError(f"{source}: {where} is {value!r}; expected a name")
-    return value
-
-
-def yaml_number(value: Any, where: str, kind: type[StictionError]) -> float:
-    """Return a number of YAML, which takes `1e-3` for text, as people do not; raise `kind` where it is none."""
-    if isinstance(value, str) and EXPONENT.fullmatch(value):
-        value = float(value)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e9:
-        raise kind(f"{where} is {str(value)[:60]!r}; expected a number")
-    return float(value)
+    entries = TAKE.mapping(value, f"{source}: {where}").items()
+    return {check_pattern(name, source): TAKE.number(item, f"{source}: {where}: {name}") for name, item in entries}
 
 
 def complete_text(robot: Robot, model: str) -> str:

@@ -50,19 +50,8 @@ def hold(robot: Robot, angles: Mapping[str, float]) -> Robot:
     for new, old in enumerate(driven):
         link = robot.links[old]
         parent = owner[link.parent] if link.parent >= 0 else -1
-        merged = merge(parts(new, ()))
-        links.append(
-            Link(
-                mass=merged.mass,
-                com=merged.com,
-                inertia=merged.inertia,
-                shapes=merged.shapes,
-                name=link.name,
-                parent=parent,
-                origin=vector(position[old] - frames[parent]),
-                axis=vector(rotation[old] @ np.array(link.axis)),
-            )
-        )
+        origin, axis = vector(position[old] - frames[parent]), vector(rotation[old] @ np.array(link.axis))
+        links.append(Link(**vars(merge(parts(new, ()))), name=link.name, parent=parent, origin=origin, axis=axis))
     feet = []
     for foot in robot.feet:
         if owner[foot.link] < 0:
@@ -71,11 +60,10 @@ def hold(robot: Robot, angles: Mapping[str, float]) -> Robot:
         shapes = tuple(_moved(shape, place) for shape in foot.shapes)
         middle = vector(place[0] + place[1] @ np.array(foot.position))
         feet.append(replace(foot, link=owner[foot.link], position=middle, shapes=shapes))
-    trunk = merge(parts(-1, (robot.base,)))
     names = robot.mirror_names
     return replace(
         robot,
-        base=replace(robot.base, mass=trunk.mass, com=trunk.com, inertia=trunk.inertia, shapes=trunk.shapes),
+        base=replace(robot.base, **vars(merge(parts(-1, (robot.base,))))),
         links=tuple(links),
         joints=tuple(robot.joints[old] for old in driven),
         feet=tuple(feet),
@@ -100,7 +88,7 @@ def merge(parts: Sequence[tuple[Body, Frame]]) -> Body:
     )
     # Exactly as it was: the sums below would round.
     if len(parts) == 1 and np.array_equal(parts[0][1][1], np.eye(3)) and not parts[0][1][0].any():
-        return parts[0][0]
+        return Body(mass, parts[0][0].com, parts[0][0].inertia, parts[0][0].shapes)
     inertia = np.zeros((3, 3))
     for (body, (_, rotation)), centre in zip(parts, centres, strict=True):
         away = centre - com
@@ -118,11 +106,3 @@ def _moved(shape: Shape, frame: Frame) -> Shape:
         return shape
     w, x, y, z = quaternion_of(rotation @ shape.rotation)
     return replace(shape, position=vector(position + rotation @ np.array(shape.position)), quaternion=(w, x, y, z))
-
-
-def reflect(body: Link, x: bool = False, y: bool = False) -> Link:
-    """Return the mirror image of a link, in the plane across x or across y, with its axis as it is."""
-    sign = np.array([-1.0 if x else 1.0, -1.0 if y else 1.0, 1.0])
-    xx, yy, zz, xy, xz, yz = body.inertia
-    inertia = (xx, yy, zz, float(xy * sign[0] * sign[1]), float(xz * sign[0]), float(yz * sign[1]))
-    return replace(body, origin=vector(sign * body.origin), com=vector(sign * body.com), inertia=inertia)

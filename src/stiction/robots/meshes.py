@@ -81,7 +81,10 @@ def _leave_out(spec: mujoco.MjSpec, mesh: mujoco.MjsMesh, why: str, where: str, 
     """Take a mesh and the geometries that are made of it out of a robot; return the sentence that says so."""
     name = PurePosixPath(mesh.file).name or mesh.name
     users = [geom for geom in spec.geoms if geom.meshname == mesh.name]
-    needed = next((geom for geom in users if not urdf and _weighs(geom)), None)
+    heavy = (
+        geom for geom in users if not geom.parent.explicitinertial and geom.mass != 0 and geom.density != 0 and not urdf
+    )
+    needed = next(heavy, None)
     if needed is not None:
         raise RobotError(
             f"{where}: the mesh {mesh.file or mesh.name!r} {why}, and the body {needed.parent.name!r} has its mass "
@@ -91,11 +94,6 @@ def _leave_out(spec: mujoco.MjSpec, mesh: mujoco.MjsMesh, why: str, where: str, 
         spec.delete(geom)
     spec.delete(mesh)
     return f"the mesh {name!r} {why}; it is left out"
-
-
-def _weighs(geom: mujoco.MjsGeom) -> bool:
-    """Return whether a body's mass comes from a geometry."""
-    return not geom.parent.explicitinertial and geom.mass != 0 and geom.density != 0
 
 
 def _is_file(path: Path) -> bool:

@@ -246,17 +246,12 @@ class Robot:
                     f"robot {self.name!r}: joint {joint.name!r} stands at {joint.default_position:g} rad, outside its "
                     f"limits [{joint.lower:g}, {joint.upper:g}]"
                 )
-            for name in ("torque_limit", "armature", "kp", "action_scale"):
-                if not 0 < getattr(joint, name) < LARGEST:
+            for name in ("torque_limit", "armature", "kp", "action_scale", "kd", "damping", "frictionloss"):
+                value, positive = getattr(joint, name), name in ("torque_limit", "armature", "kp", "action_scale")
+                if not 0 <= value < LARGEST or (positive and value == 0):
                     raise RobotError(
-                        f"robot {self.name!r}: {name} of joint {joint.name!r} is {getattr(joint, name):g}; expected a "
-                        f"positive number below {LARGEST:g}"
-                    )
-            for name in ("kd", "damping", "frictionloss"):
-                if not 0 <= getattr(joint, name) < LARGEST:
-                    raise RobotError(
-                        f"robot {self.name!r}: {name} of joint {joint.name!r} is {getattr(joint, name):g}; expected "
-                        f"zero, or a positive number below {LARGEST:g}"
+                        f"robot {self.name!r}: {name} of joint {joint.name!r} is {value:g}; expected "
+                        f"{'' if positive else 'zero, or '}a positive number below {LARGEST:g}"
                     )
 
     @property
@@ -341,12 +336,6 @@ class Robot:
             for joint in self.joints
         ]
         return replace(self, name=name, joints=tuple(joints))
-
-
-def box_inertia(mass: float, size: Sequence[float]) -> np.ndarray:
-    """Return the principal moments of a uniform box [kg m²], shape (3,). `size` is its full extent [m]."""
-    x, y, z = size
-    return mass / 12.0 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
 
 
 def link_poses(robot: Robot, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,9 +7,8 @@ finite, and there are at most `MOST_BYTES` of them.
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from stiction.core.decode import from_plain
 from stiction.core.errors import RobotError
@@ -21,6 +20,28 @@ MOST_BYTES = 8 * 2**20
 
 VERSION = 1
 """Of the layout of the file."""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where one value of a robot came from."""
+
+    subject: str
+    """Joint, or part of the robot."""
+    field: str
+    value: str
+    source: str
+    """`file`, `robot.yaml`, or the rule."""
+
+
+@dataclass(frozen=True)
+class Derived:
+    """A robot, and what is known of how it came about."""
+
+    robot: Robot
+    origins: tuple[Origin, ...] = ()
+    notes: tuple[str, ...] = ()
+    """What was left out, mended or not believed, a sentence each."""
 
 
 def write_robot(robot: Robot, path: Path) -> None:
@@ -41,12 +62,4 @@ def read_robot(path: Path) -> Robot:
         raise RobotError(f"{path}: is no JSON: {error}") from error
     if not isinstance(content, dict) or content.pop("version", None) != VERSION:
         raise RobotError(f"{path}: is no robot of version {VERSION}; write it with this version of stiction")
-    return robot_from(content, str(path))
-
-
-def robot_from(content: Any, where: str) -> Robot:
-    """Return the robot of plain data, as `asdict` makes it; `where`: it came from, for messages.
-
-    Raises `RobotError` naming the entry that is wrong.
-    """
-    return from_plain(Robot, content, where, RobotError)
+    return from_plain(Robot, content, str(path), RobotError)

@@ -7,6 +7,7 @@ keeps its mass, which MuJoCo drops without a word, and a mesh is found wherever 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,8 +17,11 @@ import numpy as np
 from stiction.core.errors import RobotError
 from stiction.core.files import read_bounded
 from stiction.robots.meshes import drop_broken_meshes, mend_meshes
-from stiction.robots.structure import check_keyframes, check_numbers, check_structure, not_taken, num_positions
+from stiction.robots.model import LARGEST
 from stiction.robots.survey import MOST_BYTES, survey
+
+WIDTH = {mujoco.mjtJoint.mjJNT_FREE: 7, mujoco.mjtJoint.mjJNT_BALL: 4}
+"""Numbers of a joint's position; hinges and slides have one."""
 
 
 @dataclass(frozen=True)
@@ -42,8 +46,12 @@ def read_source(path: Path) -> Source:
     spec, notes = read_spec(path)
     source = compile_source(spec, path.name, notes)
     # MuJoCo drops the mass of a root that is part of the world, and fuses links, without a word.
-    if (expected := _link_mass(path)) is not None:
-        _check_mass(source.model, path, expected)
+    expected, weight = _link_mass(path), float(source.model.body_subtreemass[_root(source.model)])
+    if expected is not None and not abs(weight - expected) <= 1e-6 * expected:
+        raise RobotError(
+            f"{path}: its links weigh {expected:.6g} kg and the compiled robot {weight:.6g} kg; a link without mass "
+            "that moves got one, or one is lost, as where no joint carries it: give each moving link its mass and joint"
+        )
     return replace(source, name=path.stem)
 
 
@@ -60,23 +68,19 @@ def read_spec(path: Path) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
         # A link without inertia has none; MuJoCo would weigh its shapes. And feet behind fixed joints keep their names.
         spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
         spec.compiler.fusestatic = False
-    _drop_looks(spec)
-    return spec, mend_meshes(spec, path, urdf)
-
-
-def _drop_looks(spec: mujoco.MjSpec) -> None:
-    """Leave out pictures, which are only seen, and the memory that a file asks for: neither is bounded."""
+    # Pictures, which are only seen, and the memory that a file asks for: neither is bounded.
     for material in spec.materials:
         material.textures = [""] * len(material.textures)
     for texture in list(spec.textures):
         spec.delete(texture)
     spec.memory = -1
+    return spec, mend_meshes(spec, path, urdf)
 
 
 def compile_source(spec: mujoco.MjSpec, name: str, notes: tuple[str, ...] = ()) -> Source:
     """Return the model of an `MjSpec`, its base free; `name`: its file's, `notes`: what was mended in it."""
     try:
-        check_structure(spec, name)
+        _check_structure(spec, name)
         notes += _free_base(spec, name)
         try:
             model = spec.compile()
@@ -88,8 +92,8 @@ def compile_source(spec: mujoco.MjSpec, name: str, notes: tuple[str, ...] = ()) 
             model = spec.compile()
     except (ValueError, RuntimeError) as error:
         raise RobotError(f"{name}: MuJoCo cannot compile it: {one_line(error)}") from error
-    check_numbers(model, name)
-    notes += tuple(not_taken(model, _root(model)))
+    _check_numbers(model, name)
+    notes += tuple(_not_taken(model, _root(model)))
     return Source(spec.modelname, model, name, notes)
 
 
@@ -151,15 +155,15 @@ def _free_base(spec: mujoco.MjSpec, name: str) -> tuple[str, ...]:
     (root,) = roots
     free = [joint for joint in root.joints if joint.type == mujoco.mjtJoint.mjJNT_FREE]
     if free:
-        check_keyframes(spec, name)
+        _check_keyframes(spec, name)
         return ()
     if root.joints:
         raise RobotError(
             f"{name}: the root body {root.name!r} hangs on the world by the joint {root.joints[0].name!r}; a legged "
             "robot's base floats: remove the joint, or put a body without joints before it"
         )
-    check_keyframes(spec, name)
-    before = num_positions(spec)
+    _check_keyframes(spec, name)
+    before = _num_positions(spec)
     poses = {key.name: list(key.qpos) for key in spec.keys if len(key.qpos) == before}
     root.add_freejoint()
     for key in spec.keys:
@@ -180,11 +184,98 @@ def _link_mass(path: Path) -> float | None:
         raise RobotError(f"{path}: its masses cannot be read: {error}") from error
 
 
-def _check_mass(model: mujoco.MjModel, path: Path, expected: float) -> None:
-    """Refuse a robot that does not weigh what the links of its URDF do, `expected` [kg]."""
-    weight = float(model.body_subtreemass[_root(model)])
-    if not abs(weight - expected) <= 1e-6 * expected:
+def _check_structure(spec: mujoco.MjSpec, name: str) -> None:
+    """Refuse what is more than a tree of rigid bodies with hinges, and joints that nobody can name.
+
+    Raises `RobotError`, and MuJoCo's `ValueError` where two things have one name.
+    """
+    for equality in spec.equalities:
         raise RobotError(
-            f"{path}: its links weigh {expected:.6g} kg and the compiled robot {weight:.6g} kg; a link without mass "
-            "that moves got one, or one is lost, as where no joint carries it: give each moving link its mass and joint"
+            f"{name}: the equality constraint {equality.name or equality.name1!r} closes a loop or couples joints; "
+            "only trees of free hinges are simulated: remove it, or replace the coupled joints by one"
+        )
+    for joint in spec.joints:
+        if joint.type not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_FREE):
+            kind = "slide" if joint.type == mujoco.mjtJoint.mjJNT_SLIDE else "ball"
+            called = repr(joint.name) if joint.name else f"of the body {joint.parent.name!r}"
+            raise RobotError(f"{name}: the joint {called} is a {kind} joint; only hinges are simulated")
+        if joint.type == mujoco.mjtJoint.mjJNT_HINGE and not joint.name:
+            raise RobotError(
+                f"{name}: a joint of the body {joint.parent.name!r} has no name, or another joint's; give every joint "
+                "one in the file: what a policy moves is told by name"
+            )
+        if not np.isfinite([*joint.range, joint.armature]).all():
+            raise RobotError(f"{name}: joint {joint.name!r} has a number that is none in range or armature")
+
+
+def _num_positions(spec: mujoco.MjSpec) -> int:
+    """Return the number of generalised positions of a robot (MuJoCo's nq)."""
+    return sum(WIDTH.get(joint.type, 1) for joint in spec.joints)
+
+
+def _check_keyframes(spec: mujoco.MjSpec, name: str) -> None:
+    """Refuse a keyframe of another length: MuJoCo fills it up, and every joint stands at its neighbour's angle."""
+    for key in spec.keys:
+        if len(key.qpos) not in (0, _num_positions(spec)):
+            raise RobotError(
+                f"{name}: the keyframe {key.name!r} has {len(key.qpos)} positions, the model {_num_positions(spec)}; "
+                "remove it, or correct its qpos"
+            )
+
+
+def _check_numbers(model: mujoco.MjModel, name: str) -> None:
+    """Refuse a model with a number that is none, or that overflows: it would be found as something else, or not at all.
+
+    Raises `RobotError` naming the body, joint or actuator.
+    """
+    for kind, fields in (
+        ("body", (model.body_pos, model.body_quat, model.body_ipos, model.body_mass, model.body_inertia)),
+        ("jnt", (model.jnt_axis, model.jnt_pos, model.jnt_range)),
+        ("geom", (model.geom_pos, model.geom_size)),
+        ("key", (model.key_qpos,)),
+    ):
+        for values in fields:
+            # In this form a NaN is found too.
+            number = next((row for row, own in enumerate(values) if not (np.abs(own) < LARGEST).all()), None)
+            if number is not None:
+                word = {"jnt": "joint", "geom": "geometry", "key": "keyframe"}.get(kind, kind)
+                called = getattr(model, {"jnt": "joint"}.get(kind, kind))(number).name
+                found = ", ".join(f"{value:.4g}" for value in np.ravel(values[number])[:8])
+                raise RobotError(
+                    f"{name}: the {word} {called!r} has numbers that no robot has ({found}); correct them in the file"
+                )
+
+
+def _not_taken(model: mujoco.MjModel, root: int) -> Iterator[str]:
+    """Yield a sentence for everything that a file has and that is not simulated; `root`: number of the base's body."""
+    stiffness = model.jnt_stiffness.reshape(model.njnt, -1)
+    springs = [model.joint(joint).name for joint in np.flatnonzero(np.any(stiffness, axis=1))]
+    if springs:
+        yield f"the file has springs at {', '.join(springs)}; they are not simulated"
+    if model.ntendon:
+        names = ", ".join(model.tendon(tendon).name or str(tendon) for tendon in range(model.ntendon))
+        yield f"the file has tendons ({names}); they are not simulated, and what they couple moves freely"
+    floated = [model.body(body).name for body in np.flatnonzero(model.body_gravcomp)]
+    if floated:
+        yield f"the file takes the weight of {', '.join(floated)} away (gravcomp); here it has it"
+    others = [body for body in range(1, model.nbody) if model.body_rootid[body] == body and body != root]
+    loose = [model.body(body).name for body in others if model.body_dofnum[body]]
+    if loose:
+        yield f"beside the robot the file has {', '.join(map(repr, loose))}, which is left out"
+    for number in range(model.nkey):
+        address = int(model.jnt_qposadr[model.body_jntadr[root]])
+        yield from _turned(
+            model.key_qpos[number, address + 3 : address + 7], f"the keyframe {model.key(number).name!r}"
+        )
+    yield from _turned(model.body_quat[root], "the file")
+
+
+def _turned(quaternion: np.ndarray, what: str) -> Iterator[str]:
+    """Yield a sentence where a base stands turned, by more than 5°."""
+    # A quaternion and its negative are one rotation.
+    angle = 2 * np.arccos(np.clip(abs(quaternion[0]) / max(float(np.linalg.norm(quaternion)), 1e-9), 0, 1))
+    if angle > np.radians(5.0):
+        yield (
+            f"{what} has the base turned by {np.degrees(angle):.0f}°; here it stands along its own axes, x forward, y "
+            "left, z up: where they are not, say base: NAME of a body rigid with it that has such axes"
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Protocol
 
 import viser
@@ -145,7 +146,8 @@ class Panel:
         self.camera = gui.add_dropdown("Camera follows", (EVERYBODY, *self.names, NOBODY), initial_value=EVERYBODY)
         self.camera.on_update(lambda _: self._follow())
         self.straight = gui.add_checkbox("Hold straight on", True, hint="Corrects the turn, unless a turn is commanded")
-        self.straight.on_update(lambda _: self.submit(self._set_straight))
+        hold = partial(setattr, self._simulation, "straight")
+        self.straight.on_update(lambda _: self.submit(lambda: hold(bool(self.straight.value))))
         self.dark = gui.add_checkbox("Dark", dark)
         self.dark.on_update(lambda _: self.submit(lambda: self._viewer.set_dark(bool(self.dark.value))))
 
@@ -238,9 +240,6 @@ class Panel:
 
     def _set_velocity(self) -> None:
         self._simulation.set_velocity([number_of(slider) for slider in self.command])
-
-    def _set_straight(self) -> None:
-        self._simulation.straight = bool(self.straight.value)
 
     def _set_level(self, kind: str) -> None:
         scale = 0.01 if self._share else 1.0

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import viser
 from mjviser import ViserMujocoScene
 
+from stiction.core.files import publish
 from stiction.core.rotation import matrix
 from stiction.robots.mjcf import STONES, build
 from stiction.robots.model import Robot
@@ -26,6 +30,13 @@ LANE = range(-12, 60)
 
 ABOVE = 0.35
 """Height of a label above the base [m]."""
+
+
+FRAME = 0.04
+"""Time between two frames [s]."""
+
+AMBIENT = 2.0
+"""Light from everywhere, as bright as the viewer's."""
 
 
 class RobotBody:
@@ -207,3 +218,33 @@ def label_text(walker: Walker) -> str:
 def colors(number: int) -> list[tuple[int, int, int]]:
     """Return the colours of so many robots."""
     return [COLORS[index % len(COLORS)] for index in range(number)]
+
+
+def write_page(
+    server: viser.ViserServer,
+    simulation: Simulation,
+    path: Path,
+    seconds: float,
+    dark: bool = False,
+    progress: Callable[[float], None] = lambda share: None,
+) -> None:
+    """Let a simulation go on for some seconds and write what is to be seen as one HTML file.
+
+    server: makes the scene; nobody needs to look at it.
+    """
+    scene = Scene(server, simulation, dark)
+    # The player loads an environment map anew whenever it begins again, and the picture is blank meanwhile.
+    server.scene.configure_environment_map(None)
+    server.scene.add_light_ambient("/light", intensity=AMBIENT)
+    # It has the scene as it is now, and records what changes from here on.
+    recorded = server.get_scene_serializer()
+    every = max(1, round(FRAME / simulation.period))
+    steps = round(seconds / simulation.period)
+    for number in range(steps):
+        simulation.step()
+        if number % every == 0:
+            scene.draw()
+            recorded.insert_sleep(every * simulation.period)
+            progress((number + 1) / steps)
+    with publish(path) as partial:
+        partial.write_text(recorded.as_html(dark_mode=dark), encoding="utf-8")

@@ -8,14 +8,17 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import viser
 
-from stiction.core.errors import StictionError
+from stiction.core.errors import LogError, StictionError
+from stiction.deploy.control import ControlStep, Reading
 from stiction.evaluation.course import parse_course
+from stiction.files.contract import Contract
+from stiction.files.log import JointSignals, Log, LogSetup, write_log
 from stiction.view.history import History
 from stiction.view.panel import Panel
 from stiction.view.plots import Plots
-from stiction.view.recording import Recorder, write_recording
 from stiction.view.scene import Scene
 from stiction.view.simulation import Simulation, ViewedPolicy, Walker
 
@@ -36,6 +39,10 @@ IDLE = 0.1
 
 MOST_ASKED = 1000
 """What browsers asked for and was not done yet is kept up to so many; what comes beyond is dropped."""
+
+
+LONGEST = 300.0
+"""Longest recording [s]; it ends there by itself."""
 
 
 class Viewer:
@@ -213,3 +220,62 @@ class Viewer:
         """Write what is being recorded."""
         if self._recorder is not None and self._recorder.seconds > 0:
             self._write()
+
+
+class Recorder:
+    """A recording under way."""
+
+    def __init__(self, contract: Contract) -> None:
+        """Begin; contract: of the policy on the robot."""
+        self._contract = contract
+        self._readings: list[Reading] = []
+        self._targets: list[np.ndarray] = []
+
+    @property
+    def seconds(self) -> float:
+        """How much is recorded [s]."""
+        return self._readings[-1].time - self._readings[0].time if self._readings else 0.0
+
+    @property
+    def full(self) -> bool:
+        """Whether it is as long as it may be."""
+        return self.seconds >= LONGEST
+
+    def add(self, step: ControlStep) -> None:
+        """Add the readings of a control step."""
+        self._readings.extend(step.readings)
+        self._targets.extend([step.policy.target] * len(step.readings))
+
+    def log(self) -> Log:
+        """Return the log. Raises `LogError` where nothing was recorded."""
+        if not self._readings:
+            raise LogError("nothing was recorded; let the robot walk before the recording ends")
+        contract, readings = self._contract, self._readings
+        signals = {
+            "position": np.array([reading.sensors.joint_position for reading in readings]),
+            "velocity": np.array([reading.sensors.joint_velocity for reading in readings]),
+            "target": np.array(self._targets),
+            "torque": np.array([reading.joint_torque for reading in readings]),
+        }
+        time = np.array([reading.time for reading in readings])
+        joints = {
+            name: JointSignals(**{signal: values[:, number] for signal, values in signals.items()})
+            for number, name in enumerate(contract.joint_names)
+        }
+        own = {
+            name: LogSetup(kp=kp, kd=kd, torque_limit=limit)
+            for name, kp, kd, limit in zip(
+                contract.joint_names, contract.kp, contract.kd, contract.torque_limit, strict=True
+            )
+        }
+        setup = LogSetup(torque_source="motor_side", test_condition="loaded", joints=own)
+        return Log("the viewer", time - time[0], joints, setup)
+
+
+def write_recording(folder: Path, log: Log) -> Path:
+    """Write a log as NPZ, and its sidecar, under the first free name in a folder; return its path."""
+    number = 1
+    while (path := folder / f"walk-{number}.npz").exists() or path.with_suffix(".json").exists():
+        number += 1
+    write_log(path, log)
+    return path

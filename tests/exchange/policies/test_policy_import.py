@@ -16,9 +16,9 @@ from stiction.exchange.policies.mjlab import said_by_mjlab
 from stiction.exchange.policies.rl_sar import said_by_rl_sar
 from stiction.exchange.policies.settings import said_in_settings
 from stiction.exchange.policies.unitree import said_in_deploy
-from stiction.exchange.policies.values import read_settings
+from stiction.exchange.policies.values import take
 from stiction.robots.catalog import find_robot
-from stiction.robots.order import reordered
+from stiction.robots.named import reordered
 
 OWN = "control_period: 0.02\naction_clip: none\n"
 
@@ -193,8 +193,7 @@ def test_settings_that_make_no_sense_are_refused(content: dict, message: str) ->
         contract_of(merged(full(), said_in_settings(content, "own")), find_robot(ROBOT), ("n", b""), "r", "c")
 
 
-def test_an_empty_file_of_settings_is_called_empty(tmp_path: Path) -> None:
+def test_an_empty_file_of_settings_is_called_empty() -> None:
     """It was said to be 'None', where `robot check` said what it is."""
-    (tmp_path / "empty.yaml").write_text("")
     with pytest.raises(FileError, match=r"empty\.yaml: the file is empty; expected names with values"):
-        read_settings(tmp_path / "empty.yaml")
+        take.mapping(None, "empty.yaml: the file")

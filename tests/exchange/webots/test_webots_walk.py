@@ -18,21 +18,22 @@ from webots_stand_in import Physics, Robot
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to export to Webots")
 
+from stiction.exchange.policies.exporter import Exported
 from stiction.exchange.webots.controller import ControllerCfg, walk
-from stiction.exchange.webots.export import WebotsCfg, WebotsProject, export_webots
+from stiction.exchange.webots.export import WebotsCfg, export_webots
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
 
 
 @pytest.fixture(scope="module")
-def project(tmp_path_factory: pytest.TempPathFactory) -> WebotsProject:
+def project(tmp_path_factory: pytest.TempPathFactory) -> Exported:
     """A shipped policy in a world whose joints have 20 % of their torque limits as dry friction."""
     bundle = shipped_bundles()["saturn_lite-flat-deception-0.2"]
     return export_webots(bundle, tmp_path_factory.mktemp("webots") / "project", WebotsCfg(friction_level=0.2))
 
 
 @pytest.fixture(scope="module")
-def in_ode(project: WebotsProject) -> Callable[[list[Read]], WebotsOde]:
+def in_ode(project: Exported) -> Callable[[list[Read]], WebotsOde]:
     """What makes a world of the project in ODE, with the project's own plugin."""
     library = ode_or_skip()
     plugin = load_plugin(add_headers(project.path / "plugins/physics/rotor_inertia"))
@@ -44,7 +45,7 @@ def robot_of(nodes: list[Read]) -> Read:
     return next(node for node in nodes if node.kind == "Robot")
 
 
-def share_reached(project: WebotsProject, nodes: list[Read], physics: Physics, cfg: ControllerCfg) -> float:
+def share_reached(project: Exported, nodes: list[Read], physics: Physics, cfg: ControllerCfg) -> float:
     """Return the speed that the controller says it reached, over the commanded one."""
     said = walk(Robot(robot_of(nodes), 5.0, physics), project.bundle, cfg)
     assert f"{cfg.command}: done after {cfg.seconds:.2f} s, " in said
@@ -54,7 +55,7 @@ def share_reached(project: WebotsProject, nodes: list[Read], physics: Physics, c
 class MujocoPhysics:
     """The robot in MuJoCo, moved by torques; friction as the world says."""
 
-    def __init__(self, project: WebotsProject, robot: Read) -> None:
+    def __init__(self, project: Exported, robot: Read) -> None:
         """Stand it up."""
         contract, spec = project.bundle.contract, find_robot(project.robot)
         self.names, self.fleet = spec.joint_names, Fleet(spec, 1, contract.physics_timestep, 1)
@@ -83,7 +84,7 @@ class MujocoPhysics:
 
 
 @pytest.mark.parametrize("command", ["vx=-0.5", "wz=0.5"])
-def test_the_controller_walks_and_turns_in_mujoco(project: WebotsProject, command: str) -> None:
+def test_the_controller_walks_and_turns_in_mujoco(project: Exported, command: str) -> None:
     """If this failed, a sign, an offset or a frame in the closed loop would be wrong, whatever the recordings say."""
     nodes = read_world(project.path / "worlds/flat.wbt")
     reached = share_reached(
@@ -94,7 +95,7 @@ def test_the_controller_walks_and_turns_in_mujoco(project: WebotsProject, comman
 
 @needs_compiler
 def test_the_whole_project_walks_in_ode_as_webots_sets_it_up(
-    project: WebotsProject, in_ode: Callable[[list[Read]], WebotsOde]
+    project: Exported, in_ode: Callable[[list[Read]], WebotsOde]
 ) -> None:
     """If this failed, robot, plugin and controller would each be right and not fit together.
 
@@ -130,7 +131,7 @@ def test_another_robot_stands_in_ode(name: str, tmp_path: Path) -> None:
 @needs_compiler
 @pytest.mark.parametrize(("torque", "rate"), [(8.9, 0.0), (12.0, 0.675)])
 def test_a_joint_in_ode_has_the_friction_and_the_rotor_of_the_files(
-    project: WebotsProject, in_ode: Callable[[list[Read]], WebotsOde], torque: float, rate: float
+    project: Exported, in_ode: Callable[[list[Read]], WebotsOde], torque: float, rate: float
 ) -> None:
     """If this failed, friction or inertia of the files would not reach the joints.
 

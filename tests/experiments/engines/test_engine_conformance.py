@@ -188,15 +188,6 @@ class Deaf(MujocoEngine):
         super().step(torque, self._first)
 
 
-def misplaced(body: Body, ground: Ground, timestep: float) -> MujocoEngine:
-    """Return an engine whose height fields begin half a cell too far."""
-    field = ground.field
-    if field is not None:
-        moved = replace(field, corner=(field.corner[0] + field.cell / 2, field.corner[1]))
-        ground = replace(ground, field=moved)
-    return MujocoEngine(body, ground, timestep)
-
-
 def shuffled(values: np.ndarray) -> np.ndarray:
     """Return joints in the order of PhysX: all hips, all thighs, all shanks."""
     return values.reshape(-1, 3).T.ravel()
@@ -268,7 +259,6 @@ FAULTS: dict[str, tuple[Make, tuple[str, ...]]] = {
         lambda body, ground, timestep: MujocoEngine(body, flat(), timestep),
         ("terrain", "shank contact"),
     ),
-    "a height field half a cell off": (misplaced, ("terrain",)),
     "never the same twice": (
         partial(Faulty, told=lambda torque, friction: (torque + 1e-12 * NOISE.standard_normal(18), friction)),
         ("determinism",),

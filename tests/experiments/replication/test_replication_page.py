@@ -12,8 +12,9 @@ from stiction.evaluation.methods import FED
 from stiction.evaluation.table import BOTH, Sample
 from stiction.files.results import ResultRow, read_results
 from stiction.files.straight import Following, following
-from stiction.report.following import friction_text, recommended_sentence, recommended_sheet
+from stiction.report.following import friction_text
 from stiction_experiments.lab.claims import Verdict
+from stiction_experiments.lab.following import recommended_sentence, recommended_sheet
 from stiction_experiments.lab.study import write_report
 from stiction_experiments.replication.clips import ClipPair
 from stiction_experiments.replication.page import (

@@ -12,7 +12,7 @@ from limb_logs import pendulum
 
 from stiction.identification.limb.dynamics import MODES, corrected_torques, gyration, link_torques
 from stiction.robots.catalog import find_mechanism
-from stiction.robots.fixed import load_mechanism
+from stiction.robots.load import load_mechanism
 from stiction.robots.mechanism import Mechanism
 from stiction.robots.model import Link
 

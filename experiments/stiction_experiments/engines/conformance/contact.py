@@ -13,7 +13,7 @@ import numpy as np
 
 from stiction.core.rotation import UPRIGHT, about, angle_between, into_frame, quaternion_of
 from stiction.engines.engine import Body, Make, Motion
-from stiction.engines.ground import Ground, course, sampled
+from stiction.engines.ground import Ground, course
 from stiction.engines.mujoco_engine import MujocoEngine
 from stiction.robots.model import GRAVITY, Robot, foot_places, link_poses
 from stiction.robots.shapes import bounds
@@ -151,8 +151,8 @@ def on_its_back(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
     )
 
 
-STEP, ANGLE, CELL = 0.1, 0.2, 0.1
-"""Height of a stair [m], angle of the slope [rad], cell of the height field [m]."""
+STEP, ANGLE = 0.1, 0.2
+"""Height of a stair [m], angle of the slope [rad]."""
 
 TERRAIN_SECONDS = 1.0
 """How long the robot stands or slides [s]."""
@@ -166,21 +166,12 @@ SLIDE = 0.5
 BAR, SWING = (0.03, 0.1, 0.03), 0.5
 """Half sizes of the bar [m], and the angle of the shank from it at the start [rad]."""
 
-COURSE = (3.0, 3.0)
-"""Half the extent of the height field [m]."""
-
 
 def terrain(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
-    """A table on the landing of stairs, on a slope of boxes and as a height field; a biped only on the landing."""
-    stairs, slope = course("stairs", STEP), course("slope", ANGLE)
-    figures = [
-        _landing(make, spec, timestep, "landing of stairs", stairs),
-        _landing(make, spec, timestep, "landing of a height field", sampled(stairs, COURSE, CELL)),
-    ]
-    if len(spec.feet) <= CARRIERS:
-        return tuple(figures)
-    for name, ground in (("slope", slope), ("slope of a height field", sampled(slope, COURSE, CELL))):
-        figures += _slope(make, spec, timestep, name, ground)
+    """A table on the landing of stairs, and on a slope; a biped only on the landing."""
+    figures = [_landing(make, spec, timestep, "landing of stairs", course("stairs", STEP))]
+    if len(spec.feet) > CARRIERS:
+        figures += _slope(make, spec, timestep, "slope", course("slope", ANGLE))
     return tuple(figures)
 
 

@@ -4,8 +4,6 @@ ODE solves for the forces of friction with bounds that must be known before. By 
 the normal forces as they would be *without* friction, which on a legged robot are wrong. Here the bound is the
 coefficient times the normal force of the step before, against the slip; the first step of a contact, and all of
 Webots', use `Approx1`.
-
-A height field is a mesh of its triangles: ODE's own height field misses contacts of a foot with edges and corners.
 """
 
 from __future__ import annotations
@@ -218,7 +216,7 @@ class OdeContacts:
             library.dGeomSetOffsetQuaternion(built, (ctypes.c_double * 4)(*shape.quaternion))
 
     def _add_ground(self, ground: Ground) -> None:
-        """Add plane, boxes and the triangles of the height field."""
+        """Add plane and boxes."""
         library, space = self._library, self._of_ground
         self._categorize(library.dCreatePlane(space, 0.0, 0.0, 1.0, 0.0), PLANE)
         for half, place, turn in zip(ground.half_sizes, ground.positions, ground.quaternions, strict=True):
@@ -226,8 +224,6 @@ class OdeContacts:
             library.dGeomSetPosition(box, *place)
             library.dGeomSetQuaternion(box, (ctypes.c_double * 4)(*turn))
             self._categorize(box, OBSTACLE)
-        if ground.field is not None:
-            self._categorize(self._mesh(*ground.field.triangles(), space), OBSTACLE)
 
     def _mesh(self, vertices: np.ndarray, faces: np.ndarray, space: int) -> int:
         """Return a shape of triangles; ODE does not copy the arrays, so references to them are held."""

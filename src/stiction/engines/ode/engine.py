@@ -14,6 +14,7 @@ from __future__ import annotations
 import ctypes
 import weakref
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -200,3 +201,7 @@ def _destroy(library: ctypes.CDLL, world: int, contacts: OdeContacts) -> None:
     """Free a world and all that is in it, shapes before the bodies that they refer to."""
     contacts.release()
     library.dWorldDestroy(world)
+
+
+webots_engine = partial(OdeEngine, settings=WEBOTS)
+"""The engine `ode-webots`."""

@@ -27,8 +27,7 @@ from stiction.files.observation import (
 )
 from stiction.robots.catalog import is_shipped
 from stiction.robots.model import Robot, on_its_feet
-from stiction.robots.named import raised
-from stiction.robots.order import reordered
+from stiction.robots.named import raised, reordered
 
 PerJoint = float | tuple[float, ...] | Mapping[str, float]
 """One number, one for each joint in the policy's order, or regular expression of whole names -> number."""

@@ -8,7 +8,7 @@ beside says what of the bundle the target's runtime does otherwise.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -42,16 +42,23 @@ ZERO_FILL = {"deploy.yaml": False, "rl_sar": True, "mjlab": False}
 
 @dataclass(frozen=True)
 class Exported:
-    """What was written."""
+    """What was written, for any target."""
 
     path: Path
+    bundle: Bundle
+    """The bundle, as it was checked."""
+    robot: str
     files: tuple[str, ...]
+    """Relative to the folder."""
     notes: tuple[str, ...]
     """What the target does otherwise, a sentence each."""
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    """Further plain data."""
 
     def summary(self) -> dict[str, Any]:
         """Return plain data for `--json`."""
-        return {"path": str(self.path), "files": list(self.files), "notes": list(self.notes)}
+        said = {"path": str(self.path), "robot": self.robot, "digest": self.bundle.digest}
+        return said | {"files": list(self.files), "notes": list(self.notes)} | dict(self.facts)
 
 
 def export_to(source: Path, out: Path, to: Target) -> Exported:
@@ -80,7 +87,7 @@ def export_to(source: Path, out: Path, to: Target) -> Exported:
         for path, content in (files | {"README.md": text.encode()}).items():
             (partial / path).parent.mkdir(parents=True, exist_ok=True)
             (partial / path).write_bytes(content)
-    return Exported(out, (*files, "README.md"), tuple(notes))
+    return Exported(out, bundle, contract.robot, (*files, "README.md"), tuple(notes))
 
 
 def expressed(bundle: Bundle, to: Target) -> tuple[Contract, ForeignNetwork, list[str]]:

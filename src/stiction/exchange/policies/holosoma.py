@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from stiction.exchange.policies import values as take
 from stiction.exchange.policies.description import Said
+from stiction.exchange.policies.values import take
 from stiction.files.plain import parse_object
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from stiction.core.errors import BundleError, ConfigurationError, FileError
 from stiction.core.files import read_bounded
 from stiction.core.provenance import git_revision
+from stiction.core.yaml_files import SettingsLoader, read_yaml
 from stiction.deploy.check import BundleCheck, check_bundle
 from stiction.deploy.network_file import MOST_BYTES
 from stiction.deploy.policy import check_model, load_policy
@@ -20,7 +21,7 @@ from stiction.exchange.policies.onnx_file import ForeignNetwork, read_foreign
 from stiction.exchange.policies.rl_sar import entries_of, is_rl_sar, said_by_rl_sar
 from stiction.exchange.policies.settings import said_in_settings
 from stiction.exchange.policies.unitree import is_deploy, said_in_deploy
-from stiction.exchange.policies.values import read_settings
+from stiction.exchange.policies.values import take
 from stiction.files.bundle import write_bundle
 from stiction.files.contract import Contract
 from stiction.robots.catalog import find_robot
@@ -75,7 +76,8 @@ def said_of(network: ForeignNetwork, name: str, settings: Sequence[Path], robot:
         said = said_by_holosoma(network.metadata, name)
     own: list[tuple[dict[str, Any], str]] = []
     for path in settings:
-        content = dict(read_settings(path))
+        plain = read_yaml(path, "settings of a policy", FileError, SettingsLoader)
+        content = dict(take.mapping(plain, f"{path}: the file"))
         if is_deploy(content):
             said = merged(said, said_in_deploy(content, path.name, maker))
         elif is_rl_sar(content):

@@ -11,8 +11,8 @@ import math
 from collections.abc import Mapping, Sequence
 
 from stiction.core.errors import ConfigurationError, FileError, unknown_name
-from stiction.exchange.policies import values as take
 from stiction.exchange.policies.description import Said, SaidTerm, unlike
+from stiction.exchange.policies.values import take
 from stiction.files.contract import Contract
 from stiction.files.observation import NO_CLIP, ObservationLayout, Term
 
@@ -104,16 +104,9 @@ def holds(layout: ObservationLayout) -> str | None:
             return f"a clip after different scales of {term.name}"
     if layout.heights is not None:
         return "the points of a height scan"
-    return _stacking(layout)
-
-
-def _stacking(layout: ObservationLayout) -> str | None:
-    """Return how frames are stacked that mjlab cannot say."""
-    if layout.depth == 1:
-        return None
-    if layout.layout != "term_major":
+    if layout.depth > 1 and layout.layout != "term_major":
         return "whole frames one after the other"
-    return None if layout.direction == "oldest_first" else "the newest frame first"
+    return None if layout.depth == 1 or layout.direction == "oldest_first" else "the newest frame first"
 
 
 def metadata_of(contract: Contract) -> dict[str, str]:

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from stiction.core.errors import ConfigurationError, FileError, unknown_name
-from stiction.exchange.policies import values as take
 from stiction.exchange.policies.description import UNBOUNDED, Said, SaidTerm, unlike
+from stiction.exchange.policies.values import take
 from stiction.files.contract import Contract
 from stiction.files.observation import NO_CLIP, GaitClock, ObservationLayout
 

@@ -19,9 +19,10 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from stiction.core.decode import from_plain
 from stiction.core.errors import FileError, unknown_name
-from stiction.exchange.policies import values as take
 from stiction.exchange.policies.description import Said, SaidTerm
+from stiction.exchange.policies.values import take
 from stiction.files.observation import GaitClock, HeightScan
 
 FIELDS = (
@@ -32,13 +33,11 @@ FIELDS = (
 
 OF_TERM = ("term", "scale", "clip", "clip_before_scale", "history", "offset")
 OF_HISTORY = ("length", "layout", "direction", "fill")
-OF_CLOCK = ("period", "offsets", "first", "standing", "standing_below")
-OF_HEIGHTS = ("points", "offset")
 
 
 def said_in_settings(content: Mapping[str, Any], where: str) -> Said:
     """Return what our settings say; `where`: the file, for messages. Raises `FileError`, naming the entry."""
-    _known(content, FIELDS, where, "field")
+    _known(content, FIELDS, where)
     found: dict[str, Any] = {}
     for name in ("control_period", "physics_timestep"):
         if name in content:
@@ -56,25 +55,26 @@ def said_in_settings(content: Mapping[str, Any], where: str) -> Said:
     if "history" in content:
         found |= _history(take.mapping(content["history"], f"{where}: history"), f"{where}: history")
     if "clock" in content:
-        found["clock"] = _clock(take.mapping(content["clock"], f"{where}: clock"), f"{where}: clock")
+        # What it does while the robot stands has to be said, if only by null.
+        found["clock"] = from_plain(GaitClock, content["clock"], f"{where}: clock", required=("first", "standing"))
     if "heights" in content:
-        found["heights"] = _heights(take.mapping(content["heights"], f"{where}: heights"), f"{where}: heights")
+        found["heights"] = from_plain(HeightScan, content["heights"], f"{where}: heights")
     if "observation" in content:
         entries = take.sequence(content["observation"], f"{where}: observation")
         found["observation"] = tuple(_term(entry, f"{where}: observation") for entry in entries)
     return Said(**found)
 
 
-def _known(content: Mapping[str, Any], known: tuple[str, ...], where: str, kind: str) -> None:
+def _known(content: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
     """Refuse a field that there is not."""
     for name in content:
         if name not in known:
-            raise FileError(f"{where}: {unknown_name(kind, name, known)}")
+            raise FileError(f"{where}: {unknown_name('field', name, known)}")
 
 
 def _history(content: Mapping[str, Any], where: str) -> dict[str, Any]:
     """Return how frames are stacked."""
-    _known(content, OF_HISTORY, where, "field")
+    _known(content, OF_HISTORY, where)
     found: dict[str, Any] = {}
     if "length" in content:
         found["history_length"] = take.whole(content["length"], f"{where}.length")
@@ -88,42 +88,10 @@ def _history(content: Mapping[str, Any], where: str) -> dict[str, Any]:
     return found
 
 
-def _clock(content: Mapping[str, Any], where: str) -> GaitClock:
-    """Return the gait clock; what it does while the robot stands has to be said, if only by null."""
-    _known(content, OF_CLOCK, where, "field")
-    for name in ("period", "offsets", "first", "standing"):
-        if name not in content:
-            raise FileError(
-                f"{where}: {name!r} is missing; expected period [s], offsets [rad], first (0 or 1, its step at the "
-                "first observation), and standing (angle while the robot stands [rad], or null where the clock runs on)"
-            )
-    standing = content["standing"]
-    return GaitClock(
-        take.number(content["period"], f"{where}.period"),
-        take.numbers(content["offsets"], f"{where}.offsets"),
-        take.whole(content["first"], f"{where}.first"),
-        None if standing is None else take.number(standing, f"{where}.standing"),
-        take.number(content.get("standing_below", 0.01), f"{where}.standing_below"),
-    )
-
-
-def _heights(content: Mapping[str, Any], where: str) -> HeightScan:
-    """Return the points of a height scan."""
-    _known(content, OF_HEIGHTS, where, "field")
-    points = tuple(
-        (forward, left)
-        for forward, left in (
-            take.numbers(point, f"{where}.points", 2)
-            for point in take.sequence(content.get("points"), f"{where}.points")
-        )
-    )
-    return HeightScan(points, take.number(content.get("offset", 0.0), f"{where}.offset"))
-
-
 def _term(content: Any, where: str) -> SaidTerm:
     """Return one term of the observation."""
     entry = take.mapping(content, where)
-    _known(entry, OF_TERM, where, "field")
+    _known(entry, OF_TERM, where)
     name = take.word(entry.get("term"), f"{where}: term")
     where = f"{where}: {name}"
     if not isinstance(entry.get("clip_before_scale", False), bool):

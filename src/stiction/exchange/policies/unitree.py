@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from stiction.core.errors import ConfigurationError, FileError, RobotError, unknown_name
-from stiction.exchange.policies import values as take
 from stiction.exchange.policies.description import Said, SaidTerm, unlike
+from stiction.exchange.policies.values import take
 from stiction.files.contract import Contract
 from stiction.files.observation import NO_CLIP, GaitClock, ObservationLayout, Term
 

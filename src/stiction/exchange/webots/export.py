@@ -26,7 +26,6 @@ import shutil
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -34,6 +33,7 @@ from stiction import __version__
 from stiction.core.errors import BundleError, ConfigurationError, FileError, PolicyError, RobotError
 from stiction.core.files import publish
 from stiction.deploy.check import check_bundle
+from stiction.exchange.policies.exporter import Exported
 from stiction.exchange.webots.controller import CHANNEL, PLUGIN
 from stiction.exchange.webots.proto import FARTHEST, friction_fields, number, proto_name, solid_name, stops, write_proto
 from stiction.exchange.webots.world import ROBOT, joint_friction, milliseconds, write_world
@@ -193,35 +193,7 @@ class WebotsCfg:
             raise ConfigurationError(f"step height {self.step_height} m: expected one in (0, {STEEPEST['stairs']}] m")
 
 
-@dataclass(frozen=True)
-class WebotsProject:
-    """What was written."""
-
-    path: Path
-    """The project's folder."""
-    robot: str
-    """Name of the robot."""
-    bundle: Bundle
-    """The bundle within it, as it was checked."""
-    cfg: WebotsCfg
-    """What the worlds are like."""
-    files: tuple[str, ...]
-    """Its files, relative, in alphabetical order."""
-
-    def summary(self) -> dict[str, Any]:
-        """Return plain data for `--json`."""
-        return {
-            "path": str(self.path),
-            "robot": self.robot,
-            "digest": self.bundle.digest,
-            "friction_level": self.cfg.friction_level,
-            "step_height": self.cfg.step_height,
-            "files": list(self.files),
-            "state": NOT_RUN,
-        }
-
-
-def export_webots(source: Path, out: Path, cfg: WebotsCfg | None = None, robot: str | None = None) -> WebotsProject:
+def export_webots(source: Path, out: Path, cfg: WebotsCfg | None = None, robot: str | None = None) -> Exported:
     """Write the Webots project of a bundle to a folder that does not exist yet, whole or not at all.
 
     source: directory of the bundle; robot: one of one's own, `package.module:NAME`, by default the bundle's.
@@ -240,7 +212,9 @@ def export_webots(source: Path, out: Path, cfg: WebotsCfg | None = None, robot: 
         partial.mkdir()
         _write(partial, spec, bundle, source, cfg)
     files = sorted(path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file())
-    return WebotsProject(out, spec.name, bundle, cfg, tuple(files))
+    facts = {"friction_level": cfg.friction_level, "step_height": cfg.step_height, "state": NOT_RUN}
+    notes = (f"{NOT_RUN}; {out / 'README.md'} says how to start it",)
+    return Exported(out, bundle, spec.name, tuple(files), notes, facts)
 
 
 def check_fit(spec: Robot, contract: Contract) -> None:

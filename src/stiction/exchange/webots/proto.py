@@ -254,7 +254,10 @@ def _physics(body: Body) -> Node:
 
 def _shapes(shapes: Sequence[Shape]) -> tuple[list[Value], dict[str, Value]]:
     """Return what there is to see of a body, and as a field what of it collides: none where nothing does."""
-    seen: list[Value] = [_placed(shape, _painted(shape)) for shape in shapes]
+    seen: list[Value] = []
+    for shape in shapes:
+        paint = Node("PBRAppearance", {"baseColor": shape.color or PLAIN, "roughness": 0.8, "metalness": 0})
+        seen.append(_placed(shape, Node("Shape", {"appearance": paint, "geometry": geometry(shape)})))
     solid: list[Value] = [_placed(shape, geometry(shape)) for shape in shapes if shape.contact != "nothing"]
     # A boundingObject is a single node: several shapes have to be a group.
     if len(solid) > 1:
@@ -279,12 +282,6 @@ def geometry(shape: Shape) -> Node:
             "coordIndex": [(*face, -1) for face in faces.tolist()],
         },
     )
-
-
-def _painted(shape: Shape) -> Node:
-    """Return something to look at."""
-    appearance = Node("PBRAppearance", {"baseColor": shape.color or PLAIN, "roughness": 0.8, "metalness": 0})
-    return Node("Shape", {"appearance": appearance, "geometry": geometry(shape)})
 
 
 def _placed(shape: Shape, child: Node) -> Node:
