@@ -39,12 +39,6 @@ def test_an_identification_says_its_verdict_in_three_lines(found: Identified) ->
     assert low < 0.442 < high and found.valid
 
 
-def test_a_notebook_shows_it_escaped(found: Identified) -> None:
-    """The name of a joint comes from a file of somebody else's, and a notebook runs what its output says."""
-    shown = found._repr_html_()
-    assert "<script" not in shown and "&lt;script&gt;" in shown and "<table>" in shown
-
-
 def test_it_is_what_the_verb_prints_and_writes(
     log: Log, found: Identified, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -62,16 +56,6 @@ def test_it_is_what_the_verb_prints_and_writes(
     again = stiction.load_joints(folder)
     assert again.to_dict() == found.to_dict()
     assert again.signals["<script>"].fitted_torque == pytest.approx(found.signals["<script>"].fitted_torque)
-
-
-def test_nothing_is_printed_or_written_unasked(
-    log: Log, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    """A library that prints spoils the output of the program around it."""
-    monkeypatch.chdir(tmp_path)
-    stiction.identify(log)
-    stiction.verify("saturn_lite-flat-none-0.2")
-    assert capfd.readouterr() == ("", "") and not list(tmp_path.iterdir())
 
 
 def test_a_policy_is_checked_before_it_is_loaded(tmp_path: Path) -> None:

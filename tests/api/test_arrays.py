@@ -23,12 +23,6 @@ def test_arrays_by_joint_become_a_log() -> None:
     assert (log.setup_of("hip").kp, log.setup_of("knee").kp, log.setup_of("knee").kd) == (3.0, None, 0.5)
 
 
-def test_a_log_says_what_it_has() -> None:
-    """A prompt would show arrays, and forty settings that nobody gave."""
-    log = stiction.from_arrays(time=TIME, position={"hip": TIME}, torque={"hip": TIME}, kp=3.0)
-    assert repr(log).splitlines() == ["the arrays: 500 samples, 0.998 s", "hip: position, torque", "said: kp 3.0"]
-
-
 class Frame:
     """What pandas and polars have in common."""
 
@@ -50,27 +44,6 @@ def test_a_data_frame_is_read_by_its_columns() -> None:
     """Columns that are no signals, such as a temperature, are left out."""
     log = stiction.from_arrays(Frame(time=TIME, position__hip=TIME, torque__hip=TIME, temperature=TIME), kp=2.0)
     assert list(log.joints) == ["hip"] and log.setup.kp == 2.0
-
-
-def test_a_mapping_of_columns_is_a_table() -> None:
-    """Arrays by name are the commonest table, and what an `.npz` file is once it is open."""
-    log = stiction.from_arrays({"time": TIME, "position.hip": TIME, "torque.hip": TIME, "notes": "warm"}, kp=2.0)
-    assert list(log.joints) == ["hip"] and log.setup.kp == 2.0
-
-
-def test_a_gain_of_a_joint_that_there_is_not_is_refused() -> None:
-    """It would be left out without a word; a kind of joint is a name as well."""
-    given = {"time": TIME, "position": {"FL_hip": TIME}, "torque": {"FL_hip": TIME}}
-    assert stiction.from_arrays(**given, kp={"hip": 3.0}).setup_of("FL_hip").kp == 3.0
-    with pytest.raises(stiction.StictionError, match="unknown joint 'FL_hp'; did you mean 'FL_hip'"):
-        stiction.from_arrays(**given, kp={"FL_hp": 3.0})
-
-
-def test_a_table_of_pyarrow_is_read_by_its_columns() -> None:
-    """Its `columns` are the data, unlike those of pandas."""
-    pyarrow = pytest.importorskip("pyarrow", reason="the extra 'logs' has pyarrow")
-    log = stiction.from_arrays(pyarrow.table({"time": TIME, "position.hip": TIME, "torque.hip": TIME}))
-    assert log.joints["hip"].position == pytest.approx(TIME)
 
 
 def with_nan() -> np.ndarray:

@@ -39,24 +39,6 @@ def test_type_checkers_see_the_names_that_there_are() -> None:
     assert set(dir(stiction)) == {*stiction.PUBLIC, "__version__"} and len(stiction.PUBLIC) == 15
 
 
-def test_a_name_that_there_is_not_is_an_attribute_error() -> None:
-    """`hasattr`, and an import of it, have to say no."""
-    assert not hasattr(stiction, "identfy")
-    code = "import stiction; stiction.load_plicy"
-    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False)
-    assert "Did you mean: 'load_policy'?" in said.stderr
-
-
-def test_functions_are_documented_and_typed() -> None:
-    """Each says what it returns; its options are by name only, so that they may grow."""
-    for name in FUNCTIONS:
-        found = getattr(stiction, name)
-        signature = inspect.signature(found)
-        assert found.__doc__.strip() and signature.return_annotation is not inspect.Signature.empty, name
-        kinds = [part for part in signature.parameters.values() if part.kind is part.POSITIONAL_OR_KEYWORD]
-        assert len(kinds) <= 1, name
-
-
 def test_no_package_has_the_name_of_a_function() -> None:
     """Importing a package binds its name in `stiction`, where it would hide the function."""
     packages = {path.parent.name for path in Path(stiction.__file__).parent.glob("*/__init__.py")}
@@ -97,17 +79,10 @@ def test_a_package_that_is_missing_is_named_in_one_line(tmp_path: Path) -> None:
         ("load_log", (None,), {}, "load_log: path is None; expected str or Path"),
         ("load_log", ("x.csv",), {"colums": {}}, "load_log: unknown option 'colums'; did you mean 'columns'? known: "),
         ("load_log", ("x.csv",), {"rate": "fast"}, "load_log: rate is 'fast'; expected float or None"),
-        ("load_joints", (5,), {}, "load_joints: path is 5; expected str or Path"),
         ("identify", (None,), {}, "no log given; expected one of load_log or from_arrays"),
-        ("identify", ("x.csv",), {"joint": 5}, "identify: joint is 5; expected str or Sequence[str]"),
-        ("identify", ("x.csv",), {"jiont": "hip"}, "identify: unknown option 'jiont'; did you mean 'joint'?"),
         ("identify", ("x.csv",), {"torque_source": "motor"}, "output_side; did you mean 'motor_side'?"),
-        ("identify", ("x.csv",), {"torque_limit": True}, "identify: torque_limit is True; expected float or None"),
         ("excite", ("go2",), {}, "excite: too many positional arguments; expected excite(robot=..., joint=..."),
-        ("excite", (), {"position_limits": (1, 2, 3)}, "(1, 2, 3); expected tuple[float, float] or None"),
         ("load_robot", (stiction,), {}, "load_robot: robot is a module; expected str or Path"),
-        ("load_policy", (["a"],), {}, "load_policy: bundle is ['a']; expected str or Path"),
-        ("verify", ("a",), {"aginst": "b"}, "verify: unknown option 'aginst'; did you mean 'against'?"),
         ("evaluate", (5,), {}, "evaluate: policies is 5; expected LoadedPolicy or str or Path or Callable"),
         (
             "evaluate",
@@ -115,16 +90,7 @@ def test_a_package_that_is_missing_is_named_in_one_line(tmp_path: Path) -> None:
             {"frction_levels": [0]},
             "unknown option 'frction_levels'; did you mean 'friction_levels'",
         ),
-        ("evaluate", ("a",), {"friction_levels": ["a"]}, "friction_levels is ['a']; expected float or Sequence[float]"),
-        ("evaluate", ("a",), {"jobs": -2}, "--jobs -2: expected at least 1"),
         ("train", (), {}, "train: missing a required argument: 'out'; expected train(out, robot=..."),
-        (
-            "train",
-            ("r",),
-            {"preset": "quik"},
-            "train: preset is 'quik'; expected full, quick, two-phase, paper; did",
-        ),
-        ("train", ("r",), {"config": 5}, "train: config is 5; expected TrainCfg or None"),
         ("export", (None,), {}, "export: run is None; expected Trained or str or Path"),
     ],
 )

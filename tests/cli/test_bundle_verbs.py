@@ -3,15 +3,13 @@
 import hashlib
 import json
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from stiction.cli.main import main
 from stiction.files.bundle import shipped_bundles
-from stiction.files.results import ResultRow, read_results
-from stiction.report.terminal import print_rows
+from stiction.files.results import read_results
 from without import run_without
 from words import but
 
@@ -27,14 +25,6 @@ def test_verify_prints_what_was_checked(bundle: Path, capsys: pytest.CaptureFixt
     out = capsys.readouterr().out
     assert "every check passed" in out
     assert "Checksums find accidents, signatures find authors" in " ".join(out.split())
-
-
-def test_verify_prints_json_and_nothing_else(bundle: Path, capsys: pytest.CaptureFixture) -> None:
-    """Scripts read standard output."""
-    assert main(["verify", str(bundle), "--json"]) == 0
-    summary = json.loads(capsys.readouterr().out)
-    assert summary["ok"] is True
-    assert summary["steps"] == 500
 
 
 def test_verify_takes_a_list_of_what_may_run(bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
@@ -124,65 +114,6 @@ def test_a_policy_record_is_evaluated_with_one_line_of_warning(
         assert main([verb, str(bundle), *words]) == 1, verb
         error = capsys.readouterr().err
         assert "golden.npz is missing" in error and error.count("\n") == 1, verb
-
-
-def test_evaluate_feeds_friction_forward_in_every_engine(
-    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture
-) -> None:
-    """The batch walks without what was asked for, or its row looks as if it had."""
-    out = tmp_path / "out"
-    walks = ["--engines", "mujoco", "mujoco-alone", "--friction-levels", "0.2", "--commands", "vx=0.5"]
-    arguments = [*walks, "--episodes", "1", "--seconds", "3", "--forward", bundle.name, "--out", str(out), "--json"]
-    assert main(["evaluate", str(bundle), *arguments]) == 0
-    shown = capsys.readouterr()
-    assert json.loads(shown.out)["forward"] == [bundle.name]
-    rows = read_results(out / "results.csv")
-    assert [(row.policy.removeprefix(bundle.name), row.engine) for row in rows] == [
-        ("", "mujoco"),
-        ("", "mujoco-alone"),
-        ("+measured", "mujoco"),
-        ("+measured", "mujoco-alone"),
-    ]
-    assert rows[2].method == rows[3].method == f"{rows[0].method}+measured"
-    assert "Policies called +forward" in (out / "report.html").read_text()
-
-
-def test_evaluate_prints_a_table_and_where_the_report_is(
-    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture
-) -> None:
-    """The answer is on the screen, the rest a click away."""
-    arguments = ["--friction-levels", "0", "--episodes", "1", "--seconds", "3", "--out", str(tmp_path / "out")]
-    assert main(["evaluate", str(bundle), *arguments]) == 0
-    out = capsys.readouterr().out
-    assert "vx=-0.5" in out
-    assert "report.html" in out
-
-
-def test_a_long_name_stays_on_one_line_of_a_narrow_terminal(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
-) -> None:
-    """A name folded over four lines cannot be copied, nor told from its neighbour."""
-    monkeypatch.setenv("COLUMNS", "60")
-    names = [f"saturn_lite-flat-{method}-20" for method in ("deception", "direct")]
-    numbers = 0.9, 0.1, 0.0, 4.0, None, None, 20.0, None, None, 8
-    identity = "none", 0, "mujoco", "coulomb", 0.2, "flat", "vx=0.5"
-    rows = [ResultRow(name, *identity, *numbers) for name in names]
-    print_rows(rows)
-    lines = capsys.readouterr().out.splitlines()
-    assert [line for line in lines if "saturn" in line] == names
-    assert sum("vx=0.5" in line and "0.90" in line for line in lines) == 2
-
-
-def test_the_slowest_walk_is_a_column_where_it_is_known(capsys: pytest.CaptureFixture) -> None:
-    """An empty column would read as walks that were looked at; a row that stands has a dash."""
-    identity, numbers = ("none", 0, "mujoco", "coulomb", 0.2, "flat"), (0.1, 0.0, 4.0, None, None, 20.0, None, None, 8)
-    before = [ResultRow("p", *identity, "vx=0.5", 0.85, *numbers), ResultRow("p", *identity, "stand", None, *numbers)]
-    print_rows(before)
-    assert "slowest" not in capsys.readouterr().out
-    print_rows([replace(before[0], slowest_walk=0.28), before[1]])
-    head, _, moving, standing, _ = capsys.readouterr().out.splitlines()[-5:]
-    at = [cell.split()[:1] for cell in head.replace("┃", "│").split("│")].index(["walk"])
-    assert [line.split("│")[at].strip() for line in (moving, standing)] == ["0.28", "–"]
 
 
 def test_demo_runs_without_torch_and_without_opengl(
@@ -275,17 +206,3 @@ def test_nothing_is_signed_that_came_with_the_package(
     assert not (package / SHIPPED / "SHA256SUMS.sig").exists()
     shutil.copytree(package / SHIPPED, SHIPPED)
     assert main(["sign", SHIPPED, "--key", "maker.pem"]) == 0 and Path(SHIPPED, "SHA256SUMS.sig").is_file()
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [["verify"], ["evaluate"], ["export"], ["sign"], ["sign", "."], ["evaluate", "x", "--nonsense"], ["--json"]],
-)
-def test_wrong_usage_is_status_two(arguments: list[str], capsys: pytest.CaptureFixture) -> None:
-    """No bundle given is a mistake of the command line."""
-    try:
-        status = main(arguments)
-    except SystemExit as stopped:
-        status = stopped.code
-    assert status == 2
-    assert capsys.readouterr().out == ""

@@ -84,22 +84,3 @@ def test_the_model_is_not_overwritten_under_another_name(folder: Path, capsys: p
     options = ["--to", "mujoco", "--model", "robot.xml", "--joint-map", "shank=FL_calf_joint", "--out", "other.xml"]
     assert main(["convert", "joints.json", *options]) == 1
     assert "would be overwritten" in capsys.readouterr().err and (folder / "robot.xml").read_text() == MODEL
-
-
-def test_another_file_is_not_overwritten_unasked(folder: Path, capsys: pytest.CaptureFixture) -> None:
-    """A model of one's own is gone with a mistyped name; what is the same may be written again."""
-    (folder / "knee.xml").write_text(MODEL)
-    words = ["convert", "joints.json", "--to", "mujoco", "--out", "knee.xml"]
-    assert main(words) == 1
-    told = capsys.readouterr()
-    assert told.err == "stiction convert: knee.xml exists already; choose another --out, or add --overwrite\n"
-    assert (folder / "knee.xml").read_text() == MODEL
-    assert main([*words, "--overwrite"]) == 0 and "frictionloss" in (folder / "knee.xml").read_text()
-    assert main(words) == 0
-
-
-def test_json_that_is_no_identification_is_called_so(folder: Path, capsys: pytest.CaptureFixture) -> None:
-    """Who names another file would look for another version of the program."""
-    (folder / "other.json").write_text("{}")
-    assert main(["convert", "other.json", "--to", "mujoco"]) == 1
-    assert "other.json has no schema_version, so that it is no joints.json of identify" in capsys.readouterr().err

@@ -2,7 +2,6 @@
 
 import json
 import re
-import shlex
 from dataclasses import replace
 from html import unescape
 from pathlib import Path
@@ -12,10 +11,6 @@ import pytest
 from bundles import make_bundle, make_contract
 from stiction.cli import demo
 from stiction.cli.main import main
-from stiction.files.log import LogSetup, write_log
-from stiction.identification.example import example_log
-from stiction.report.demo import render_demo
-from stiction.report.page import marked
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
@@ -76,26 +71,6 @@ def test_the_page_holds_every_stage_and_needs_no_network(
     rendered = (out / "side-by-side.webp").is_file()
     assert rendered or any("OpenGL" in text for text in summary["warnings"])
     assert page.count("data:image/webp") == int(rendered)
-
-
-def test_the_record_is_identified_as_the_documentation_says() -> None:
-    """A reader who runs the command of the page finds what the demo shows."""
-    page = (Path(__file__).parents[2] / "docs/identification.md").read_text()
-    start = page.index("stiction identify DATA_EMPS.mat")
-    command = shlex.split(page[start : page.index("```", start)].replace("\\\n", ""))
-    assert command == ["stiction", "identify", "DATA_EMPS.mat", *demo.EMPS_OPTIONS, "--out", "emps"]
-
-
-def test_warnings_of_an_identification_stand_on_the_page(tmp_path: Path) -> None:
-    """Numbers that are not to be trusted must not look as if they were."""
-    log = tmp_path / "swing.csv"
-    write_log(log, replace(example_log(), setup=LogSetup()))
-    joint = demo._identify("a swing", [str(log), "--out", str(tmp_path / "found")])
-    assert any("test condition" in text for text in joint.record.warnings)
-    page = render_demo([joint], {}, [], {"command": "stiction demo"}, ("vx=0.5", 0.2, None))
-    assert page.count("<p>Warning: ") == len(joint.record.warnings)
-    lines = joint.record.diagnostics["verdict"]["lines"]
-    assert len(lines) == 3 and all(marked(line) in page for line in lines)
 
 
 def test_training_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -58,9 +58,7 @@ def test_a_run_ends_as_asked_and_leaves_report_and_log(tmp_path: Path, capsys: p
     ("fault", "said", "status"),
     [
         ("policy-kill", "policy gone: its ", 1),
-        ("policy-exception", "RuntimeError: injected", 1),
         ("sigterm", "operator: SIGTERM", 128 + signal.SIGTERM),
-        ("sigtstp", "operator: SIGTSTP", 128 + signal.SIGTSTP),
         ("second-robot", "second robot: 2, allowed 1 (127.0.0.1:", 1),
     ],
 )
@@ -89,32 +87,17 @@ def test_a_supervisor_that_is_halted_does_not_walk_on(tmp_path: Path) -> None:
     assert report["virtual"]["damped"] > report["faults"].get("supervisor-halt", 0.0)
 
 
-@pytest.mark.parametrize(
-    ("fault", "rule", "least"),
-    [("heartbeat", "operator", 0.5), ("command-loss", "command lost", 3.0)],
-)
-def test_whoever_falls_silent_elsewhere_ends_the_run(tmp_path: Path, fault: str, rule: str, least: float) -> None:
+def test_whoever_falls_silent_elsewhere_ends_the_run(tmp_path: Path) -> None:
     """A fault that is accepted and does nothing is called safe: the run went on without anybody."""
-    words = [
-        "deploy",
-        POLICY,
-        "--armed",
-        "--json",
-        "--fault",
-        f"{fault}@0.5",
-        "--command",
-        "vx=0.2",
-        "--duration",
-        "60",
-    ]
+    words = ["deploy", POLICY, "--armed", "--json", "--fault", "heartbeat@0.5", "--duration", "60"]
     words += ["--out", str(tmp_path / "run"), "--keep-minutes", "0"]
     done = subprocess.run(stiction(*words, *PATIENT[:6], *ON_STAND), capture_output=True, text=True, check=False)
     assert done.returncode == 1, done.stderr
     report = json.loads(done.stdout)
-    assert report["stop"]["rule"] == rule, done.stderr
+    assert report["stop"]["rule"] == "operator", done.stderr
     # It had been heard until then: what is lost is counted from its last word.
-    assert report["stop"]["time"] - report["faults"][fault] > least - 0.06
-    assert report["virtual"]["damped"] > report["faults"][fault]
+    assert report["stop"]["time"] - report["faults"]["heartbeat"] > 0.5 - 0.06
+    assert report["virtual"]["damped"] > report["faults"]["heartbeat"]
 
 
 def test_without_arming_nothing_reaches_the_robot(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
@@ -151,20 +134,16 @@ def test_a_supervisor_that_is_killed_leaves_a_log_and_no_orphan(tmp_path: Path) 
         (["--robot", "virtuel"], "did you mean 'virtual'"),
         (["--robot", "unitree-go"], "network interface"),
         (["--robot", "unitree-go:nowhere0", "--fault", "tilt@1"], "--fault requires --robot virtual"),
-        (["--robot", "ros2:/x", "--robot-seed", "5"], "--robot-seed requires --robot virtual"),
-        (["--robot", "ros2:/x", "--friction-level", "0.3"], "--friction-level requires --robot virtual"),
         (["--robot", "ros2:/x", "--engine", "ode"], "--engine requires --robot virtual"),
-        (["--robot", "ros2:/x", "--robot-cell", "rest"], "--robot-cell requires --robot virtual"),
         (["--held.kp", "3"], "--held.kp requires --robot unitree-go:INTERFACE"),
-        (["--domain", "3"], "--domain requires --robot unitree-go:INTERFACE"),
-        (["--readers", "2"], "--readers requires --robot unitree-go:INTERFACE"),
         (["--gap", "0"], "gap of 0.0"),
         (["--operator.heartbeat-timeout", "1"], "--operator.heartbeat-timeout requires --operator.heartbeat;"),
-        (["--robot", "virtual:eth0"], "this machine"),
         (["--robot", "unitree-go:lo"], "maker's order"),
         (["--robot", "ros2"], "namespace"),
+        (["--robot", "ros2:/x"], "rclpy"),
+        (["--robot-seed", "-1"], "the seed is -1"),
+        (["--realtime", "200"], "a real-time priority of 200"),
         (["--fault", "tlit@1"], "did you mean 'tilt'"),
-        (["--command", "vx=fast"], "command"),
         (["--command", "vx=3"], "trained"),
         (["--ramp", "0.5"], "ramp"),
         (["--engine", "bullet"], "engine"),
@@ -174,47 +153,23 @@ def test_a_supervisor_that_is_killed_leaves_a_log_and_no_orphan(tmp_path: Path) 
             "no motion at nowhere.csv; expected a trajectory.csv; `stiction excite` designs",
         ),
         (["--expect-digest", "0" * 64], "digest"),
-        (["--operator.heartbeat", "9000"], "HOST:PORT"),
         (["--limits.slew", "0"], "slew"),
         (["--set", "safety.tilt=-1"], "tilt"),
     ],
 )
 def test_wrong_words_are_one_line_and_nothing_moves(
-    tmp_path: Path, words: list[str], said: str, capsys: pytest.CaptureFixture
-) -> None:
-    """A typing error is a traceback, or moves a robot with other settings than were meant."""
-    assert main(["deploy", POLICY, "--armed", "--duration", "0.2", "--out", str(tmp_path / "run"), *words]) == 1
-    err = capsys.readouterr().err
-    assert said in err and err.count("\n") == 1, err
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--fault", "tlit@1"], "did you mean 'tilt'"),
-        (["--fault", "tilt@nan"], "expected NAME@SECOND"),
-        (["--friction-level", "-1"], "friction level '-1'"),
-        (["--friction-level", "nan"], "friction level 'nan'"),
-        (["--robot-cell", "bogus"], "unknown group 'bogus'"),
-        (["--engine", "bullet"], "unknown engine 'bullet'"),
-        (["--robot-seed", "-1"], "the seed is -1"),
-        (["--realtime", "200"], "a real-time priority of 200"),
-        (["--robot", "ros2:/x"], "rclpy"),
-    ],
-)
-def test_what_is_wrong_is_said_before_the_robot_is_started_and_alone(
     tmp_path: Path, words: list[str], said: str, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A dry run is announced and then refused, or an option is found wrong only in the robot's own process."""
+    """A typing error is a traceback, or moves a robot with other settings than were meant."""
 
     def started(*_: object) -> None:
         raise AssertionError("the robot was started")
 
     monkeypatch.setattr("stiction.virtual.process.virtual_robot", started)
     monkeypatch.setitem(sys.modules, "rclpy", None)
-    assert main(["deploy", POLICY, "--duration", "0.2", "--out", str(tmp_path / "run"), *words]) == 1
+    assert main(["deploy", POLICY, "--armed", "--duration", "0.2", "--out", str(tmp_path / "run"), *words]) == 1
     err = capsys.readouterr().err
-    assert said in err and err.count("\n") == 1 and "could not be started" not in err, err
+    assert said in err and err.count("\n") == 1, err
 
 
 @pytest.fixture
@@ -230,10 +185,7 @@ def motion(tmp_path: Path) -> str:
     [
         ["--command", "vx=0.5"],
         ["--operator.command-from", "127.0.0.1:9000"],
-        ["--silence", "0.5"],
         ["--fault", "policy-kill@1"],
-        ["--fault", "policy-nan@1"],
-        ["--fault", "command-loss@1"],
     ],
 )
 def test_what_is_of_a_policy_is_refused_beside_a_motion(
@@ -248,19 +200,14 @@ def test_what_is_of_a_policy_is_refused_beside_a_motion(
     assert err.count("\n") == 1 and not (tmp_path / "run").exists()
 
 
-def test_a_motion_is_cut_by_the_duration_and_has_faults(
-    tmp_path: Path, motion: str, capsys: pytest.CaptureFixture
-) -> None:
-    """Whoever bounds a first motion gets all of it; or a fault is accepted, and never happens while a motion plays."""
+def test_a_motion_is_cut_by_the_duration(tmp_path: Path, motion: str, capsys: pytest.CaptureFixture) -> None:
+    """Whoever bounds a first motion gets all of it."""
     words = ["deploy", POLICY, "--stand", "--armed", "--excitation", motion, "--stale", "5", "--gap", "5"]
-    words += ["--keep-minutes", "0"]
-    assert main([*words, "--duration", "0.5", "--out", str(tmp_path / "cut")]) == 0
+    words += ["--keep-minutes", "0", "--duration", "0.5", "--out", str(tmp_path / "cut")]
+    assert main(words) == 0
     assert "done: the first 0.5 s of a motion of 2 s, cut by --duration" in capsys.readouterr().out
     report = json.loads((tmp_path / "cut" / "report.json").read_text())
     assert report["motion"] == {"seconds": 2.0, "played": 0.5} and report["stop"] is None
-    assert main([*words, "--fault", "tilt@0.2", "--out", str(tmp_path / "tilted")]) == 1
-    report = json.loads((tmp_path / "tilted" / "report.json").read_text())
-    assert report["stop"]["rule"] == "orientation jump" and list(report["faults"]) == ["tilt"]
 
 
 def test_what_is_no_bundle_is_refused_before_a_folder_is_made(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
@@ -268,14 +215,6 @@ def test_what_is_no_bundle_is_refused_before_a_folder_is_made(tmp_path: Path, ca
     (tmp_path / "other").mkdir()
     assert main(["deploy", str(tmp_path / "other"), "--out", str(tmp_path / "run")]) == 1
     assert "is no policy bundle" in capsys.readouterr().err and not (tmp_path / "run").exists()
-
-
-def test_what_is_no_bundle_is_said_before_what_the_folder_has(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """If this failed, half a bundle would be called another setting than that of the run that is there."""
-    (tmp_path / "other").mkdir()
-    (tmp_path / "settings.json").write_text('{"verb": "deploy", "settings": {"bundle": "mine"}}')
-    assert main(["deploy", str(tmp_path / "other"), "--out", str(tmp_path)]) == 1
-    assert "is no policy bundle" in capsys.readouterr().err
 
 
 def test_a_report_is_not_written_over_unasked(

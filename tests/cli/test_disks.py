@@ -34,23 +34,7 @@ TRAIN = (
     *("--student.iterations", "1", "--student.steps", "4", "--student.mini-batches", "2"),
 )
 WALK = ("--friction-levels", "0.2", "--commands", "vx=0.5", "--episodes", "1", "--seconds", "3", "--jobs", "1")
-WEAR = (
-    "--engine",
-    "mujoco",
-    "--seconds",
-    "3",
-    "--window",
-    "0.5",
-    "--jobs",
-    "1",
-    "--robots",
-    "3",
-    "--levels",
-    "0.3",
-    "--no-control",
-)
-EXCITE = ("--duration", "6", "--rate", "200", "--torque-limit", "45", "--coulomb", "0.44")
-LOAD = ("--parts", "load", "--no-clips", "--jobs", "1")
+WEAR = ("--engine", "mujoco", "--seconds", "3", "--window", "0.5", "--jobs", "1", "--robots", "3", "--levels", "0.3")
 DEPLOY = ("--duration", "0.6", "--silence", "5", "--stale", "5", "--gap", "5", "--stand", "--robot-cell", "sensors")
 
 VERBS = {
@@ -72,7 +56,7 @@ VERBS = {
         "replicate",
         *["--policies", "{in}/toy", "--parts", "load", "--no-clips", "--jobs", "1", "--out", "{out}"],
     ),
-    "study": ("study", "wear", POLICY, *WEAR, "--out", "{out}"),
+    "study": ("study", "wear", POLICY, *WEAR, "--no-control", "--out", "{out}"),
     "export": ("export", "{in}/run", "--out", "{out}/bundle"),
     "webots": ("export", POLICY, "--to", "webots", "--out", "{out}/project"),
     "rl_sar": ("export", "{in}/toy", "--to", "rl_sar", "--out", "{out}/theirs"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import pty
 import signal
 import subprocess
 import sys
@@ -12,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from processes import is_alive, stiction, wait_until
-from stiction.cli import process
 from stiction.cli.main import main
 from stiction.report.terminal import Terminal, work_progress
 
@@ -102,29 +100,6 @@ def test_a_name_is_no_markup(capsys: pytest.CaptureFixture) -> None:
     assert "[/bar] \\u001b]0;title\\u0007: done" in captured.err
 
 
-@pytest.mark.parametrize("name", ["$\\frac$", "\x1b[2J", "a" * 200])
-def test_a_policy_has_a_name_that_can_be_shown(name: str) -> None:
-    """Matplotlib would take it for a formula, hours after the walks began."""
-    from stiction.core.errors import ConfigurationError
-    from stiction.evaluation.summary import check_names
-
-    with pytest.raises(ConfigurationError, match="rename the directory"):
-        check_names([POLICY, name])
-
-
-def test_what_a_stream_escapes_is_still_json() -> None:
-    """A summary with a foreign name in it must be read by the next program, and colours of the help must work."""
-    import io
-    import json
-
-    file = io.StringIO()
-    out = process.Stream(file, lasting=False)
-    out.write(json.dumps({"name": "\x9b2J \u202e τ"}, ensure_ascii=False) + "\n")
-    assert json.loads(file.getvalue()) == {"name": "\x9b2J \u202e τ"} and "\x9b" not in file.getvalue()
-    out.rich_proxied_file.write("\x1b[1m")
-    assert file.getvalue().endswith("\x1b[1m")
-
-
 WAIT = """
 import sys
 from pathlib import Path
@@ -167,14 +142,3 @@ def test_nothing_outlives_a_command_that_is_ended(number: signal.Signals, tmp_pa
         what = "interrupted" if number == signal.SIGINT else f"ended by {number.name}"
         assert command.returncode == 128 + number and said == [f"stiction robot: {what}"]
         assert not (out / ".lock").exists()
-
-
-def test_a_terminal_that_is_closed_ends_nothing_early(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Progress is for who looks on: a training goes on to its checkpoint after its window was closed."""
-    master, slave = pty.openpty()
-    stream = process.Stream(os.fdopen(slave, "w"), lasting=True)
-    os.close(master)
-    stream.write("progress\n")
-    stream.flush()
-    stream.write("more\n")
-    stream.flush()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
@@ -54,15 +53,3 @@ def test_a_name_that_there_is_not_is_said_before_what_else_is_wrong(
     assert main(["evaluate", *words, "--out", str(tmp_path)]) == 1
     printed = capsys.readouterr().err
     assert said in printed and "other settings" not in printed and printed.count("\n") == 1
-
-
-def test_commands_beyond_the_training_are_walked_with_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """`deploy` and `view` refuse them; here a fall at a speed that nobody trained looked like a bad policy."""
-    words = ["--friction-levels", "0", "--commands", "vx=5", "vx=-0.8", "--episodes", "1", "--seconds", "3.1", "--json"]
-    assert main(["evaluate", "saturn_lite-flat-deception-0.2", *words, "--out", str(tmp_path)]) == 0
-    said = (
-        "saturn_lite-flat-deception-0.2: command vx=5: the policy was trained for vx -0.8 to 0.8, vy -0.3 to 0.3, "
-        "wz -0.6 to 0.6; its rows beyond that judge what nobody trained"
-    )
-    printed = capsys.readouterr()
-    assert said in json.loads(printed.out)["warnings"] and said in printed.err

@@ -4,21 +4,13 @@ from __future__ import annotations
 
 import json
 import shlex
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from code_blocks import blocks_of
 from excitations import search_little
-from stiction.api.excitation import robot_joint
-from stiction.cli.excite import run_lines
 from stiction.cli.main import main
-from stiction.core.errors import ConfigurationError
-from stiction.deploy.runtime.motion import Motion
-from stiction.files.bundle import read_bundle, shipped_bundles
 from stiction.files.design import load_design
-from stiction.identification.excite.setup import ExciteSetup
 from stiction.identification.logs import open_log
 
 SHORT = "--duration 6 --rate 200 --torque-limit 45 --coulomb 0.44"
@@ -69,20 +61,6 @@ def test_gravity_that_was_planned_for_will_be_fitted(
     assert open_log(tmp_path / "trajectory.csv").setup.test_condition == condition
 
 
-def test_a_sine_that_is_as_good_takes_no_longer(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """Where the search found nothing better, it must not say that the sine takes 0.8 times as long."""
-    assert main(["excite", *SHORT.split(), "--out", str(tmp_path)]) == 0
-    made = load_design(tmp_path / "design.json")
-    sine = made.sines[0]
-    worse, better = (
-        run_lines(replace(made, sines=(replace(sine, worst=ratio * made.worst),)), tmp_path)[-1] for ratio in (3.0, 0.9)
-    )
-    assert worse == (
-        "The best single sine would leave 3 times the worst deviation: it takes 9 times as long to know as much."
-    )
-    assert better == "The best single sine would leave 0.9 times the worst deviation."
-
-
 def test_a_robot_fills_in_the_joint(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """Position limits, gains, torque limit and friction are those of the robot's shank."""
     options = ["--robot", "saturn_lite", "--joint", "FL_shank", "--position-only", "--duration", "6", "--rate", "200"]
@@ -94,36 +72,22 @@ def test_a_robot_fills_in_the_joint(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert any("only combinations are known" in text for text in printed["warnings"])
 
 
-@pytest.mark.parametrize("joint", ["knee", "left_knee_joint"])
-def test_any_robots_joint_is_found_by_name_and_by_kind(joint: str) -> None:
-    """The name alone need not say the kind."""
-    found = robot_joint("g1", joint)
-    assert (found.name, found.torque_limit, found.kp) == ("left_knee_joint", 139.0, 150.0)
-
-
 @pytest.mark.parametrize(
     ("options", "said"),
     [
         ("--position-limits 0.6 -0.6", "--position-limits 0.6 -0.6"),
-        ("--kp nan", "--kp nan"),
         ("--coulomb 50 --torque-limit 45", "could not move the joint"),
-        ("--coulomb 15 --torque-limit 45 --kp 20", "which holds the joint"),
         ("--speed-limit 1e-5 --duration 6 --rate 200", "no motion within"),
         ("--robot saturn_lite --joint knee", "unknown joint 'knee'; known: hip, thigh, shank"),
-        ("--robot saturn_lite", "unknown joint 'joint'"),
-        ("--robot go2 --joint shank", "unknown joint 'shank'; known: hip, thigh, calf, FR_hip_joint, FR_thigh_joint"),
         ("--robot spot --joint shank", "unknown robot 'spot'"),
         (
             "--robot go2 --joint FL_calf_joint --position-limits 1 2",
             "--position-limits 1 2: FL_calf_joint has -2.7227 to -0.83776 rad; give limits within",
         ),
-        ("--robot go2 --joint calf --position-limits -1 -2", "the lower one first"),
         (
             "--robot go2 --joint FL_calf_joint --torque-limit 400",
             "--torque-limit 400: the motor of FL_calf_joint has 45.43 N m; give no more",
         ),
-        ("--position-limits -60 60", "--position-limits -60 60: that is more than two turns; expected radians"),
-        ("--joint a,b", "--joint 'a,b'"),
         ("--duration 6 --rate 200 --out taken/sub", "taken/sub cannot be made"),
     ],
 )
@@ -137,48 +101,3 @@ def test_what_a_user_can_mend_is_one_line_and_status_1(
     captured = capsys.readouterr()
     lines = [line for line in captured.err.splitlines() if line.startswith("stiction excite: ")]
     assert captured.out == "" and len(lines) == 1 and said in lines[0] and "Traceback" not in captured.err
-
-
-def test_an_earlier_design_is_refused_before_the_search(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
-) -> None:
-    """It was searched for half a minute, and then said that the folder holds another design."""
-    assert main(["excite", *SHORT.split(), "--joint", "FL_calf", "--out", str(tmp_path)]) == 0
-    capsys.readouterr()
-    monkeypatch.setattr("stiction.api.excitation.design", lambda *_: pytest.fail("searched"))
-    assert main(["excite", *SHORT.split(), "--joint", "FL_shank", "--out", str(tmp_path)]) == 1
-    assert "with other settings: joint FL_calf, now FL_shank; choose another --out" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("page", ["tutorial.md", "identification.md"])
-def test_what_a_page_designs_is_what_deploy_plays(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Both pages designed for angles that the robot's shank does not have, and `deploy --excitation` refused them."""
-    words = next(
-        words
-        for block in blocks_of(Path(__file__).parents[2] / "docs" / page)
-        for words in (block.commands if block.language == "console" else ())
-        if words[:2] == ["stiction", "excite"]
-    )
-    setups: list[ExciteSetup] = []
-
-    def noted(setup: ExciteSetup, *_: object) -> None:
-        setups.append(setup)
-        raise ConfigurationError("noted")
-
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("stiction.api.excitation.design_excitation", noted)
-    assert main(words[1:]) == 1
-    low, high = setups[0].position_limits or (0.0, 0.0)
-    name = words[words.index("--joint") + 1]
-    (tmp_path / "trajectory.csv").write_text(f"time,target.{name}\n0,{low}\n1,{high}\n")
-    robot = words[words.index("--robot") + 1]
-    folder = next(folder for bundle, folder in shipped_bundles().items() if bundle.startswith(robot))
-    assert Motion(tmp_path / "trajectory.csv", read_bundle(folder).contract).seconds == 1.0
-
-
-def test_wrong_usage_is_status_2() -> None:
-    """Unknown options, and half of the limits."""
-    for arguments in (["--nonsense"], ["--position-limits", "0.1"], ["--kp", "x"]):
-        with pytest.raises(SystemExit) as caught:
-            main(["excite", *arguments])
-        assert caught.value.code == 2

@@ -12,7 +12,7 @@ import pytest
 
 from stiction.cli.main import VERBS, main
 from stiction.learning.config import TrainCfg
-from stiction_experiments.lab.command import find_study, study_names
+from stiction_experiments.lab.command import study_names
 
 SCREEN = 48
 """Lines of a terminal that fills a laptop's screen."""
@@ -98,19 +98,3 @@ def test_all_settings_of_a_training_are_listed(capsys: pytest.CaptureFixture, mo
     )
     assert not re.search(r"\s(?:INT|FLOAT|BOOL|WORD|STR|PATH) Default:", plain), "a setting without a meaning"
     assert "stiction train --set help" in help_of(capsys, "train", "--help")
-
-
-@pytest.mark.parametrize("what", ["all", "robots", "policies", "engines"])
-def test_what_is_shipped_is_listed(capsys: pytest.CaptureFixture, what: str) -> None:
-    """If this failed, nobody would know which names a verb takes."""
-    text = help_of(capsys, "list", what)
-    names = {"robots": "saturn_lite", "policies": "saturn_lite-stairs-deception-0.2", "engines": "ode-webots"}
-    for kind, name in names.items():
-        assert (name in text.split()) == (what in ("all", kind)) or kind == "robots"
-
-
-def test_every_study_is_found_by_a_question(capsys: pytest.CaptureFixture) -> None:
-    """If this failed, `stiction study` would list an experiment that nobody can choose."""
-    assert all(find_study(name).question for name in study_names())
-    listed = help_of(capsys, "study", "--help")
-    assert all(name in listed for name in study_names()) and listed.count("\n") <= 1.25 * SCREEN

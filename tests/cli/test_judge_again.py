@@ -66,23 +66,6 @@ def test_rows_that_change_turn_verdict_and_advice(tmp_path: Path, capsys: pytest
 ROWS_COHORT = "friction-training/rows"
 
 
-def test_what_the_advised_policies_did_elsewhere_goes_into_the_advice(tmp_path: Path) -> None:
-    """From tables beside the experiment; without them it says that these policies have not walked there."""
-    out = copy(
-        ROWS_COHORT, "results.csv", "curves.csv", "summary.json", "physx.csv", "robots.csv", out=tmp_path / "study"
-    )
-    words = ["study", "friction", "--preset", "quick", "--judge-again", "--out", str(out)]
-    words += ["--advice", str(tmp_path / "advice.json")]
-    assert main([*words, "--elsewhere", str(out / "physx.csv"), str(out / "robots.csv")]) == 0
-    (source,) = read_advice(tmp_path / "advice.json").values()
-    assert source == replace(shipped()[TRAINING], commands=()) and source.tables == ("physx.csv", "robots.csv")
-    assert {one.engine for one in source.cells} == {"mujoco", "physx", "physx+all"}
-    assert main(words) == 0
-    sources = shipped() | read_advice(tmp_path / "advice.json")
-    assert {one.engine for one in sources[TRAINING].cells} == {"mujoco"} and sources[TRAINING].tables == ()
-    assert "these policies have not walked: how they do there is not known" in advise(0.2, 0.2, sources).text
-
-
 @pytest.mark.parametrize(
     ("table", "message"),
     [
@@ -130,60 +113,6 @@ def test_the_comparison_is_judged_from_its_summary_alone(tmp_path: Path, capsys:
     )
 
 
-def test_worn_robots_are_judged_from_their_windows(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """A policy that is too fast until x1.52 is said to be; one that ends on the way back has ended."""
-    names = ("summary.json", "windows.csv", "readings.csv")
-    out = copy("wear", *names, out=tmp_path / "wear")
-    assert main(["study", "wear", "--judge-again", "--out", str(out)]) == 0
-    assert "deception-0.2 at level 0.1: " in capsys.readouterr().out
-    page = (out / "report.html").read_text()
-    assert "5 too fast" in page and "x1.52" in page and "4 too slow, 1 alive" in page
-    with (out / "lives.csv").open(newline="") as file:
-        ends = {(row["policy"], row["steady"], row["end"]) for row in csv.DictReader(file)}
-    assert ("saturn_lite-flat-none-0.2", "", "too slow") in ends
-    assert ("saturn_lite-flat-deception-0.2", "", "alive") in ends
-
-
-def test_worn_robots_that_walked_one_way_are_judged_as_such(tmp_path: Path) -> None:
-    """Files of before do not say the command, the settings do; nine of ten follow to the end."""
-    out = copy("wear/one-joint", "summary.json", "windows.csv", out=tmp_path / "wear")
-    assert main(["study", "wear", "--judge-again", "--out", str(out)]) == 0
-    with (out / "lives.csv").open(newline="") as file:
-        rows = [row for row in csv.DictReader(file) if "deception" in row["policy"]]
-    assert [row["end"] for row in rows].count("alive") == 9 and {row["command"] for row in rows} == {"vx=0.5"}
-    assert "They walked one way alone, vx=0.5" in (out / "report.html").read_text()
-
-
-def test_an_evaluation_of_before_is_drawn_again(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """Its summary lacks what later ones have; the rows are told too fast from too slow."""
-    out = copy("robots/go2", "results.csv", "summary.json", out=tmp_path / "flat")
-    rows = [
-        replace(row, speed_ratio=1.3) if row.friction_level == 0.0 and row.method == "deception" else row
-        for row in read_results(out / "results.csv")
-    ]
-    write_results(out / "results.csv", rows)
-    before = (out / "results.csv").read_bytes()
-    assert main(["evaluate", "--judge-again", "--out", str(out)]) == 0
-    assert "too fast" in capsys.readouterr().out
-    page = (out / "report.html").read_text()
-    assert "go2-flat-deception-0.2-s0 follows from 5 to 20 %; is too fast at 0 %" in page
-    assert (out / "results.csv").read_bytes() == before
-
-
-@pytest.mark.parametrize("verb", [["study", "friction"], ["study", "wear"], ["replicate", "--no-clips"], ["evaluate"]])
-def test_a_folder_without_results_is_one_line(verb: list[str], tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """If this failed, a wrong --out would end in a traceback."""
-    assert main([*verb, "--judge-again", "--out", str(tmp_path)]) == 1
-    error = capsys.readouterr().err
-    assert str(tmp_path) in error and error.count("\n") == 1
-    if verb == ["evaluate"]:
-        assert "has no results.csv and no summary.json; expected a folder that `stiction evaluate` wrote" in error
-    (tmp_path / "summary.json").write_text('{"schema_version": 1}')
-    (tmp_path / "results.csv").write_text("")
-    assert main([*verb, "--judge-again", "--out", str(tmp_path)]) == 1
-    assert capsys.readouterr().err.count("\n") == 1
-
-
 REDRAWN = {
     "actuator": "actuator",
     "adaptation": "adaptation/rows",
@@ -220,11 +149,3 @@ def test_a_page_is_drawn_anew_from_the_rows_of_its_folder(study: str, tmp_path: 
     assert summary["judged"]["command"].startswith(f"stiction study {study} --judge-again")
     assert ('<img class="white"' in page) == (study in ("engines", "gait"))  # drawn from a file, on white
     assert "Judged and drawn anew, from the same rows" in page and '<nav aria-label="Contents">' in page
-
-
-def test_a_folder_of_another_study_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """If this failed, a page of stairs could be drawn over the results of gaits."""
-    out = tmp_path / "study"
-    shutil.copytree(RESULTS / "gait", out)
-    assert main(["study", "actuator", "--judge-again", "--out", str(out)]) == 1
-    assert "is none of `stiction study actuator`: no 'rows'" in capsys.readouterr().err

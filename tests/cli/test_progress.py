@@ -1,12 +1,11 @@
 """Progress: the time left of the whole run, and lines that a log file can keep."""
 
 import io
-from dataclasses import replace
 
 import pytest
 from rich.console import Console
 
-from stiction.cli.progress import Display, RunClock, figures_line, span
+from stiction.cli.progress import Display, RunClock
 from stiction.learning.config import StudentCfg, TeacherCfg, TrainCfg
 from stiction.task.config import TaskCfg
 from stiction.task.friction import FrictionCfg
@@ -51,15 +50,6 @@ def test_the_time_left_follows_a_machine_that_slows_down() -> None:
     assert clock.rate("student") == pytest.approx(4.0)
 
 
-@pytest.mark.parametrize(
-    ("seconds", "text"),
-    [(45.2, "45 s"), (90.0, "2 min"), (3570, "1 h 00 min"), (11_100.0, "3 h 05 min")],
-)
-def test_times_are_said_as_people_say_them(seconds: float, text: str) -> None:
-    """Nobody reads 11100 s."""
-    assert span(seconds) == text
-
-
 def test_a_file_gets_a_line_every_half_minute() -> None:
     """A log of a night must show that the run goes on, in few lines: begin, every 30 s, end of each phase."""
     now, file = [0.0], io.StringIO()
@@ -77,37 +67,3 @@ def test_a_file_gets_a_line_every_half_minute() -> None:
         "teacher 1/100: 4 min left, 5,321 env-steps/s, reward 0.0400, error 0.171 m/s, tripod 52%, falls 0.000/s, "
         "friction 0 to 0.24"
     )
-
-
-def test_one_phase_has_no_teacher_to_show() -> None:
-    """What trains there is the policy; a second bar would never move."""
-    one = replace(CFG, student=replace(CFG.student, iterations=0))
-    file = io.StringIO()
-    Display(one, Console(file=file, width=40))("teacher", 1, 100, FIGURES)
-    assert file.getvalue().startswith("policy 1/100: ")
-    file = io.StringIO()
-    console = Console(file=file, force_terminal=True, width=100)
-    console.print(Display(one, console).view)
-    assert "policy" in file.getvalue() and "teacher" not in file.getvalue() and "student" not in file.getvalue()
-
-
-def test_a_terminal_shows_bars_and_no_lines() -> None:
-    """Lines between the bars would tear the display apart."""
-    file = io.StringIO()
-    console = Console(file=file, force_terminal=True, width=100)
-    display = Display(CFG, console)
-    display("teacher", 7, 100, FIGURES)
-    assert file.getvalue() == ""
-    console.print(display.view)
-    shown = file.getvalue()
-    assert "7/100" in shown and "0/50" in shown and "left" in shown and "error 0.171 m/s" in shown
-
-
-def test_the_line_tells_stage_and_terrain() -> None:
-    """What the robots meet changes in a run: friction by its schedule, terrain by the curriculum."""
-    staged = replace(CFG, task=TaskCfg(friction=FrictionCfg("iterative", level=None, steps=4)))
-    figures = FIGURES | {"friction/stage": 2.0, "friction/low": 0.4, "friction/high": 0.6, "terrain/level": 3.25}
-    line = figures_line(staged, figures)
-    assert line.endswith("terrain level 3.25, friction ×0.4 to ×0.6 (stage 3 of 5)")
-    without = replace(CFG, task=TaskCfg(friction=FrictionCfg("none")))
-    assert "friction" not in figures_line(without, FIGURES)

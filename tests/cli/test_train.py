@@ -12,7 +12,6 @@ from stiction.cli.progress import Display
 from stiction.core import gemm
 from stiction.files.joints import Estimate, JointRecord, JointsFile, write_training
 from stiction.identification.proposal import propose
-from stiction.learning.arguments import parse
 from stiction.learning.run import latest_checkpoint, load_checkpoint
 from stiction.report.terminal import stop_requests
 from stiction.task.friction import FrictionCfg
@@ -86,19 +85,6 @@ def test_an_identification_becomes_the_nominal_joint(tmp_path: Path, capsys: pyt
         assert main(["export", str(tmp_path / run), "--out", str(tmp_path / f"{run}-bundle")]) == 0
         contract = json.loads((tmp_path / f"{run}-bundle" / "contract.json").read_text())
         assert contract["friction"][2] == pytest.approx(expected) and contract["armature"][2] == 0.02
-
-
-def test_a_policy_of_an_identified_coefficient_is_exported(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """It has no level: what reads the run for its policy must know the joints too, or the training was for nothing."""
-    found = Estimate(0.063, 0.001, (0.061, 0.065))
-    law = {"law": "load", "regressor": "gravity", "parameters": {"coulomb_friction": found.to_dict()}}
-    joint = JointRecord(coulomb_friction=found, load_coefficient=found, friction_law=law, test_condition="in_air")
-    JointsFile(dict.fromkeys(("hip", "thigh", "calf"), joint)).write(tmp_path / "joints.json")
-    options = ["--method", "direct", "--friction-law", "effort", "--joints", str(tmp_path / "joints.json")]
-    assert main(["train", *SMALL, *options, "--out", str(tmp_path / "run")]) == 0
-    assert main(["export", str(tmp_path / "run"), "--out", str(tmp_path / "bundle")]) == 0
-    contract = json.loads((tmp_path / "bundle" / "contract.json").read_text())
-    assert contract["friction_law"] == "effort" and contract["friction"] == pytest.approx([0.063] * 12)
 
 
 def test_a_law_is_trained_and_resumed(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
@@ -223,49 +209,6 @@ def test_a_finished_run_says_so(tmp_path: Path, capsys: pytest.CaptureFixture) -
     assert {path: path.read_bytes() for path in out.rglob("*.json*")} == written and (out / "curves.png").exists()
 
 
-def test_a_run_that_reached_its_target_is_exported(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """Both phases end in their first iteration of three, and the bundle is of a finished run."""
-    out = tmp_path / "run"
-    more = ["--teacher.iterations", "3", "--student.iterations", "3", "--method", "none", "--out", str(out)]
-    target = ["--stop-at-tracking-error", "100", "--set", "stop.iterations=1", "--set", "stop.falls=100"]
-    assert main(["train", *but(SMALL, *more, *target)]) == 0
-    summary = json.loads(capsys.readouterr().out)
-    assert {name: stop["iteration"] for name, stop in summary["stopped"].items()} == {"teacher": 1, "student": 1}
-    assert main(["export", str(out), "--out", str(tmp_path / "bundle")]) == 0
-
-
-def test_without_a_makers_order_no_half_of_an_export_is_written(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """If this failed, a refused export would leave a bundle that looks like what was asked for."""
-    out, bundle, targets = tmp_path / "run", tmp_path / "bundle", tmp_path / "targets.csv"
-    words = [*but(SMALL, "--robot", "saturn_lite", "--method", "none"), "--out", str(out)]
-    assert main(["train", *words]) == 0
-    capsys.readouterr()
-    assert main(["export", str(out), "--out", str(bundle), "--maker-targets", str(targets)]) == 1
-    said = capsys.readouterr().err
-    assert "the maker's order of the joints of 'saturn_lite' is not in the contract" in said
-    assert not bundle.exists() and not targets.exists()
-
-
-def test_presets_simulate_friction_as_it_is_judged_but_for_two_phases() -> None:
-    """On a GPU sliders would be refused."""
-    for words, friction in (
-        ([], "rows"),
-        (["--preset", "quick"], "rows"),
-        (["--preset=paper"], "rows"),
-        (["--preset", "two-phase"], "plastic"),
-        (["--preset", "quick", "--physics", "plastic"], "plastic"),
-        (["--preset", "two-phase", "--device", "warp-cpu"], "rows"),
-        (["--preset", "two-phase", "--device=cuda"], "rows"),
-    ):
-        assert parse(words).config.task.physics.friction == friction, words
-
-
-@pytest.mark.parametrize(("method", "quiet"), [("none", 30), ("deception", 30), ("dreamwaq", 0), ("hinf", 0)])
-def test_one_phase_ends_with_quiet_iterations_where_the_estimator_alone_would_learn(method: str, quiet: int) -> None:
-    """If this failed, the code of a context, or a disturber, would drift under a policy that stands still."""
-    assert parse(["--preset", "quick", "--method", method, "--friction-level", "0.2"]).config.teacher.quiet == quiet
-
-
 def test_resume_with_other_options_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """They would be ignored without a word; --json is no setting of the run."""
     for other in (
@@ -315,13 +258,6 @@ def test_bad_input_is_one_line_and_status_one(tmp_path: Path, capsys: pytest.Cap
         assert main(["train", *SMALL, "--out", str(out)]) == 1
         error = capsys.readouterr().err
         assert "--out" in error and error.count("\n") == 1, error
-
-
-def test_wrong_usage_is_status_two(capsys: pytest.CaptureFixture) -> None:
-    """An option that does not exist."""
-    with pytest.raises(SystemExit) as stop:
-        main(["train", "--no-such-option"])
-    assert stop.value.code == 2
 
 
 @pytest.mark.parametrize("name", ["contract.json", "metrics.jsonl", "summary.json", "checkpoints/teacher_000001.json"])

@@ -2,7 +2,6 @@
 
 import json
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
@@ -41,23 +40,6 @@ def test_from_a_walk_to_a_net(tmp_path: Path, capsys: pytest.CaptureFixture) -> 
     with pytest.raises(SystemExit) as stop:
         main(["train-actuator", "--out", str(out)])
     assert stop.value.code == 2 and "no log given" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("net", "next_line"), [(0.013, "next: more or longer logs"), (0.005, "next: stiction train --")]
-)
-def test_a_net_that_is_worse_than_the_law_is_not_the_next_step(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, net: float, next_line: str
-) -> None:
-    """It said that the law is the better model, and in the next line to train with the net."""
-    rmse = {part: {"net": net, "baseline": 0.006} for part in ("training", "validation")}
-    summary = {"rmse": rmse, "inputs": "default", "history": 2}
-    for name in ("learning.actuator.train_actuator", "learning.actuator_data.read_run"):
-        monkeypatch.setattr(f"stiction.{name}", lambda *_: SimpleNamespace(summary=summary))
-    monkeypatch.setattr("stiction.learning.actuator.write_trained", lambda *_: None)
-    monkeypatch.setattr("stiction.report.training.write_actuator_page", lambda out: out / "report.html")
-    assert main(["train-actuator", "log.npz", "--out", str(tmp_path)]) == 0
-    assert capsys.readouterr().out.splitlines()[-1].startswith(next_line)
 
 
 def weights(run: Path) -> dict:

@@ -72,13 +72,6 @@ def test_results_and_table(log: Path, tmp_path: Path, capsys: pytest.CaptureFixt
     assert read_training(tmp_path / "training.json")["friction"]["level"] > 0.1
 
 
-def test_json_is_all_of_the_output(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """Scripts read standard output."""
-    assert main(["identify", str(log), "--out", str(tmp_path), "--json"]) == 0
-    joints = json.loads(capsys.readouterr().out)["joints"]
-    assert joints["FR_shank"]["friction_ratio"]["value"] == pytest.approx(0.1, abs=0.02)
-
-
 def test_the_base_install_says_which_extra_a_walk_needs(log: Path, tmp_path: Path) -> None:
     """Its links' dynamics are MuJoCo's: without it one line names what to install, and torch is never needed."""
     words = "identify", str(log), "--out", str(tmp_path), "--json"
@@ -106,18 +99,6 @@ def test_bad_input_is_one_line(log: Path, tmp_path: Path, capsys: pytest.Capture
         error = capsys.readouterr().err.splitlines()
         assert [said in line for line in error if line.startswith("stiction identify: ")] == [True]
     assert own.read_bytes() == log.read_bytes()
-
-
-def test_evaluate_refuses_logs_that_cannot_be(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """Before any physics runs, in one line."""
-    arguments = ["evaluate", "saturn_lite-flat-deception-0.2", "--log", str(tmp_path), "--log-seconds", "0.1"]
-    assert main([*arguments, "--out", str(tmp_path / "out")]) == 1
-    assert capsys.readouterr().err.count("\n") == 1
-    assert not (tmp_path / "out").exists()
-    (tmp_path / "file").write_text("")
-    arguments = ["evaluate", "saturn_lite-flat-deception-0.2", "--log", str(tmp_path / "file" / "logs")]
-    assert main([*arguments, "--out", str(tmp_path / "out")]) == 1
-    assert "choose another --log" in capsys.readouterr().err
 
 
 @pytest.fixture(scope="module")
@@ -153,28 +134,3 @@ def test_a_walk_in_others_columns(table: dict[str, np.ndarray], tmp_path: Path, 
     ratio = load_joints(out / "joints.json").record("ML_shank").friction_ratio
     assert ratio is not None and ratio.value == pytest.approx(0.1, abs=0.02)
     assert "Feet on the ground, from the motors" in (out / "report.html").read_text()
-
-
-def test_what_a_walk_in_others_columns_lacks_is_one_line(
-    table: dict[str, np.ndarray], log: Path, tmp_path: Path, capsys: pytest.CaptureFixture
-) -> None:
-    """What cannot be known is said with what to log; nothing is written."""
-
-    def refused(columns: dict[str, np.ndarray], *more: str) -> str:
-        write_csv(tmp_path / "walk.csv", columns)
-        out = str(tmp_path / "out")
-        words = but(("--robot", "saturn_lite", "--out", out), *more)
-        assert main(["identify", "walk", str(tmp_path / "walk.csv"), *words]) == 1
-        assert not (tmp_path / "out").exists()
-        error = capsys.readouterr().err
-        assert error.count("\n") == 1
-        return error
-
-    joints = {
-        name: values for name, values in table.items() if name.partition(".")[0] in ("time", "position", "torque")
-    }
-    assert "no quaternion, no gyroscope, no accelerometer" in refused(joints)
-    assert "expected 200 or more" in refused({name: values[::4] for name, values in table.items()})
-    assert "is not in both; name the robot that walked" in refused(table, "--robot", "go2")
-    assert main(["identify", "walk", str(log), "--kp", "3", "--out", str(tmp_path / "out")]) == 1
-    assert "--kp with walk.npz, a log of evaluate --log, which says that itself" in capsys.readouterr().err

@@ -10,14 +10,14 @@ import pytest
 
 from stiction.core import memory
 from stiction.core.decode import from_plain
-from stiction.core.errors import FileError, StictionError
+from stiction.core.errors import StictionError
 from stiction.core.memory import check_memory, free_memory
 from stiction.core.provenance import num_threads, stream_seed
 from stiction.evaluation.evaluate import EvaluationCfg
 from stiction.evaluation.grid import GridCfg
 from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.report.terminal import jobs_of
-from stiction.task.config import CommandCfg, RandomizationCfg, TaskCfg
+from stiction.task.config import RandomizationCfg, TaskCfg
 
 NAN, HUGE = float("nan"), 10**400
 
@@ -26,27 +26,16 @@ NAN, HUGE = float("nan"), 10**400
     "make",
     [
         lambda: TrainCfg(teacher=TeacherCfg(learning_rate=NAN)),
-        lambda: TrainCfg(teacher=TeacherCfg(learning_rate=1e9)),
         lambda: TrainCfg(student=StudentCfg(learning_rate=float("inf"))),
         lambda: TrainCfg(teacher=TeacherCfg(gamma=1.5)),
-        lambda: TrainCfg(teacher=TeacherCfg(entropy=-1.0)),
-        lambda: TrainCfg(num_envs=HUGE),
         lambda: TrainCfg(num_envs=10**6),
         lambda: TrainCfg(seed=HUGE),
-        lambda: TrainCfg(teacher=TeacherCfg(steps=10**6)),
         lambda: TrainCfg(network=NetworkCfg(actor=(10**9,))),
-        lambda: TrainCfg(network=NetworkCfg(actor=(8,) * 1000)),
-        lambda: TrainCfg(network=NetworkCfg(latent=0)),
         lambda: TaskCfg(decimation=10**6),
         lambda: TaskCfg(timestep=4e-9),
-        lambda: TaskCfg(episode=NAN),
         lambda: TaskCfg(action_clip=NAN),
-        lambda: RandomizationCfg(push_interval=NAN),
         lambda: RandomizationCfg(damping=(0.0, float("inf"))),
-        lambda: CommandCfg(interval=NAN),
         lambda: EvaluationCfg(episodes=10**9),
-        lambda: EvaluationCfg(seconds=NAN),
-        lambda: EvaluationCfg(seed=HUGE),
         lambda: GridCfg(EvaluationCfg(episodes=10_000), robots=tuple(range(1000, 1100)), engines=("physx+all",)),
         lambda: jobs_of(2 * 10**9),
         lambda: stream_seed(HUGE, "x"),
@@ -71,15 +60,10 @@ def test_threads_are_bounded(text: str, monkeypatch: pytest.MonkeyPatch) -> None
     ("path", "value", "said"),
     [
         (("num_envs",), HUGE, "num_envs is a huge integer; expected a number"),
-        (("num_envs",), "512", "num_envs is '512'; expected a whole number"),
-        (("num_envs",), True, "num_envs is 'True'; expected a whole number"),
         (("teacher", "learning_rate"), HUGE, "learning_rate is a huge integer; expected a finite number"),
-        (("teacher", "learning_rate"), None, "learning_rate is None; expected a finite number"),
         (("network", "actor"), [8, "x"], r"actor\[1\] is 'x'; expected a whole number"),
-        (("network", "actor"), {}, "actor is {}; expected a list"),
         (("task", "commands", "forward"), [1.0], "forward is .*; expected a list of 2"),
         (("task", "robot"), ["go1"], "robot is .*; expected text"),
-        (("symmetry",), ["none"], "symmetry is .*; expected none, batches"),
         (("task",), 3, "task is 3; expected the fields of TaskCfg"),
         (("other",), 3, "TrainCfg has no field 'other'"),
     ],
@@ -112,13 +96,6 @@ def test_memory_is_that_of_machine_container_and_limit(tmp_path: Path, monkeypat
         check_memory(1.6e9, "this", "ask for less")
 
 
-def test_a_limit_of_the_caller_s_counts_less_what_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    """`ulimit -v` of 2 GB, of which 1.5 are taken: who counts all of it begins what cannot end."""
-    monkeypatch.setattr(memory.resource, "getrlimit", lambda _: (2_000_000_000, -1))
-    monkeypatch.setattr(memory, "address_space", lambda: 1_500_000_000)
-    assert free_memory() == 500_000_000
-
-
 def test_the_memory_of_a_training_grows_with_what_it_holds() -> None:
     """As measured: 548 MB for 512 robots of Saturn Lite over 24 steps, 1011 MB with 51 frames in place of 11."""
     from stiction.robots.catalog import find_robot
@@ -129,9 +106,3 @@ def test_the_memory_of_a_training_grows_with_what_it_holds() -> None:
         for cfg in (TrainCfg(), replace(TrainCfg(), task=TaskCfg(history=51))):
             cfg.check_memory(robot)
     assert needed == [pytest.approx(548, rel=0.15), pytest.approx(1011, rel=0.15)]
-
-
-def test_no_field_of_a_file_is_taken_for_another_error() -> None:
-    """The one kind of error says which file it was."""
-    with pytest.raises(FileError, match=r"^config is "):
-        from_plain(TrainCfg, [])

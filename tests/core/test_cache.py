@@ -21,7 +21,6 @@ from stiction.core.cache import (
     read_entry,
     sealed,
 )
-from stiction.core.errors import FileError
 from stiction_experiments.lab.files import cached, entry_file
 
 CODE = "core/cache.py"
@@ -80,13 +79,6 @@ def test_a_damaged_entry_is_made_again(damage: str, tmp_path: Path) -> None:
     assert made(tmp_path, 2.0) == made(tmp_path, 3.0) == {"value": 2.0}
 
 
-def test_a_file_that_cannot_be_written_is_said_in_one_line(tmp_path: Path) -> None:
-    """With the way out."""
-    (tmp_path / "file").write_text("")
-    with pytest.raises(FileError, match="choose another --out"):
-        made(tmp_path / "file", 1.0)
-
-
 @contextmanager
 def interrupted() -> Iterator[None]:
     """Whatever is interrupted in here."""
@@ -107,13 +99,6 @@ def test_a_file_is_published_whole_or_not_at_all(tmp_path: Path) -> None:
     with publish(file) as partial:
         partial.write_text("new")
     assert file.read_text() == "new" and list(file.parent.iterdir()) == [file]
-
-
-def test_what_is_being_written_matches_no_pattern_of_what_is_whole(tmp_path: Path) -> None:
-    """A killed process leaves its part behind: a log that ends in the middle would be fitted with the others."""
-    with publish(tmp_path / "walk.npz") as partial:
-        partial.write_text("half")
-        assert list(tmp_path.glob("*.npz")) == []
 
 
 def test_a_folder_is_published_whole_or_not_at_all(tmp_path: Path) -> None:
@@ -176,17 +161,6 @@ def _json(content: bytes) -> object:
         return None
 
 
-def test_a_result_with_a_key_but_another_number_is_made_anew(tmp_path: Path) -> None:
-    """A key says of what a result is, and nothing of whether it was changed."""
-    file = tmp_path / "run.json"
-    file.write_text(json.dumps(sealed({"key": "mine", "speed": 1.5})))
-    assert read_entry(file, "mine") == {"key": "mine", "speed": 1.5}
-    file.write_text(file.read_text().replace("1.5", "2.5"))
-    assert read_entry(file, "mine") is None
-    file.write_text('{"key": "mine", "speed": 1.5}')
-    assert read_entry(file, "mine") is None
-
-
 def test_a_ledger_goes_on_behind_a_line_that_was_cut_off(tmp_path: Path) -> None:
     """An interruption loses the line that it cut, and none before or after it."""
     path = tmp_path / "walks.jsonl"
@@ -232,25 +206,3 @@ def test_a_line_that_was_altered_does_not_count(change: Callable[[str], str], wh
     with pytest.warns(UserWarning, match=what):
         ledger = Ledger(path)
     assert [ledger.get(key) is None for key in "abc"] == [False, True, False]
-
-
-def test_the_same_line_twice_is_one(tmp_path: Path) -> None:
-    """An entry that was written twice says nothing else."""
-    path = tmp_path / "walks.jsonl"
-    Ledger(path).extend([{"key": "a", "worth": 1}, {"key": "a", "worth": 1}])
-    assert Ledger(path).get("a") == {"key": "a", "worth": 1}
-
-
-def test_an_entry_that_was_altered_is_made_again(tmp_path: Path) -> None:
-    """A forged part of a study would stand in its table."""
-    made(tmp_path, 1.0)
-    file = entry_file(tmp_path, "part", key_of(1, CODE), ".json")
-    file.write_text(file.read_text().replace("1.0", "7.0"))
-    assert made(tmp_path, 2.0) == {"value": 2.0}
-
-
-def test_a_ledger_that_is_none_is_said_in_one_line(tmp_path: Path) -> None:
-    """Before hours of walks, with the way out."""
-    (tmp_path / "walks.jsonl").write_bytes(b"\xff\xfe")
-    with pytest.raises(FileError, match="move it away"):
-        Ledger(tmp_path / "walks.jsonl")

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from stiction.cli.main import find_verb, main
+from stiction.cli.main import find_verb
 from stiction.core.errors import (
     BundleError,
     ConfigurationError,
@@ -23,11 +22,7 @@ from stiction.core.errors import (
     nearest,
     unknown_name,
 )
-from stiction.identification.logs.naming import parse_columns
-from stiction.joints.friction import Law
 from stiction.learning.config import TrainCfg
-from stiction.task.friction import FrictionCfg
-from stiction.task.terrain import TerrainCfg
 
 POLICY = "saturn_lite-flat-none-0.2"
 """A shipped policy."""
@@ -108,45 +103,6 @@ def _compensating(path: Path) -> None:
 
     contract = make_contract()
     make_bundle(path, replace(contract, compensation=(0.1,) * contract.num_joints))
-
-
-@pytest.mark.parametrize(
-    ("words", "status", "near"),
-    [
-        ("idenitfy log.csv", 2, "identify"),
-        ("excite --robot saturn_light --joint shank", 1, "saturn_lite"),
-        ("excite --robot saturn_lite --joint FL_shnak", 1, "FL_shank"),
-        ("verify saturn_lite-flat-none-0.02", 1, POLICY),
-        (f"evaluate {POLICY} --engines phsyx", 1, "physx"),
-        (f"evaluate {POLICY} --terrains stiars=0.1", 1, "stairs"),
-        (f"evaluate {POLICY} --engines physx+frition", 1, "friction"),
-    ],
-)
-def test_a_misspelt_name_is_answered_with_its_neighbour(
-    words: str, status: int, near: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
-) -> None:
-    """One line that says what was meant, and the same exit status as ever."""
-    monkeypatch.chdir(tmp_path)
-    assert main(shlex.split(words)) == status
-    said = capsys.readouterr().err
-    assert f"did you mean '{near}'? known: " in said
-    assert said.count("\n") == 1
-
-
-@pytest.mark.parametrize(
-    ("make", "near"),
-    [
-        (lambda: FrictionCfg(method="decption", level=0.2), "deception"),
-        (lambda: Law("stribek"), "stribeck"),
-        (lambda: TerrainCfg(kind="stair"), "stairs"),
-        (lambda: TrainCfg(symmetry="netwrok"), "network"),
-        (lambda: parse_columns(["postion=q"]), "position"),
-    ],
-)
-def test_a_misspelt_setting_is_answered_with_its_neighbour(make: Callable[[], object], near: str) -> None:
-    """A configuration file is not seen by the parser of the command line."""
-    with pytest.raises(StictionError, match=f"did you mean '{near}'"):
-        make()
 
 
 def test_what_was_given_twice_is_refused_however_it_was_typed() -> None:

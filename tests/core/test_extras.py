@@ -8,10 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from stiction.cli.list import engines
 from stiction.cli.main import NEEDS, main
 from stiction.core import extras
-from stiction.core.errors import ConfigurationError
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
 SHA = "0" * 40
@@ -62,22 +60,6 @@ def test_the_experiments_come_from_where_the_package_came(origin: dict | None, c
     assert extras.install_command("cluster", origin, part="experiments") == command
 
 
-def test_what_uvx_runs_is_told_to_run_anew_with_the_extra() -> None:
-    """Its environment has no pip, and nothing that is added to it is there the next time."""
-    wheel = {"url": "file:///w/stiction-1.whl", "archive_info": {}}
-    requirement = "'stiction[sim] @ file:///w/stiction-1.whl'"
-    told = extras.install_command("sim", wheel, "uv")
-    assert told == f"uv pip install {requirement}; or run it as: uvx --from {requirement} stiction ..."
-
-
-def test_engines_are_listed_with_the_same_command(monkeypatch: pytest.MonkeyPatch) -> None:
-    """`stiction list engines` would send people to an index where the package is not."""
-    monkeypatch.setattr("stiction.cli.list.installed_from", lambda: {})
-    monkeypatch.setattr("stiction.cli.list.installed_by", lambda: "pip")
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    assert {row["install"] for row in engines()} == {extras.install_command(name, {}) for name in ("sim", "engines")}
-
-
 def test_the_extras_are_those_of_the_project() -> None:
     """Else a message would send people to an extra that there is not."""
     assert set(extras.EXTRAS) <= set(PROJECT["optional-dependencies"])
@@ -99,12 +81,3 @@ def test_what_is_missing_is_said_whole_and_before_any_work(
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and f"the extra {NEEDS[verb]!r}" in error
     assert all(package in error for package in packages) and not list(tmp_path.iterdir())
-
-
-def test_only_what_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A list of what is there already would send people in a circle."""
-    monkeypatch.setitem(extras.EXTRAS, "numbers", ("numpy",))
-    extras.require("numbers")
-    monkeypatch.setitem(extras.EXTRAS, "numbers", ("numpy", "no_such_package_anywhere"))
-    with pytest.raises(ConfigurationError, match="of which no_such_package_anywhere is not installed"):
-        extras.require("numbers")

@@ -49,13 +49,6 @@ def test_a_link_is_replaced_and_a_device_written(tmp_path: Path) -> None:
         write_bytes(Path("/dev/full"), b"x" * 10)
 
 
-def test_a_name_may_be_as_long_as_the_system_allows(tmp_path: Path) -> None:
-    """What is written beside it must not be refused where the name itself is not."""
-    file = tmp_path / ("a" * 255)
-    write_text(file, "x")
-    assert file.read_text() == "x" and list(tmp_path.iterdir()) == [file]
-
-
 @pytest.mark.parametrize("what", ["pipe", "device", "folder", "link to a device", "too large", "missing"])
 def test_what_has_no_end_is_not_opened(what: str, tmp_path: Path) -> None:
     """A pipe in a folder from others waits for ever, /dev/zero fills the memory."""

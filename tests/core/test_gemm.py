@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from stiction.core import gemm
-from stiction.core import provenance as reproducibility
 
 AMD = "vendor_id\t: AuthenticAMD\nflags\t\t: fpu sse4_2 fma avx2 bmi2\n"
 
@@ -39,25 +38,6 @@ def test_it_is_opened_only_where_it_helps(tmp_path: Path, cpuinfo: str | None, w
     if cpuinfo is not None:
         file.write_text(cpuinfo)
     assert gemm.processor_obstacle(file) == why
-
-
-@pytest.mark.parametrize(("system", "machine"), [("Darwin", "arm64"), ("Linux", "aarch64"), ("Windows", "AMD64")])
-def test_it_leaves_other_systems_alone(monkeypatch: pytest.MonkeyPatch, system: str, machine: str) -> None:
-    """They could not load the library."""
-    monkeypatch.setattr("platform.system", lambda: system)
-    monkeypatch.setattr("platform.machine", lambda: machine)
-    assert gemm.processor_obstacle() == f"nothing to do on {system} {machine}"
-
-
-@pytest.mark.parametrize("value", [None, "", "0", "yes", "1"])
-def test_only_the_value_1_asks_for_it(monkeypatch: pytest.MonkeyPatch, value: str | None) -> None:
-    """Opens nothing without the user's word, and names why in results."""
-    monkeypatch.setattr(gemm, "processor_obstacle", lambda: None)
-    if value is None:
-        monkeypatch.delenv(gemm.VARIABLE, raising=False)
-    else:
-        monkeypatch.setenv(gemm.VARIABLE, value)
-    assert gemm.fast_gemm_obstacle() == (None if value == "1" else "STICTION_FAST_GEMM is not 1")
 
 
 def test_the_note_of_train(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -112,35 +92,19 @@ linux_only = pytest.mark.skipif(
 
 
 @linux_only
-def test_no_other_verb_opens_it(tmp_path: Path) -> None:
-    """Keeps code made in memory out of all processes but a training's, with the variable set too."""
-    lines = [["verify", "saturn_lite-flat-none-0.2"], ["list"]]
-    verbs = ("deploy", "evaluate", "identify", "export", "train-actuator")
-    seen = run_verbs(lines + [[verb, "missing"] for verb in verbs], tmp_path, **{gemm.VARIABLE: "1"})
-    assert [verb for verb, (_, loaded, fast) in seen.items() if loaded or fast] == []
-    assert seen["verify"][0] == seen["list"][0] == 0 and len(seen) == len(lines) + len(verbs)
-
-
-def test_train_alone_calls_for_it() -> None:
-    """Only `train`, by its two ways in, opens it; workers take the path of the process that started them."""
-    source = Path(gemm.__file__).parents[1]
-    users = {str(file.relative_to(source)) for file in source.rglob("*.py") if "open_fast_gemm" in file.read_text()}
-    assert users == {"core/gemm.py", "core/parallel.py", "cli/train.py", "api/training.py"}
-
-
-@linux_only
-@pytest.mark.parametrize("value", ["1", ""])
-def test_train_opens_it_where_it_is_asked_to(tmp_path: Path, value: str) -> None:
-    """Opens the library for a training with the variable, and without it does not."""
+def test_train_opens_it_where_it_is_asked_to(tmp_path: Path) -> None:
+    """Opens the library for a training with the variable, and for no other verb."""
     pytest.importorskip("torch", reason="the verb train needs the extra train")
-    seen = run_verbs([["train", "--resume", "missing"]], tmp_path, **{gemm.VARIABLE: value})
-    assert seen["train"] == [1, value == "1", value == "1"]
+    seen = run_verbs([["list", "robots"], ["train", "--resume", "missing"]], tmp_path, **{gemm.VARIABLE: "1"})
+    assert seen == {"list": [0, False, False], "train": [1, True, True]}
 
 
 PROBE = """
 import ctypes, json, sys
 from stiction.core.gemm import gemm_path, open_fast_gemm
+from stiction.core.parallel import spread
 open_fast_gemm()
+workers = [path for _, path in spread(gemm_path, [(), ()], 2)]
 import torch
 open_fast_gemm()
 torch.set_num_threads(1)
@@ -155,7 +119,7 @@ for _ in range(20):
             value -= 0.1 * gradient
     losses.append(loss.item())
 answer = getattr(ctypes.CDLL(None), "mkl_serv_intel_cpu_true", None)
-print(json.dumps({"path": gemm_path(), "losses": losses, "answer": answer and answer()}))
+print(json.dumps({"path": gemm_path(), "losses": losses, "answer": answer and answer(), "workers": workers}))
 """
 
 
@@ -170,52 +134,17 @@ def probe(**environment: str) -> dict:
 
 
 def test_losses_agree_with_and_without_and_the_switch_switches() -> None:
-    """Only rounding may differ: 1e-5 of the loss after each of twenty gradient steps."""
+    """Only rounding may differ: 1e-5 of the loss after each of twenty steps; workers take the parent's path."""
     pytest.importorskip("torch", reason="the package torch, of the extra 'train', multiplies the matrices")
     off, on = probe(**{gemm.VARIABLE: ""}), probe(**{gemm.VARIABLE: "1"})
     assert off["path"] == f"default ({gemm.processor_obstacle() or 'STICTION_FAST_GEMM is not 1'})"
     assert off["answer"] is None
+    assert all(found["workers"] == [found["path"]] * 2 for found in (off, on))
     assert on["losses"] == pytest.approx(off["losses"], rel=1e-5)
     assert on["losses"][-1] < on["losses"][0]
     if (why := gemm.processor_obstacle()) is not None:
         pytest.skip(f"the fast path is not opened here: {why}")
     assert on["path"] == "fast" and on["answer"] == 1
-
-
-IN_WORKERS = """
-import json, sys
-from stiction.core.gemm import gemm_path, open_fast_gemm
-from stiction.core.parallel import spread
-if sys.argv[1:] == ["open"]:
-    open_fast_gemm()
-print(json.dumps([gemm_path(), *(path for _, path in spread(gemm_path, [(), ()], 2))]))
-"""
-
-
-@pytest.mark.parametrize("words", [["open"], []])
-def test_workers_take_the_path_of_their_parent(words: list[str]) -> None:
-    """The parent's is the one that results name; if this failed, `--jobs 2` would round otherwise than they say."""
-    known = {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(Path(gemm.__file__).parents[2]), gemm.VARIABLE: "1"}
-    done = subprocess.run(
-        [sys.executable, "-c", IN_WORKERS, *words],
-        env={**os.environ, **known},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    parent, *workers = json.loads(done.stdout)
-    assert workers == [parent, parent]
-    assert (parent == "fast") == (words == ["open"] and gemm.processor_obstacle() is None)
-
-
-def test_opening_it_too_late_is_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Once torch is loaded it has no effect; a result must not claim it."""
-    pytest.importorskip("torch", reason="the package torch, of the extra 'train', has to be loaded first")
-    monkeypatch.setattr(gemm, "_opened", [])
-    monkeypatch.setattr(gemm, "fast_gemm_obstacle", lambda: None)
-    gemm.open_fast_gemm()
-    assert gemm.gemm_path() == "default (torch was loaded first)"
-    assert reproducibility.machine()["gemm"] == "default (torch was loaded first)"
 
 
 def test_a_system_that_refuses_is_left_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -140,21 +140,3 @@ def test_a_folder_that_cannot_be_locked_is_said_in_one_line(tmp_path: Path, monk
     monkeypatch.setattr(lock.fcntl, "flock", none)
     with pytest.raises(FileError, match="cannot be locked: Operation not supported"), output_folder(tmp_path / "a"):
         pass
-
-
-def test_a_folder_that_is_replaced_is_locked_from_beside(tmp_path: Path) -> None:
-    """A bundle holds its files and nothing else."""
-    out = tmp_path / "bundle"
-    out.mkdir()
-    with replaced_folder(out):
-        assert list(out.iterdir()) == []
-        assert {path.name for path in tmp_path.iterdir()} == {"bundle", ".bundle.lock"}
-    assert [path.name for path in tmp_path.iterdir()] == ["bundle"]
-
-
-@pytest.mark.parametrize("name", ["/", ".."])
-def test_a_folder_without_a_name_is_not_replaced(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The root has no place beside it for a lock; the answer is a line."""
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(FileError, match="cannot be replaced as a whole"), replaced_folder(Path(name)):
-        pass

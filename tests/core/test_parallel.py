@@ -42,12 +42,6 @@ def killed() -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def test_every_task_is_done_once_whoever_does_it() -> None:
-    """The numbers of tasks and results belong together, in one process and in several."""
-    for jobs in (1, 2):
-        assert dict(spread(square, [(number,) for number in range(5)], jobs)) == {n: n * n for n in range(5)}
-
-
 def test_what_a_task_raises_comes_back() -> None:
     """As the error that it is, and a process that was killed as one line."""
     with pytest.raises(StictionError, match="-1 is negative"):
@@ -75,19 +69,6 @@ def test_a_script_without_a_guard_may_work_in_processes(typed: bool, tmp_path: P
     done = subprocess.run(words, input=SCRIPT if typed else None, capture_output=True, text=True, timeout=120)
     assert done.stdout.split("\n")[:2] == ["begun", "[1, 4, 9]"], done.stderr
     assert done.stdout.count("begun") == 1
-
-
-def test_work_that_the_main_module_defines_is_found_there(tmp_path: Path) -> None:
-    """Workers must import the script where the task itself is in it."""
-    script = tmp_path / "script.py"
-    script.write_text(
-        "from stiction.core.parallel import spread\n"
-        "def double(number):\n    return 2 * number\n"
-        'if __name__ == "__main__":\n'
-        "    print(sorted(dict(spread(double, [(1,), (2,)], 2)).values()))\n"
-    )
-    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=120)
-    assert done.stdout == "[2, 4]\n", done.stderr
 
 
 def nested(count: int) -> list[int]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.core.records import column, header, markdown, part_of, read_rows, texts, write_rows
+from stiction.core.records import column, header, read_rows, texts, write_rows
 
 
 @dataclass(frozen=True)
@@ -53,35 +53,6 @@ def test_a_file_has_every_field_with_its_digits(tmp_path: Path) -> None:
     assert read_rows(tmp_path / "b.csv", Joint, optional=True) == []
     with pytest.raises(StictionError, match=r"b.csv cannot be read"):
         read_rows(tmp_path / "b.csv", Joint)
-
-
-def test_a_pipe_does_not_end_a_cell_of_markdown() -> None:
-    """If this failed, |x| in a cell would make a table fall apart."""
-    assert markdown(header(Plain), [texts(Plain("|x|", 1.0))]) == "| name | value |\n| --- | --- |\n| \\|x\\| | 1 |"
-
-
-@dataclass(frozen=True)
-class Settings:
-    """What a verb calls."""
-
-    seconds: float = 1.0
-    seed: int = 0
-    episode: int = 5
-
-
-@dataclass(frozen=True)
-class Options:
-    """What a verb is asked."""
-
-    seconds: float = 3.0
-    out: str = "there"
-    seed: int = 7
-
-
-def test_a_part_of_the_options_is_passed_on() -> None:
-    """A flag that is not passed on would have no effect, and a field that is no flag keeps its default."""
-    assert part_of(Settings, Options()) == Settings(3.0, 7, 5)
-    assert part_of(Settings, Options(), seed=8) == Settings(3.0, 8, 5)
 
 
 @dataclass(frozen=True)

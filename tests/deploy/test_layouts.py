@@ -67,12 +67,6 @@ def test_terms_are_stacked_each_with_its_own_history() -> None:
     assert seen.tolist() == [6, 3, 3, 2, 2, 1, 1, 30, 30, 20, 20]
 
 
-def test_frames_need_one_length() -> None:
-    """Whole frames of terms with different histories have no order."""
-    with pytest.raises(StictionError, match="expected the same of every term"):
-        layout(TURN, replace(POSITION, history_length=3))
-
-
 CLOCKED = layout(
     Term("phase_sin", 2, 1.0, 1e6, "clock"),
     Term("phase_cos", 2, 1.0, 1e6, "clock"),
@@ -89,17 +83,6 @@ def test_a_gait_clock_by_hand() -> None:
     np.testing.assert_allclose(seen, expected, atol=1e-6)
     builder.reset()
     np.testing.assert_allclose(builder.step(sensors(), walk, np.zeros(2)), expected[0], atol=1e-6)
-
-
-def test_a_clock_of_many_robots_is_each_ones_own() -> None:
-    """Evaluation runs batches: a robot that stands or starts anew must not stop the clocks of others."""
-    builder = ObservationBuilder(CLOCKED, STANDING, (2,), control_period=0.02)
-    both = sensors().each(lambda value: np.stack([value] * 2))
-    commands = np.array([[0.5, 0.0, 0.0], [0.0, 0.0, 0.0]])
-    builder.step(both, commands, np.zeros((2, 2)))
-    builder.reset(np.array([False, True]))
-    seen = builder.step(both, commands, np.zeros((2, 2)))
-    np.testing.assert_allclose(seen, [[0, 0, -1, 1], [0, 0, -1, -1]], atol=1e-6)
 
 
 def test_what_no_sensor_measures_is_never_made_up() -> None:

@@ -100,12 +100,6 @@ def test_known_friction_by_hand() -> None:
         np.testing.assert_allclose(frame[:, -2:], expected)
 
 
-def test_a_policy_that_nobody_told_takes_no_step() -> None:
-    """Zeros would tell it that its joints are free of friction."""
-    with pytest.raises(StictionError, match="nobody said what it is: export its bundle again, with --joints"):
-        ObservationBuilder(TOLD, STANDING).step(sensors(), np.zeros(3), np.zeros(2))
-
-
 @pytest.mark.parametrize(
     ("layout", "known", "message"),
     [
@@ -146,17 +140,6 @@ def test_slow_means_by_hand() -> None:
     np.testing.assert_allclose(third, [(0.1 + 0.05 + 0.3) / 1.75, 2.0, (0.2 - 0.1 + 0.6) / 1.75], rtol=1e-6)
 
 
-def test_slow_means_tell_the_friction_of_a_joint_that_is_moved_slowly() -> None:
-    """The controller pulls with f in the direction of motion, kp e = f sign(θ'): power over speed is f/kp, here 0.1."""
-    builder = ObservationBuilder(SLOW, STANDING, (), None, 0.25)
-    for step in range(20):
-        velocity = np.array([2.0, 0.5]) * (1 if step // 3 % 2 else -1)
-        reading = replace(sensors(), joint_position=STANDING - 0.1 * np.sign(velocity), joint_velocity=velocity)
-        error, speed, power = builder.step(reading, np.zeros(3), np.zeros(2)).reshape(3, 2)
-        np.testing.assert_allclose(power / speed, 0.1, rtol=1e-5)
-        np.testing.assert_allclose(error, 0.1, rtol=1e-5)
-
-
 def test_a_reset_forgets_slow_means_of_that_robot_alone() -> None:
     """A robot that was lifted and put down again would walk on the friction of its fall."""
     two = Sensors(*(np.stack([value] * 2) for value in sensors(0.3).arrays().values()))
@@ -167,14 +150,3 @@ def test_a_reset_forgets_slow_means_of_that_robot_alone() -> None:
     fresh, going = builder.step(other, np.zeros((2, 3)), np.zeros((2, 2)))
     assert fresh[0] == pytest.approx(abs(STANDING[0] - 1.3)) and fresh[0] != pytest.approx(going[0])
     assert going[0] == pytest.approx((0.5 * abs(STANDING[0] - 0.3) + abs(STANDING[0] - 1.3)) / 1.5)
-
-
-def test_slow_means_need_the_scale_of_the_action_and_a_time() -> None:
-    """Without them the error would be of another target, or the mean of another time."""
-    with pytest.raises(ValueError, match="action_scale"):
-        ObservationBuilder(SLOW, STANDING)
-    for kept in (None, 1.0, 0.0):
-        with pytest.raises(StictionError, match="slow_kept"):
-            replace(SLOW, slow_kept=kept)
-    with pytest.raises(StictionError, match=r"slow_kept 0\.5 without a slow term"):
-        replace(LAYOUT, slow_kept=0.5)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -40,20 +39,6 @@ class Approaching:
         return self.read()
 
 
-class Noisy(Approaching):
-    """The same port with noise before the policy."""
-
-    def read(self) -> Reading:
-        """Return angles that are wrong by 0.5 rad."""
-        reading = super().read()
-        return replace(reading, sensors=replace(reading.sensors, joint_position=reading.sensors.joint_position + 0.5))
-
-    def exchange(self, command: JointCommand) -> Reading:
-        """Return the true angles."""
-        self.sent.append(command)
-        return super().read()
-
-
 def policy(**changes):
     """Return a policy that always asks for 0.04 rad."""
     step = PolicyStep(np.zeros(1), np.zeros(JOINTS), np.full(JOINTS, 0.04))
@@ -67,16 +52,6 @@ def test_friction_is_fed_forward_from_the_angle_of_every_reading() -> None:
     for command, share in zip(port.sent, (0.8, 0.6, 0.4, 0.2, 0.0), strict=True):
         np.testing.assert_allclose(command.forward, share * FRICTION, atol=1e-12)
         np.testing.assert_allclose(command.target, 0.04)
-
-
-def test_noise_before_the_policy_is_not_in_the_joint_controllers() -> None:
-    """From the second control period on they go by the angle that exchanging brought."""
-    port = Noisy()
-    pilot = Pilot(port, policy(), FRICTION)
-    for _ in range(2):
-        pilot.step(np.zeros(3))
-    np.testing.assert_allclose(port.sent[1].forward, 0.6 * FRICTION, atol=1e-12)
-    np.testing.assert_allclose(port.sent[5].forward, -0.2 * FRICTION, atol=1e-12)
 
 
 def test_a_stuck_joint_is_pushed_with_a_share_and_the_less_the_nearer_it_is() -> None:

@@ -5,20 +5,17 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-import logfiles
 from bundles import make_contract
 from stiction.core.errors import ConfigurationError, RobotError
 from stiction.deploy.control import JointCommand
 from stiction.deploy.transports.link import Peers
-from stiction.deploy.transports.ros2 import IMU_TOPIC, STATE_TOPIC, Ros2Link, joint_vectors, read_command, ros2_link
-from stiction.identification.logs.opening import open_log
+from stiction.deploy.transports.ros2 import IMU_TOPIC, STATE_TOPIC, Ros2Link, read_command, ros2_link
 
 CONTRACT = make_contract()
 JOINTS = CONTRACT.joint_names
@@ -122,17 +119,6 @@ def test_a_command_comes_back_as_it_went_whatever_the_order() -> None:
             read_command({**node.sent[0], **wrong}, JOINTS)
     with pytest.raises(ValueError, match="rows"):
         read_command(node.sent[0], ("other",))
-
-
-def test_a_bag_of_these_messages_is_a_log(tmp_path: Path) -> None:
-    """What a driver says and is told cannot be recorded and read by `identify`."""
-    pytest.importorskip("mcap_ros2", reason="the package mcap-ros2-support, of the extra 'logs', is not installed")
-    kind = "sensor_msgs/msg/JointState"
-    rows = [(f"/{STATE_TOPIC}", kind, 10**9 + n * 10**7, joints(1.0 + n / 100)) for n in range(5)]
-    log = open_log(logfiles.bag(tmp_path / "run.db3", rows))
-    for name, signals in log.joints.items():
-        np.testing.assert_allclose(signals.position, joint_vectors(joints(1.0), [name])["position"][0])
-    np.testing.assert_allclose(log.time, np.arange(5) / 100, atol=1e-6)
 
 
 class Message:
@@ -251,15 +237,6 @@ def test_messages_of_rclpy_arrive_and_commands_leave(ros: FakeRos) -> None:
     sent = ros.published[0]
     assert sent.layout.dim[0].label == "target kp kd forward" and sent.data == [1.0] * 4 * COUNT
     assert link.peers() == Peers(("/dog/driver",), ("/dog/driver",), ())
-    link.close()
-
-
-def test_nodes_beside_the_driver_are_named(ros: FakeRos) -> None:
-    """A second driver, a reader of commands and a second publisher of them are known before they say anything."""
-    ros.there = {"publishers": ["driver", "pad"], "subscriptions": ["driver", "bag"]}
-    link = ros2_link("/dog", CONTRACT)
-    peers = link.peers()
-    assert peers == Peers(("/dog/driver", "/dog/pad"), ("/dog/driver", "/dog/bag"), ("/dog/pad",))
     link.close()
 
 

@@ -75,12 +75,6 @@ def test_a_motion_ends_with_the_smaller_of_its_length_and_the_duration(
     assert report["end"] == said and report["motion"] == pytest.approx({"seconds": 0.4, "played": played})
 
 
-def test_a_run_of_a_policy_has_no_motion() -> None:
-    """Its end would speak of a motion that nobody asked for."""
-    report = summary(Run(SHORT).until(Stage.DONE).supervisor, Timing(), {})
-    assert report["motion"] is None and report["end"] == "done: 0 steps, 0 skipped"
-
-
 @pytest.mark.parametrize(
     ("text", "said"),
     [

@@ -12,8 +12,7 @@ from stiction.core.errors import ConfigurationError
 from stiction.deploy.control import RANGE, SLEW, TORQUE
 from stiction.deploy.plausibility import Violation
 from stiction.deploy.runtime.config import SupervisorCfg
-from stiction.deploy.runtime.report import Timing, end_line
-from stiction.deploy.runtime.supervisor import REST_SECONDS, Stage, Stop, Supervisor
+from stiction.deploy.runtime.supervisor import REST_SECONDS, Stage, Supervisor
 from stiction.deploy.transports.link import Peers
 from stiction.files.contract_rules import TARGET_LIMITS
 from stiction.joints.compensation import BY_SPEED
@@ -39,33 +38,6 @@ def test_nothing_is_stiff_before_the_policy_is_there() -> None:
         run.step()
     assert run.supervisor.stage is Stage.PASSIVE
     assert all(not out.command.kp.any() for out in run.frames())  # type: ignore[union-attr]
-
-
-def test_who_waits_for_a_slow_policy_and_is_told_to_walk_may_stand_still() -> None:
-    """On a busy machine the policy starts late: its robot, with coarse encoders, was stopped for a joint that rests."""
-    run = Run()
-    run.answers = False
-    run.supervisor.command_velocity(np.array([0.5, 0.0, 0.0]), 0.0)
-    for _ in range(1000):
-        run.step()
-    assert run.supervisor.stage is Stage.PASSIVE
-    run.answers = True
-    run.until(Stage.RUN)
-    run.target = STANDING.copy()
-    run.perfect = False
-    with pytest.raises(AssertionError, match="frozen joint"):
-        run.until(Stage.DAMP)
-
-
-@pytest.mark.parametrize(
-    ("rule", "hint"),
-    [("stale state", True), ("policy silent", True), ("supervisor halted", True), ("joint range", False)],
-)
-def test_a_run_that_a_busy_machine_ends_says_what_to_do(rule: str, hint: bool) -> None:
-    """`stale state: 0.031 s, allowed 0.03 s` left who tried the virtual robot beside a training without a next step."""
-    said = end_line(Stop(Violation(rule, None, 0.031, 0.03, "s"), "", 2.0, 1.0), Timing(), None)
-    assert said.startswith(f"stopped: {rule}: 0.031 s, allowed 0.03 s")
-    assert said.endswith("end other programs, or add --realtime 50") == hint
 
 
 def test_the_first_target_is_the_measured_pose_and_the_way_up_is_slow() -> None:
@@ -177,12 +149,6 @@ def test_a_supervisor_that_was_halted_stops_in_its_first_turn() -> None:
     assert stop.violation.value == pytest.approx(0.2)
 
 
-def test_nobody_stops_for_a_halt_while_nothing_is_stiff() -> None:
-    """Starting the processes takes seconds in which no turn is made, and the robot is damped."""
-    supervisor = Run().supervisor
-    assert supervisor.turn(0.0) is None and supervisor.turn(5.0) is None and supervisor.stop_record is None
-
-
 def test_a_state_is_as_old_as_it_is_and_not_as_late_as_it_is_read() -> None:
     """After a halt the newest state in a full queue is old: that stops the run, an old one before it does not."""
     run = Run().until(Stage.RUN)
@@ -245,19 +211,6 @@ def test_targets_are_clipped_by_slew_range_and_torque_each_by_name() -> None:
     out = run.frames()[-1]
     assert out.limited.by[1] == TORQUE and out.command is not None
     assert CONTRACT.kp[1] * (out.command.target[1] - run.position[1]) == pytest.approx(CONTRACT.torque_limit[1])
-
-
-def test_a_target_of_training_acts_at_once() -> None:
-    """The slew limit delays an ordinary target over several readings: the robot walks unlike in training."""
-    run = Run().until(Stage.RUN)
-    run.perfect = False
-    run.target = STANDING + 0.15
-    for _ in range(10):
-        run.step()
-    run.step()
-    out = run.frames()[-1]
-    np.testing.assert_allclose(out.limited.target, STANDING + 0.15, atol=1e-12)
-    assert (out.limited.by == 0).all()
 
 
 @pytest.mark.parametrize(
@@ -376,14 +329,6 @@ def test_a_state_that_came_too_late_to_act_on_is_judged_too() -> None:
     out = run.supervisor.passed(bad, run.now + 2 * PERIOD)
     assert out is not None and out.command is not None and not out.command.kp.any()
     assert run.supervisor.passed(good, run.now + 3 * PERIOD) is None
-
-
-def test_without_arming_nothing_is_judged_that_only_moving_changes() -> None:
-    """A dry run ends because the robot, to which nothing was sent, did not stand up."""
-    run = Run(replace(SHORT, armed=False))
-    run.place(STANDING - 0.6)
-    run.perfect = False
-    run.until(Stage.DONE)
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,6 @@ from bundles import make_bundle, make_contract
 from stiction.cli.main import main
 from stiction.core.errors import ConfigurationError
 from stiction.deploy.transports.dds import DdsBus, domain_settings, wire_type
-from stiction.deploy.transports.link import Peers
 from stiction.files.unitree import GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE, STRUCTURES, Structure
 from stiction.robots.catalog import find_robot
 
@@ -120,34 +119,6 @@ def test_two_robots_on_one_domain_are_refused_before_anything_moves(
         assert said.startswith("stiction deploy: second robot: got 2 (") and said.count("\n") == 1
         assert all(f"process {each.pid} on " in said for each in (first, second))
         assert not any(one["stiff"] for each in heard for one in each)
-
-
-def test_states_are_those_of_the_first_writer_and_a_second_one_is_named(domain: int) -> None:
-    """Two robots' states are not mixed; who joins is counted as robot and as reader of commands, by its process."""
-    bus = DdsBus("lo", GO_STATE, GO_COMMAND, domain)
-
-    def heard_from(count: int) -> Peers:
-        until = time.monotonic() + 60
-        while time.monotonic() < until:
-            received.extend(bus.receive())
-            peers = bus.peers()
-            if len(received) > 20 and len(peers.robots) == len(peers.readers) == count:
-                return peers
-            time.sleep(0.01)
-        raise AssertionError(bus.peers())
-
-    received: list[tuple[int, bytes]] = []
-    with robot("unitree_go", domain) as first:
-        assert str(first.pid) in heard_from(1).robots[0]
-        with robot("unitree_go", domain) as second:
-            received.clear()
-            peers = heard_from(2)
-            assert str(first.pid) in peers.robots[0] and str(second.pid) in peers.robots[1]
-            assert str(second.pid) in " ".join(peers.readers)
-            ticks = [int(GO_STATE.from_wire(data)["tick"]) for _, data in received]
-            # The second one's clock began later.
-            assert (np.diff(ticks) > 0).all()
-    bus.close()
 
 
 FAR = """

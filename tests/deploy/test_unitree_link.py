@@ -13,7 +13,7 @@ from stiction.core.errors import ConfigurationError, RobotError
 from stiction.deploy.control import JointCommand
 from stiction.deploy.transports.config import HeldCfg
 from stiction.deploy.transports.link import Ages, Peers
-from stiction.deploy.transports.unitree import FOREIGN, HELD_SPEED, Translation, UnitreeLink
+from stiction.deploy.transports.unitree import HELD_SPEED, Translation, UnitreeLink
 from stiction.files.contract import Contract
 from stiction.files.unitree import GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE, Structure
 from stiction.robots.catalog import find_robot
@@ -106,17 +106,6 @@ def test_a_state_comes_in_our_order_and_sense() -> None:
     np.testing.assert_allclose(state.sensors.angular_velocity, (0.1, 0.2, 0.3), rtol=1e-6)
     assert state.battery == 28.5 and np.isnan(state.command)
     assert np.isnan([state.kp, state.kd, state.torque_limit]).all()
-
-
-def test_a_second_writer_is_told_by_the_next_state_that_can_be_believed() -> None:
-    """The bus tells it once: found beside a damaged state it was forgotten, and two programs drove one robot."""
-    bus, link = connected()
-    bus.waiting, bus.others = [(0, b"damaged")], True
-    assert link.receive() == []
-    bus.waiting, bus.others = [(1, said(GO_STATE))], False
-    assert link.receive()[0].command == FOREIGN
-    bus.waiting = [(2, said(GO_STATE))]
-    assert np.isnan(link.receive()[0].command)
 
 
 def test_ages_are_by_the_robot_s_stamps_and_forget_drifting_clocks() -> None:

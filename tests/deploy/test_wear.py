@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from stiction.deploy.wear import BODY_MOMENTS, JOINT_MOMENTS, Moments, WearMonit
 from stiction.files.bundle import read_bundle, write_bundle
 from stiction.files.contract import Contract
 from stiction.files.observation import proprioception
-from stiction.files.wear import WearModel, read_wear
+from stiction.files.wear import WearModel
 
 
 def frame_of(joints: int, angle: float, velocity: float, action: float) -> np.ndarray:
@@ -35,14 +34,6 @@ def test_moments_of_one_joint_by_hand() -> None:
     assert len(found) == JOINT_MOMENTS + BODY_MOMENTS
 
 
-def test_the_body_is_in_it_in_raw_units() -> None:
-    """Command 0.5, rate 2 rad/s (0.5 scaled), pitch -0.1: themselves where signs matter, and their squares."""
-    frame = frame_of(1, 0.0, 0.0, 0.0)
-    frame[0], frame[4], frame[6] = 0.5, -0.1, 0.5
-    expected = [0.5, 0, 0, 0.25, 0, 0, 4.0, 0, 0, 0, -0.1, 0, 0.01]
-    np.testing.assert_allclose(Moments(proprioception(1), 0.25)(frame, frame)[JOINT_MOMENTS:], expected, atol=1e-12)
-
-
 def test_an_estimate_comes_at_the_end_of_each_window(contract: Contract) -> None:
     """Three pairs of frames make a window: an estimate after four steps, the next three later; a reset empties."""
     monitor = WearMonitor(contract, make_wear(contract))
@@ -59,17 +50,6 @@ def test_an_estimate_comes_at_the_end_of_each_window(contract: Contract) -> None
     assert [monitor.step(observation) is not None for _ in range(4)] == [False, False, False, True]
 
 
-def test_what_is_not_told_is_not_said(contract: Contract) -> None:
-    """A number for a joint that the walk says nothing about would be believed."""
-    model = make_wear(contract, estimated=(True, False) + (True,) * 16 + (False,))
-    found = estimate(model, np.zeros(len(model.center)))
-    assert np.isnan(found.friction[1])
-    assert np.isnan(found.interval95[:, 1]).all()
-    assert np.isnan(found.level)
-    assert found.friction[0] == pytest.approx(0.01)
-    assert found.interval95[:, 0] == pytest.approx([0.0, 0.03])
-
-
 def test_a_window_unlike_all_others_is_marked(contract: Contract) -> None:
     """Mean square of the features 0.81 and 1.21 about a bound of 1."""
     model = make_wear(contract)
@@ -77,13 +57,6 @@ def test_a_window_unlike_all_others_is_marked(contract: Contract) -> None:
     assert estimate(model, 100.0 * features).friction[0] == pytest.approx(3.01)
     assert not estimate(model, 0.9 * features).unusual
     assert estimate(model, 1.1 * features).unusual
-
-
-def test_a_map_comes_back_with_its_calibration_and_without(contract: Contract) -> None:
-    """What a bundle holds is what was fitted."""
-    for model in (make_wear(contract), make_wear(contract, calibration=make_calibration(contract))):
-        assert read_wear(model.to_json().encode()) == model
-        assert json.loads(model.to_json())["schema_version"] == 3
 
 
 def test_a_calibrated_reading_is_moved_and_as_wide_as_virtual_robots_say(contract: Contract) -> None:
@@ -135,13 +108,6 @@ def test_a_calibration_that_is_none_is_refused(contract: Contract, change: dict,
         make_calibration(contract, **change)
 
 
-def test_a_calibration_of_other_targets_is_refused(contract: Contract) -> None:
-    """It would be broadcast, or cut off, in silence."""
-    other = make_calibration(make_contract("go1"))
-    with pytest.raises(StictionError, match="13 targets, not 19"):
-        make_wear(contract, calibration=other)
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -155,15 +121,6 @@ def test_a_map_that_fits_nothing_is_refused(contract: Contract, change: dict, me
     """A short vector would be broadcast in silence."""
     with pytest.raises(StictionError, match=message):
         replace(make_wear(contract), **change)
-
-
-@pytest.mark.parametrize(
-    "text", [b"[]", b"{}", b"\xff", b'{"schema_version": 1}', b'{"schema_version": 2}', b'{"schema_version": 3}']
-)
-def test_a_file_that_is_none_is_refused(text: bytes) -> None:
-    """With one line, whatever was in it."""
-    with pytest.raises(StictionError, match=r"wear\.json"):
-        read_wear(text)
 
 
 def test_a_map_for_another_robot_is_refused(contract: Contract) -> None:

@@ -67,28 +67,6 @@ def test_mujoco_is_mujocos_batch() -> None:
     assert_alike(one, other)
 
 
-def test_accelerations_are_those_of_the_last_step() -> None:
-    """By differences: a task pays for smoothness with them."""
-    one, _ = fleets("mujoco")
-    drive(one, 0, 2)
-    before = one.joint_velocity.copy()
-    one.substep()
-    np.testing.assert_allclose(one.joint_acceleration, (one.joint_velocity - before) / one.timestep, atol=1e-9)
-
-
-def test_a_state_is_gone_on_from() -> None:
-    """From the same poses and delay lines, at rest."""
-    one, _ = fleets("mujoco")
-    drive(one, 0, 5)
-    state = one.simulation.state()
-    pose = one.qpos.copy()
-    drive(one, 5, 10)
-    one.simulation.load_state(state)
-    np.testing.assert_array_equal(one.qpos, pose)
-    drive(one, 5, 6)
-    assert np.abs(one.qpos - pose).max() < 0.2 and np.isfinite(one.qvel).all()
-
-
 def test_a_robot_that_blew_up_is_reported_and_comes_back() -> None:
     """It is left out until its reset, and the others go on."""
     one, _ = fleets("mujoco")

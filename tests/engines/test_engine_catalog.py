@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import sys
 
-import numpy as np
 import pytest
 
 from stiction.core.errors import StictionError
 from stiction.engines.catalog import make_engine, what_is_missing
-from stiction.engines.engine import BlownUp, Body, check_speed
+from stiction.engines.engine import Body
 from stiction.engines.ground import flat
 from stiction.robots.catalog import find_robot
 
@@ -34,11 +33,3 @@ def test_a_missing_package_is_named_with_what_installs_it(monkeypatch: pytest.Mo
     monkeypatch.setitem(sys.modules, "sapien", None)
     missing = what_is_missing("physx", find_robot("go1"))
     assert missing is not None and "the package sapien" in missing and "[engines]" in missing
-
-
-@pytest.mark.parametrize("speed", [2e4, -2e4, np.inf, np.nan])
-def test_speeds_that_no_robot_has_are_told(speed: float) -> None:
-    """An evaluation would go on with numbers that mean nothing."""
-    check_speed("mujoco", np.zeros(3), np.full(2, -9e3))
-    with pytest.raises(BlownUp, match="'mujoco'"):
-        check_speed("mujoco", np.zeros(3), np.array([0.0, speed]))

@@ -53,30 +53,6 @@ def test_half_of_the_old_load_is_left_after_5_ms_whatever_the_step(timestep: flo
         np.testing.assert_allclose(bound, left)
 
 
-def test_a_robot_that_begins_anew_has_no_old_load() -> None:
-    """The next episode would begin with the friction of the last one."""
-    friction = JointFriction(STEP, Term("load", np.ones(2)))
-    friction.bound(bearing(8.0, 8.0), NONE)
-    friction.reset()
-    assert friction.bound(NOTHING, NONE).tolist() == [0.0, 0.0]
-
-
-def test_wear_acts_at_once_on_what_a_bench_measures_and_not_on_the_load_term() -> None:
-    """The paper's seals were measured without load."""
-    friction = JointFriction(STEP, Term("coulomb", np.array([0.4, 0.6])), Term("load", np.array([0.01, 0.03])))
-    bounds = [friction.bound(bearing(10.0, 10.0), NONE, np.array([factor, 1.0])) for factor in (1.0, 3.0)]
-    np.testing.assert_allclose(bounds, [[0.5, 0.9], [1.3, 0.9]])
-
-
-def test_a_level_is_its_own() -> None:
-    """What the caller gives, and what it does with a bound, must not change the friction."""
-    given = np.ones(2)
-    friction = JointFriction.under(Law("coulomb"), given, STEP)
-    friction.bound(NOTHING, NONE)[:] = 7.0
-    given *= 5.0
-    assert friction.bound(NOTHING, NONE).tolist() == [1.0, 1.0]
-
-
 @pytest.mark.parametrize("law", simulated_laws())
 def test_one_robot_has_the_friction_of_a_fleet(law: str) -> None:
     """A policy would be judged under another law than it was trained with."""

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stiction.core.errors import StictionError
 from stiction.core.rotation import matrix
 from stiction.engines.catalog import make_engine, what_is_missing
 from stiction.engines.engine import Body
@@ -38,9 +37,3 @@ def test_a_trunk_has_friction_of_its_own() -> None:
     engine.reset(SPEC.joint_values("default_position"), middle + SPEC.base.size[2] / 2 * away, turn)
     motion = record(engine, 250, still(body))
     assert np.linalg.norm(motion.base_position[-1] - motion.base_position[0]) < 1e-3
-
-
-def test_ground_that_is_too_rough_is_refused() -> None:
-    """The trunk's coefficient would be negative."""
-    with pytest.raises(StictionError, match="0 to 2"):
-        make_engine("physx", replace(Body.nominal(SPEC), ground_friction=2.5), course("flat", 0.0), 0.002)

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pytest
 
-from stiction.core.opengl import opengl_environment
 from stiction.evaluation.clip import HEIGHT, WIDTH, ClipError, record_clip
 
 image = pytest.importorskip("PIL.Image", reason="the package pillow, of the extra 'sim', is needed to write clips")
@@ -37,12 +36,3 @@ def test_without_opengl_the_error_says_what_to_install(
     monkeypatch.setenv("MUJOCO_GL", "nonsense")
     with pytest.raises(ClipError, match="libegl1"):
         record_clip(bundle, 0.0, "vx=0.5", tmp_path / "clip.webp", seconds=0.1)
-
-
-def test_a_choice_of_opengl_by_the_user_stays(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Somebody who has set MUJOCO_GL knows why."""
-    monkeypatch.setenv("MUJOCO_GL", "osmesa")
-    assert opengl_environment()["MUJOCO_GL"] == "osmesa"
-    monkeypatch.delenv("MUJOCO_GL")
-    monkeypatch.setenv("DISPLAY", ":0")
-    assert "MUJOCO_GL" not in opengl_environment()

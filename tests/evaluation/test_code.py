@@ -114,22 +114,3 @@ def counted(code: tuple[str, ...]) -> set[str]:
 def test_code_that_decides_is_in_the_key(start: str, code: tuple[str, ...], known: set[str]) -> None:
     """A change of the random streams, or of how gains are read, would pass for the old results."""
     assert sorted(imported(start) - counted(code) - known) == []
-
-
-@pytest.mark.parametrize("code", [WALK_CODE, RUN_WALK_CODE, WEARING, BENCH_CODE])
-def test_every_part_of_the_walking_code_is_there(code: tuple[str, ...]) -> None:
-    """A file that was renamed would no longer count, and nobody would see it."""
-    assert [pattern for pattern in code if not source_files(pattern)] == []
-
-
-@pytest.mark.parametrize(
-    ("code", "files"),
-    [
-        (WALK_CODE, ("deploy/observation.py", "deploy/policy.py", "robots/physics.py", "engines/physx.py")),
-        (RUN_WALK_CODE, ("deploy/check.py", "task/config.py", "task/observations.py")),
-        *((code, ("virtual/sensors.py", "sim/friction.py", "joints/pd.py")) for code in (WALK_CODE, RUN_WALK_CODE)),
-    ],
-)
-def test_what_is_known_to_decide_walks_counts(code: tuple[str, ...], files: tuple[str, ...]) -> None:
-    """Start poses and sensor noise, observations, actions, friction: a change of one is another walk."""
-    assert sorted({*files} - counted(code)) == []

@@ -53,10 +53,3 @@ def test_a_fall_counts_as_in_a_batch() -> None:
     assert combined.speed_ratio == pytest.approx(whole.speed_ratio)
     assert combined.distance == pytest.approx(whole.distance)
     assert combined.tripod_share == pytest.approx(whole.tripod_share)
-
-
-def test_what_no_episode_has_the_row_has_not() -> None:
-    """A robot that stands has no gait, and on flat ground nothing is crossed."""
-    still = measure(walks().of(slice(0, 1)), parse_command("stand"), GROUPS, WEIGHT)
-    row = combine([still, still])
-    assert (row.speed_ratio, row.tripod_share, row.group_share, row.crossed) == (None, None, None, None)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.evaluation.course import PATIENCE, Course, parse_course, starts, straight_on
+from stiction.evaluation.course import PATIENCE, Course, parse_course
 from stiction.files.velocity import parse_command
 from stiction.robots.terrain import LANDING, REACH, STEPS, TREAD
 from stiction.task.terrain import FINISH_MARGIN, LENGTH
@@ -21,21 +21,6 @@ def test_what_nobody_built_is_refused(text: str) -> None:
     """Stairs of half a metre would be a wall."""
     with pytest.raises(StictionError, match=r"expected flat, slope=SIZE|unknown terrain .*known: flat|has no size"):
         parse_course(text)
-
-
-def test_a_course_without_a_size_is_asked_for_it() -> None:
-    """If this failed, a message would quote a size of 0, which nobody typed."""
-    said = r"^terrain 'stairs' has no size; expected stairs=SIZE, the height of a step \[m\] up to 0.2$"
-    with pytest.raises(StictionError, match=said):
-        parse_course("stairs")
-
-
-def test_a_course_is_crossed_forward_only() -> None:
-    """A robot that is told to turn or to walk back never arrives."""
-    stairs = Course("stairs", 0.1)
-    commands = ("vx=0.4", "vx=-0.4", "vx=0.4,wz=0.1", "vy=0.4", "stand")
-    assert [stairs.takes(parse_command(text)) for text in commands] == [True, False, False, False, False]
-    assert all(Course().takes(parse_command(text)) for text in commands)
 
 
 def test_the_time_for_a_crossing_follows_the_commanded_speed() -> None:
@@ -67,14 +52,3 @@ def test_all_robots_stand_before_the_same_rough_ground() -> None:
     assert (terrain.position == terrain.position[:1]).all()
     np.testing.assert_allclose(terrain.position[0], course("rough", 0.1, 5).positions, atol=1e-12)
     assert Course().terrain(3) is None
-
-
-def test_a_start_is_that_of_its_episode_alone() -> None:
-    """Episode 3 must begin alike whether four or five are walked."""
-    np.testing.assert_array_equal(starts(0, 4), starts(0, 5)[:4])
-
-
-def test_a_pilot_turns_back_to_the_way() -> None:
-    """Looking to the left, the robot must turn right."""
-    assert straight_on(0.2) < 0 < straight_on(-0.2)
-    assert straight_on(0.0) == 0.0

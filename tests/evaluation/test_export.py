@@ -18,21 +18,18 @@ from stiction.evaluation.export import (
     with_bench,
     write_card,
 )
-from stiction.evaluation.golden import record_golden
-from stiction.files.contract import Contract, read_contract
+from stiction.files.contract import Contract
 from stiction.files.contract_rules import COMMAND_CORRECTION
 from stiction.files.joints import Estimate, JointRecord, JointsFile
 from stiction.learning.config import StudentCfg, TrainCfg
 from stiction.robots.catalog import find_robot
 from stiction.task.config import CommandCfg, TaskCfg
 from stiction.task.friction import FrictionCfg
-from stiction.task.rewards import RewardCfg
 from stiction.task.terrain import TerrainCfg
 
 torch = pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to export")
 pytest.importorskip("rsl_rl", reason="the package rsl_rl, of the extra 'train', is needed to export")
 
-from stiction.evaluation.export import TrainedPolicy  # noqa: E402
 from stiction.learning.run import RunDirectory, save_checkpoint  # noqa: E402
 
 HEADER = {"command": "/home/somebody/.venv/bin/stiction train --seed 3", "revision": "abc1234", "identified": None}
@@ -60,13 +57,6 @@ def test_onnxruntime_computes_what_torch_does_for_any_batch(contract: Contract, 
         observation = np.random.default_rng(batch).standard_normal((batch, 715)).astype(np.float32)
         expected = module(torch.from_numpy(observation)).detach().numpy()
         np.testing.assert_allclose(network(observation), expected, atol=1e-5)
-
-
-def test_the_network_holds_no_path_of_this_machine(exported: BundleCheck) -> None:
-    """The exporter writes stack traces into every node."""
-    data = exported.bundle.policy
-    for trace in (b"site-packages", b".py", str(Path.cwd()).encode(), b"stack_trace"):
-        assert trace not in data
 
 
 def test_an_exported_bundle_passes_its_check(tmp_path: Path, contract: Contract, exported: BundleCheck) -> None:
@@ -105,19 +95,6 @@ def test_the_contract_of_a_run_says_what_was_trained() -> None:
     )
 
 
-def test_contract_and_card_have_the_settings_of_the_training(tmp_path: Path) -> None:
-    """With more robots or less, or rewards of one's own, two policies would be seeds of one training."""
-    own = RewardCfg(own=(("my.rewards:lift", -0.5),))
-    cfg = TrainCfg(task=TaskCfg(rewards=own), num_envs=64, seed=4)
-    run = RunDirectory.create(tmp_path / "run", cfg, "stiction train", None)
-    contract = contract_of(run.config(), run.header())
-    assert contract.settings == {"task.rewards.own": ["my.rewards:lift", -0.5], "num-envs": 64}
-    assert read_contract(contract.to_json().encode()) == contract
-    line = "| settings of the training | num-envs 64, task.rewards.own my.rewards:lift -0.5 |\n"
-    assert line in write_card(contract)
-    assert "| settings of the training | not recorded |\n" in write_card(replace(contract, settings=None))
-
-
 def test_the_trained_commands_are_those_of_the_courses_too() -> None:
     """A robot on stairs was commanded along them, and one that was also told to stand may be."""
     task = TaskCfg(
@@ -143,15 +120,6 @@ def test_a_coefficient_is_exported_as_one() -> None:
     contract = contract_of(TrainCfg(task=TaskCfg(friction=shaped)), HEADER)
     assert contract.stribeck == (2.0, 0.1) and contract.friction[0] == pytest.approx(2.5)
     assert "| nominal dry friction | 10 % of each joint's torque limit |" in write_card(contract)
-
-
-def test_golden_vectors_are_recorded_under_the_law_of_training() -> None:
-    """The same numbers as coefficients and as torques: 0.4 of the load holds a leg that 0.4 N m do not."""
-    numbers = {"friction": (0.4,) * 18}
-    load = make_contract(friction_law="load", friction_level=0.4, **numbers)
-    coulomb = make_contract(friction_level=float(np.mean(0.4 / load.array("torque_limit"))), **numbers)
-    found, other = (record_golden(c, TrainedPolicy(make_module(c), c), find_robot(c.robot)) for c in (load, coulomb))
-    assert np.abs(found.joint_velocity[1]).mean() < 0.6 * np.abs(other.joint_velocity[1]).mean()
 
 
 TOLD = TrainCfg(task=TaskCfg(friction=FrictionCfg("deception", 0.2), known_friction=True))
@@ -183,15 +151,6 @@ def test_a_policy_that_is_told_its_friction_is_exported_with_a_number(tmp_path: 
     assert replace(told, known_friction=None, known_friction_file=None) == replace(contract, known_friction=None)
 
 
-def test_a_joint_that_the_bench_does_not_tell_is_named(tmp_path: Path) -> None:
-    """Who exports must know that the thighs are told what training had."""
-    notes: list[str] = []
-    path = bench(tmp_path, hip=found(1.0), thigh=found(None), shank=found(9.0))
-    told = with_bench(contract_of(TOLD, HEADER), path, notes.append)
-    assert told.known_friction == pytest.approx({"hip": 0.04, "thigh": 0.2, "shank": 0.2})
-    assert len(notes) == 1 and "FL_thigh, FR_thigh" in notes[0] and "nominal friction of training" in notes[0]
-
-
 def test_a_bench_that_has_no_effect_is_refused(tmp_path: Path, contract: Contract) -> None:
     """For a policy that is told nothing, and where the file says nothing of this robot."""
     path = bench(tmp_path, hip=found(1.0))
@@ -199,16 +158,6 @@ def test_a_bench_that_has_no_effect_is_refused(tmp_path: Path, contract: Contrac
         with_bench(contract, path)
     with pytest.raises(StictionError, match="has elbow, and no friction of FL_hip, FL_thigh, FL_shank"):
         with_bench(contract_of(TOLD, HEADER), bench(tmp_path, elbow=found(1.0)))
-
-
-def test_golden_vectors_hold_what_the_policy_is_told(tmp_path: Path) -> None:
-    """What verify replays is the observation with the bench's numbers in it: five times 4 % are 0.2."""
-    path = bench(tmp_path, hip=found(1.0), thigh=found(2.0), shank=found(9.0))
-    told = replace(with_bench(contract_of(TOLD, HEADER), path), command_correction=None)
-    check = export_policy(make_module(told), told, tmp_path / "toy")
-    assert check.summary()["known_friction"] == told.known_friction
-    frames = check.bundle.golden.observation.reshape(624, 11, -1)
-    np.testing.assert_allclose(frames[..., -3:], np.broadcast_to([0.2, 0.4, 1.0], (624, 11, 3)), atol=1e-6)
 
 
 def test_without_a_level_the_measured_friction_is_the_nominal_one() -> None:
@@ -265,17 +214,3 @@ def test_a_run_that_is_not_finished_is_refused(tmp_path: Path, iteration: int | 
         (run.path / "summary.json").write_text("{}")
     with pytest.raises(StictionError, match=f"stiction train --resume {run.path}|finish the run again"):
         export_run(run.path, tmp_path / "bundle")
-
-
-def test_the_card_says_that_it_never_ran_on_a_robot() -> None:
-    """A reader must not take simulation for proof."""
-    card = write_card(make_contract(method="direct", friction_range=(0.16, 0.24)))
-    assert "It has not run on a robot." in card
-    assert "20 % of each joint's torque limit" in card
-    assert "0.16 to 0.24" in card
-
-
-def test_a_joint_map_without_a_file_is_refused(tmp_path: Path) -> None:
-    """Names of records that are nowhere would be ignored, from Python without a word."""
-    with pytest.raises(StictionError, match="name that too, with --joints"):
-        export_run(tmp_path, tmp_path / "bundle", joint_map=("shank=FL_shank",))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from stiction.evaluation.film import FORWARD, ClipRecorder, filmed_task
+from stiction.evaluation.film import ClipRecorder, filmed_task
 from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.task.config import TaskCfg
 
@@ -78,15 +78,6 @@ def test_a_run_that_ends_takes_its_renderer_along(tmp_path: Path, checkpoint: Pa
     process = crew._filming[1]
     crew.abandon()
     assert process.poll() is not None and not list((tmp_path / "temporary").iterdir())
-
-
-def test_what_is_filmed_is_the_task_with_one_command() -> None:
-    """Clips must be comparable: the same command, no pushes, and the physics of the training."""
-    task = TaskCfg(robot="go1")
-    filmed = filmed_task(task)
-    assert filmed.commands.forward == (FORWARD, FORWARD) and filmed.commands.standing_share == 0.0
-    assert filmed.randomization.push_interval == 0.0
-    assert filmed.friction == task.friction and filmed.randomization.payload == task.randomization.payload
 
 
 def test_the_robot_of_a_clip_stands_on_the_level_that_was_reached() -> None:

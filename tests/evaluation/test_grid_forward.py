@@ -14,9 +14,8 @@ from stiction.evaluation import benches as benches_module
 from stiction.evaluation.benches import forward_notes, forward_walks
 from stiction.evaluation.evaluate import EvaluationCfg
 from stiction.evaluation.grid import GridCfg
-from stiction.evaluation.run import WalkLedger, walk_grid
-from stiction.evaluation.summary import evaluate_all
-from stiction.evaluation.table import methods_of, rows_of
+from stiction.evaluation.run import walk_grid
+from stiction.evaluation.table import rows_of
 from stiction.files.bundle import Bundle, read_bundle
 from stiction.files.joints import Estimate, JointRecord, JointsFile, load_joints
 from stiction.robots.catalog import find_robot
@@ -149,27 +148,6 @@ def test_a_robot_that_cannot_be_identified_is_left_out_and_named(still: Bundle, 
         forward_walks([still], cfg, tmp_path)
 
 
-def test_the_rest_of_the_grid_goes_on_and_the_summary_says_what_is_missing(
-    still: Bundle, tmp_path: Path, hidden: None
-) -> None:
-    """Who reads the row of two robots beside that of one has to know."""
-    cfg = GridCfg(BASE, ("mujoco-alone+all",), robots=(3, 4), robot_levels=("0.1",), forward=("still",))
-    rows, summary = evaluate_all([still], cfg, tmp_path)
-    assert [(row.policy, row.episodes) for row in rows] == [("still", 2), ("still+measured", 1)]
-    _, exploratory, left_out = summary["warnings"]
-    assert "Exploratory" in exploratory and "--4, its walks are left out" in left_out
-    assert [list(row["robots"]) for row in summary["rows"]] == [["3", "4"], ["3"]]
-
-
-def test_the_ledger_knows_a_walk_by_what_was_fed_forward(still: Bundle, tmp_path: Path) -> None:
-    """A bench that found something else must not go by the walks of the old one."""
-    walk = forward_walks([still], GRID, tmp_path)[1]
-    assert walk.forward is not None
-    ledger = WalkLedger(tmp_path / "walks.jsonl", GRID, {"still": still.digest})
-    other = replace(walk, forward=(9.1, *walk.forward[1:]))
-    assert len({ledger.key(one) for one in (walk, other, replace(walk, forward=None))}) == 3
-
-
 def test_a_policy_with_friction_fed_forward_is_walked_and_named_beside_the_other(still: Bundle, tmp_path: Path) -> None:
     """At 20 % the robot stands otherwise than without; at 0 % it is the same robot to the last digit."""
     done = walk_grid([still], GRID, tmp_path)
@@ -183,16 +161,6 @@ def test_a_policy_with_friction_fed_forward_is_walked_and_named_beside_the_other
     assert len(rows) == 8 and details[-1]["method"].endswith("+forward")
     assert alone[0].joint_jitter == alone[2].joint_jitter
     assert alone[1].joint_jitter != alone[3].joint_jitter
-
-
-def test_each_way_is_a_policy_of_its_own(still: Bundle, tmp_path: Path) -> None:
-    """Under one name the rows of one way would be averaged with those of the other."""
-    cfg = replace(GRID, forward_by=("error", "measured=0.8", "measured-motor"), base=replace(BASE, seconds=1.5))
-    rows, _ = rows_of(walk_grid([still], replace(cfg, engines=("mujoco-alone",)), tmp_path), [still])
-    worn = {row.policy: row.joint_jitter for row in rows if row.friction_level}
-    assert list(worn) == ["still", "still+forward", "still+measured=0.8", "still+measured-motor"]
-    assert len({*worn.values()}) == 4
-    assert methods_of(rows, [still])["still+measured=0.8"].endswith("+measured=0.8")
 
 
 @pytest.mark.parametrize(

@@ -12,8 +12,7 @@ from bundles import make_bundle, make_contract, make_network
 from stiction.evaluation import benches
 from stiction.evaluation.benches import true_friction, unidentified_notes, with_known_friction
 from stiction.evaluation.evaluate import EvaluationCfg
-from stiction.evaluation.grid import GridCfg, Walk, plan
-from stiction.evaluation.run import WalkLedger
+from stiction.evaluation.grid import GridCfg, plan
 from stiction.evaluation.summary import evaluate_all
 from stiction.files.bundle import Bundle, read_bundle
 from stiction.files.joints import Estimate, JointRecord, JointsFile
@@ -108,14 +107,6 @@ def test_a_virtual_robot_is_told_what_its_own_bench_found(
     assert len(seen) == 2
 
 
-def test_a_number_goes_to_all_robots_and_the_contract_says_what_nobody_else_does(
-    bundles: list[Bundle], tmp_path: Path, seen: list[str]
-) -> None:
-    """Neither needs a bench."""
-    assert set(told(bundles, "0.15", tmp_path).values()) == {(0.15, 0.15, 0.15)}
-    assert set(told(bundles, "contract", tmp_path).values()) == {None} and not seen
-
-
 def test_what_the_bench_did_not_tell_is_in_the_summary(bundles: list[Bundle], tmp_path: Path, seen: list[str]) -> None:
     """Two sentences for robot 4, none for robot 3 or the policy that is told nothing; and what each was told."""
     cfg = replace(GRID, engines=("mujoco-alone+all",), base=replace(BASE, known_friction="bench"))
@@ -129,16 +120,3 @@ def test_what_the_bench_did_not_tell_is_in_the_summary(bundles: list[Bundle], tm
     mine, other = summary["rows"]
     assert mine["known_friction"]["3"] == pytest.approx((0.04, 0.08, 0.2)) and "known_friction" not in other
     assert summary["evaluation"]["known_friction"] == "bench"
-
-
-def test_the_ledger_knows_a_walk_by_what_was_told(bundles: list[Bundle], tmp_path: Path) -> None:
-    """A bench that found something else must not go by the walks of the old one; who is told nothing walks once."""
-    digests = {bundle.name: bundle.digest for bundle in bundles}
-    keys: dict[str, set[str]] = {"listener": set(), "other": set()}
-    for text in ("contract", "true", "true*0.7"):
-        cfg = GridCfg(replace(BASE, friction_levels=(0.1,), known_friction=text), ("mujoco",))
-        ledger = WalkLedger(tmp_path / "walks.jsonl", cfg, digests)
-        walks: list[Walk] = with_known_friction(plan(list(digests), cfg), bundles, cfg, tmp_path)
-        for walk in walks:
-            keys[walk.policy].add(ledger.key(walk))
-    assert {name: len(found) for name, found in keys.items()} == {"listener": 3, "other": 1}

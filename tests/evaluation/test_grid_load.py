@@ -14,7 +14,6 @@ from stiction.evaluation import benches as benches_module
 from stiction.evaluation.benches import forward_walks
 from stiction.evaluation.evaluate import EvaluationCfg
 from stiction.evaluation.grid import GridCfg, Unit, Walk
-from stiction.evaluation.run import WalkLedger
 from stiction.evaluation.walks import walk_unit
 from stiction.files.bundle import Bundle, read_bundle
 from stiction.files.joints import Estimate, JointRecord, JointsFile
@@ -93,18 +92,6 @@ def test_a_bench_that_found_a_coefficient_has_it_fed_but_not_by_the_error(
         np.testing.assert_allclose(fed(in_motor, torque) - fed(in_motor, 0.0), (0.0, 0.9, 0.9) * 6)
 
 
-def test_a_bench_without_a_coefficient_feeds_none(
-    still: Bundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Nor does one whose coefficient is not above zero, or whose friction without load is not known."""
-    less = replace(LOADED, load_coefficient=exactly(-0.01))
-    assert LOADED.friction_law is not None
-    unknown = replace(LOADED, friction_law=LOADED.friction_law | {"parameters": {}})
-    found(monkeypatch, hip=PLAIN, thigh=less, shank=unknown)
-    for walk in forward_walks([still], GRID, tmp_path):
-        assert walk.forward == (2.0,) * 18 and walk.forward_load is None
-
-
 def test_a_joint_that_was_not_identified_is_fed_the_mean_coefficient_of_its_kind(
     still: Bundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -117,17 +104,6 @@ def test_a_joint_that_was_not_identified_is_fed_the_mean_coefficient_of_its_kind
     assert (walk.forward[second], walk.forward_load[second]) == (2.0, 0.0)
 
 
-def test_the_ledger_tells_walks_with_another_coefficient_apart(
-    still: Bundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A bench that found load must not go by the walks of one that found none."""
-    found(monkeypatch, hip=LOADED, thigh=LOADED, shank=LOADED)
-    walk = forward_walks([still], GRID, tmp_path)[1]
-    ledger = WalkLedger(tmp_path / "walks.jsonl", GRID, {"still": still.digest})
-    others = [replace(walk, forward_load=load) for load in (None, (0.0,) * 18, (0.07,) * 18)]
-    assert len({ledger.key(one) for one in (walk, *others)}) == 4
-
-
 @pytest.mark.parametrize(("way", "counts"), [("error", False), ("reference", True), ("measured-motor", True)])
 def test_the_coefficient_reaches_the_joints_of_a_virtual_robot(still: Bundle, way: str, counts: bool) -> None:
     """A robot that stands carries load: it stands otherwise, unless the way knows none."""
@@ -135,20 +111,6 @@ def test_the_coefficient_reaches_the_joints_of_a_virtual_robot(still: Bundle, wa
     pair = (walk, replace(walk, forward_load=(0.05,) * 18))
     plain, loaded = (walk_unit(still, Unit((one,)), GRID)[0] for one in pair)
     assert (plain != loaded) == counts
-
-
-def test_under_the_law_effort_the_level_itself_is_the_coefficient(still: Bundle, tmp_path: Path) -> None:
-    """Alone and in the batch; no torque beside it, for there is no friction without the motor's."""
-    cfg = GridCfg(
-        replace(BASE, friction_law="effort"), ("mujoco", "mujoco-alone"), forward=("still",), forward_by=("reference",)
-    )
-    walks = forward_walks([still], cfg, tmp_path)
-    assert len(walks) == 2
-    for walk in walks:
-        assert walk.forward == (0.0,) * 18 and walk.forward_load == (0.2,) * 18
-        pair = (walk, replace(walk, forward_load=None))
-        loaded, plain = (walk_unit(still, Unit((one,)), cfg)[0] for one in pair)
-        assert loaded != plain
 
 
 @pytest.mark.parametrize(("law", "ways"), [("effort", ("reference", "error")), ("load", ("reference",))])

@@ -41,11 +41,6 @@ def test_a_robot_at_four_fifths_of_the_speed() -> None:
     assert metrics.fall_rate == 0.0
 
 
-def test_the_wrong_way_is_negative() -> None:
-    """Walking forward when backward is asked must not count as speed."""
-    assert measure(walking(0.4), parse_command("vx=-0.5"), GROUPS, 98.1).speed_ratio == pytest.approx(-0.8)
-
-
 def test_speed_after_a_fall_is_zero() -> None:
     """One of two robots falls half-way: its mean speed is half, though it slides on."""
     walk = walking(0.5)
@@ -118,19 +113,3 @@ def test_gait_shares_are_of_moving_steps_and_literal_sets() -> None:
     assert metrics.tripod_share == pytest.approx(5 / 8)
     assert metrics.flight_share == pytest.approx(1 / 8)
     assert metrics.moving_share == pytest.approx(8 / 10)
-
-
-def test_a_robot_that_stands_still_has_no_gait() -> None:
-    """A share of no steps is not zero: it is unknown."""
-    metrics = measure(recording(), parse_command("vx=0.5"), GROUPS, 98.1)
-    assert (metrics.tripod_share, metrics.flight_share, metrics.group_share) == (None, None, None)
-    assert metrics.moving_share == 0.0
-    assert metrics.speed_ratio == 0.0
-
-
-def test_steps_after_a_fall_do_not_move_and_standing_has_no_share() -> None:
-    """Of two walking robots one falls at half-time: three quarters of the steps are moving ones."""
-    walk = walking(0.5)
-    walk.upright[50:, 1] = False
-    assert measure(walk, parse_command("vx=0.5"), GROUPS, 98.1).moving_share == pytest.approx(0.75)
-    assert measure(walk, parse_command("stand"), GROUPS, 98.1).moving_share is None

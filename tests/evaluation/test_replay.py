@@ -40,17 +40,6 @@ def test_the_renderer_has_the_engine_s_pose_joint_by_joint(bundle: Path) -> None
         np.testing.assert_allclose(angles, motion.joint_position)
 
 
-def test_a_robot_that_fell_stays_where_it_fell(bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A clip lasts as long as it was asked for, though nobody walks any more."""
-    from stiction.virtual import trial
-
-    loaded = check_bundle(bundle).bundle
-    monkeypatch.setattr(trial.World, "fallen", lambda *_: True)
-    states = walked_virtually(loaded, 3, 0.1, parse_command("vx=0.5"), 4 * loaded.contract.control_period)
-    assert len(states) == 4
-    np.testing.assert_array_equal(states, np.repeat(states[:1], 4, axis=0))
-
-
 def test_robots_side_by_side_start_together_in_lanes_of_their_own(bundle: Path) -> None:
     """A lane moves a robot aside and changes nothing of its walk; the marks reach beyond both ends of it."""
     loaded = check_bundle(bundle).bundle

@@ -8,7 +8,6 @@ import pytest
 
 from bundles import make_contract, make_network
 from stiction.core.errors import StictionError
-from stiction.core.rotation import roll_pitch, tilted
 from stiction.deploy.check import check_bundle
 from stiction.deploy.policy import PolicyStep, load_policy
 from stiction.evaluation.golden import record_golden
@@ -76,33 +75,6 @@ def test_a_delayed_target_arrives_late(contract: Contract) -> None:
     make_rollout(contract, [0.0], [0], action_delay=0.04)
     with pytest.raises(StictionError, match=r"0 to 0\.04 s"):
         make_rollout(contract, [0.0], [0], action_delay=0.041)
-
-
-def test_robots_that_share_a_generator_meet_the_same_noise(contract: Contract) -> None:
-    """Otherwise levels would be compared under different luck."""
-    rollout = make_rollout(contract, [0.1, 0.1, 0.1, 0.1], [0, 1])
-    position = rollout.sense().joint_position
-    np.testing.assert_array_equal(position[:2], position[2:])
-    assert np.abs(position[0] - position[1]).max() > 0.01
-
-
-def test_noise_stays_within_its_bounds_and_zero_noise_is_none(contract: Contract) -> None:
-    """Noise of the wrong size would judge a policy by what it never met."""
-    rollout = make_rollout(contract, [0.0] * 64, list(range(64)))
-    fleet, sensors, noise = rollout.fleet, rollout.sense(), NoiseCfg()
-    for name, truth in (("joint_position", fleet.joint_position), ("joint_velocity", fleet.joint_velocity)):
-        error = np.abs(getattr(sensors, name) - truth).max()
-        assert 0.9 * getattr(noise, name) < error <= getattr(noise, name)
-    error = np.abs(roll_pitch(sensors.quaternion) - roll_pitch(fleet.base_quaternion)).max()
-    assert 0.9 * noise.roll_pitch < error < 1.05 * noise.roll_pitch
-    quiet = make_rollout(contract, [0.0], [0], noise=QUIET)
-    np.testing.assert_array_equal(quiet.sense().joint_position, quiet.fleet.joint_position)
-
-
-def test_a_small_tilt_adds_roll_and_pitch() -> None:
-    """(1, a, b, 0) turns by 2a about x and 2b about y."""
-    turned = tilted(np.array([[1.0, 0.0, 0.0, 0.0]]), np.array([[1.0, 0.005, -0.01]]))
-    np.testing.assert_allclose(roll_pitch(turned), [[0.01, -0.02]], atol=2e-4)
 
 
 def test_a_bundle_cannot_name_a_module_to_import() -> None:

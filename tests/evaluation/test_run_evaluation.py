@@ -23,7 +23,6 @@ pytest.importorskip("rsl_rl", reason="the package rsl_rl, of the extra 'train', 
 
 from stiction.evaluation.export import TrainedPolicy, contract_of  # noqa: E402
 from stiction.evaluation.trained import (  # noqa: E402
-    LatentMean,
     LatentPolicy,
     latent_sources,
     observed_friction,
@@ -32,7 +31,7 @@ from stiction.evaluation.trained import (  # noqa: E402
 from stiction.learning.run import RunDirectory  # noqa: E402
 from stiction.learning.runner import load_actor, train  # noqa: E402
 from stiction.task.env import LocomotionEnv  # noqa: E402  (needs torch)
-from stiction.task.randomization import nominal_privileged, privileged_observation  # noqa: E402
+from stiction.task.randomization import nominal_privileged  # noqa: E402
 from stiction_experiments.adaptation import probes  # noqa: E402
 
 NOMINAL = RandomizationCfg(
@@ -93,27 +92,6 @@ def test_the_driver_acts_as_training_does(run: RunDirectory, who: str) -> None:
     assert resets >= 6
 
 
-def test_o_priv_is_what_the_paper_lists_in_its_order() -> None:
-    """Two joints: 3 kg, ground 1.5, inertia 1.2 and 0.8, damping 1 and 1.1, friction 5 % and 20 % of the limit."""
-    made = privileged_observation(
-        torch.tensor([[3.0]]),
-        torch.tensor([[1.5]]),
-        torch.tensor([[1.2, 0.8]]),
-        torch.tensor([[1.0, 1.1]]),
-        torch.tensor([[0.05, 0.2]]),
-    )
-    np.testing.assert_allclose(made, [[1.0, 0.5, 1.0, -1.0, 0.0, 0.5, 0.5, 2.0]], atol=1e-6)
-    np.testing.assert_allclose(nominal_privileged(np.array([[0.05, 0.2]])), [[0, 0, 0, 0, 0, 0, 0.5, 2.0]], atol=1e-6)
-
-
-def test_training_tells_what_the_pure_function_tells() -> None:
-    """o_priv of a robot that was drawn nominal in all but friction is that of an evaluation at that friction."""
-    env = LocomotionEnv(CFG.task, 4, seed=1)
-    told = nominal_privileged(env.randomizer.draws.friction.numpy() * 0.2)
-    assert told[:, -12:].std(0).min() > 0.1
-    np.testing.assert_allclose(env.get_observations()["privileged"], told, atol=1e-6)
-
-
 def test_a_teacher_is_told_what_its_training_varied() -> None:
     """Where friction never varied the entry's weights are noise: it stays at 0 for `none`, at 0.1 for exactly 0.1."""
     present, nominal = np.array([[0.0, 0.0], [0.3, 0.3]]), np.array([0.1, 0.1])
@@ -123,25 +101,6 @@ def test_a_teacher_is_told_what_its_training_varied() -> None:
     )
     for method in ("direct", "finetune"):
         assert observed_friction(FrictionCfg(method, 0.1), nominal, present).tolist() == [[0.0, 0.0], [0.3, 0.3]]
-
-
-def test_rows_of_a_run_look_like_those_of_a_bundle(run: RunDirectory) -> None:
-    """Teacher and student stand in one table with bundles, told apart by name."""
-    for who in ("teacher", "student"):
-        rows = list(walk_run(run.path, who, SHORT).rows)
-        assert [(row.policy, row.method, row.friction_level) for row in rows] == [
-            (f"tiny/{who}", "deception", 0.0),
-            (f"tiny/{who}", "deception", 0.2),
-        ]
-    assert walk_run(run.path, "student", SHORT, "mean").rows[0].policy == "tiny/student+mean"
-
-
-def test_a_row_is_the_mean_of_its_episodes(run: RunDirectory) -> None:
-    """Intervals are made from the episodes; they must be those behind the row."""
-    walked = walk_run(run.path, "student", SHORT)
-    for row, episodes in zip(walked.rows, walked.episodes, strict=True):
-        assert row.speed_ratio == pytest.approx(np.mean([one.speed_ratio for one in episodes]), abs=1e-6)
-        assert row.fall_rate == pytest.approx(np.mean([one.fall_rate for one in episodes]))
 
 
 def test_peers_share_the_teachers_latent_and_other_levels_do_not(run: RunDirectory) -> None:
@@ -177,26 +136,6 @@ def test_latents_are_lent_and_frozen(run: RunDirectory) -> None:
     torch.testing.assert_close(seen[0], latent)
     torch.testing.assert_close(frozen[0], lent[0])
     assert not torch.allclose(frozen[1], lent[1])
-
-
-def test_the_mean_is_over_robots_and_time_after_settling() -> None:
-    """Steps (9, 9), (1, 3), (5, 7), the first skipped: 4."""
-    mean = LatentMean(skip=1)
-    for step in ([9.0, 9.0], [1.0, 3.0], [5.0, 7.0]):
-        mean(torch.tensor(step)[:, None])
-    assert mean.value.tolist() == [4.0]
-
-
-def test_a_phase_that_is_not_finished_is_refused(run: RunDirectory, tmp_path: Path) -> None:
-    """A half-trained teacher walks badly and looks like a result."""
-    longer = replace(CFG, teacher=replace(CFG.teacher, iterations=5))
-    other = RunDirectory.create(tmp_path / "other", longer, "stiction train", None)
-    for file in run.checkpoints.glob("teacher_*"):
-        (other.checkpoints / file.name).write_bytes(file.read_bytes())
-    with pytest.raises(StictionError, match="its teacher stands at iteration 2 of 5"):
-        walk_run(other.path, "teacher", SHORT)
-    with pytest.raises(StictionError, match="its student stands at iteration 0 of 1"):
-        walk_run(other.path, "student", SHORT)
 
 
 def test_a_history_of_another_length_reaches_networks_contract_and_driver(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 import pytest
 
 from stiction.evaluation.samples import Evidence, Row, samples
-from stiction.evaluation.table import BOTH, Sample
+from stiction.evaluation.table import Sample
 
 
 def row(seed: int, command: str, **columns: object) -> Row:
@@ -34,21 +34,3 @@ def test_one_seed_has_no_interval_and_its_walks_are_trials() -> None:
     found = sampled(row(0, "vx=0.5", speed_ratio=1.0))["vx=0.5", "fall_rate"]
     assert (found.low, found.high, found.trials, found.trials_low) == (None, None, 10, pytest.approx(0.0, abs=1e-9))
     assert found.trials_high == pytest.approx(0.27753, abs=1e-5)
-
-
-def test_both_directions_count_alike_and_columns_without_numbers_have_no_sample() -> None:
-    """Jitter of 40 and 60, falls of 0 and 20 %: 50, and 2 of 20 walks."""
-    found = sampled(
-        row(0, "vx=0.5", speed_ratio=1.0, joint_jitter=40.0),
-        row(0, "vx=-0.5", speed_ratio=1.0, joint_jitter=60.0, fall_rate=0.2),
-    )
-    assert found[BOTH, "joint_jitter"].mean == 50.0
-    assert (found[BOTH, "fall_rate"].mean, found[BOTH, "fall_rate"].trials) == (0.1, 20)
-    assert (BOTH, "flight_share") not in found
-    assert ("vx=0.5", "crossed") not in found
-
-
-def test_the_deviation_of_virtual_robots_is_that_of_each() -> None:
-    """0.5 and 1.5 have a mean of 1 and a deviation of a half."""
-    found = sampled(row(0, "vx=0.5", speed_ratio=1.0, robots={"1000": 0.5, "1001": 1.5}))
-    assert (found["vx=0.5", "speed_error"].mean, found["vx=0.5", "fall_rate"].trials) == (0.5, 2)

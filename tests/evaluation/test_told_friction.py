@@ -9,10 +9,8 @@ import pytest
 
 from bundles import linear_network, make_bundle, make_contract
 from stiction.core.errors import StictionError
-from stiction.deploy.observation import Sensors
-from stiction.evaluation.evaluate import EvaluationCfg, drive_bundle
+from stiction.evaluation.evaluate import EvaluationCfg
 from stiction.evaluation.known_friction import FrictionSource, known_to, nominal_known, parse_source
-from stiction.evaluation.methods import METHODS, method_of
 from stiction.evaluation.rollout import friction_at
 from stiction.evaluation.walk_logs import RecordCfg, record_walks
 from stiction.files.bundle import Bundle, read_bundle
@@ -112,32 +110,3 @@ def test_a_policy_walks_on_what_it_is_told(listener: Bundle, text: str, shares: 
         moved = walk.log.joint_target - CONTRACT.array("standing")
         np.testing.assert_allclose(moved[:, ::3], CONTRACT.action_scale * 5 * share, atol=1e-6)
         assert not moved[:, 1::3].any()
-
-
-def test_the_evaluation_tells_what_the_log_of_it_does(listener: Bundle, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The rows and the logs of one command must be of the same robots."""
-    seen: list[np.ndarray] = []
-
-    def stop(policy, contract, spec, cfg, threads, progress, against):
-        still = np.zeros((2, 18))
-        upright = np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))
-        seen.append(policy.step(Sensors(upright, np.zeros((2, 3)), still, still), np.zeros((2, 3))).action[:, 0])
-
-    monkeypatch.setattr("stiction.evaluation.evaluate.drive", stop)
-    for text in ("contract", "true", "true*0.7"):
-        drive_bundle(listener, replace(BASE, known_friction=text))
-    np.testing.assert_allclose(seen, [[1.0, 1.0], [0.0, 0.5], [0.0, 0.35]], atol=1e-6)
-
-
-def test_a_policy_that_is_told_is_a_way_of_its_own(listener: Bundle) -> None:
-    """Beside `deception` in one row of a table it would pass for a seed of it."""
-    plain = make_contract(method="deception")
-    told = replace(listener.contract, method="deception")
-    assert (method_of(plain), method_of(told)) == ("deception", "told") and {"deception", "told"} <= METHODS.keys()
-
-
-def test_friction_of_the_load_alone_is_friction() -> None:
-    """A policy that learned with it would stand in the tables of those that never met any."""
-    contract = make_contract(method="deception", friction_range=(0.0, 0.0), friction_load=(0.0, 0.1))
-    assert (contract.trained, contract.met_friction) == ("with friction of up to 0.1 of the load", True)
-    assert not replace(contract, friction_load=(0.0, 0.0)).met_friction

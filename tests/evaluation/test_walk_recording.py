@@ -58,14 +58,6 @@ def test_sensors_have_the_errors_that_are_stated() -> None:
     np.testing.assert_allclose(np.linalg.norm(log.quaternion, axis=1), 1.0)
 
 
-def test_without_noise_the_log_is_the_truth() -> None:
-    """Zero is none: what remains in an estimate is then its own."""
-    truth = walks.walk(np.zeros((1, 18)), [walks.FORWARD], walks.NO_NOISE, seconds=1.0)[0]
-    log = measure_walk(truth, walks.NO_NOISE, np.random.default_rng(0))
-    np.testing.assert_array_equal(log.joint_position, truth.joint_position)
-    np.testing.assert_allclose(log.quaternion, truth.quaternion, atol=1e-15)
-
-
 def test_a_fall_ends_the_log() -> None:
     """What a robot does on its back is no walk. This one is pushed over after a second and a half."""
     rollout = walks.start(np.zeros((2, 18)))

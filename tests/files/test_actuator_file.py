@@ -29,13 +29,6 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
                 np.testing.assert_array_equal(bias, bias2)
 
 
-def test_the_same_net_is_the_same_file(tmp_path: Path) -> None:
-    """Its hash stands in every policy trained with it: writing twice must not make two."""
-    for name in ("a", "b"):
-        write_actuator(tmp_path / name / FILE, pd_net())
-    assert (tmp_path / "a" / FILE).read_bytes() == (tmp_path / "b" / FILE).read_bytes()
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -57,20 +50,13 @@ WRONG = np.zeros((1, 7), np.float32)
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"inputs": "all"}, "default or paper"),
-        ({"torque_source": "somewhere"}, "motor_side or output_side"),
         ({"period": float("nan")}, "period"),
-        ({"history": True}, "history"),
         ({"groups": (SPEC.joint_names[:-1],)}, "every joint in one group"),
         ({"torque_limit": (1.0,)}, "18 positive numbers"),
-        ({"layers": ()}, "0 groups; expected 3"),
         ({"layers": (((WRONG, np.zeros(1, np.float32)),),) * 3}, r"\(outputs, 8\)"),
-        ({"layers": (((np.zeros((2, 8), np.float32), np.zeros(2, np.float32)),),) * 3}, "2 outputs; expected one"),
         ({"layers": (((np.full((1, 8), np.nan, np.float32), np.zeros(1, np.float32)),),) * 3}, "finite"),
-        ({"layers": (((np.zeros((1, 8)), np.zeros(1)),),) * 3}, "float32"),
         ({"training": {"a": 1}}, "SHA-256"),
         ({"loss": {"training": -1.0}}, "at least 0"),
-        ({"seed": -1}, "seed"),
     ],
 )
 def test_nets_that_no_simulation_could_use_are_refused(change: dict, message: str) -> None:
@@ -95,14 +81,9 @@ def rewritten(path: Path, header: object, arrays: dict) -> Path:
     ("header", "arrays", "message"),
     [
         ("{", {}, "not JSON"),
-        ("[]", {}, "one of the schema 'stiction-actuator'"),
-        ({"joint_names": "abc"}, {}, "expected a list"),
         ({"schema_version": 9}, {}, "version 9; this program reads version 1"),
-        ({"kp": 1.0}, {}, "has no field 'kp'"),
-        ({"groups": [1, 2, 3]}, {}, r"header: groups\[0\] is 1; expected a list"),
         (None, {"header": None}, "no header"),
         (None, {"bias.1.0": None}, "no array 'bias.1.0'"),
-        (None, {"weight.3.0": np.zeros((1, 8), np.float32)}, "unknown array 'weight.3.0'"),
         (None, {"weight.0.0": None, "bias.0.0": None}, "layers of group 0"),
     ],
 )

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stiction.core.errors import StictionError
 from stiction.core.names import kinds_of
 from stiction.files.joints import Estimate, JointRecord, JointsFile
-from stiction.files.known_friction import bench_friction, kind_average, known_friction_text
+from stiction.files.known_friction import bench_friction, known_friction_text
 
 NAMES = ("FL_hip", "FL_shank", "FR_hip", "FR_shank")
 LIMITS = np.array([20.0, 40.0, 20.0, 40.0])
@@ -24,11 +23,6 @@ def joint(friction: float | None, **fields: object) -> JointRecord:
 def said(**records: JointRecord):
     """What a bench says that found these."""
     return bench_friction(JointsFile(records), NAMES, kinds_of(NAMES), LIMITS, NOMINAL)
-
-
-def test_kinds_are_in_the_order_of_the_joints_and_weigh_the_same() -> None:
-    """Another order would tell the hips what the shanks have."""
-    np.testing.assert_array_equal(np.array([1.0, 2.0, 3.0, 6.0]) @ kind_average(kinds_of(NAMES)), [2.0, 4.0])
 
 
 def test_each_kind_gets_the_mean_of_its_joints_over_their_limits() -> None:
@@ -54,9 +48,3 @@ def test_a_joint_that_was_not_identified_is_named_and_the_others_of_its_kind_sta
     hips, shanks = found.notes
     assert "FL_hip was not identified" in hips and "mean of the other joints" in hips and "15 %" in hips
     assert "FL_shank, FR_shank" in shanks and "nominal friction of training" in shanks and "30 %" in shanks
-
-
-def test_a_linear_axis_is_refused() -> None:
-    """Its friction is in newtons."""
-    with pytest.raises(StictionError, match="'FL_hip' was identified as a linear axis"):
-        said(hip=joint(1.0, axis="linear"))

@@ -38,15 +38,6 @@ def test_a_contract_from_before_speeds_compensates_by_the_error_alone() -> None:
     np.testing.assert_allclose(compensated(np.full(3, 0.01), position, velocity, 0.1, push), 0.06, atol=1e-12)
 
 
-def test_a_contract_with_speeds_compensates_by_them(contract: Contract) -> None:
-    """Half of v_s alone, far from v_f, is half of 0.1 rad; a joint at rest goes by the width of the contract."""
-    made = make_contract(compensation=(0.1,) * 18, compensation_width=0.02, compensation_speeds=(4.0, 0.1))
-    push = read_contract(made.to_json().encode()).push
-    moved = compensated(np.array([0.5, 0.01]), np.zeros(2), np.array([2.0, 0.0]), 0.1, push)
-    np.testing.assert_allclose(moved, [0.55, 0.06], atol=1e-12)
-    assert contract.compensation_speeds is None
-
-
 @pytest.mark.parametrize(
     ("field", "value"),
     [
@@ -91,12 +82,6 @@ def test_a_wrong_observation_term_is_refused_by_name(contract: Contract, entry: 
         read_contract(json.dumps(data).encode())
 
 
-def test_friction_in_torque_and_as_a_level_must_agree(contract: Contract) -> None:
-    """Two numbers for one thing would let an evaluation meet other joints than the card names."""
-    with pytest.raises(BundleError, match="friction_level"):
-        read_contract(edited(contract, "friction", [1.0] * 18))
-
-
 @pytest.mark.parametrize("law", ["load", "effort"])
 def test_a_coefficient_is_its_own_level(law: str) -> None:
     """Divided by the torque limit, 0.05 would be 0.2 %; and a law without its own numbers is another law."""
@@ -106,16 +91,6 @@ def test_a_coefficient_is_its_own_level(law: str) -> None:
         read_contract(edited(level, "friction", [1.25, 1.25, 2.25] * 6))
     with pytest.raises(BundleError, match="stribeck"):
         read_contract(edited(level, "stribeck", [1.5, 0.1]))
-
-
-def test_stribeck_friction_names_its_shape() -> None:
-    """Without ratio and speed nobody could simulate what was trained. An older contract has neither."""
-    shaped = make_contract(friction_law="stribeck", stribeck=(2.0, 0.3))
-    assert read_contract(shaped.to_json().encode()).law == Law("stribeck", 2.0, 0.3)
-    for wrong in (None, [0.5, 0.3], [2.0, 0.0], [2.0]):
-        with pytest.raises(BundleError, match="stribeck"):
-            read_contract(edited(shaped, "stribeck", wrong))
-    assert read_contract(json.dumps(aged(make_contract(), "stribeck")).encode()).stribeck is None
 
 
 SPANS = {"forward": [-0.8, 0.8], "sideways": [-0.3, 0.3], "turn": [-0.6, 0.6]}
@@ -143,15 +118,6 @@ def told(**changes) -> Contract:
     return make_contract(**(values | changes))
 
 
-def test_what_a_policy_is_told_goes_with_it() -> None:
-    """In the order of the kinds of joints, from whichever file; a bundle may also say that nobody knows."""
-    contract = told(known_friction_file={"name": "joints.json", "sha256": "0" * 64})
-    assert read_contract(contract.to_json().encode()) == contract
-    assert contract.observes_friction and contract.known_friction_array.tolist() == [0.1, 0.2, 0.0]
-    unknown = told(known_friction=None)
-    assert read_contract(unknown.to_json().encode()).known_friction_array is None and unknown.observes_friction
-
-
 @pytest.mark.parametrize(
     ("field", "value"),
     [
@@ -165,16 +131,6 @@ def test_what_is_told_is_of_the_robots_own_kinds_of_joints(field: str, value: ob
     """A number of another joint, or none at all, would be observed as if it were right."""
     with pytest.raises(BundleError, match=field):
         read_contract(edited(told(), field, value))
-
-
-def test_only_a_policy_that_observes_it_is_told(contract: Contract) -> None:
-    """A number that has no effect misleads; so does a source of no number, and a term of another size."""
-    with pytest.raises(BundleError, match=r"known_friction.*has no term"):
-        read_contract(edited(contract, "known_friction", {"hip": 0.1, "thigh": 0.1, "shank": 0.1}))
-    with pytest.raises(BundleError, match="known_friction_file"):
-        told(known_friction=None, known_friction_file={"name": "joints.json", "sha256": "0" * 64})
-    with pytest.raises(BundleError, match=r"observation\.known_friction\.size"):
-        told(observation=proprioception(18, known_kinds=2))
 
 
 def test_slow_means_go_with_their_time(contract: Contract) -> None:

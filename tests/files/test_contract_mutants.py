@@ -10,7 +10,7 @@ import pytest
 
 from bundles import make_contract
 from stiction.core.errors import StictionError
-from stiction.files.contract import LATER, read_contract
+from stiction.files.contract import read_contract
 from stiction.files.observation import proprioception
 from stiction.robots.catalog import find_robot
 
@@ -79,14 +79,4 @@ def test_what_no_runtime_could_obey_is_refused(field: str, value: Any) -> None:
         inner = inner[int(part) if isinstance(inner, list) else part]
     inner[last] = value
     with pytest.raises(StictionError, match=outer[0] if outer else last.replace("_", "[_ ]")):
-        read_contract(json.dumps(data).encode())
-
-
-@pytest.mark.parametrize("field", [name for name in whole() if name not in LATER])
-def test_no_field_may_be_missing(field: str) -> None:
-    """A default that another version had would be taken without a word."""
-    data = whole()
-    assert read_contract(json.dumps(data).encode())
-    del data[field]
-    with pytest.raises(StictionError):
         read_contract(json.dumps(data).encode())

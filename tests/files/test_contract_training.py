@@ -74,12 +74,6 @@ def test_a_contract_that_contradicts_itself_is_refused(change: dict[str, Any], m
         read_contract(written(**change))
 
 
-def test_joints_that_were_identified_may_be_others() -> None:
-    """Accepts another armature where a joints.json gave it, and none without."""
-    file = {"name": "joints.json", "sha256": "0" * 64}
-    assert read_contract(written(armature=[0.02] * 12, joints_file=file)).armature == (0.02,) * 12
-
-
 @pytest.mark.parametrize("era", ERAS)
 def test_an_older_contract_lacks_all_that_came_later(era: tuple[str, ...]) -> None:
     """Reads a file from before a field; rejects one that has lost the field alone."""

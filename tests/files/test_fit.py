@@ -5,9 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-from stiction.core.errors import StictionError
 from stiction.files.joints import FitSignals, read_fit, write_fit
 
 
@@ -23,10 +21,3 @@ def test_what_is_written_is_read_again(tmp_path: Path) -> None:
     again = read_fit(tmp_path / "fit.npz", "b.c")
     np.testing.assert_array_equal(again.target, [0, -1, -2, -3])
     assert again.simulated_torque is None
-
-
-def test_a_joint_that_is_not_there_is_named(tmp_path: Path) -> None:
-    """A page drawn from another joint's signals would be believed."""
-    write_fit(tmp_path / "fit.npz", {"a": signals(3)})
-    with pytest.raises(StictionError, match="joint 'b'"):
-        read_fit(tmp_path / "fit.npz", "b")

@@ -72,12 +72,3 @@ def test_the_log_of_a_run_is_known_by_its_files_and_another_folder_by_its_path(t
     for path, digests in zip(known, before, strict=True):
         assert changes(digests, digests_of({"log": path})) == {"log": f"{path} had another content"}
     assert digests_of({"policies": tmp_path}) == {}
-
-
-def test_an_order_is_told_and_one_more_named_alone(tmp_path: Path) -> None:
-    """If this failed, a refusal would name ten inputs where one is another, or name none."""
-    one, two = written(tmp_path / "1", "1"), written(tmp_path / "2", "2")
-    both = digests_of({"log": [one, two]})
-    assert changes(both, digests_of({"log": [two, one]})) == {"log": f"{one} {two}, now in another order"}
-    assert changes(digests_of({"log": one}), both) == {"log": f"{two} added"}
-    assert changes(both, digests_of({"log": one})) == {"log": f"{two} left out"}

@@ -90,20 +90,3 @@ def test_pickles_are_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "log.npz", time=np.array([{"a": 1}], dtype=object))
     with pytest.raises(LogError, match="not a readable NPZ"):
         open_log(tmp_path / "log.npz")
-
-
-def test_a_text_called_npz_is_refused_without_bad_advice(tmp_path: Path) -> None:
-    """NumPy takes whatever is no archive for a pickle, and tells the user how to load it unsafely."""
-    with pytest.raises(LogError, match="not an NPZ file") as caught:
-        open_log(written(tmp_path, b"hello", "log.npz"))
-    assert "pickle" not in str(caught.value)
-
-
-def test_npz_arrays_that_are_asked_for_must_be_as_long_as_the_time(tmp_path: Path) -> None:
-    """A part must not be taken for the whole."""
-    np.savez(tmp_path / "a.npz", time=np.zeros(3), position=np.zeros(2))
-    with pytest.raises(LogError, match=r"'position' has shape \(2,\); expected 3 samples"):
-        open_log(tmp_path / "a.npz")
-    np.savez(tmp_path / "b.npz", time=np.zeros((3, 1, 1)))
-    with pytest.raises(LogError, match=r"no arrays of samples.*time \(3, 1, 1\)"):
-        open_log(tmp_path / "b.npz")

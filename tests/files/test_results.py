@@ -1,13 +1,11 @@
 """Results are read back as they were written, and bad files are named."""
 
-import json
 from pathlib import Path
 
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.files.results import COLUMNS, ResultRow, read_results, slowest_of, write_results, write_summary
-from stiction.files.velocity import parse_command
+from stiction.files.results import COLUMNS, ResultRow, read_results, write_results
 
 
 def row(**changes) -> ResultRow:
@@ -53,13 +51,6 @@ def test_the_slowest_walk_is_written_where_it_is_known(tmp_path: Path) -> None:
         assert first.endswith(",0.28") and second.endswith(",") and read_results(path) == rows
 
 
-def test_the_slowest_of_walks_without_a_command_is_none() -> None:
-    """Of two commanded axes the worse one counts; a zero without a command would read as a robot that stalls."""
-    turn = parse_command("vx=0.4,wz=0.5")
-    assert slowest_of(turn, [(0.4, 9.0, 0.5), (0.2, 0.0, -0.05)]) == pytest.approx(-0.1)
-    assert slowest_of(parse_command("stand"), [(0.4, 0.0, 0.0)]) is None and slowest_of(turn, []) is None
-
-
 def test_rows_read_back_exactly(tmp_path: Path) -> None:
     """Empty stays empty, a comma in a command stays one cell, and every digit survives."""
     rows = [row(), row(speed_ratio=None, command="stand"), row(speed_ratio=-0.1, policy='a "quoted" name')]
@@ -87,11 +78,3 @@ def test_a_bad_cell_is_named(tmp_path: Path, old: str, new: str, message: str) -
     path.write_text(path.read_text().replace(old, new, 1))
     with pytest.raises(StictionError, match=message):
         read_results(path)
-
-
-def test_a_summary_has_its_version_and_no_nan(tmp_path: Path) -> None:
-    """NaN is not JSON and breaks other readers."""
-    write_summary(tmp_path / "summary.json", {"rows": []})
-    assert json.loads((tmp_path / "summary.json").read_text()) == {"schema_version": 1, "rows": []}
-    with pytest.raises(ValueError, match="not JSON compliant"):
-        write_summary(tmp_path / "summary.json", {"x": float("nan")})

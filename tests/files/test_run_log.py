@@ -180,19 +180,6 @@ def test_a_gap_is_said_and_damage_refused(folder: Path) -> None:
         read_run_log(folder)
 
 
-def test_a_log_without_a_run_says_so(tmp_path: Path) -> None:
-    """A run that ended while standing up is identified from nothing."""
-    write_run_header(tmp_path, HEADER)
-    with pytest.raises(LogError, match="no readings"):
-        read_run_log(tmp_path)
-    parts = Parts(tmp_path, READINGS, ROWS, 100)
-    for number in range(9):
-        parts.add(float(number), ROWS.unpack(ROWS.pack(1, 0.0, logged(number, Stage.STAND))).values)  # type: ignore[union-attr]
-    parts.flush()
-    with pytest.raises(LogError, match=r"ended before it began; report.json says why"):
-        joint_log("run", read_run_log(tmp_path))
-
-
 def test_two_runs_do_not_share_a_log(tmp_path: Path) -> None:
     """A second run writes into the log of the first."""
     write_run_header(tmp_path, replace(HEADER, armed=False))

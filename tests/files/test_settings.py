@@ -70,13 +70,6 @@ def test_a_persons_own_file_is_not_written_over(tmp_path: Path) -> None:
     check_settings(tmp_path, "robot show", Run(tmp_path), ("robot.yaml",))
 
 
-def test_a_refusal_names_values_as_they_were_typed(tmp_path: Path) -> None:
-    """Of the joint FL_calf_joint it spoke as FL-calf-joint, which is another one's name."""
-    write(Run(tmp_path, log=Path("FL_calf_joint")))
-    with pytest.raises(ConfigurationError, match="log FL_calf_joint, now FR_calf_joint;"):
-        write(Run(tmp_path, log=Path("FR_calf_joint")))
-
-
 def test_what_failed_notes_nothing_and_what_was_interrupted_does(tmp_path: Path) -> None:
     """If this failed, a mistyped file would block its folder, or an interrupted run be written over."""
     for error, noted in ((ConfigurationError("no such log"), False), (KeyboardInterrupt(), True)):
@@ -134,18 +127,6 @@ def test_a_run_that_died_or_failed_while_it_wrote_goes_on(tmp_path: Path) -> Non
             assert {path.name for path in out.iterdir()} == {"results", SETTINGS}
 
 
-def test_results_of_before_there_were_settings_go_on_with_their_verb(tmp_path: Path) -> None:
-    """If this failed, long studies of older versions could not go on, or those of another verb would be lost."""
-    (tmp_path / "results").touch()
-    for command, mine in (("stiction study wear a --out x", True), ("stiction study wearing", False), (3, False)):
-        (tmp_path / "summary.json").write_text(json.dumps({"command": command}), encoding="utf-8")
-        if mine:
-            check_settings(tmp_path, "study wear", Run(tmp_path), RESULTS)
-        else:
-            with pytest.raises(ConfigurationError, match=r"has results, and no settings.json"):
-                check_settings(tmp_path, "study wear", Run(tmp_path), RESULTS)
-
-
 def test_another_content_is_another_setting_and_another_place_is_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -170,21 +151,6 @@ def test_another_content_is_another_setting_and_another_place_is_none(
     assert json.loads((out / SETTINGS).read_text(encoding="utf-8"))["inputs"]["log"].keys() == {"log.csv"}
     Path("log.csv").unlink()
     check_settings(out, "evaluate", Run(out), RESULTS, {"log": Path("log.csv")})  # Whoever reads it says so better.
-
-
-@pytest.mark.parametrize("inputs", [None, [], {"log": 3}, {"log": {"log.csv": 3}}, {"other": {"log.csv": "0"}}])
-def test_settings_without_digests_are_compared_by_what_was_typed(inputs: object, tmp_path: Path) -> None:
-    """If this failed, the folders of older versions would all be locked."""
-    log = tmp_path / "log.csv"
-    log.write_text("1", encoding="utf-8")
-    run = Run(tmp_path / "out", log)
-    write(run)
-    there = json.loads((run.out / SETTINGS).read_text(encoding="utf-8"))
-    (run.out / SETTINGS).write_text(json.dumps(there | {"inputs": inputs}), encoding="utf-8")
-    log.write_text("2", encoding="utf-8")
-    with pytest.raises(ConfigurationError, match=r"log /.*, now other.csv"):
-        write(replace(run, log=Path("other.csv")))
-    write(run)
 
 
 def test_a_file_is_written_over_where_nothing_is_lost(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from stiction.core.errors import LogError
-from stiction.files.log import LogSetup, read_setup, setup_from_dict
+from stiction.files.log import LogSetup, setup_from_dict
 from stiction.identification.setup import IdentifySetup
 
 WHOLE = {
@@ -45,32 +45,17 @@ def test_what_is_written_is_read_again() -> None:
     [
         ({"torque_calibrated": 1}, "torque_calibrated is '1'; expected true or false"),
         ({"delay": "2ms"}, "delay is 2ms; expected a finite number"),
-        ({"payload_angle": True}, "payload_angle is True; expected a finite number"),
-        ({"kp": float("inf")}, "expected a finite number"),
-        ({"kp": 10**400}, "kp is a huge integer; expected a finite number"),
-        ({"names": "a"}, "names is a; expected a list"),
         ({"names": ["a", "a"]}, "has 'a' twice"),
-        ({"joints": []}, "expected an object"),
         ({"joints": {"calf": 3}}, "x.json: joint 'calf': expected an object"),
         ({"kp": 20, "torque_limt": 3}, "x.json: unknown field 'torque_limt'; did you mean 'torque_limit'"),
-        ({"fron": 3}, "x.json: unknown field 'fron'; did you mean 'from'"),
         ({"begin": 3}, "x.json: unknown field 'begin': write 'from'"),
-        ({"joints": {"calf": {"kP": 3}}}, "x.json: joint 'calf': unknown field 'kP'; did you mean 'kp'. known: kp, kd"),
         ({"joints": {"calf": {"from": 3}}}, "x.json: joint 'calf': from is of the whole log"),
-        ({"axis": {}}, "expected rotary, linear"),
     ],
 )
 def test_a_bad_field_is_named(data: dict, said: str) -> None:
     """A misspelt field that is ignored would silently cost what it was meant for."""
     with pytest.raises(LogError, match=said):
         setup_from_dict(data, "x.json")
-
-
-def test_a_sidecar_of_megabytes_is_refused(tmp_path: Path) -> None:
-    """That is no sidecar."""
-    (tmp_path / "x.json").write_text(" " * (2**20 + 1))
-    with pytest.raises(LogError, match="over 1048576 bytes"):
-        read_setup(tmp_path / "x.csv")
 
 
 def test_every_flag_of_a_joint_has_its_field(tmp_path: Path) -> None:
@@ -89,20 +74,3 @@ def test_every_flag_of_a_joint_has_its_field(tmp_path: Path) -> None:
     elbow = IdentifySetup(cutoff=5.0).with_sidecar(setup.of_joint("elbow"))
     assert (elbow.torque_scale, elbow.gravity, elbow.cutoff, elbow.unknowns) == (2.0, False, 5.0, ())
     assert IdentifySetup(torque_scale=1.0).with_sidecar(setup.of_joint("wrist")).torque_scale == 1.0
-
-
-def test_what_holds_for_the_file_is_said_once(tmp_path: Path) -> None:
-    """Columns, the unit of time and the part to use; no joint has its own."""
-    data = {"columns": {"position": "q_{joint}"}, "time_scale": 1e-3, "from": 1.0, "to": 2.5, "rate": 100.0}
-    setup = setup_from_dict(data, "x.json")
-    assert (setup.begin, setup.end, dict(setup.columns)) == (1.0, 2.5, data["columns"])
-    assert setup.to_dict() == data
-    for wrong, said in (
-        ({"columns": ["q"]}, "expected an object"),
-        ({"columns": {"position": 3}}, "columns: position is '3'; expected text"),
-        ({"unknowns": ["dealy"]}, "did you mean 'delay'"),
-        ({"gravity": 1}, "gravity is '1'; expected true or false"),
-        ({"names": [f"j{i}" for i in range(300)]}, "names has 300 entries; expected at most 256"),
-    ):
-        with pytest.raises(LogError, match=said):
-            setup_from_dict(wrong, "x.json")

@@ -20,7 +20,6 @@ from stiction.files.bundle import SIGNATURE, SUMS, read_bundle
 from stiction.files.signature import check_signature, fingerprint, make_key, sign
 
 SECRET = bytes.fromhex("9d61b19deffd5a60ba844af492ec2cc44449c5697b326919703bac031cae7f60")
-PUBLIC = bytes.fromhex("d75a980182b10ab7d54bfed3c964073a0ee172f3daa62325af021a68f707511a")
 OF_NOTHING = bytes.fromhex(
     "e5564300c360ac729086e2cc806e828a84877f1eb8e5d974d873e065224901555fb8821590a33bacc61e39701cf9b46bd25bf5f0595bbe24655141438e7a100b"
 )
@@ -134,15 +133,6 @@ def test_keys_are_for_their_owner_and_never_overwritten(
     assert keys[0].read_bytes() == before
 
 
-def test_a_passphrase_is_asked_for_once(tmp_path: Path) -> None:
-    """And a wrong one is one line."""
-    key = Ed25519PrivateKey.from_private_bytes(SECRET)
-    hidden = pem(key, tmp_path / "hidden.pem", b"open")
-    assert sign(b"", hidden, lambda: "open")[0] == OF_NOTHING
-    with pytest.raises(StictionError, match="expected a private Ed25519 key"):
-        sign(b"", hidden, lambda: "shut")
-
-
 def test_what_is_no_such_key_is_refused(tmp_path: Path, bundle: Path, capsys: pytest.CaptureFixture) -> None:
     """RSA, text, nothing, a public key to sign with and a private one to check with."""
     rsa = generate_private_key(65537, 2048).private_bytes(
@@ -160,13 +150,3 @@ def test_what_is_no_such_key_is_refused(tmp_path: Path, bundle: Path, capsys: py
     assert main(["verify", str(bundle), "--key", str(tmp_path / "maker.pem")]) == 1
     assert "its owner's secret" in capsys.readouterr().err
     assert not (bundle / SUMS).with_name(SIGNATURE).exists()
-
-
-def test_the_public_key_in_the_place_of_the_private_one_is_named(keys: tuple[Path, Path]) -> None:
-    """If this failed, who mixes the two up would read half a sentence of a library's."""
-    private, public = keys
-    with pytest.raises(StictionError, match=r"maker.pub is a public key, .*; name the private one, .*maker.pem$"):
-        sign(b"", public, no_passphrase)
-    private.write_text("-----BEGIN NOTHING-----\n")
-    with pytest.raises(StictionError, match=r"^\S+maker.pem: [^.;]+; expected a private Ed25519 key"):
-        sign(b"", private, no_passphrase)

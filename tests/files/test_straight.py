@@ -7,8 +7,7 @@ from dataclasses import replace
 import pytest
 
 from stiction.files.results import ResultRow, ends_of
-from stiction.files.straight import BAND, DEFINITION, NOT_KNOWN, following, pace, paces, row_pace, stalled
-from stiction_experiments.lab.files import row_of
+from stiction.files.straight import BAND, DEFINITION, following, pace, paces, row_pace, stalled
 
 ROW = ResultRow(
     *("p", "none", 0, "mujoco", "coulomb", 0.1, "flat", "vx=0.5"), *(1.0, 0.1, 0.0, 4.0, None, 1.0, 20.0, 0.8, 0.0, 8)
@@ -30,12 +29,6 @@ def test_a_ratio_is_too_slow_follows_or_is_too_fast() -> None:
     assert BAND == "80 to 120 %" and BAND in DEFINITION
 
 
-def test_who_fell_does_not_follow_at_whatever_speed() -> None:
-    """One walk of twenty is enough; a command without a speed has no pace."""
-    assert row_pace(ROW) == "follows" and row_pace(replace(ROW, fall_rate=0.05)) == "fell"
-    assert row_pace(replace(ROW, speed_ratio=None)) is None
-
-
 def test_one_seed_of_five_that_is_too_fast_is_one_too_many() -> None:
     """Four in the band, one at 1.25 forward: |1 - r| is 0.1, 0.1, 0, 0, 0, 0, 0.2, 0.2, 0.25, 0.05, of ten 0.09."""
     rows = [*seed(0, 1.1, 0.9), *seed(1, 1, 1), *seed(2, 1, 1), *seed(3, 1.2, 0.8), *seed(4, 1.25, 1.05)]
@@ -52,16 +45,6 @@ def test_one_direction_only_is_not_following() -> None:
     (found,) = following([*seed(0, 1.0, 0.5), *seed(1, 1.3, 0.7)], lambda row: row.method)
     assert (found.follow, found.too_slow, found.too_fast) == (0, 2, 1)
     assert found.text == "0 of 2, 2 too slow, 1 too fast"
-
-
-def test_a_seed_that_walked_one_way_is_not_counted() -> None:
-    """Half a walk says nothing of the other half."""
-    (found,) = following([*seed(0, 1.0, 1.0), seed(1, 1.0, 1.0)[0]], lambda row: row.method)
-    assert (found.seeds, found.text) == (1, "1 of 1")
-    assert following(seed(1, 1.0, 1.0)[:1], lambda row: row.method) == []
-    # A seed within the band in whose walks somebody fell is told apart from speed.
-    (found,) = following([*seed(0, 1.0, 1.0), *seed(1, 1.0, 1.0, fall_rate=0.1)], lambda row: row.method)
-    assert (found.follow, found.fell, found.text) == (1, 1, "1 of 2, 1 fell")
 
 
 def test_each_virtual_robot_is_judged() -> None:
@@ -82,17 +65,6 @@ def test_each_virtual_robot_is_judged() -> None:
     assert following(within, lambda row: row.method)[0].every_seed and paces(within) == {"follows"}
 
 
-def test_a_row_of_before_tells_its_robots_where_it_has_them() -> None:
-    """summary.json has had the ratio of each robot; results.csv of before has the mean alone, which then counts."""
-    plain = {name: value for name, value in vars(ROW).items() if name not in ("slowest", "fastest", "slowest_walk")}
-    assert row_of(plain) == ROW and row_of(plain).ends == (1.0, 1.0)
-    assert row_of(plain | {"robots": {"1000": 0.6, "1001": 1.4, "1002": None}}).ends == (0.6, 1.4)
-    assert row_of(vars(replace(ROW, slowest=0.7, fastest=1.1))).ends == (0.7, 1.1)
-    assert row_of(plain | {"robots": {"1000": 0.6, "1001": 1.4}, "slowest_walk": 0.2}).slowest_walk == 0.2
-    with pytest.raises(KeyError, match="episodes"):
-        row_of({name: value for name, value in plain.items() if name != "episodes"})
-
-
 def test_a_walk_that_stalls_is_told_only_of_who_follows_in_the_mean() -> None:
     """Named are a seed's slower direction, the slowest seed first; half of the command is no stall.
 
@@ -106,19 +78,6 @@ def test_a_walk_that_stalls_is_told_only_of_who_follows_in_the_mean() -> None:
     assert stalled([*first, *second, *half, *others, *seed(6, 0.9, 0.9)]) == [second[0], first[1]]
     on_stairs = [replace(row, terrain="stairs=0.1") for row in first]
     assert stalled(on_stairs) == []
-
-
-def test_who_walked_one_way_is_not_known_to_follow() -> None:
-    """Within the band forward alone, or forward twice; too slow forward is known to be too slow."""
-    forward, backward = seed(0, 1.0, 1.0)
-    turn = replace(forward, command="wz=0.5")
-    assert paces([forward]) == paces([forward, turn]) == paces([forward, forward]) == {NOT_KNOWN}
-    assert paces([forward, replace(backward, command="vx=-0.5,wz=0.2")]) == {NOT_KNOWN}
-    assert paces([forward, replace(backward, command="vx=-0.3")]) == {"follows"}
-    assert paces([replace(forward, speed_ratio=0.5)]) == {"too slow"} and paces(seed(0, 1.0, 0.5)) == {
-        *("follows", "too slow")
-    }
-    assert paces([replace(forward, speed_ratio=None)]) == set()
 
 
 def test_cells_are_apart_and_stairs_are_none() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from stiction.core.errors import LogError
-from stiction.files.tables import read_npz, read_npz_arrays, read_parquet, write_csv, write_parquet
+from stiction.files.tables import read_npz, read_npz_arrays, read_parquet, write_parquet
 from stiction.files.text import read_csv
 
 
@@ -26,13 +26,6 @@ def test_a_last_line_without_an_end_is_left_out_and_said(tmp_path: Path) -> None
         read_csv(path)
     path.write_text("time,q\n0,0.5\n1,0.12\n")
     assert read_csv(path).notes == ()
-
-
-def test_stamps_since_1970_keep_their_microseconds(tmp_path: Path) -> None:
-    """Nine digits, enough for every signal, would round them to seconds."""
-    time = 1.7e9 + 1e-6 * np.arange(3)
-    write_csv(tmp_path / "x.csv", {"time": time, "q": np.arange(3) / 3})
-    np.testing.assert_allclose(read_csv(tmp_path / "x.csv").columns["time"], time, atol=1e-6)
 
 
 def test_a_matrix_becomes_columns_and_what_is_no_signal_is_left_out(tmp_path: Path) -> None:
@@ -57,15 +50,6 @@ def test_a_header_that_does_not_fit_its_bytes_is_refused(tmp_path: Path, shape: 
         archive.writestr("time.npy", header)
     with pytest.raises(LogError, match=r"not a readable NPZ file of plain arrays \(time.npy"):
         read_npz_arrays(tmp_path / "x.npz")
-
-
-def test_a_member_that_comes_twice_is_refused(tmp_path: Path) -> None:
-    """Nobody knows which of the two is the log."""
-    np.savez(tmp_path / "x.npz", time=np.arange(3.0))
-    with zipfile.ZipFile(tmp_path / "x.npz", "a") as archive, pytest.warns(UserWarning, match="Duplicate"):
-        archive.writestr("time.npy", archive.read("time.npy"))
-    with pytest.raises(LogError, match="a member twice"):
-        read_npz(tmp_path / "x.npz")
 
 
 def test_large_files_are_refused_by_their_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

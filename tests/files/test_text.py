@@ -10,7 +10,7 @@ import pytest
 
 from stiction.core.errors import LogError
 from stiction.files.tables import Table
-from stiction.files.text import BLOCK, LONGEST_LINE, read_csv
+from stiction.files.text import LONGEST_LINE, read_csv
 
 
 def read(folder: Path, content: str | bytes, name: str = "log.csv") -> Table:
@@ -23,18 +23,14 @@ def read(folder: Path, content: str | bytes, name: str = "log.csv") -> Table:
     ("content", "expected"),
     [
         ("a,b\n0,1\n1,2\n", {"a": [0, 1], "b": [1, 2]}),
-        ("0,1\n1,2\n", {"0": [0, 1], "1": [1, 2]}),
         ("# a b\n0 1\n1  2\n", {"a": [0, 1], "b": [1, 2]}),
-        ("% made by x\n%a,b\n0,1\n1,2\n", {"a": [0, 1], "b": [1, 2]}),
         ("a;b\n0,5;1\n1,5;2\n", {"a": [0.5, 1.5], "b": [1, 2]}),
-        ("0,5;1,25\n1,5;2,25\n", {"0": [0.5, 1.5], "1": [1.25, 2.25]}),
         ("a\tb\ns\trad\n0\t1\n1\t2\n", {"a": [0, 1], "b": [1, 2]}),
         (",a,b\n0,5,1\n1,6,2\n2,7,3\n", {"0": [0, 1, 2], "a": [5, 6, 7], "b": [1, 2, 3]}),
         ('"a" "b"\n"1" 5 1\n"2" 6 2\n"3" 7 3\n', {"0": [1, 2, 3], "a": [5, 6, 7], "b": [1, 2, 3]}),
         ("a,b\n0,1,\n1,2,\n2,3,\n", {"a": [0, 1, 2], "b": [1, 2, 3]}),
         ('"a, rad","b"\n"0","1"\n"1","2"\n', {"a, rad": [0, 1], "b": [1, 2]}),
         ("title\nserial 3\n\na,b,c\n0,1,2\n1,2,3\n", {"a": [0, 1], "b": [1, 2], "c": [2, 3]}),
-        ("a|b\r\n0|1\r\n1|2\r\n", {"a": [0, 1], "b": [1, 2]}),
         ("a,b\n0,1\n# a remark\n\n1,2\n", {"a": [0, 1], "b": [1, 2]}),
     ],
 )
@@ -74,17 +70,6 @@ def test_times_are_seconds_from_the_first(tmp_path: Path) -> None:
     np.testing.assert_allclose(table.columns["u"], [0, 0.125])
     assert table.starts["t"] == 1767323045.25 and not table.faults
     assert "is not a number" in read(tmp_path, "t\n2026-01-02T03:04:05Z\n2026-01-02T03:04:06\n").faults["t"]
-
-
-def test_a_column_of_words_in_a_later_block(tmp_path: Path) -> None:
-    """The file is read block by block: what the first was like does not hold for the last, nor are rows lost."""
-    count = BLOCK // 8
-    rows = [f"{index},{index}.5,{'0' if index < count - 5 else 'x'}" for index in range(count)]
-    table = read(tmp_path, "time,q,mode\n" + "\n".join(rows) + "\n")
-    np.testing.assert_array_equal(table.columns["q"], np.arange(count) + 0.5)
-    assert f"line {count - 3}: 'x'" in table.faults["mode"]
-    with pytest.raises(LogError, match=f"line {count + 2} has 2 values, the header names 3 columns"):
-        read(tmp_path, "time,q,mode\n" + "\n".join(rows) + "\n1,2\n")
 
 
 @pytest.mark.parametrize("head", ["<!doctype html>\n<html>", "\ufeff <HTML lang='en'>"])

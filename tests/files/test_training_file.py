@@ -34,10 +34,3 @@ def test_anything_else_is_refused_with_one_line(tmp_path: Path, content: bytes, 
     with pytest.raises(StictionError, match=said) as caught:
         read_training(tmp_path / "training.json")
     assert "\n" not in str(caught.value)
-
-
-def test_joints_are_not_taken_for_a_proposal(tmp_path: Path) -> None:
-    """The two files lie side by side and are easily mixed up."""
-    (tmp_path / "joints.json").write_text('{"schema_version": 1, "joints": {}, "warnings": []}')
-    with pytest.raises(StictionError, match=r"expected the training.json that lies beside them"):
-        read_training(tmp_path / "joints.json")

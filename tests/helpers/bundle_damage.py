@@ -135,33 +135,24 @@ def one_joint(name: str, factor: float) -> list[float]:
 
 
 def contract_cases() -> Iterator[tuple[str, Change]]:
-    """Yield contracts that contradict themselves, the recording, or every robot."""
+    """Yield contracts that contradict themselves, the recording, or every robot; `contract_mutants` has every field."""
     both = make_contract("go1")
     values: dict[str, list[Any]] = {
-        "schema_version": [0, 3, "2", None, True],
-        "robot": ["", "x" * 300, 5, None, "go1\n", "saturn_lite"],
-        "method": ["Magic", "", "a" * 41, None],
-        "revision": ["", 5],
-        "command": ["", "x" * 5000],
-        "seed": [-1, 2**70, "0", 1.5, True, HUGE],
-        "disturber": ["wind", "a b", 1, True],
-        "decimation": [0, -1, 10**6, 4.0, "4", True, HUGE, 8],
-        "physics_timestep": [0, 4e-9, 1e9, -0.005, None, 0.01],
-        "control_period": [0, 4e-9, 0.04, -0.02, "0.02", 1e300],
-        "kp": [all_joints(1e8), all_joints(0), all_joints(-1), all_joints(50.0)[1:], 50.0, one_joint("kp", 1.01)],
-        "kd": [all_joints(1e8), all_joints(-1), [None] * JOINTS, one_joint("kd", 2.0), [[1.0]] * JOINTS],
-        "torque_limit": [all_joints(1e9), all_joints(0), one_joint("torque_limit", 0.5), one_joint("torque_limit", 2)],
-        "armature": [all_joints(0), all_joints(1e9), ["0.01"] * JOINTS],
-        "damping": [all_joints(-1), all_joints(1e9)],
-        "friction": [all_joints(-1), all_joints(1e9), one_joint("friction", 1.5)],
-        "lower": [list(both.upper), all_joints(-1e9), [angle - 1e-3 for angle in both.standing]],
-        "upper": [list(both.lower), all_joints(1e9), [angle + 1e-3 for angle in both.standing]],
+        "seed": [2**70, HUGE],
+        "decimation": [10**6, 8],
+        "physics_timestep": [4e-9, 0.01],
+        "control_period": [4e-9, 0.04],
+        "kp": [all_joints(1e8), 50.0, one_joint("kp", 1.01)],
+        "kd": [all_joints(1e8), one_joint("kd", 2.0)],
+        "torque_limit": [all_joints(1e9), one_joint("torque_limit", 0.5), one_joint("torque_limit", 2)],
+        "armature": [all_joints(1e9)],
+        "friction": [one_joint("friction", 1.5)],
+        "lower": [list(both.upper), [angle - 1e-3 for angle in both.standing]],
+        "upper": [list(both.lower), [angle + 1e-3 for angle in both.standing]],
         "standing": [list(both.upper), [angle + 0.1 for angle in both.standing], all_joints(HUGE)],
-        "action_scale": [0, 100.0, -0.25, 0.26, [0.25] * 11, "0.25", None],
-        "action_clip": [0, 1e9, -4.0, 0.001, True],
-        "compensation": [[0.05] * 11, all_joints(-0.1), all_joints(10.0), all_joints(0.05), 0.05],
-        "compensation_width": [0, 100.0, None],
-        "compensation_speeds": [[0.2], [0.2, 0.0], [0.2, 1e9], 0.2, [0.2, "0.3"], [0.2, 0.3, 0.4]],
+        "action_scale": [100.0, 0.26],
+        "action_clip": [1e9, 0.001],
+        "compensation": [all_joints(10.0), all_joints(0.05)],
         "command_correction": [
             {"time": 1.0, "share": 0.6},
             {"time": 0.0, "share": 0.6, "least": 0.05},
@@ -169,27 +160,13 @@ def contract_cases() -> Iterator[tuple[str, Change]]:
             {"time": 1.0, "share": 0.6, "least": -0.1},
             0.6,
         ],
-        "target_limits": [{"slew": 40.0}, {"slew": 0, "margin": 0.02}, {"slew": 40.0, "margin": 9}, [40.0, 0.02], 40.0],
-        "friction_level": [0.3, -1, 1e9, "0.2"],
-        "friction_range": [[0.2, 0.1], [-0.1, 0.1], [0, 0.1, 0.2], ["a", "b"], 0.2, [0, 1e9]],
-        "friction_law": ["rust", "stribeck", None, 5],
-        "stribeck": [[1.5, 0.1], [0.5, 0.1]],
-        "joint_names": [["a"] * JOINTS, [], list(both.joint_names)[::-1], "abc", ["x" * 300, *both.joint_names[1:]]],
-        "command_range": [{"forward": [0, 1]}, [[0, 1]] * 3, {"forward": [1, 0], "sideways": [0, 1], "turn": [0, 1]}],
-        "joints_file": [{"name": "joints.json"}, {"name": "j", "sha256": "zz"}, "joints.json"],
-        "known_friction": [{"hip": 0.1}, 0.1],
-        "known_friction_file": [{"name": "joints.json", "sha256": "0" * 64}],
-        "settings": [
-            *(5, [], "quiet", {"": 1}, {"x" * 200: 1}, {"a\x1b[31m": 1}, {"a": "\x07"}, {"a": {}}, {"a": [[1]]}),
-            *({"a": HUGE}, {"a": [-HUGE]}, {"a": 1e305}, {"a": "x" * 5000}, {"a": [0] * 1000}, {"a": [{"b": 1}]}),
-            {str(number): 1 for number in range(5000)},
-        ],
-        "anatomy": [{}, "go1", asdict(make_robot("go2")), asdict(make_robot("saturn_lite"))],
-        "observation.history_length": [0, 3, 10**9, "2", True],
-        "observation.slow_kept": [0.98],
-        "observation.terms": [[], None, 5],
-        "observation.terms.0": [None, {}],
-        "observation.terms.5.offset": ["none", "zero"],
+        "target_limits": [{"slew": 40.0}, {"slew": 40.0, "margin": 9}],
+        "friction_range": [[0.2, 0.1], [0, 1e9]],
+        "joint_names": [["a"] * JOINTS, list(both.joint_names)[::-1], ["x" * 300, *both.joint_names[1:]]],
+        "command_range": [{"forward": [1, 0], "sideways": [0, 1], "turn": [0, 1]}],
+        "settings": [{"x" * 200: 1}, {"a\x1b[31m": 1}, {"a": HUGE}, {"a": "x" * 5000}, {"a": [0] * 1000}],
+        "anatomy": [{}, asdict(make_robot("go2")), asdict(make_robot("saturn_lite"))],
+        "observation.history_length": [3, 10**9],
     }
     for name, given in values.items():
         for number, value in enumerate(given):
@@ -198,25 +175,16 @@ def contract_cases() -> Iterator[tuple[str, Change]]:
     for number, term in enumerate(both.observation.terms):
         wrong = next(frame for frame in frames if frame != term.frame)
         yield f"contract frame of {term.name}", field(f"observation.terms.{number}.frame", wrong)
-        for name in ("scale", "clip"):
-            yield f"contract {name} of {term.name}", field(f"observation.terms.{number}.{name}", 1e12)
-        yield f"contract size of {term.name}", field(f"observation.terms.{number}.size", term.size + 1)
-    yield "contract doubled key", text('"seed": 0', '"seed": 1, "seed": 0')
+        yield f"contract scale of {term.name}", field(f"observation.terms.{number}.scale", 1e12)
     yield "contract doubled gains", text('"decimation": 4', '"kp": [1], "decimation": 4')
-    yield "contract NaN", text('"action_clip": 4.0', '"action_clip": NaN')
     yield "contract 1e999", text('"action_clip": 4.0', '"action_clip": 1e999')
     yield "contract lone surrogate", text('"go1"', '"go\\ud800"')
     yield "contract escape", text('"go1"', '"\\u001b[31mgo1"')
-    yield "contract unknown field", text('"seed"', '"gravity": 9.81, "seed"')
-    yield "contract missing field", text('"seed"', '"sead"')
     yield "contract deep", contract_bytes(b'{"robot":' + b"[" * 200_000 + b"]" * 200_000 + b"}")
-    yield "contract settings NaN", text('"settings": null', '"settings": {"a": NaN}')
-    yield "contract settings 1e999", text('"settings": null', '"settings": {"a": 1e999}')
-    for depth in (900, 100_000):
-        nested = "[" * depth + "]" * depth
-        yield f"contract settings {depth} deep", text('"settings": null', f'"settings": {{"a": {nested}}}')
+    nested = "[" * 900 + "]" * 900
+    yield "contract settings 900 deep", text('"settings": null', f'"settings": {{"a": {nested}}}')
     yield "contract endless number", contract_bytes(b'{"seed": ' + b"9" * 100_000 + b"}")
-    for number, content in enumerate((b"", b"{", b"[]", b"null", b"\xff\xfe{}", b"\xef\xbb\xbf{}", b"{}" * 1000)):
+    for number, content in enumerate((b"", b"{", b"[]", b"\xff\xfe{}", b"\xef\xbb\xbf{}", b"{}" * 1000)):
         yield f"contract text {number}", contract_bytes(content)
 
 
@@ -466,21 +434,14 @@ def wear(name: str, value: Any) -> Change:
 def wear_cases() -> Iterator[tuple[str, Change]]:
     """Yield maps of another robot, or of none."""
     values: dict[str, list[Any]] = {
-        "schema_version": [2, None],
         "joint_names": [["a"] * JOINTS, ["FL_hip"]],
-        "window": [0, -1, 10**9, "3", 1.5, True, HUGE],
-        "center": [[0.0] * 3, [1e300] * 145, None, "abc"],
-        "scale": [[0.0] * 145, [-1.0] * 145, ["1"] * 145],
-        "limit": [0, -1, 1e300, None],
-        "weights": [[], [[0.0]] * 145, 5],
-        "reach": [[-1.0] * 13, [0.0] * 13],
-        "estimated": [[1] * 13, ["yes"] * 13, True],
-        "determination": [[5.0] * 13],
-        "coverage": [[1.5] * 13, [-0.5] * 13],
-        "threshold": ["0.5"],
-        "highest": [0, -1, HUGE],
-        "unusual": [0, None],
-        "student": ["", "x" * 64, 5],
+        "window": [0, 10**9, "3", HUGE],
+        "center": [[0.0] * 3, [1e300] * 145],
+        "scale": [[0.0] * 145, [-1.0] * 145],
+        "limit": [0, 1e300],
+        "weights": [[], [[0.0]] * 145],
+        "coverage": [[1.5] * 13],
+        "highest": [0, HUGE],
         "more": [1],
     }
     for name, given in values.items():

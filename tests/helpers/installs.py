@@ -43,9 +43,6 @@ VERBS = {
 }
 """Extra -> commands that need it. Each finds what those before it left in the folder."""
 
-FURTHER = ("replicate", "sign", "view")
-"""Verbs that need an extra beyond the three installs."""
-
 
 def make_files(folder: Path) -> None:
     """Write the files of one's own that the commands read."""

@@ -60,35 +60,3 @@ def place(robot: Read, angles: Mapping[str, float]) -> dict[str, Placed]:
     *axis, angle = robot["rotation"]
     add(robot, np.array(robot["translation"]), turn(np.array(axis), angle), "base")
     return placed
-
-
-@dataclass(frozen=True)
-class Lying:
-    """A geometry in the frame of its solid."""
-
-    geometry: Read
-    origin: np.ndarray
-    """Of its middle [m], shape (3,)."""
-    rotation: np.ndarray
-    """From its frame to the solid's, shape (3, 3)."""
-
-
-def lying(part: Read) -> Lying:
-    """Return the geometry of a `Shape`, of a `Pose` around one, or itself."""
-    origin, rotation = np.zeros(3), np.eye(3)
-    if part.kind == "Pose":
-        *axis, angle = part.fields.get("rotation", (0.0, 0.0, 1.0, 0.0))
-        origin, rotation = np.array(part.fields.get("translation", origin)), turn(np.array(axis), angle)
-        (part,) = part["children"]
-    return Lying(part["geometry"] if part.kind == "Shape" else part, origin, rotation)
-
-
-def seen(solid: Read) -> list[Lying]:
-    """Return what there is to see of a solid."""
-    return [lying(child) for child in solid["children"] if child.kind in ("Shape", "Pose")]
-
-
-def touched(solid: Read) -> list[Lying]:
-    """Return what of a solid collides."""
-    shape = solid.fields.get("boundingObject")
-    return [] if shape is None else [lying(part) for part in (shape["children"] if shape.kind == "Group" else [shape])]

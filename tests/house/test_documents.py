@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import tomllib
 from pathlib import Path
@@ -80,58 +79,9 @@ def test_the_list_of_verbs_is_whole() -> None:
     assert listed == list(VERBS)
 
 
-def test_continuous_integration_runs_what_everybody_runs() -> None:
-    """If this failed, a green check would mean something else than `make check`, `make dist` and `make test`."""
-    script = CHECKOUT / ".ci/run"
-    assert os.access(script, os.X_OK)
-    assert re.findall(r"^make (\w+)", script.read_text(), re.MULTILINE) == ["check", "dist", "test"]
-
-
 def test_every_result_is_in_the_index_and_every_link_leads_somewhere() -> None:
     """If this failed, a result would be there that nobody finds, or the index would lead into nothing."""
     folder = CHECKOUT / "results"
     links = re.findall(r"\]\(([^)]+)\)", (folder / "README.md").read_text())
     assert not [link for link in links if not (folder / link).exists()]
     assert {link.partition("/")[0] for link in links} == {path.name for path in folder.iterdir() if path.is_dir()}
-
-
-def test_what_guards_results_is_listed() -> None:
-    """If this failed, somebody would remove or copy the file that keeps a folder's results, and not know it."""
-    from stiction.files.settings import SETTINGS
-
-    assert f"\n| `{SETTINGS}` |" in (CHECKOUT / "docs/files.md").read_text()
-
-
-def test_one_row_of_the_kinds_of_logs_has_one_case() -> None:
-    """Four cases and four flags once stood in a row, joined by semicolons, and were easily put together wrongly."""
-    page = (CHECKOUT / "docs/identification.md").read_text()
-    rows = re.findall(r"^\| (.*) \| (.*) \|$", page.split("| your file |")[1].split("\n\n")[0], re.MULTILINE)
-    assert len(rows) > 12
-    assert not [typed for _, typed in rows if "`; `" in typed]
-
-
-def test_where_training_had_noise_and_delay_stands_as_the_pages_say() -> None:
-    """If this failed, whoever looks for the reason of a shaking robot would be sent to a file or field that is none."""
-    from stiction.task.config import NoiseCfg, RandomizationCfg, TaskCfg
-
-    task = TaskCfg()
-    assert isinstance(task.noise, NoiseCfg) and isinstance(task.randomization, RandomizationCfg)
-    for page in ("docs/bringing-up-your-robot.md", "docs/symptoms.md"):
-        text = (CHECKOUT / page).read_text()
-        assert "`config.json`" in text and "`stiction doctor" not in text, page
-        names = re.findall(r"`(joint_velocity|action_delay|noise|randomization)`", text)
-        assert len(names) >= 2, page
-    assert {"joint_velocity"} <= vars(task.noise).keys() and {"action_delay"} <= vars(task.randomization).keys()
-
-
-def test_the_page_of_training_says_what_the_presets_are_before_it_speaks_of_them() -> None:
-    """If this failed, a reader would train twice as long as the pages say, or meet a word before its meaning."""
-    from stiction.learning.presets import PRESETS
-
-    text = (CHECKOUT / "docs/training.md").read_text()
-    full, quick = (PRESETS[name].teacher.iterations for name in ("full", "quick"))
-    said = f"it is `full`, {full} iterations of what `quick`, which the pages type, does {quick} of."
-    assert said in " ".join(text.split())
-    assert not any(PRESETS[name].task.physics.plastic for name in ("full", "quick"))
-    for word in ("rows", "sliders"):
-        assert text.index(f"**{word}**") < min(found.start() for found in re.finditer(rf"\b{word}\b", text)) + 3

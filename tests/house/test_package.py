@@ -9,14 +9,13 @@ import re
 import subprocess
 import sys
 import tomllib
-from importlib import metadata
 from pathlib import Path
 
 import pytest
 
 import stiction
-from installs import FURTHER, INSTALLS, make_files, promised
-from stiction.cli.main import NEEDS, VERBS
+from installs import make_files, promised
+from stiction.cli.main import VERBS
 from stiction.core import extras
 
 PACKAGE = Path(stiction.__file__).parent
@@ -162,19 +161,6 @@ def test_the_overview_lists_every_verb_and_loads_no_room() -> None:
     }
 
 
-def test_the_overview_names_the_extra_of_each_verb(answers: dict[str, tuple[int, str, str]]) -> None:
-    """So does the answer of a verb whose extra is missing: `stiction`, `--help` and `demo` on the base install."""
-    for verb, extra in NEEDS.items():
-        assert re.search(rf"^  {verb} .* \[{extra}\]$", answers[""][2], re.MULTILINE), verb
-    status, _, errors = answers["demo"]
-    assert status == 1 and errors.count("\n") == 1 and "needs the extra 'sim'" in errors and "pip install" in errors
-
-
-def test_the_version_is_that_of_the_package() -> None:
-    """If this failed, a bug report would name the wrong version."""
-    assert run("--version").stdout == f"stiction {metadata.version('stiction')}\n"
-
-
 @pytest.mark.parametrize("words", WRONG)
 def test_wrong_usage_ends_with_status_2(words: str, answers: dict[str, tuple[int, str, str]]) -> None:
     """If this failed, a script could not tell a typing error from a failure."""
@@ -182,14 +168,6 @@ def test_wrong_usage_ends_with_status_2(words: str, answers: dict[str, tuple[int
     assert (status, out) == (2, "")
     assert all(verb in errors for verb in VERBS)
     assert "Traceback" not in errors
-
-
-def test_an_unknown_flag_ends_with_status_2(answers: dict[str, tuple[int, str, str]]) -> None:
-    """If this failed, a misspelt flag would be ignored or end in a traceback. A missing extra is said before."""
-    for verb in VERBS:
-        status, _, errors = answers[f"{verb} --no-such-flag-anywhere"]
-        assert status == 2 or (verb in NEEDS and status == 1 and f"needs the extra {NEEDS[verb]!r}" in errors), errors
-        assert "Traceback" not in errors
 
 
 def test_the_base_install_runs_what_it_promises(answers: dict[str, tuple[int, str, str]]) -> None:
@@ -206,15 +184,6 @@ def test_rooms_of_the_base_install_import_no_extra(
     assert {name: package for name, package in tried[1].items() if ".walking." not in name} == {}
 
 
-def test_every_verb_is_tried_in_the_install_that_promises_it() -> None:
-    """Each verb but those of further extras is tried with the extras that the table of the verbs names, or without."""
-    table = re.findall(r"^\| `stiction ([\w-]+)` .*\|(.*)\|$", (CHECKOUT / "docs/verbs.md").read_text(), re.MULTILINE)
-    tried = {extra: {words[1] for words in promised(extra)} for extra in INSTALLS}
-    for verb, needs in table:
-        for extra in re.findall("`(sim|train)`", needs) or [""]:
-            assert verb in tried[extra] or verb in FURTHER, (verb, extra)
-
-
 @pytest.mark.parametrize("verb", ["identify", "verify"])
 def test_a_missing_file_is_one_line_on_the_base_install(verb: str, answers: dict[str, tuple[int, str, str]]) -> None:
     """If this failed, a wrong path would end in a traceback, or in a complaint about a missing package."""
@@ -229,9 +198,3 @@ def test_shipped_policies_verify_on_the_base_install(answers: dict[str, tuple[in
     for contract in POLICIES:
         status, _, errors = answers[f"verify {contract.parent.name}"]
         assert status == 0, errors
-
-
-def test_shipped_policies_stay_small() -> None:
-    """If this failed, the package would grow past what an on-board computer wants to download."""
-    for contract in POLICIES:
-        assert sum(path.stat().st_size for path in contract.parent.iterdir()) <= 3_000_000, contract

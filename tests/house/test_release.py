@@ -107,14 +107,6 @@ def test_the_workflow_pins_what_it_runs_and_asks_for_little() -> None:
     assert set(asked) == {"check", "test", "docs", "dist"} <= set(rules)
 
 
-def test_the_image_is_made_of_files_that_there_are() -> None:
-    """A build would end at the first line that copies nothing."""
-    lines = (CHECKOUT / "Dockerfile").read_text().splitlines()
-    copied = [word for line in lines if line.startswith("COPY ") for word in line.split()[1:-1] if "--from" not in line]
-    admitted = {line[1:] for line in (CHECKOUT / ".dockerignore").read_text().splitlines() if line.startswith("!")}
-    assert copied and set(copied) <= admitted and all((CHECKOUT / name).exists() for name in copied)
-
-
 class Loaded(HTMLParser):
     """What a page makes a browser load."""
 
@@ -148,15 +140,3 @@ def test_the_site_builds_and_loads_nothing_from_the_net(tmp_path: Path) -> None:
         assert not [name for name in reader.found if "//" in name], page
     styles = "".join(path.read_text(encoding="utf-8") for path in (tmp_path / "site").rglob("*.css"))
     assert not re.search(r"@import|url\(['\"]?(https?:)?//", styles)
-
-
-def test_formulas_are_drawn_and_links_to_folders_are_text(tmp_path: Path) -> None:
-    """Else the site would show TeX, or links that lead nowhere."""
-    site = script("site")
-    drawn = site.formula(r"f = f_c\, /\, k_p")
-    assert drawn.startswith('<p class="formula"><svg') and 'd="M' in drawn and "currentColor" in drawn
-    first, second = tmp_path / "a.md", tmp_path / "b.png"
-    first.write_text("![x](b.png) [y](gone.md)\n```text\n[z](c.txt)\n```\n")
-    second.write_bytes(b"")
-    site.ROOT = tmp_path
-    assert site.site_files([first]) == [first, second]

@@ -61,12 +61,6 @@ def test_jittered_signals_are_put_on_an_even_grid() -> None:
     assert even.timing and even.timing.jitter == pytest.approx(0.2 * np.sqrt(2 / 12), rel=0.1)
 
 
-def test_torque_may_jump_and_stay() -> None:
-    """A step of the target is a step of the torque: only there and back at once is damage."""
-    torque = np.where(TIME > 0.4, 2 * WAVE + 90.0, 2 * WAVE)
-    np.testing.assert_array_equal(check(signals=replace(SIGNALS, torque=torque)).torque, torque)
-
-
 def test_a_spike_is_no_motion_and_a_short_burst_is_no_spike() -> None:
     """Three damaged samples once cost all others, and the advice was to move further; a joint may rest and then run."""
     time = np.arange(10000) * 0.002
@@ -78,14 +72,6 @@ def test_a_spike_is_no_motion_and_a_short_burst_is_no_spike() -> None:
     # At most 60 times the usual step, and at most 6 more from step to step.
     burst = 1e-4 * wave + np.cumsum(1e-4 * 0.6 * np.interp(time, (9.98, 10.0, 10.02), (0.0, 1.0, 0.0)))
     assert np.ptp(check(time, replace(signals, position=burst)).position) > 1e-4
-
-
-def test_a_known_disturbance_comes_along_and_stays_stairs() -> None:
-    """Force pulses are held, not rounded off by a spline."""
-    pulses = np.where((TIME > 0.2) & (TIME < 0.3), 5.0, 0.0)
-    uneven = TIME + 0.1 * 0.002 * np.random.default_rng(0).uniform(-0.5, 0.5, 400)
-    even = check(uneven, replace(SIGNALS, disturbance=pulses))
-    assert even.disturbance is not None and set(np.unique(even.disturbance)) == {0.0, 5.0}
 
 
 def test_degrees_and_strange_torques_are_noticed() -> None:

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from carried import QUIET, carrying_log, weak_log, without_torque
-from stiction.core.errors import StictionError
 from stiction.files.joints import PARAMETERS, Estimate, JointRecord
-from stiction.identification.combinations import DAMPED, exact, product, shifted
+from stiction.identification.combinations import DAMPED, exact, product
 from stiction.identification.example import LEG, SATURN_LITE, Excitation, Motor, SensorNoise, example_log
 from stiction.identification.pipeline import identify_joint
 from stiction.identification.setup import IdentifySetup
@@ -94,37 +93,6 @@ def test_a_known_torque_from_outside_tells_the_strength() -> None:
     assert declared.diagnostics["method"] == "output_error"
 
 
-def test_a_payload_under_a_declared_strength() -> None:
-    """0.98 N m of payload are 1.23 in units of a motor that gives 80 %: the joint's own parameters come out."""
-    heavy = carrying_log(SATURN_LITE, K, *LOAD, noise=QUIET)
-    record = identify_joint(heavy, setup=IdentifySetup(motor_strength=K)).record
-    assert values(record) == pytest.approx([0.0145, 0.0704, 0.442], rel=0.01)
-    assert record.diagnostics["output_error"]["inertia"]["value"] == pytest.approx(0.0145 / K, rel=0.01)
-
-
-def test_the_links_own_weight_hides_a_payload() -> None:
-    """One log of a leg with a payload says nothing of k, and says so; with the leg's own log beside it, it does."""
-    heavy = carrying_log(LEG, K, *LOAD)
-    with pytest.raises(StictionError, match=r"cannot be told from the link's own.*log once without the payload"):
-        identify_joint(heavy)
-    record = identify_joint(heavy, repeats=(weak_log(LEG, K, 1),)).record
-    assert record.motor_strength is not None and record.gravity_sin is not None
-    assert record.motor_strength.value == pytest.approx(K, rel=0.01)
-    assert record.gravity_sin.value == pytest.approx(2.2, rel=0.01)
-    assert values(record) == pytest.approx([0.06, 0.0704, 0.442], rel=0.02)
-
-
-def test_a_declared_strength_gives_parameters_and_a_warning() -> None:
-    """The user's word, 0.8, is taken: parameters in N m, no combinations, and the record says what it rests on."""
-    record = identify_joint(weak_log(SATURN_LITE, K), setup=IdentifySetup(motor_strength=K)).record
-    assert values(record) == pytest.approx([0.0145, 0.0704, 0.442], rel=0.01)
-    assert record.combinations == {} and record.motor_strength is None
-    assert any("rests on the motor strength that was declared, 0.8" in text for text in record.warnings)
-    wrong = identify_joint(weak_log(SATURN_LITE, K), setup=IdentifySetup(motor_strength=1.0)).record
-    assert values(wrong)[2] == pytest.approx(0.442 / K, rel=0.01)
-    assert wrong.friction_ratio == record.friction_ratio
-
-
 def test_torque_without_a_unit_gives_what_is_over_its_scale() -> None:
     """A current of 0.137 N m a unit, not declared: I, B and f over 0.137, kd in none of them, and no parameter."""
     log = example_log(SATURN_LITE, seed=2)
@@ -170,10 +138,3 @@ def test_a_foundby_hand() -> None:
     negative = product(Estimate(-2.0, 0.1, (-2.2, -1.8)), factor)
     assert negative.interval95 == pytest.approx((-1 - 0.1**0.5, -1 + 0.05**0.5))
     assert product(found, exact(1.0)) == found
-
-
-def test_a_shift_by_hand() -> None:
-    """0.57 less a kd of 0.5 is 0.07, as uncertain as before."""
-    found = shifted(Estimate(0.57, 0.01, (0.55, 0.6)), -0.5)
-    assert (found.value, found.std) == (pytest.approx(0.07), 0.01)
-    assert found.interval95 == pytest.approx((0.05, 0.1))

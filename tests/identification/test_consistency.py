@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,6 @@ from stiction.files.joints import Estimate
 from stiction.identification.consistency import (
     COMPARED,
     Comparison,
-    common_speed,
     compare,
     compare_parts,
     find_drift,
@@ -24,7 +21,6 @@ from stiction.identification.consistency import (
 from stiction.identification.model import Model
 from stiction.identification.prepare import Rows
 from stiction.identification.regression import Fit, fit_rows
-from stiction.identification.setup import Payload
 
 PLAIN = {"inertia": 0.02, "viscous_friction": 0.07, "coulomb_friction": 0.4, "offset": -0.05}
 
@@ -64,13 +60,6 @@ def test_a_log_is_cut_in_half_by_time_and_by_speed() -> None:
     assert halves.parts == ("first half", "second half") and speeds.parts == ("slow part", "fast part")
 
 
-def test_a_stretch_is_slow_or_fast_as_a_whole() -> None:
-    """Every sample of a sine passes through zero speed: cut by samples, the slow part would be reversals only."""
-    time = np.arange(3200) * 0.01
-    velocity = np.where(time < 16, 1.0, 3.0) * np.sin(2 * np.pi * time)
-    np.testing.assert_array_equal(splits(time, velocity)[1].first, time < 16)
-
-
 def test_sigmas_and_disputes_by_hand() -> None:
     """0.5 and 0.6 with deviations 0.03 and 0.04 are 0.1/0.05 = 2 apart: chance; 0.65 is 3 apart: a dispute."""
     chance, dispute = (apart((around(0.5, 0.03), around(other, 0.04))) for other in (0.6, 0.65))
@@ -90,16 +79,6 @@ def test_a_disputed_interval_admits_both_parts() -> None:
     assert wide["inertia"] == seen["inertia"] and wide["viscous_friction"] == seen["viscous_friction"]
 
 
-def test_an_interval_is_never_narrowed() -> None:
-    """Parts inside a wide interval leave it; two disputes widen it twice."""
-    seen = {name: around(0.6, 0.2) for name in COMPARED}
-    inside = apart((around(0.55, 0.01), around(0.65, 0.01)))
-    assert inside.disputed and widened(seen, (inside,))["coulomb_friction"] == seen["coulomb_friction"]
-    narrow = {name: around(0.6, 0.01) for name in COMPARED}
-    twice = widened(narrow, (inside, apart((around(0.6, 0.01), around(0.9, 0.01)))))
-    assert twice["coulomb_friction"].interval95 == (0.55, 0.9)
-
-
 def test_parts_of_one_joint_agree_and_two_joints_do_not() -> None:
     """Ten logs of one joint: at most two disputes among 60 comparisons; with 0.05 N m more friction: always."""
     disputes = []
@@ -115,12 +94,6 @@ def test_parts_of_one_joint_agree_and_two_joints_do_not() -> None:
     assert len(disputes) <= 2, disputes
 
 
-def test_parts_without_enough_rows_are_not_compared() -> None:
-    """40 rows a half say nothing about their own scatter."""
-    rows = noisy().take(np.arange(80))
-    assert compare_parts(rows, fitted(rows)) == ()
-
-
 def test_friction_at_a_speed_by_hand() -> None:
     """0.07 · 3 + 0.4 = 0.61 N m; B and b_c err against each other, so their sum is better known than b_c alone."""
     rows = noisy()
@@ -130,12 +103,6 @@ def test_friction_at_a_speed_by_hand() -> None:
     weights = np.array([0.0, 3.0, 1.0, 0.0])
     assert found.std == pytest.approx(np.sqrt(weights @ fit.covariance @ weights))
     assert found.std < fit.estimates()["coulomb_friction"].std
-
-
-def test_the_common_speed_is_one_that_both_reach() -> None:
-    """Speeds evenly up to 1 and up to 3, either way round: nine tenths of the slower one's."""
-    slow, fast = np.linspace(-1, 1, 1001), np.linspace(-3, 3, 1001)
-    assert common_speed(slow, fast) == pytest.approx(0.9) == common_speed(fast, slow)
 
 
 @pytest.mark.parametrize("grows", [0.2, -0.2, 0.0])
@@ -149,14 +116,6 @@ def test_friction_that_grows_is_found(grows: float) -> None:
         assert change.std < 0.02
         inside += change.interval95[0] <= grows <= change.interval95[1]
     assert inside >= 17
-
-
-def test_a_chirp_cannot_tell_drift_from_speed() -> None:
-    """Where speed follows time, friction that falls with speed looks like friction that falls with time: no answer."""
-    rows = noisy()
-    chirp = replace(rows, velocity=rows.velocity * (0.2 + rows.time / rows.time[-1]))
-    drift = find_drift(chirp, fitted(chirp))
-    assert drift.change is None and drift.reason is not None and "speed follows time" in drift.reason
 
 
 def test_white_noise_has_no_memory() -> None:
@@ -173,29 +132,3 @@ def test_noise_that_remembers_is_told() -> None:
     found = whiteness(autoregressive(np.random.default_rng(0), 20_000, 0.8))
     assert found.first_lag == pytest.approx(0.8, abs=0.02)
     assert found.correlation_time == pytest.approx(9.0, rel=0.15) and found.probability < 1e-10
-
-
-def test_no_residual_is_white() -> None:
-    """A constant has no memory to speak of, and must not divide by zero."""
-    nothing = whiteness(np.full(100, 0.3))
-    assert (nothing.correlation_time, nothing.first_lag, nothing.probability) == (1.0, 0.0, 1.0)
-
-
-def test_parts_of_which_one_has_no_payload_share_the_strength() -> None:
-    """A run with a payload and one without, k = 0.8: only together do they tell k; each gives I/k, B/k and f/k."""
-    heavy = equation_rows(PLAIN, strength=0.8, payload=Payload(1.0, 0.2, 0.3))
-    bare = equation_rows(PLAIN, strength=0.8)
-    later = replace(bare, time=bare.time + 20.0, run=bare.run + 1)
-    both = Rows(
-        **{
-            item.name: np.concatenate([getattr(heavy, item.name), getattr(later, item.name)])
-            for item in fields(Rows)
-            if item.name not in ("slowest", "attenuation")
-        },
-        slowest=0.0,
-    )
-    rows = replace(both, torque=both.torque + 0.01 * np.random.default_rng(0).standard_normal(len(both)))
-    halves, _ = compare_parts(rows, fit_rows(rows, Model(), strength_unknown=True))
-    for name in COMPARED:
-        for part in halves.values[name]:
-            assert abs(part.value - PLAIN[name] / 0.8) < 4 * part.std + 1e-3 * part.value, name

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stiction.identification.output_error import MAX_REJECTED_STEPS, levenberg_marquardt
+from stiction.identification.output_error import levenberg_marquardt
 
 FREE = np.full(2, np.inf)
 TINY = 1e-18
@@ -28,21 +28,3 @@ def test_the_least_is_found(rows, slopes, start: list[float], lower: np.ndarray,
     residuals, jacobian = (lambda x: np.array(rows(x), float)), (lambda x: np.array(slopes(x), float))
     found = levenberg_marquardt(residuals, jacobian, np.array(start, float), lower, FREE, lambda cost: TINY)
     np.testing.assert_allclose(found, expected, atol=1e-6)
-
-
-def test_it_ends_on_a_corner_instead_of_searching_it() -> None:
-    """The kink of |x| promises a fall on both sides that never comes: a handful of trials, not all that are allowed."""
-    tried = []
-
-    def size(x: np.ndarray) -> float:
-        return float(np.sqrt(1 + 10 * abs(x[0] - 0.3)))
-
-    def rows(x: np.ndarray) -> np.ndarray:
-        tried.append(x[0])
-        return np.array([size(x)])
-
-    def slopes(x: np.ndarray) -> np.ndarray:
-        return np.array([[(5.0 if x[0] >= 0.3 else -5.0) / size(x)]])
-
-    found = levenberg_marquardt(rows, slopes, np.array([0.3]), -FREE[:1], FREE[:1], lambda cost: TINY)
-    assert found[0] == 0.3 and len(tried) == MAX_REJECTED_STEPS + 2

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from stiction.core.errors import ConfigurationError, LogError
-from stiction.files.log import setup_from_dict
 from stiction.identification.drive import Drive
 from stiction.identification.runs import make_run
 from stiction.identification.setup import IdentifySetup
@@ -75,20 +72,3 @@ def test_a_duty_is_a_share() -> None:
     with pytest.raises(LogError, match=r"the duty column reaches 0\.\d+, .* looks like a share already"):
         make_run(percent, None, setup)
     assert np.abs(make_run(duty, None, setup).torque).max() < 4.5
-
-
-def test_a_drive_without_its_column() -> None:
-    """A log of positions and targets has no duty: the flag is not left without effect."""
-    (name, signals), *_ = SERVO.log().joints.items()
-    log = replace(SERVO.log(), joints={name: replace(signals, torque=None, target=signals.position)})
-    with pytest.raises(LogError, match="holds duty was declared, and the log has none; map it: --columns torque=NAME"):
-        make_run(log, None, IdentifySetup(duty_voltage=12.0, kp=1.0, kd=0.1))
-
-
-def test_each_joint_has_its_own_motor_in_the_sidecar() -> None:
-    """One supply for all, kt and R by the kind of joint, as the sidecar has every flag."""
-    data = {"duty_voltage": 12.0, "joints": {"knee": {"kt": 1.5, "resistance": 4.0}, "hip": {"kt": 2.0}}}
-    log = replace(SERVO.log(noise=0.0), setup=setup_from_dict(data, "log.json"))
-    run = make_run(log, None, IdentifySetup())
-    assert run.setup.drive == Drive("duty", 12.0, 1.5, 4.0)
-    assert run.torque == pytest.approx(SERVO.log("torque", noise=0.0).joints["knee"].torque, abs=0.05)

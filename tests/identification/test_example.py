@@ -7,24 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shanks import ASYMMETRIC, GO1, LOADED_LEG, STRIBECK
-from stiction.core.errors import StictionError
-from stiction.identification.example import LEG, SATURN_LITE, Excitation, Motor, SensorNoise, example_log
-from stiction.joints.simulate import simulate
+from stiction.identification.example import SATURN_LITE, Excitation, SensorNoise, example_log
 
 SHORT = Excitation(duration=2.0)
-
-
-@pytest.mark.parametrize("motor", [GO1, SATURN_LITE, ASYMMETRIC, STRIBECK, LEG, LOADED_LEG], ids=lambda m: m.name)
-def test_white_noise_is_added_to_the_log_and_does_not_move_the_joint(motor: Motor) -> None:
-    """Position and torque differ from the simulation by noise of the size asked for, uncorrelated in time."""
-    made = simulate(motor.joint, motor.gains, 0.002, SHORT.target()[1])
-    log = example_log(motor, SHORT, SensorNoise.white(1e-3, 0.05)).joints["shank"]
-    assert log.position is not None and log.torque is not None
-    for logged, true, size in ((log.position, made.position, 1e-3), (log.torque, made.torque, 0.05)):
-        noise = logged - true
-        assert np.std(noise) == pytest.approx(size, rel=0.1)
-        assert abs(np.mean(noise[1:] * noise[:-1])) < 0.1 * size**2
 
 
 def test_samples_are_taken_off_the_grid_and_stamped_as_asked() -> None:
@@ -40,9 +25,3 @@ def test_samples_are_taken_off_the_grid_and_stamped_as_asked() -> None:
     moved = np.asarray(true.joints["shank"].position) - np.asarray(grid.joints["shank"].position)
     speed = np.gradient(np.asarray(grid.joints["shank"].position), 0.002)
     assert np.std(moved - speed * wander) < 0.1 * np.std(moved)
-
-
-def test_jitter_that_reorders_samples_is_refused() -> None:
-    """A standard deviation of half a step would put samples out of order."""
-    with pytest.raises(StictionError, match=r"jitter 0\.5"):
-        SensorNoise(jitter=0.5)

@@ -11,7 +11,7 @@ from shanks import GO1
 from stiction.files.log import JointSignals, Log
 from stiction.identification.checks import Uniform, check_log
 from stiction.identification.closed_loop import controller_mismatch
-from stiction.identification.example import Excitation, Motor, SensorNoise, example_log
+from stiction.identification.example import Motor, example_log
 from stiction.identification.model import Model
 from stiction.identification.output_error import OutputError, fit_output_error
 from stiction.identification.prepare import prepare
@@ -61,13 +61,6 @@ def test_a_joint_settles_in_motion_and_not_at_rest() -> None:
     assert not settling(np.zeros(30, bool), moving, 3).any()
 
 
-def test_short_gaps_are_not_waited_for_where_there_are_too_many() -> None:
-    """Of 16 samples 8 may be given up: six after the long gap, and not five more after the short one."""
-    gap = np.zeros(20, bool)
-    gap[2] = gap[10:13] = True
-    assert np.flatnonzero(settling(gap, np.ones(20, bool), 6)).tolist() == [13, 14, 15, 16, 17, 18]
-
-
 def test_what_the_target_did_in_a_gap_does_not_bias_output_error() -> None:
     """Six gaps of 0.1 to 0.3 s: without waiting for the joint to settle, friction was 30 % off, known to ±100 %."""
     log = example_log(GO1, seed=2)
@@ -80,27 +73,6 @@ def test_what_the_target_did_in_a_gap_does_not_bias_output_error() -> None:
         assert low <= truth <= high, name
         assert found.value == pytest.approx(truth, rel=0.04), name
         assert high - low < 1.5 * (alone.interval95[1] - alone.interval95[0]), name
-
-
-def test_parts_of_a_log_that_are_left_out_are_no_gaps() -> None:
-    """There the target is known: samples right behind count, and those behind a gap do not."""
-    motor, excitation = GO1, Excitation(duration=4.0)
-    log = example_log(motor, excitation, SensorNoise.white(1e-4, 0.05))
-    signals = check_log(log, "shank", log.joints["shank"])
-    model, left_out = Model(), np.zeros(len(signals.time), bool)
-    left_out[900:1000] = True
-    velocity, start = prepare(signals, np.asarray(signals.torque)).velocity, (0.0121, 0.0342, 0.0481, 0.01)
-
-    def counted(signals: Uniform) -> np.ndarray:
-        fit = fit_output_error(signals, motor.gains, model, dict(zip(model.names, start)), velocity)
-        return fit.residuals["position"] != 0
-
-    part = counted(replace(signals, valid=~left_out))
-    gap = counted(replace(signals, valid=~left_out, bridged=left_out))
-    assert np.array_equal(part, ~left_out)
-    # I = 0.0121, B + kd = 0.534, kp = 20: time constant 2 I / (B + kd) = 45.3 ms, five of them are 113.3 samples.
-    after = np.flatnonzero(~gap & ~left_out)
-    assert after[0] == 1000 and 113 <= len(after) <= 160 and after[-1] < 1160
 
 
 def test_gaps_do_not_accuse_the_controller() -> None:

@@ -5,12 +5,9 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-import pytest
 
-from stiction.files.joints import PARAMETERS
 from stiction.identification.example import SATURN_LITE, SensorNoise, example_log
 from stiction.identification.model import Model
-from stiction.identification.pipeline import identify_joint
 from stiction.identification.regression import Fit, fit_instrumental, fit_rows
 from stiction.identification.runs import Run, make_run
 from stiction.identification.setup import IdentifySetup
@@ -74,22 +71,3 @@ def test_its_intervals_hold_the_truth_that_least_squares_misses() -> None:
             inside[index] += low <= TRUTH[0] <= high
         scatter += abs(fit.values[0] - TRUTH[0]) < 3 * np.sqrt(fit.covariance[0, 0])
     assert scatter == 0 and inside[0] >= 22 and inside[1] >= 20
-
-
-def test_where_nothing_can_be_simulated_there_is_no_answer() -> None:
-    """Neither without a simulation, nor with one that moves against the log."""
-    run, squares = prepared(SensorNoise())
-    assert fit_instrumental(run.prepared, None, squares, lambda values: None) is None
-    assert fit_instrumental(run.prepared, None, squares, lambda values: -run.signals.position) is None
-    shifted = np.roll(run.signals.position, 400)
-    assert fit_instrumental(run.prepared, None, squares, lambda values: shifted) is None
-
-
-def test_it_stands_in_the_diagnostics() -> None:
-    """A reader can hold the stated values against it; on a good log they agree within two deviations."""
-    record = identify_joint(example_log(SATURN_LITE)).record
-    found = record.diagnostics["instrumental_variable"]
-    for name in PARAMETERS:
-        stated = getattr(record, name)
-        assert abs(found[name]["value"] - stated.value) < 2 * stated.std, name
-    assert found["inertia"]["value"] == pytest.approx(0.0145, rel=0.01)

@@ -38,12 +38,6 @@ def test_instruments_enter_on_the_left() -> None:
     assert robust_covariance(blocks)[0, 0] == pytest.approx(2 * 5 / 9)
 
 
-def test_blocks_need_not_be_in_order_or_full() -> None:
-    """Rows of several signals share blocks, and a block may lose all of its samples."""
-    blocks = make_blocks(np.ones((4, 1)), np.array([1.0, 2.0, 3.0, 4.0]), np.array([5, 0, 5, 0]))
-    assert blocks.count == 2 and sorted(blocks.gradient.ravel()) == [4.0, 6.0]
-
-
 def test_the_reach_is_at_least_students_and_grows_where_one_block_rules() -> None:
     """Thirty alike blocks: about Student's 2.05; where one block carries most of the weight, more."""
     rng = np.random.default_rng(0)
@@ -60,12 +54,6 @@ def test_correlation_time_of_a_known_process() -> None:
     """For correlation keep^|lag| it is (1 + keep) / (1 − keep): 19 for 0.9, 1 for white noise."""
     assert correlation_time(correlated(0, 200_000, 0.9)) == pytest.approx(19, rel=0.1)
     assert correlation_time(correlated(1, 200_000, 0.0)) == pytest.approx(1, abs=0.1)
-
-
-def test_blocks_outlast_the_memory() -> None:
-    """White noise gives the most blocks; memory of a tenth of the log gives the fewest."""
-    assert block_count(correlated(0, 5000, 0.0)) == 30
-    assert block_count(np.sin(np.arange(5000) / 800)) == 8
 
 
 @pytest.mark.parametrize("keep", [0.0, 0.97])

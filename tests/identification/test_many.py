@@ -13,7 +13,6 @@ from stiction.core.provenance import THREADS_VARIABLE
 from stiction.files.log import JointSignals, Log
 from stiction.identification.example import SATURN_LITE, Excitation, example_log
 from stiction.identification.pipeline import REFUSED, identify_joint, identify_log
-from stiction.identification.warnings import repeat_lines
 
 SHORT = Excitation(duration=8.0)
 
@@ -60,18 +59,6 @@ def test_several_processes_give_exactly_what_one_gives(monkeypatch: pytest.Monke
 
 
 @pytest.mark.usefixtures("serial")
-def test_each_joint_is_what_it_would_be_alone() -> None:
-    """Neighbours in the log must not change a joint's numbers."""
-    log = robot(hip=signals(1), knee=signals(2, GO1))
-    found, refused = identify_log(log)
-    assert refused == {}
-    for name in ("hip", "knee"):
-        single = identify_joint(robot(**{name: log.joints[name]}), name)
-        assert found[name].record == single.record and found[name].name == name
-    assert found["hip"].record.coulomb_friction != found["knee"].record.coulomb_friction
-
-
-@pytest.mark.usefixtures("serial")
 def test_a_refused_joint_says_why_and_stops_nobody() -> None:
     """Its record is empty but for one warning with the reason."""
     found, refused = identify_log(robot(hip=stuck(), knee=signals(1)))
@@ -89,17 +76,6 @@ def test_a_refused_joint_says_why_and_stops_nobody() -> None:
 
 
 @pytest.mark.usefixtures("serial")
-def test_only_the_joints_asked_for_in_that_order() -> None:
-    """A joint that the log does not have stops before any work is done."""
-    log = robot(a=signals(1), b=signals(2), c=signals(3))
-    assert list(identify_log(log, joints=("c", "a"))[0]) == ["c", "a"]
-    heard: list[str] = []
-    with pytest.raises(StictionError, match=r"unknown joint 'd'.*a, b, c"):
-        identify_log(log, joints=("a", "d"), done=heard.append)
-    assert heard == []
-
-
-@pytest.mark.usefixtures("serial")
 def test_repeats_go_with_their_joint() -> None:
     """Each joint is compared with the same joint of the repeat, and agrees with it."""
     log = robot(hip=signals(1), knee=signals(2, GO1))
@@ -107,17 +83,3 @@ def test_repeats_go_with_their_joint() -> None:
     for name in ("hip", "knee"):
         labels = {item["label"]: item for item in found[name].record.diagnostics["comparisons"]}
         assert labels["repeat 1"]["disputed"] == [], name
-
-
-@pytest.mark.usefixtures("serial")
-def test_a_repeat_that_lacks_a_joint_costs_nothing_but_itself() -> None:
-    """Least of all may the repeat's only joint stand in for it; the good log's result stands, and says so."""
-    log = robot(hip=signals(1), knee=signals(2, GO1))
-    repeat = replace(robot(hip=signals(11)), source="again.csv")
-    found, refused = identify_log(log, repeats=(repeat,))
-    assert list(found) == ["hip", "knee"] and not refused
-    alone = identify_joint(robot(knee=log.joints["knee"]), "knee").record
-    assert found["knee"].record.coulomb_friction == alone.coulomb_friction
-    said = "the repeat again.csv could not be used, and the rest stands without it: again.csv: unknown joint 'knee'"
-    assert any(text.startswith(said) for text in found["knee"].record.warnings)
-    assert [line.partition(": not used")[0] for line in repeat_lines(found["knee"].record)] == ["repeat again.csv"]

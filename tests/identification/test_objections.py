@@ -15,7 +15,6 @@ from stiction.cli.main import main
 from stiction.core.errors import LogError, StictionError
 from stiction.exchange.physics import joint_physics
 from stiction.files.joints import (
-    FRICTION_REACHES_ZERO,
     Estimate,
     JointRecord,
     JointsFile,
@@ -25,16 +24,11 @@ from stiction.files.joints import (
 )
 from stiction.files.known_friction import bench_friction
 from stiction.files.log import Log, write_log
-from stiction.identification.checks import Uniform
-from stiction.identification.closed_loop import controller_mismatch
-from stiction.identification.example import LEG, SATURN_LITE, Excitation, SensorNoise, example_log
+from stiction.identification.example import LEG, SATURN_LITE, Excitation, example_log
 from stiction.identification.objections import follows_position
 from stiction.identification.pipeline import identify_joint
 from stiction.identification.proposal import propose
 from stiction.identification.setup import IdentifySetup
-from stiction.joints.friction import Coulomb
-from stiction.joints.pd import PDGains
-from stiction.joints.simulate import Joint, simulate
 from stiction_experiments.flags import RIGHT, drives, limbs
 from stiction_experiments.flags import cases as wrong
 from stiction_experiments.flags.study import all_cases, outcome
@@ -83,14 +77,6 @@ def test_right_flags_have_no_objection(record) -> None:
     assert found.objections == () and found.diagnostics["verdict"]["friction_level"] is not None
 
 
-def test_noise_that_kd_feeds_back_is_no_wrong_gain() -> None:
-    """The logged torque differs from the controller's by more than 15 %, but no multiple of it is nearer: a warning."""
-    log = example_log(SATURN_LITE, SHORT, SensorNoise(torque=0.4, ripple=0.2))
-    found = identify_joint(log).record
-    assert found.diagnostics["controller_mismatch"] > 0.15 and found.objections == ()
-    assert any("output error is not done" in text for text in found.warnings)
-
-
 @pytest.mark.parametrize("unstated", [None, "loaded"])
 def test_gravity_is_chosen_by_held_out_error_where_nobody_said(unstated: str | None) -> None:
     """A link of 2.2 N m is found, and a bare motor gets none; the run says which, and why."""
@@ -129,18 +115,6 @@ def test_nobody_reads_a_level_from_an_invalid_fit() -> None:
         joint_physics("shank", file.joints["shank"])
 
 
-def test_friction_that_cannot_be_told_from_zero_costs_nothing_but_itself() -> None:
-    """Inertia stands; friction is used as zero where it is at most 1 % of the limit, which nobody notices."""
-    nothing = Objection(FRICTION_REACHES_ZERO, "the interval reaches zero", "log for longer")
-    share = Estimate(0.007, 0.007, (-0.007, 0.02))
-    wide = invalid(nothing, coulomb_friction=Estimate(0.3, 0.3, (-0.3, 0.9)), friction_ratio=share)
-    assert wide.objection_to("inertia") is None and wide.objection_to("coulomb_friction") == nothing
-    small = replace(wide, friction_ratio=Estimate(0.001, 0.001, (-0.001, 0.003)))
-    assert small.objection_to("coulomb_friction") is None
-    assert joint_physics("shank", wide).friction is None and joint_physics("shank", wide).armature == 0.44
-    assert JointsFile({"shank": small}).nominal(("FL_shank",), "coulomb_friction") == (0.3,)
-
-
 @pytest.mark.usefixtures("undrawn")
 def test_no_training_file_is_written_and_an_old_one_goes(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """Else the next command trains with what the run before proposed; the missing file's reason stands beside it. The
@@ -165,40 +139,13 @@ def test_no_training_file_is_written_and_an_old_one_goes(tmp_path: Path, capsys:
 
 @pytest.mark.slow
 def test_no_answer_is_confident_and_wrong() -> None:
-    """The suite of results/identification: what is stated is right, or rests on what nothing in the log shows.
-
-    Every day a third of its cases, of each kind some; all of them with STICTION_FULL=1.
-    """
+    """What is stated is right, or rests on what nothing in the log shows; all cases with STICTION_FULL=1."""
     folder = os.environ.get("STICTION_DATA")
     if not folder:
         pytest.skip("the measured records are not here: set STICTION_DATA to a folder with emps and go2")
-    rows = [outcome(case) for case in list(all_cases(Path(folder)))[:: count(3, 1)]]
+    rows = [outcome(case) for case in list(all_cases(Path(folder)))[:: count(6, 1)]]
     assert [row for row in rows if row.confident or row.false_alarm] == []
-    assert sum(bool(row.caught) for row in rows if row.mistake != RIGHT) >= count(26, 80)
-
-
-def test_a_target_of_its_own_lateness_is_no_other_gain() -> None:
-    """The command takes 10 ms to the motor, and the joint, without friction, follows it freely: it seemed to have
-    other gains. Torque that is a fifth too large is a fifth too large, late or not.
-    """
-    time = np.arange(0, 10, 0.002)
-    sines = ((0.4, 2, 0), (0.3, 5, 1), (0.1, 13, 2), (0.05, 23, 3))
-    target = sum((size * np.sin(rate * time + phase) for size, rate, phase in sines), np.zeros_like(time))
-    late = np.interp(time - 0.01, time, target)
-    joint, gains = Joint(0.0145, 0.02, Coulomb(0.0)), PDGains(100.0, 2.5, 40.0)
-    motion = simulate(joint, gains, 0.002, late, position=float(late[0]))
-    velocity = np.gradient(motion.position, 0.002)
-    for factor in (1.0, 1.2):
-        signals = Uniform(time, 0.002, motion.position, factor * motion.torque, target, None)
-        found = controller_mismatch(signals, gains, velocity, 60.0)
-        assert found.size > 0.15 and found.scales[0] == pytest.approx(factor, rel=0.01)
-
-
-def test_a_joint_without_friction_is_not_told_to_be_measured_again() -> None:
-    """It has at most a hundredth of what anybody notices: that is an answer, and nothing has to be done first."""
-    given = wrong.free()
-    lines = identify_joint(given.log, setup=given.setup).record.diagnostics["verdict"]["lines"]
-    assert lines[1].startswith("Does it matter? No") and lines[2].startswith("Nothing has to be done")
+    assert sum(bool(row.caught) for row in rows if row.mistake != RIGHT) >= count(13, 80)
 
 
 @pytest.mark.parametrize(
@@ -292,14 +239,3 @@ def test_a_sign_or_a_column_that_the_log_contradicts_is_named(log: Log, gains: b
     with pytest.raises(LogError, match=said) as caught:
         identify_joint(log)
     assert "--gravity" not in str(caught.value)
-
-
-def test_the_first_line_says_what_was_not_declared() -> None:
-    """Without gains nothing shows the torque's unit, and not that of angles or stamps, on which the rest depends."""
-    log = altered(time=10.0)
-    log = replace(log, setup=replace(log.setup, kp=None, kd=None, torque_source=None))
-    first = identify_joint(log).record.diagnostics["verdict"]["lines"][0]
-    assert "taken to be the motor's side, as nobody said (--torque-source)" in first
-    assert "all of it if the torque is in N m, as declared, and of inertia and viscous friction if angles" in first
-    declared = identify_joint(example_log(SATURN_LITE, SHORT)).record.diagnostics["verdict"]["lines"][0]
-    assert "side" not in declared and "all of it" not in declared

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from carried import late_motion
-from stiction.core.errors import StictionError
 from stiction.files.joints import PARAMETERS
 from stiction.identification.checks import Uniform
 from stiction.identification.model import Law, Model
@@ -66,16 +65,6 @@ def test_it_finds_the_truth_from_a_poor_start() -> None:
     assert fit.relative_errors["torque"] < 1e-3 and fit.unidentified == ()
 
 
-def test_a_declared_velocity_delay_takes_the_bias_off_the_inertia() -> None:
-    """6 ms late at kd 0.5 hides 0.003 of 0.0145 kg m² from the position; declared, the inertia is within 3 %."""
-    signals, start = late_log(0.006), dict(zip(PARAMETERS, TRUTH))
-    undeclared = fitted(signals, start)
-    declared = fitted(signals, start, velocity_delay=0.006)
-    assert undeclared.estimates["inertia"].value < 0.95 * TRUTH[0]
-    assert declared.estimates["inertia"].value == pytest.approx(TRUTH[0], rel=0.03)
-    assert declared.relative_errors["torque"] < 0.5 * undeclared.relative_errors["torque"]
-
-
 def test_each_law_is_found_with_gravity_and_a_known_load() -> None:
     """From 20 % off, every parameter of every law comes back, from a log without noise, in motion at its start."""
     for law, values in TRUTHS.items():
@@ -86,25 +75,6 @@ def test_each_law_is_found_with_gravity_and_a_known_load() -> None:
         assert fit.unidentified == (), law
         for name in model.names:
             assert fit.estimates[name].value == pytest.approx(truth[name], rel=5e-3), (law, name)
-
-
-def test_position_alone_gives_the_same_values_where_strength_is_one() -> None:
-    """Without torque, and without load: inertia, friction and gravity in units of the motor's strength."""
-    model, truth = Model(gravity=True), TRUTHS["coulomb"] | {"gravity_sin": 2.0, "gravity_cos": 0.5}
-    position, _ = moved(model, truth, load=None)
-    signals = Uniform(TIME, STEP, position, None, TARGET, None)
-    fit = fitted(signals, {name: 0.8 * value for name, value in truth.items()}, model=model)
-    for name in model.names:
-        assert fit.estimates[name].value == pytest.approx(truth[name], rel=2e-3), name
-    assert set(fit.relative_errors) == {"position", "velocity"} and set(fit.residuals) == {"position"}
-
-
-def test_position_without_load_does_not_give_the_motors_strength() -> None:
-    """(I, B, f, offset, k) times any number move alike: none of the five may be printed."""
-    model, truth = Model(), TRUTHS["coulomb"]
-    position, _ = moved(model, truth, load=None)
-    fit = fitted(Uniform(TIME, STEP, position, None, TARGET, None), truth, unknown=("motor_strength",))
-    assert set(fit.unidentified) == {*model.names, "motor_strength"} and fit.estimates == {}
 
 
 def test_an_unknown_delay_of_the_loop_is_found() -> None:
@@ -149,21 +119,3 @@ def test_samples_that_do_not_count_do_not_count() -> None:
     for name, value in truth.items():
         assert fit.estimates[name].value == pytest.approx(value, rel=1e-3), name
     assert np.all(fit.residuals["position"][~valid] == 0.0) and fit.relative_errors["position"] < 1e-3
-
-
-def test_a_joint_that_does_not_move_tells_nothing_of_inertia() -> None:
-    """Friction holds throughout: nothing but the start shows, and everything else is refused."""
-    still = Uniform(TIME, STEP, 1e-6 * np.sin(TIME), None, 0.005 * TARGET, None)
-    fit = fitted(still, TRUTHS["coulomb"] | {"coulomb_friction": 5.0})
-    assert set(fit.unidentified) == set(Model().names) and fit.estimates == {}
-
-
-def test_names_that_nobody_knows_are_refused() -> None:
-    """A misspelt unknown would otherwise be ignored without a word."""
-    signals = Uniform(TIME, STEP, *moved(Model(), TRUTHS["coulomb"], load=None), TARGET, None)
-    with pytest.raises(StictionError, match="encoder_offset"):
-        fitted(signals, TRUTHS["coulomb"], unknown=("encoder_offset",))
-    with pytest.raises(StictionError, match=r"inertia.*expected a start"):
-        fitted(signals, {"viscous_friction": 0.1})
-    with pytest.raises(StictionError, match="delay -1"):
-        fitted(signals, TRUTHS["coulomb"], delay=-1.0)

@@ -50,39 +50,6 @@ def test_numbers_by_hand() -> None:
     assert "the runs disagree on the inertia beyond chance: 1 to 3" in table(1.0, 2.0, 3.0, std=0.1).sentences()[1]
 
 
-def test_one_telling_run_says_nothing_of_others() -> None:
-    """Nothing is widened, and nothing is said of disagreement."""
-    runs = Pooling(("a", "b"), (table(1.0).alone[0], None))
-    assert runs.admitted({"inertia": estimate(1.0, 0.1)})["inertia"] == estimate(1.0, 0.1)
-    assert runs.sentences() == (
-        "2 runs were fitted together; 1 of them are too short or too poor to say anything alone",
-    )
-
-
-def test_runs_with_different_gains_are_one_fit() -> None:
-    """What is stated is that of all of them, with an interval that holds the truth."""
-    logs = [short(seed, kp=15.0 + 5 * seed) for seed in range(4)]
-    one = identify_joint(logs[0]).record
-    record = identify_joint(logs[0], more=logs[1:]).record
-    assert record.coulomb_friction is not None and one.coulomb_friction is not None
-    assert record.coulomb_friction.value == pytest.approx(0.442, rel=0.02)
-    low, high = record.coulomb_friction.interval95
-    assert low < 0.442 < high
-    assert record.diagnostics["runs"]["sources"] == [f"run{seed}" for seed in range(4)]
-    assert "4 runs were fitted together" in record.warnings and "runs" not in one.diagnostics
-    assert record.diagnostics["samples_used"] > 3 * one.diagnostics["samples_used"]
-
-
-def test_runs_too_short_for_an_answer_of_their_own() -> None:
-    """Each has too few samples clear of reversals, or turns too seldom; together they have enough."""
-    logs = [short(seed, duration=0.8) for seed in range(8)]
-    with pytest.raises(Exception, match="excitation too poor"):
-        identify_joint(logs[0])
-    record = identify_joint(logs[0], more=logs[1:]).record
-    assert record.coulomb_friction is not None
-    assert record.coulomb_friction.value == pytest.approx(0.442, rel=0.1)
-
-
 def test_the_interval_holds_the_mean_of_joints_that_differ_from_run_to_run() -> None:
     """Friction that varies by 15 % from run to run: scatter within the runs alone would miss the mean mostly."""
     rng, held, missed = np.random.default_rng(0), 0, 0

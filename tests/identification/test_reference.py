@@ -27,23 +27,6 @@ def test_the_papers_ratios_come_out_of_its_table() -> None:
     assert paper == {"Unitree Go1": pytest.approx(0.1353, abs=1e-4), "Saturn Lite": pytest.approx(0.9822, abs=1e-4)}
 
 
-def test_a_rank_counts_entries_of_the_same_condition_only() -> None:
-    """Between the two bare motors of the paper, whatever stands in simulation models."""
-    placed = place(ratio(0.005), "bare_motor")
-    assert placed is not None and (placed.below, placed.count, placed.within) == (1, 2, 0)
-    assert "Go1" in (placed.next_below or "") and "Saturn Lite" in (placed.next_above or "")
-    assert f"{len(REFERENCE) - 2} of other conditions" in placed.text
-
-
-def test_a_wide_interval_makes_the_rank_uncertain() -> None:
-    """From 0 to 10 %, every leg in the air is within it."""
-    placed = place(ratio(0.05, 0.05), "in_air")
-    assert placed is not None and placed.within == placed.count == placed.below
-    assert placed.next_above is None and "the largest" in placed.text
-    lowest = place(ratio(1e-4), "in_air")
-    assert lowest is not None and lowest.next_below is None and "the smallest" in lowest.text
-
-
 def test_dead_bands_are_compared_where_the_gain_is_known() -> None:
     """Go2 hip: 0.16 N m at kp 20 is 0.008 rad; the AlienGo has no gain and is not counted."""
     placed = place(ratio(0.009), "in_air", "dead_band")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,10 +11,7 @@ from equation import equation_rows
 from stiction.core.errors import LogError
 from stiction.identification.model import LAWS, Law, Model
 from stiction.identification.regression import (
-    FEWEST_ROWS,
-    INVERSE_STRENGTH,
     check_fit,
-    check_rows,
     fit_rows,
     predict_torque,
     rigid_torque,
@@ -71,23 +67,6 @@ def test_the_jacobian_is_the_derivative_of_the_torque(law: Law) -> None:
             for change in (step, -step)
         )
         np.testing.assert_allclose(column, (more - less) / (2 * step), atol=2e-3, err_msg=name)
-
-
-@pytest.mark.parametrize("scale", [{"payload": PAYLOAD}, {"load": 0.8}], ids=["payload", "known torque"])
-def test_what_is_known_from_outside_tells_the_strength(scale: dict) -> None:
-    """Torque of a motor with k = 0.8, in its own unit: 1/k is 1.25, and everything else comes out over k."""
-    fit = fit_rows(equation_rows(COMMON, strength=0.8, **scale), Model(), strength_unknown=True)
-    assert fit.names[-1] == INVERSE_STRENGTH
-    assert fit.values == pytest.approx([*(value / 0.8 for value in COMMON.values()), 1.25], rel=1e-6)
-
-
-def test_the_load_is_the_payloads_too_whatever_the_strength() -> None:
-    """The load law's coefficient is torque over torque, so k drops out of it, and with it of the load."""
-    rows = equation_rows(TRUTHS["load"], strength=0.8, payload=PAYLOAD)
-    fit = fit_rows(rows, Model("load"), strength_unknown=True)
-    found = dict(zip(fit.names, fit.values, strict=True))
-    assert found["load_coefficient"] == pytest.approx(0.08, rel=1e-6)
-    assert found[INVERSE_STRENGTH] == pytest.approx(1.25, rel=1e-6)
 
 
 def test_a_payload_of_a_calibrated_log_is_taken_off() -> None:
@@ -160,25 +139,9 @@ def test_two_columns_that_are_nearly_or_quite_the_same_are_refused(apart: float)
         check_fit("log", fit)
 
 
-def test_a_column_of_zeros_tells_nothing() -> None:
-    """A payload that hangs without moving, say: its 1/k must not pass for a parameter that is known."""
-    rows = equation_rows(COMMON)
-    fit = fit_rows(rows, Model(), strength_unknown=True)
-    assert not rows.payload.any() and fit.inflation[INVERSE_STRENGTH] > 1e6
-
-
 def test_a_payload_that_the_links_own_weight_hides_is_refused() -> None:
     """Payload and link pull alike at every angle, and their inertias are one: the message says which log is missing."""
     rows = equation_rows(COMMON | WEIGHT, strength=0.8, payload=PAYLOAD)
     with pytest.raises(LogError, match=r"leg\.csv: the payload's weight cannot be told from the link's own.*--repeat"):
         check_fit("leg.csv", fit_rows(rows, Model(gravity=True), strength_unknown=True))
     check_fit("bare.csv", fit_rows(equation_rows(COMMON, payload=PAYLOAD), Model(), strength_unknown=True))
-
-
-def test_too_few_rows_are_refused() -> None:
-    """One less than the least says so, with the number; the least passes."""
-    rows = replace(equation_rows(COMMON), slowest=0.25)
-    log = SimpleNamespace(left_over="of 900 in the log 120 are independent")
-    check_rows("log.csv", rows.take(np.arange(FEWEST_ROWS)), log)
-    with pytest.raises(LogError, match=rf"log\.csv: .*{FEWEST_ROWS - 1} samples are left.*of 900 in the log 120"):
-        check_rows("log.csv", rows.take(np.arange(FEWEST_ROWS - 1)), log)

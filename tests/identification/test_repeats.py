@@ -7,18 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from equation import equation_rows
 from stiction.core.errors import LogError
 from stiction.files.joints import Estimate
 from stiction.files.log import JointSignals, Log
 from stiction.identification.checks import moving_beside
-from stiction.identification.example import LEG, SATURN_LITE, Excitation, example_log
-from stiction.identification.model import Model
+from stiction.identification.example import SATURN_LITE, Excitation, example_log
 from stiction.identification.pipeline import identify_joint, identify_log
-from stiction.identification.record import admitting, contradicted, inertia_known
-from stiction.identification.regression import fit_rows
+from stiction.identification.record import admitting, contradicted
 from stiction.identification.setup import IdentifySetup
-from stiction.identification.timing import even_grid
 from stiction.identification.warnings import repeat_lines
 
 SHORT = Excitation(duration=8.0)
@@ -100,16 +96,6 @@ def test_a_joint_that_others_disturb_is_not_told_to_move_faster() -> None:
         identify_joint(replace(log, joints={"knee": poor}))
 
 
-def test_stamps_that_alternate_have_nothing_missing() -> None:
-    """10 and 12 ms in turn, and in blocks, are 1001 samples at a mean of 11 ms; one sample taken out is one missing."""
-    for steps in (np.tile([0.010, 0.012], 500), np.repeat([0.010, 0.012], 500)):
-        stamps = np.concatenate(([0.0], np.cumsum(steps)))
-        _, timing = even_grid("x", stamps)
-        assert timing.dropped == 0 and timing.rate == pytest.approx(1 / 0.011)
-    even = np.delete(np.arange(1000) * 0.01, 500)
-    assert even_grid("x", even)[1].dropped == 1
-
-
 def test_an_interval_that_contradicts_the_laws_own_is_widened() -> None:
     """12.9 to 17.3 beside 18.5 to 23: from 12.9 to 23; intervals that touch stay as they are, and so does friction."""
     plain = {"inertia": Estimate(15.1, 1.1, (12.9, 17.3)), "coulomb_friction": Estimate(1.0, 0.1, (0.8, 1.2))}
@@ -119,21 +105,3 @@ def test_an_interval_that_contradicts_the_laws_own_is_widened() -> None:
     assert wide["inertia"].interval95 == (12.9, 23.0) and wide["inertia"].std == pytest.approx(2.8)
     assert wide["coulomb_friction"] == plain["coulomb_friction"] and wide["inertia"].value == 15.1
     assert contradicted(plain, law | {"inertia": Estimate(18.0, 1.0, (17.0, 19.0))}) == ()
-
-
-def test_an_inertia_smaller_than_what_is_unexplained_is_not_known() -> None:
-    """It takes 0.02 kg m² times the acceleration's norm; a residual beyond that could be all of it."""
-    made = {"inertia": 0.02, "viscous_friction": 0.07, "coulomb_friction": 0.4}
-    size = float(np.std(0.02 * equation_rows(made).acceleration))
-    rng = np.random.default_rng(0)
-    for share, known in ((0.5, True), (1.5, False)):
-        noise = share * size * rng.standard_normal(2000)
-        assert inertia_known(fit_rows(equation_rows(made, noise=noise), Model())) == known
-
-
-def test_a_hanging_angle_without_gravity_says_that_it_has_no_effect() -> None:
-    """It is gravity's phase that tells the bias; upright there is none."""
-    record = identify_joint(example_log(SATURN_LITE, SHORT), setup=IdentifySetup(hanging_angle=0.2)).record
-    assert any(text.startswith("--set hanging_angle has no effect: no gravity") for text in record.warnings)
-    leg = identify_joint(example_log(LEG, SHORT), setup=IdentifySetup(hanging_angle=0.2)).record
-    assert not any("--set hanging_angle has no effect" in text for text in leg.warnings)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import fields, replace
 
 import numpy as np
-import pytest
 
 from stiction.identification.prepare import Prepared, Rows, make_rows
 from stiction.identification.setup import Payload
@@ -36,14 +35,6 @@ def test_a_payload_asks_for_weight_and_inertia() -> None:
     np.testing.assert_allclose(rows.load, [0.0, 3.905, 9.81, -11.81], atol=1e-12)
 
 
-def test_without_a_payload_the_load_is_what_pushes_from_outside() -> None:
-    """The gear carries d with the other sign, for d helps the motor, whose own torque is τ + d less d."""
-    rows = make_rows([prepared(outside=[0.0, 1.0, -2.0, 3.0])], [None])
-    np.testing.assert_array_equal(rows.load, [0.0, -1.0, 2.0, -3.0])
-    np.testing.assert_array_equal(rows.payload, [0.0, -1.0, 2.0, -3.0])
-    np.testing.assert_array_equal(rows.torque, [0.0, 0.0, 4.0, 0.0])
-
-
 def test_what_is_known_stands_over_the_declared_strength() -> None:
     """Torque in units of a motor that gives half: 3 N m from outside are 6 of its own."""
     run = prepared(position=[np.pi / 2] * 4, acceleration=[0.0] * 4, outside=[0.0, 0.0, 3.0, 3.0])
@@ -66,12 +57,6 @@ def test_runs_stack_one_after_the_other_with_their_own_payloads() -> None:
     assert rows.slowest == 0.7 and len(rows) == 4
 
 
-def test_as_many_payloads_as_runs_are_needed() -> None:
-    """A payload too few would hang the load on the wrong run."""
-    with pytest.raises(ValueError, match="zip"):
-        make_rows([prepared(), prepared()], [None])
-
-
 def test_rows_are_taken_by_index_or_by_truth_in_every_field() -> None:
     """A field that stayed behind would set torque against another sample's motion."""
     rows = make_rows([prepared()], [Payload(1.0, 0.1, 0.0)])
@@ -83,14 +68,6 @@ def test_rows_are_taken_by_index_or_by_truth_in_every_field() -> None:
     np.testing.assert_array_equal(rows.take(np.array([3, 0])).torque, [3.0, 0.0])
 
 
-def test_blocks_are_equal_spans_of_time() -> None:
-    """Ten rows over 1 s in five blocks: two rows each; with a gap in time the blocks on it stay empty."""
-    rows = make_rows([prepared(10)], [None])
-    np.testing.assert_array_equal(rows.blocks(5), [0, 0, 1, 1, 2, 2, 3, 3, 4, 4])
-    with_gap = make_rows([prepared(10, used=(0, 1, 2, 7, 8, 9))], [None])
-    np.testing.assert_array_equal(with_gap.blocks(3), [0, 0, 0, 2, 2, 2])
-
-
 def test_no_block_spans_two_runs() -> None:
     """Runs of 3.9 s and 1.9 s in six blocks: four in the first, two in the second, none of them shared.
 
@@ -100,11 +77,3 @@ def test_no_block_spans_two_runs() -> None:
     blocks = rows.blocks(6)
     np.testing.assert_array_equal(np.bincount(blocks), [10, 10, 10, 10, 10, 10])
     assert set(blocks[rows.run == 0]) == {0, 1, 2, 3} and set(blocks[rows.run == 1]) == {4, 5}
-
-
-def test_a_short_run_still_has_two_blocks() -> None:
-    """One tenth of the time would be half a block of six: two, so that one can be left out and one is seen."""
-    rows = make_rows([prepared(90), prepared(10)], [None, None])
-    blocks = rows.blocks(6)
-    assert len(set(blocks[rows.run == 1])) == 2
-    assert not set(blocks[rows.run == 1]) & set(blocks[rows.run == 0])

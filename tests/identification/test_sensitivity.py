@@ -91,18 +91,3 @@ def test_the_error_falls_with_the_square_of_the_step() -> None:
     assert found[0]["inertia"][0] == pytest.approx(0.004, rel=0.2)
     assert found[0]["inertia"][0] / found[1]["inertia"][0] == pytest.approx(25.0, rel=0.2)
     assert max(found[0]["offset"]) < 1e-4
-
-
-def test_a_joint_that_never_moves_depends_on_its_start_alone() -> None:
-    """Friction holds: no parameter changes anything, and a change of the start stays as it is."""
-    model = Model()
-    joint = model.joint([0.01, 0.1, 5.0, 0.0])
-    gains = PDGains(20.0, 0.5)
-    made = simulate(joint, gains, STEP, 0.1 * TARGET)
-    cut = segments(joint, gains, STEP, 0.1 * TARGET, made)
-    torques = parameter_torques(model, {}, joint, cut)
-    start = np.zeros((2, 4))
-    start[0, 0] = 1.0
-    found = vary(joint, gains, cut, np.stack([*torques.values()], axis=2), start)
-    np.testing.assert_array_equal(found[0, :, 0], 1.0)
-    np.testing.assert_array_equal(found[:, :, 1:], 0.0)

@@ -7,7 +7,6 @@ from dataclasses import replace
 import pytest
 
 from estimates import holds
-from stiction.core.errors import ConfigurationError, LogError
 from stiction.files.joints import JointRecord
 from stiction.identification.drive import BRAKE
 from stiction.identification.pipeline import identify_joint
@@ -39,15 +38,6 @@ def test_a_motor_by_voltage_in_si(column: str) -> None:
     assert record.friction_ratio is not None and record.friction_ratio.value == pytest.approx(0.15 / 4.5, rel=0.03)
     assert record.diagnostics["drive"]["brake"] == pytest.approx(0.5625)
     assert said(record, "brakes itself by kt·ke/R = 0.562, 82% of B + kt·ke/R (ke = kt)")
-
-
-def test_too_little_viscous_friction_is_not_told_from_the_brake() -> None:
-    """B = 0.02 beside 0.5625, which may be off by a tenth: null, here and in the law, and the sum is known."""
-    record = identify_joint(replace(SERVO, viscous=0.02).log(), setup=IdentifySetup(**MOTOR)).record
-    assert record.viscous_friction is None and holds(record.coulomb_friction, 0.15) and record.objections == ()
-    assert record.combinations[BRAKE].value == pytest.approx(0.5825, rel=0.01)
-    assert record.friction_law is not None and "viscous_friction" not in record.friction_law["parameters"]
-    assert said(record, "viscous friction is not known") and said(record, "resistance alone grows by a tenth")
 
 
 def test_too_much_taken_off_is_an_objection() -> None:
@@ -116,27 +106,3 @@ def test_runs_with_and_without_the_current_tell_the_brake() -> None:
     assert not holds(alone.viscous_friction, 0.12) and holds(both.viscous_friction, 0.12)
     assert both.diagnostics["drive"]["source"] == "runs" and said(both, "by the runs whose current was logged")
     assert both.combinations[BRAKE].value == pytest.approx(0.12 + servo.brake, rel=0.01)
-
-
-def test_two_supply_voltages_tell_nothing_of_the_brake() -> None:
-    """12 and 24 V in one fit, kt not known: speed times kt ke/R is the same torque at both."""
-    low = SERVO.log(duty_voltage=12.0)
-    high = replace(SERVO, supply=24.0).log(seed=1, duty_voltage=24.0)
-    record = identify_joint(low, more=(high,)).record
-    assert record.viscous_friction is None and "B/k" not in record.combinations
-    assert record.combinations[f"({BRAKE})/k"].value == pytest.approx(WHOLE / 0.375, rel=0.01)
-
-
-def test_unknown_units_are_not_mixed() -> None:
-    """Volts without kt and R beside a current in A: two unknown scales are no fit."""
-    first = SERVO.log("voltage", torque_column="voltage")
-    second = SERVO.log("current", seed=1, torque_column="current")
-    with pytest.raises(ConfigurationError, match="several unknown units"):
-        identify_joint(first, more=(second,))
-
-
-def test_a_swing_too_small_does_not_show_where_the_pendulum_hangs() -> None:
-    """A torque column of noise has no phase of a weight: the angle is asked for."""
-    log = SERVO.log(mass=0.001, pendulum_mass=0.001, pendulum_length=0.2)
-    with pytest.raises(LogError, match="give --set pendulum_angle"):
-        identify_joint(log, setup=IdentifySetup(**MOTOR))

@@ -51,9 +51,3 @@ def test_torque_in_time_is_not_disputed() -> None:
         compared = compare_timing(run.prepared, fit_rows(run.rows, run.model))
         disputed += bool(compared is not None and compared.disputed)
     assert disputed <= 1
-
-
-def test_torque_does_not_move_further_than_clocks_do() -> None:
-    """Friction that rises toward rest looks like torque that is several samples early: no timing is made up for it."""
-    run = make_run(early(example_log(), 8e-3), None, IdentifySetup())
-    assert compare_timing(run.prepared, fit_rows(run.rows, run.model)) is None

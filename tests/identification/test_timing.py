@@ -30,12 +30,6 @@ def test_even_stamps_change_nothing() -> None:
     assert timing.rate == pytest.approx(200, rel=1e-6) and grid.valid.all()
 
 
-def test_stamps_in_single_precision_are_even() -> None:
-    """Tensors of float32 round the stamps; that is not jitter."""
-    _, timing = even_grid("x", TIME.astype(np.float32).astype(float))
-    assert timing.synthetic and timing.jitter == 0
-
-
 @pytest.mark.parametrize("share", [0.02, 0.1, 0.2])
 def test_jitter_is_measured_and_taken_out(share: float) -> None:
     """The interval between two jittered stamps varies by sqrt(2) times the jitter; cubic splines leave 1e-6."""
@@ -73,13 +67,6 @@ def test_interpolation_is_of_fourth_order() -> None:
     assert errors[0] / errors[1] > 10
 
 
-def test_noise_does_not_grow() -> None:
-    """A spline that amplified noise would widen every interval behind it."""
-    noise = np.random.default_rng(1).standard_normal(len(TIME))
-    grid, _ = even_grid("x", jittered(0.1))
-    assert 0.8 < np.std(resample(grid, noise)) < 1.1
-
-
 def test_duplicated_and_disordered_samples_are_mended_and_counted() -> None:
     """A stamp that came twice counts once, the first; neighbours that changed places change back."""
     order = np.arange(1000)
@@ -113,23 +100,6 @@ def test_commands_in_stairs_stay_stairs() -> None:
     held = resample(grid, stairs, command=True)
     assert is_stairs(stairs) and not is_stairs(wave(TIME) + TIME)
     assert set(held) <= set(stairs) and np.mean(held == stairs) > 0.7
-
-
-def test_a_linear_relation_survives() -> None:
-    """Torque of a PD law, computed at the samples, must be that of the resampled signals."""
-    grid, _ = even_grid("x", jittered(0.15))
-    rng = np.random.default_rng(2)
-    target, position = wave(TIME) + 0.01 * rng.standard_normal(1000), wave(TIME - 0.01)
-    torque = resample(grid, 20 * (target - position))
-    np.testing.assert_allclose(torque, 20 * (resample(grid, target) - resample(grid, position)), atol=1e-10)
-
-
-def test_stamps_in_whole_milliseconds_at_400_hz_are_even() -> None:
-    """The logger rounded; the samples came evenly, and are taken so."""
-    time = np.arange(1000) / 400
-    grid, timing = even_grid("x", np.floor(1000 * time + 0.3) / 1000)
-    assert timing.synthetic and timing.rate == pytest.approx(400, rel=1e-3)
-    np.testing.assert_array_equal(resample(grid, wave(time)), wave(time))
 
 
 @pytest.mark.parametrize(

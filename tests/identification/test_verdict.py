@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
 import pytest
 
-from stiction.core.errors import StictionError
-from stiction.files.advice import TRAINING, TRANSFER, FrictionEffect, Source
+from stiction.files.advice import Source
 from stiction.files.joints import Estimate, JointRecord, Objection
-from stiction.identification.advice import shipped
-from stiction.identification.verdict import Thresholds, TrainingNeed, is_leg, judge
+from stiction.identification.verdict import TrainingNeed, judge
 
 FRICTION = Estimate(1.0, 0.1, (0.8, 1.2))
 
@@ -53,12 +50,6 @@ def test_the_level_has_a_margin_unless_the_joint_was_loaded() -> None:
     assert bare.level == 0.11
     assert "lower bound" in bare.text and "chosen, not measured" in bare.text
     assert "lower bound" not in verdict(FRICTION, ratio(0.05), None, "loaded").text
-
-
-def test_a_level_that_training_refuses_is_not_proposed() -> None:
-    """A joint that takes half of its motor: twice that leaves nothing to walk with."""
-    told = verdict(FRICTION, ratio(0.5), None, "in_air")
-    assert told.level is None and "mend the joint" in told.text and "--friction-level" not in told.text
 
 
 def test_friction_that_scatters_about_zero_is_said_to_be_at_most_its_upper_end() -> None:
@@ -105,18 +96,6 @@ def test_whether_it_matters_is_one_word_and_the_number_that_decides(
     assert unknown.lines[1].startswith("Does it matter? Cannot be told without the task")
 
 
-def test_of_walking_is_spoken_to_legs_alone() -> None:
-    """An arm's owner reads three lines about walking policies, and nothing about the arm."""
-    record = JointRecord(coulomb_friction=FRICTION, friction_ratio=ratio(0.03), test_condition="loaded", **LIMIT)
-    arm, leg = judge(record, legs=False), judge(record)
-    for word in ("walk", "polic", "leg", "train", "follow"):
-        assert word not in arm.text and word not in " ".join(case.text for case in arm.what_if)
-    assert "stiction convert" in arm.lines[2] and "stiction train --friction-from" in leg.lines[2]
-    assert arm.level == leg.level == 0.03 and arm.training == leg.training
-    assert is_leg("FL_calf_joint") and is_leg("left_hip_pitch")
-    assert not any(map(is_leg, ("shoulder_pan", "joint", "wrist_3")))
-
-
 def test_what_makes_a_fit_invalid_stands_in_the_place_of_the_answer() -> None:
     """First what to do, then why; neither level, training nor what-if, however certain the interval looks."""
     objection = Objection("follows_position", "the torque follows the position", "--gravity True")
@@ -126,47 +105,6 @@ def test_what_makes_a_fit_invalid_stands_in_the_place_of_the_answer() -> None:
     assert "And 1 more: and so on" in told.lines[1] and "no level" in told.lines[2]
     assert told.level is None and told.training is None and told.range is None and told.what_if == ()
     assert "1 N m" not in told.text and "--method" not in told.text
-
-
-def test_a_linear_axis_is_not_a_leg() -> None:
-    """Policies and training levels are about legs."""
-    text = verdict(FRICTION, ratio(0.2), Estimate(1e-5, 1e-6, (0.8e-5, 1.2e-5)), "loaded", "linear")
-    assert text.level is None and "policy" not in text.text and " m (95 %" in text.text
-
-
-def test_the_range_and_the_settings_say_the_same_as_the_words() -> None:
-    """From zero to 24 % of the limit, 1.2 times the level that is named; little friction, or none, calls for none."""
-    told = verdict(FRICTION, ratio(0.25), None, "loaded")
-    assert told.level == 0.25 and told.range == pytest.approx([0.0, 0.24])
-    assert told.training == {"method": "deception", "level": 0.2, "law": "coulomb", "per": "robot"}
-    assert "--preset quick, which is --method deception --friction-level 0.2." in told.text
-    little = verdict(FRICTION, ratio(0.0098), None, "loaded")
-    assert (little.level, little.training["method"], little.range) == (0.01, "none", [0.0, 0.0])
-
-
-def test_what_to_run_is_not_said_to_cover_what_nobody_follows_with() -> None:
-    """45 % of the limit, twice what the air measured: at 40 % two of five follow, at 50 % none; 15 % is covered."""
-    told = verdict(FRICTION, ratio(0.225), None, "in_air")
-    assert told.level == 0.45 and "has to cover 45 %" in told.text
-    for said in (told.lines[2], told.details[-1]):
-        assert "It does not cover 45 %: " in said and "at 40 % 2 of 5 (3 too slow) follow" in said
-    assert "to cover 45 %." not in told.text
-    good = verdict(FRICTION, Estimate(0.14, 0.005, (0.13, 0.15)), None, "loaded")
-    assert "It covers 15 %: each of 5 seeds follows at 12 % and 15 %." in good.lines[2]
-    assert "the hexapod Saturn Lite walking straight at 0.5 m/s, forward and backward, in simulation" in good.lines[2]
-    cases = verdict(FRICTION, ratio(0.1), None, "loaded").what_if
-    assert [case.text.endswith("which no training is known to.") for case in cases] == [True, False, False, True]
-
-
-def test_another_robot_is_said_to_be_one() -> None:
-    """The only robot that was walked is the hexapod: of a quadruped's joint nothing is known directly."""
-    record = JointRecord(coulomb_friction=FRICTION, friction_ratio=ratio(0.12), test_condition="loaded", **LIMIT)
-    said = {name: judge(record, robot=name) for name in ("saturn_lite", "go2", None)}
-    assert "of Go2 nothing is known directly" in said["go2"].lines[2]
-    assert "of any other robot nothing is known directly" in said[None].lines[2]
-    assert "nothing is known directly" not in said["saturn_lite"].text
-    assert all(one.to_dict()["robot"] == name for name, one in said.items())
-    assert all("of the hexapod Saturn Lite on flat ground, under Coulomb" in one.lines[1] for one in said.values())
 
 
 @pytest.mark.parametrize(
@@ -187,68 +125,6 @@ def test_friction_that_is_not_coulombs_is_not_covered(changes: dict, said: str) 
     assert told.to_dict()["uncovered"] == told.uncovered == (told.details[-1] if said else "")
 
 
-MUJOCO = FrictionEffect("mujoco", 3, 1.1, noticeable=0.04, speed_loss=0.05, dead_band=0.018, onset=0.09, severe=0.3)
-PHYSX = replace(MUJOCO, engine="physx", noticeable=0.02, speed_loss=0.03, dead_band=0.009, onset=0.061, severe=0.2)
-ROBOTS = replace(PHYSX, engine="physx+all", speed_loss=0.011, onset=0.059, frictionless_speed=0.71)
-
-
-def found(*effects: FrictionEffect) -> dict[str, Source]:
-    """Return what the package says of trainings, with other effects of friction."""
-    return shipped() | {TRANSFER: replace(shipped()[TRANSFER], effects=effects)}
-
-
-def test_the_most_sensitive_engine_sets_the_thresholds() -> None:
-    """Felt at 2 % in PhysX, at 4 % in MuJoCo; the cost is that of engines in which no policy was trained."""
-    thresholds = Thresholds.of(found(MUJOCO, PHYSX, ROBOTS))
-    assert (thresholds.noticeable, thresholds.severe, thresholds.dead_band) == (0.02, 0.2, 0.009)
-    assert "friction of 2 % of the torque limit cost such policies 1 to 3 %" in thresholds.text
-    assert "with 9 % in the simulator" in thresholds.text and "with 6 % in PhysX and on virtual" in thresholds.text
-    assert "without friction" not in thresholds.text and "71 % without friction." in Thresholds.of(found(ROBOTS)).text
-
-
-def test_other_effects_are_another_verdict() -> None:
-    """1.5 % of the limit slows a policy by the package's file, and does not where 2 % is the least that was felt."""
-    judged = {
-        name: verdict(FRICTION, ratio(0.015), None, "loaded", sources=sources)
-        for name, sources in (("shipped", shipped()), ("other", found(MUJOCO, PHYSX)))
-    }
-    assert "may slow down" in judged["shipped"].text and "does not trouble" in judged["other"].text
-    assert "may slow down" not in judged["other"].text.split("At 2 times")[0]
-    worn = {name: one.what_if[-1].text for name, one in judged.items()}
-    assert all("may slow down" in text for text in worn.values())
-
-
-def test_a_comparison_in_which_friction_was_not_noticeable_is_refused() -> None:
-    """If this failed, a file of one seed, which has no interval, would call every friction harmless."""
-    with pytest.raises(StictionError, match="several training seeds"):
-        Thresholds.of(found(replace(MUJOCO, noticeable=None, speed_loss=None, dead_band=None)))
-    with pytest.raises(StictionError, match="replicate --advice"):
-        Thresholds.of({name: shipped()[TRAINING] for name in (TRAINING, TRANSFER)})
-
-
-def test_friction_without_newton_metres_is_judged_by_its_ratio() -> None:
-    """A log of positions alone: the words say whose units these are, and an interval over zero is still noticed."""
-    told = verdict(None, ratio(0.02), Estimate(0.02, 0.001, (0.018, 0.022)), "in_air")
-    assert told.level == 0.04 and "Newton metres are not known" in told.text
-    assert "told from zero" in verdict(None, Estimate(0.01, 0.01, (-0.01, 0.03)), None, "in_air").text
-    assert "newton metres" not in verdict(None, None, None, None).text
-
-
-def test_a_joint_stands_among_joints_of_its_condition() -> None:
-    """Ratio and dead band are placed; nothing is where nobody said what hung on the motor."""
-    told = verdict(FRICTION, ratio(0.02), Estimate(0.02, 0.001, (0.018, 0.022)), "in_air")
-    assert [item.quantity for item in told.placement] == ["friction_ratio", "dead_band"]
-    assert all(item.text in told.text and item.condition == "in_air" for item in told.placement)
-    assert verdict(FRICTION, ratio(0.02), None, None).placement == ()
-
-
-def test_a_wide_dead_band_is_not_excused_by_a_small_ratio() -> None:
-    """0.8 % looks harmless, but the robot behind that judgement had gains at which 1 % was 0.0045 rad."""
-    wide, narrow = (Estimate(band, 1e-4, (0.9 * band, 1.1 * band)) for band in (0.005, 0.004))
-    assert "felt more" in verdict(FRICTION, ratio(0.008), wide, "loaded").text
-    assert "felt more" not in verdict(FRICTION, ratio(0.008), narrow, "loaded").text
-
-
 def test_seals_and_wear_are_worked_out_and_labelled() -> None:
     """0.3, 1.5, 2 and 3 times 10 % under load; three times 30 % is beyond training."""
     band = Estimate(0.02, 0.001, (0.018, 0.022))
@@ -261,12 +137,3 @@ def test_seals_and_wear_are_worked_out_and_labelled() -> None:
     assert worst.friction_level is None and "mend the joint" in worst.text
     assert verdict(FRICTION, None, None, None).what_if == ()
     assert verdict(FRICTION, ratio(0.1), band, "loaded", "linear").what_if == ()
-
-
-def test_the_plain_data_go_through_json() -> None:
-    """Pages and the command line draw it from `joints.json`."""
-    told = verdict(FRICTION, ratio(0.02), None, "in_air")
-    data = json.loads(json.dumps(told.to_dict(), allow_nan=False))
-    assert data["friction_level"] == told.level and data["text"] == told.text
-    assert data["what_if"][0]["friction_ratio"]["value"] == pytest.approx(0.3 * 0.018)
-    assert data["placement"][0]["count"] == told.placement[0].count and data["what_if"][0]["dead_band"] is None

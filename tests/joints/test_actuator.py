@@ -15,8 +15,6 @@ from stiction.joints.net import (
     fit_baseline,
     perceptron,
     predict,
-    used_inputs,
-    weight_groups,
     windows,
 )
 
@@ -34,12 +32,6 @@ def test_a_window_by_hand() -> None:
     np.testing.assert_allclose(found[0, 0], [3.0, 2.0, 1.0, 0.3, 0.2, 0.1])
     np.testing.assert_allclose(found[2, 0], [5.0, 4.0, 3.0, 0.5, 0.4, 0.3])
     np.testing.assert_array_equal(first_signal("paper", target, position), position)
-
-
-def test_the_papers_set_lacks_the_current_velocity() -> None:
-    """θ_t ... θ_{t-3} and θ'_{t-1} ... θ'_{t-3} are seven numbers; the default has eight."""
-    assert used_inputs("paper", 3).tolist() == [True] * 4 + [False] + [True] * 3
-    assert used_inputs("default", 3).all()
 
 
 def test_a_perceptron_by_hand() -> None:
@@ -65,26 +57,6 @@ def test_step_by_step_is_the_same_as_all_at_once() -> None:
     limit = np.array(net.torque_limit)
     whole = predict(net, *signals)
     np.testing.assert_allclose(np.clip([step[0] for step in steps], -limit, limit)[3:], whole, rtol=1e-5, atol=1e-4)
-
-
-def test_without_a_past_the_first_sample_stands_for_it() -> None:
-    """A robot that was just put down has no velocity of an earlier life: 8 equal errors of 0.1 rad, and no others."""
-    ones = tuple(((np.ones((1, 8), np.float32), np.zeros(1, np.float32)),) for _ in range(3))
-    net = pd_net(layers=ones)
-    memory, zero = ActuatorMemory(net, 2), np.zeros((2, 18))
-    first = memory.torque(zero + 0.1, zero, zero)
-    np.testing.assert_allclose(first, 0.4 * np.tile(net.torque_limit, (2, 1)), rtol=1e-6)
-    memory.forget(np.array([1]))
-    second = memory.torque(zero, zero, zero)
-    np.testing.assert_allclose(second[0], 0.3 * np.array(net.torque_limit), rtol=1e-6)
-    np.testing.assert_allclose(second[1], 0.0)
-
-
-def test_joints_of_a_kind_share_weights() -> None:
-    """Six hips have one motor; `all` is one group."""
-    names = ("FL_hip", "FL_shank", "FR_hip", "FR_shank")
-    assert weight_groups(names, "kind") == (("FL_hip", "FR_hip"), ("FL_shank", "FR_shank"))
-    assert weight_groups(names, "all") == (names,)
 
 
 def test_a_net_recovers_a_pd_law() -> None:
@@ -120,23 +92,6 @@ def test_the_law_beside_it_finds_the_friction() -> None:
     limited = Baseline(*gains, np.array([2.0]), np.array([0.5]), np.array([1.0]))
     pushed = limited.torque(np.array([[1.0], [1.0]]), np.zeros((2, 1)), np.array([[1.0], [3.0]]))
     np.testing.assert_allclose(pushed[:, 0], [25.0 - 2.5, 25.0 - 3.5])
-
-
-def test_the_law_beside_it_takes_kd_when_the_controller_did() -> None:
-    """A simulator that takes kd θ' at the end of the period follows the PD law: λ = 1 leaves no error, where the
-    velocity of the sample alone would leave kd Δθ'. Nothing is carried over from one run into the next.
-    """
-    runs = []
-    for _ in range(2):
-        velocity = GENERATOR.uniform(-2.0, 2.0, (200, 1))
-        later = np.append(velocity[1:], velocity[-1:], axis=0)
-        target = GENERATOR.uniform(-0.05, 0.05, (200, 1))
-        runs.append((target, np.zeros((200, 1)), velocity, 100 * target - 2.5 * later))
-    law = fit_baseline((np.array([100.0]), np.array([2.5]), np.array([25.0])), runs)
-    np.testing.assert_allclose([law.coulomb[0], law.viscous[0], law.later[0]], [0.0, 0.0, 1.0], atol=1e-9)
-    np.testing.assert_allclose(law.torque(*runs[1][:3]), runs[1][3], atol=1e-9)
-    far = [(t, p, v, 100 * t - 2.5 * (v + 3 * np.diff(v, axis=0, append=v[-1:]))) for t, p, v, _ in runs]
-    assert fit_baseline((np.array([100.0]), np.array([2.5]), np.array([25.0])), far).later[0] == 1.0
 
 
 @pytest.mark.parametrize(

@@ -82,26 +82,6 @@ def test_a_robot_of_a_batch_that_is_reset_begins_with_its_target_at_rest() -> No
     assert found[0] == pytest.approx(6.0) and found[1] == pytest.approx(0.0)
 
 
-def test_what_is_left_of_the_friction_always_holds_a_joint_at_rest() -> None:
-    """Whatever target and speed say, a share below one pushes with less than the friction: it cannot hunt by itself."""
-    generator = np.random.default_rng(0)
-    controller = Compensation("measured", 0.8).controller(np.array([5.0]), 0.002)
-    pushed = [abs(float(controller.torque(*generator.normal(0, 1, (3, 1)))[0])) for _ in range(200)]
-    assert max(pushed) <= 0.8 * 5.0
-
-
-@pytest.mark.parametrize("text", ["error", "reference", "measured=0.8", "measured-motor", "reference-motor=0.525"])
-def test_a_way_is_read_as_it_is_written(text: str) -> None:
-    """Names of policies are made of it."""
-    assert parse_compensation(text).label == text
-
-
-def test_the_default_share_is_not_written() -> None:
-    """`reference=0.75` and `reference` are one policy."""
-    assert parse_compensation("reference=0.75") == parse_compensation("reference")
-    assert parse_compensation("error").share == 1.0
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -116,19 +96,3 @@ def test_a_way_that_is_none_is_refused(text: str, message: str) -> None:
     """The message says what there is."""
     with pytest.raises(StictionError, match=message):
         parse_compensation(text)
-
-
-@pytest.mark.parametrize("name", ["slow", "smoothing", "width", "fade"])
-@pytest.mark.parametrize("value", [0.0, -1.0, float("nan")])
-def test_settings_that_are_none_are_refused(name: str, value: float) -> None:
-    """A width of zero would divide by it far from its cause."""
-    with pytest.raises(StictionError, match="four positive numbers"):
-        PushCfg(**{name: value})
-
-
-@pytest.mark.parametrize("name", ["smoothing", "width"])
-def test_only_a_speed_may_play_no_part(name: str) -> None:
-    """A target that is never followed, or from which no joint is ever far, would feed nothing without a word."""
-    assert PushCfg(slow=inf, fade=inf).slow == inf
-    with pytest.raises(StictionError, match="four positive numbers"):
-        PushCfg(**{name: inf})

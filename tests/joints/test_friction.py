@@ -10,7 +10,6 @@ from stiction.joints.friction import (
     Coulomb,
     Law,
     LawSpec,
-    candidate_laws,
     dead_band,
     friction_ratio,
     register_law,
@@ -33,12 +32,6 @@ def test_impossible_values_are_refused() -> None:
         friction_ratio(0.1, 0.0)
     with pytest.raises(StictionError, match="positive gain"):
         dead_band(0.1, 0.0)
-
-
-def test_the_order_of_the_laws_is_kept() -> None:
-    """Identification takes the first of two laws that are as good: another order would choose others."""
-    assert candidate_laws() == ("coulomb", "asymmetric", "load", "stribeck", "position")
-    assert simulated_laws() == ("coulomb", "stribeck", "load", "effort")
 
 
 @pytest.mark.parametrize(

@@ -75,14 +75,6 @@ def test_an_asymmetric_joint_coasts_further_where_friction_is_less() -> None:
     assert backward.position[-1] == pytest.approx(-0.4, rel=1e-6)
 
 
-def test_break_away_differs_by_direction() -> None:
-    """At kp 10 and a creeping target: forward at 0.4 N m after 0.04 s, backward at 0.2 N m after 0.02 s."""
-    joint, gains = Joint(0.01, 0.1, Asymmetric(0.4, 0.2)), PDGains(10.0, 0.0)
-    forward = simulate(joint, gains, STEP, TIME[:40])
-    backward = simulate(joint, gains, STEP, -TIME[:40])
-    assert np.flatnonzero(forward.velocity)[0] == 21 and np.flatnonzero(backward.velocity)[0] == 11
-
-
 def test_static_friction_lets_go_with_a_jerk() -> None:
     """Held to b_s = 0.5 N m; once it slides friction falls to 0.1, so it overshoots where Coulomb friction would not.
 
@@ -139,22 +131,6 @@ def test_a_free_pendulum_keeps_its_energy() -> None:
     energy = 0.5 * joint.inertia * made.velocity**2 - 2.0 * np.cos(made.position) + 0.5e-3 * made.position**2
     np.testing.assert_allclose(energy, energy[0], atol=2e-4)
     assert made.position.min() < -0.99 and made.velocity[-1] > 1.0
-
-
-def test_a_guess_changes_the_way_there_and_not_the_result() -> None:
-    """The path is a fixed point: wherever the passes begin, they end there."""
-    joint = Joint(0.02, 0.07, Coulomb(0.2), 0.02, Gravity(2.5, -0.8))
-    target = 0.4 * np.sin(4 * np.pi * TIME)
-    made = simulate(joint, GAINS, STEP, target)
-    again = simulate(joint, GAINS, STEP, target, guess=made.position)
-    np.testing.assert_allclose(again.position, made.position, atol=1e-6)
-
-
-def test_gravity_that_the_controller_cannot_hold_is_refused() -> None:
-    """A link of 500 N m on a spring of 1 N m/rad falls: no path to iterate on, and one line that says so."""
-    joint = Joint(0.02, 0.0, Coulomb(0.0), 0.0, Gravity(500.0, 100.0))
-    with pytest.raises(StictionError, match="does not settle"):
-        simulate(joint, PDGains(1.0, 0.0), STEP, np.sin(5 * TIME))
 
 
 @pytest.mark.parametrize("law", [Coulomb(0.05), Asymmetric(0.05, 0.08), Stribeck(0.03, 0.08, 0.1)])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.joints.pd import PDGains, fed_forward, pd_torque
+from stiction.joints.pd import PDGains, pd_torque
 
 
 def test_torque_by_hand() -> None:
@@ -26,10 +26,3 @@ def test_impossible_gains_are_refused(bad: dict) -> None:
     """A zero gain would divide by zero far from its cause."""
     with pytest.raises(StictionError, match="must be positive"):
         PDGains(**{"kp": 20.0, "kd": 0.5, **bad})
-
-
-def test_friction_is_fed_forward_in_the_direction_of_the_target() -> None:
-    """2 N m over 0.05 rad: 0.02 rad before the target 0.8 N m, none at it, never more than 2, in both directions."""
-    ahead = np.array([0.02, 0.0, 0.3, -0.3, -0.01])
-    np.testing.assert_allclose(fed_forward(0.1 + ahead, 0.1, 2.0), [0.8, 0.0, 2.0, -2.0, -0.4], atol=1e-12)
-    np.testing.assert_allclose(fed_forward(0.1 + ahead, 0.1, 2.0, width=0.02), [2.0, 0.0, 2.0, -2.0, -1.0], atol=1e-12)

@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 
 from small_steps import STEP, small_steps
-from stiction.core.errors import StictionError
-from stiction.joints.friction import Coulomb, PositionDependent
+from stiction.joints.friction import PositionDependent
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Gravity, Joint, simulate
 
 TIME = STEP * np.arange(500)
-GAINS = PDGains(20.0, 0.5, 45.0)
 LAW = PositionDependent(0.2, 0.3, 0.5, 0.1)
 """0.2 N m at 0.1 rad; 0.2 + 0.12 + 0.08 = 0.4 N m at 0.5 rad; 0.2 − 0.06 + 0.02 = 0.16 N m at −0.1 rad."""
 
@@ -91,27 +89,3 @@ def test_it_agrees_with_small_steps(joint: Joint, limit: float) -> None:
     position, velocity = small_steps(joint, gains, target, size)
     assert np.abs(made.position - position).max() < 2e-3 * np.abs(position).max()
     assert np.abs(made.velocity - velocity).max() < 6e-3 * np.abs(velocity).max()
-
-
-def test_without_slope_and_curvature_it_is_coulomb_friction() -> None:
-    """Zero, zero: the same motion as the plain law's to the tolerance of the passes."""
-    target = 0.4 * np.sin(4 * np.pi * TIME)
-    plain = simulate(Joint(0.0145, 0.07, Coulomb(0.3), -0.05), GAINS, STEP, target)
-    flat = simulate(Joint(0.0145, 0.07, PositionDependent(0.3, 0.0, 0.0, 0.4), -0.05), GAINS, STEP, target)
-    np.testing.assert_allclose(flat.position, plain.position, atol=1e-9)
-
-
-def test_it_never_adds_energy() -> None:
-    """A free joint with friction that rises and falls over the angle only slows down."""
-    made = simulate(
-        Joint(0.01, 0.0, PositionDependent(0.05, 0.3, -0.4)), PDGains(1e-9, 0.0), STEP, np.zeros(500), velocity=3.0
-    )
-    assert np.all(np.diff(made.velocity) <= 1e-9) and made.velocity.min() >= 0.0
-
-
-def test_impossible_numbers_are_refused() -> None:
-    """Negative friction in the middle, and a curvature that is no number."""
-    with pytest.raises(StictionError, match=r"Coulomb friction -0\.1"):
-        PositionDependent(-0.1, 0.0, 0.0)
-    with pytest.raises(StictionError, match="expected a finite number"):
-        PositionDependent(0.1, 0.0, float("nan"))

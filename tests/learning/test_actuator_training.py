@@ -9,8 +9,6 @@ import pytest
 
 pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to fit a net")
 
-from run_log_attacks import OTHER, RUN
-from run_log_attacks import write_run as write_run_log
 from stiction.core.errors import StictionError
 from stiction.files.actuator import FILE, read_actuator
 from stiction.files.log import JointSignals, Log, LogSetup, write_log
@@ -125,16 +123,6 @@ def test_a_canonical_log_is_a_run(tmp_path: Path) -> None:
     write_log(tmp_path / "bare.csv", Log("bare", np.arange(50) * 0.002, joints, replace(setup, kp=None)))
     with pytest.raises(StictionError, match="no kp of joint 'hip'"):
         read_run(tmp_path / "bare.csv")
-
-
-def test_the_log_of_a_run_is_one_to_fit(tmp_path: Path) -> None:
-    """What `deploy` left ends in an error of the system, since it is a folder; or two runs count as one."""
-    for name, run in (("one", RUN), ("two", OTHER)):
-        write_run_log(tmp_path / name / "log", "walk", run)
-    one, two = read_run(tmp_path / "one"), read_run(tmp_path / "two" / "log")
-    assert one.robot == "saturn_lite" and one.torque.shape == one.target.shape and len(one.torque) > 1000
-    assert one.sha256 != two.sha256 and read_run(tmp_path / "one" / "log").sha256 == one.sha256
-    check_runs([one, two], 3)
 
 
 def test_what_is_trained_says_what_it_was_trained_on(tmp_path: Path) -> None:

@@ -66,16 +66,8 @@ def test_only_complete_checkpoints_count(tmp_path: Path) -> None:
 SMALL = [
     *("--robot", "go1", "--num-envs", "4", "--checkpoint-every", "1", "--friction-level", "0.1"),
     *("--preset", "two-phase", "--video-every", "0"),
-    *(
-        "--teacher.iterations",
-        "2",
-        "--teacher.steps",
-        "4",
-        "--teacher.mini-batches",
-        "2",
-        "--set",
-        "teacher.alternate=2",
-    ),
+    *("--teacher.iterations", "2", "--teacher.steps", "4", "--teacher.mini-batches", "2"),
+    *("--set", "teacher.alternate=2"),
     *("--student.iterations", "10", "--student.steps", "4", "--student.mini-batches", "2"),
 ]
 

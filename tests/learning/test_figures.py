@@ -45,20 +45,6 @@ def test_explained_share_and_estimator_errors_by_hand() -> None:
     assert figures["estimator/contact_error"] == pytest.approx(0.25)
 
 
-def test_a_latent_that_does_not_vary_has_no_share() -> None:
-    """One robot, or a dead encoder: 0/0 would stop the run as diverged."""
-    figures = adaptation_figures(KnownActor([[1.0]], [[1.0]], [[0.0] * 4]), observation([[0.0] * 4]), 1)
-    assert "latent/explained" not in figures
-
-
-def test_means_are_over_the_steps_that_log_a_name() -> None:
-    """Whatever a task logs appears, also now and then; unstable simulations are counted, not averaged."""
-    rollout = RolloutFigures(control_period=0.02)
-    rollout.add({"reward": torch.tensor(1.0), "walk/blown_up": torch.tensor(2.0)})
-    rollout.add({"reward": torch.tensor(3.0), "walk/blown_up": torch.tensor(1.0), "terrain/level": 4.0})
-    assert rollout.means() == {"reward": 2.0, "walk/blown_up": 3.0, "terrain/level": 4.0}
-
-
 def test_episodes_are_measured_where_they_end() -> None:
     """Ages of 99 and 49 steps before the step that ends them: 100 and 50 steps of 0.02 s, on average 1.5 s."""
     rollout = RolloutFigures(control_period=0.02)

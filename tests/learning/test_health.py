@@ -52,34 +52,6 @@ def test_each_way_to_diverge_is_found_after_it_has_lasted(change: dict, lasting:
     assert first_diagnosis(rows[: 30 + lasting - 1]) is None
 
 
-@pytest.mark.parametrize(
-    "rows",
-    [
-        # The loss is a hundredfold, but nothing is known yet to compare it with.
-        [USUAL] * 10 + [USUAL | {"loss/value": 2.1}] * 9,
-        # An outlier now and then, ten times as large as usual.
-        ([USUAL] * 9 + [USUAL | {"loss/value": 0.2}]) * 20,
-        # A hundredfold nine times in a row, then healthy again.
-        [USUAL] * 30 + ([USUAL | {"loss/value": 2.1}] * 9 + [USUAL]) * 9,
-        # Exploration at its lower bound: how a long run ends, and how a policy ends that never moves.
-        [USUAL | {"action_std": 0.05, "reward": 0.0}] * 300,
-        # Strong exploration, chosen.
-        [USUAL | {"action_std": 2.0}] * 300,
-        # The learning rate at its floor while the step is as it should be, and a large step that can still shrink.
-        [USUAL | {"learning_rate": 1e-5}] * 100,
-        [USUAL | {"kl": 0.5}] * 100,
-        # An untrained quadruped.
-        [USUAL | {"walk/falls": 1.0}] * 300,
-        # A robot in twenty, and all of the student's figures, which are fewer.
-        [USUAL | {"walk/blown_up": 5.0}] * 300,
-        [{"reward": 0.02, "loss/clone": 0.005}] * 300,
-    ],
-)
-def test_healthy_runs_go_on(rows: list[dict]) -> None:
-    """A run that learns slowly, or nothing, is a result: stopping it would bias every comparison."""
-    assert first_diagnosis(rows) is None
-
-
 def test_a_run_is_suspicious_from_the_first_bad_iteration() -> None:
     """Its checkpoints must not replace good ones before the verdict is sure."""
     health = Health(100, 0.01)

@@ -6,9 +6,6 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import pytest
-
-from stiction.learning.arguments import parse
 from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.learning.identity import (
     APART,
@@ -16,11 +13,7 @@ from stiction.learning.identity import (
     difference,
     differing,
     effective,
-    key_of_settings,
     settings_of,
-    settings_text,
-    shown,
-    unrecorded_note,
 )
 from stiction.task.config import TaskCfg
 from stiction.task.friction import FrictionCfg
@@ -55,14 +48,6 @@ def test_settings_are_what_differs_from_the_defaults() -> None:
     assert json.loads(json.dumps(settings_of(cfg))) == settings_of(cfg)
 
 
-def test_names_are_those_of_the_command_line() -> None:
-    """If this failed, nobody could train the same again from what a card says."""
-    words = ["--set", "teacher.final_std=0.3", "--task.randomization.contact-time", "0.01", "0.03", "--num-envs", "256"]
-    plain, other = (settings_of(parse(["--preset", "two-phase", *more]).config) for more in ([], words))
-    expected = {"teacher.final-std": 0.3, "task.randomization.contact-time": [0.01, 0.03], "num-envs": 256}
-    assert {name: value for name, value in other.items() if plain.get(name) != value} == expected
-
-
 def test_what_tells_no_training_from_another_is_left_out(tmp_path: Path) -> None:
     """If this failed, two seeds would count as two trainings, or a bundle would name folders of its maker's machine."""
     same = TrainCfg(
@@ -88,43 +73,6 @@ def test_a_setting_that_is_missing_has_its_default() -> None:
     assert difference({"x": True}, {"x": 1}) == ("x true", "1") and difference({"x": 2}, {"x": 2.0}) is None
     assert effective({"seed": 3, "teacher.quiet": 0, "b": 1, "a": 2}) == {"a": 2, "b": 1}
     assert [*effective({"b": 1, "a": 2})] == ["a", "b"]
-
-
-def test_keys_are_equal_where_trainings_are() -> None:
-    """If this failed, the order in which a file names settings would make two trainings of one."""
-    assert key_of_settings({"b": 1, "a": [1, 2.5]}) == key_of_settings({"a": [1.0, 2.5], "b": 1.0, "seed": 3})
-    assert key_of_settings({"a": 1}) != key_of_settings({"a": "1"}) != key_of_settings({"a": True})
-    assert key_of_settings(None) is None and key_of_settings({}) == "{}"
-
-
-def test_what_a_file_says_is_shown_without_effect() -> None:
-    """A name may have marks of tables, pages, formulas and terminals in it; written out they mean nothing."""
-    odd = {"<b>|`$x$`[red]\n\x1b": "a|b", "n": [True, None, 0.5, "é"]}
-    text = settings_text(odd)
-    assert not {*"<>|`$[]\n\x1b*#\\"} & {*text.replace("\\u", "")}
-    assert "a\\u007cb" in text and "n true null 0.5 \\u00e9" in text
-    assert shown("task.friction.range 0 1.2") == "task.friction.range 0 1.2"
-    many = settings_text({f"n{number:03}": number for number in range(100)})
-    assert many.endswith("n059 59, and 40 more")
-    assert len(settings_text({"a" * 128: "b" * 512})) < 130
-    assert (settings_text(None), settings_text({})) == ("not recorded", "all as by default")
-
-
-def test_one_note_names_all_that_are_not_recorded() -> None:
-    """A line each would hide what else is to be read."""
-    assert unrecorded_note([]) == []
-    (note,) = unrecorded_note([f"p{number}" for number in range(7)])
-    assert note.startswith("Settings not recorded: p0, p1, p2, p3, p4 and 2 more. ")
-
-
-@pytest.mark.parametrize("name", json.loads(DEFAULTS.read_text(encoding="utf-8")))
-def test_no_default_changes(name: str) -> None:
-    """A setting that a bundle does not name had this value: with another default it would be of another training.
-
-    A new setting is added to the file, and does nothing by default; another value is for the presets.
-    """
-    now = defaults()[name]
-    assert now == json.loads(DEFAULTS.read_text(encoding="utf-8"))[name]
 
 
 def test_every_setting_has_its_default_in_the_file() -> None:

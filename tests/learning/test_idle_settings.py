@@ -1,7 +1,5 @@
 """Settings without effect are refused where somebody changed them, and a preset's own never are."""
 
-from dataclasses import replace
-from operator import attrgetter
 from pathlib import Path
 from typing import get_args
 
@@ -11,11 +9,8 @@ from stiction.core.errors import ConfigurationError
 from stiction.files.method import method_names
 from stiction.learning.arguments import parse
 from stiction.learning.begin import begin_run
-from stiction.learning.config import StopCfg, TeacherCfg
-from stiction.learning.effects import check_effects, idle
-from stiction.learning.presets import PresetName, preset
-from stiction.task.friction import FrictionCfg
-from stiction_experiments.friction.manifest import ONE_PHASE, TWO_PHASE, runs_of
+from stiction.learning.effects import check_effects
+from stiction.learning.presets import PresetName
 
 REFUSED = [
     ("--student.iterations 0 --teacher.latent history --student.steps 12", "--student.steps 12", "second phase"),
@@ -206,40 +201,6 @@ def test_a_preset_with_a_method_is_never_refused(name: str, method: str, where: 
     assert cfg.task.friction.method == method
 
 
-@pytest.mark.parametrize("chosen", [TWO_PHASE, ONE_PHASE])
-def test_every_run_of_the_experiment_can_still_be_trained(chosen: str) -> None:
-    """The command lines behind the results are repeated, and none of their words is without effect."""
-    runs = runs_of((), chosen)
-    assert len(runs) > 20
-    for run in runs:
-        check_effects(run.configuration())
-
-
-def test_every_idle_place_is_a_field() -> None:
-    """A name that has changed would be an `AttributeError` in front of a user: all rules are looked up."""
-    cases = [preset(name, method=method) for name in ("full", "two-phase") for method in ("none", "deception")]
-    cases += [preset("full", method="dreamwaq"), preset("full", engine="physx"), preset("paper")]
-    cases.append(replace(cases[0], actuator="net", stop=StopCfg(tracking_error=0.1)))
-    for cfg in cases:
-        places = list(idle(cfg))
-        assert places
-        for place, why in places:
-            attrgetter(place)(cfg)
-            assert why.startswith((" with ", " without ", " on ", ": "))
-
-
-def test_a_configuration_of_ones_own_is_judged_too() -> None:
-    """Of Python nobody knows what was typed: the presets' own values count as unchanged."""
-    quick = preset("quick")
-    check_effects(replace(quick, num_envs=64))
-    other = replace(quick, teacher=replace(quick.teacher, student_share=0.5))
-    with pytest.raises(ConfigurationError, match=r"--set teacher\.student_share=0\.5 has no effect"):
-        check_effects(other)
-    dream = replace(quick, task=replace(quick.task, friction=FrictionCfg("dreamwaq")), teacher=TeacherCfg("history"))
-    with pytest.raises(ConfigurationError, match=r"task\.estimated_friction=true has no effect with --method dream"):
-        check_effects(dream)
-
-
 @pytest.mark.parametrize("law", ["load", "effort"])
 def test_a_coefficient_is_not_told(law: str) -> None:
     """There is no share of the torque limit that a bench could find."""
@@ -265,16 +226,3 @@ def test_friction_that_cannot_be_there_is_refused(words: str, said: str, tmp_pat
     with pytest.raises(ConfigurationError, match=said):
         begin_run(tmp_path / "run", parse(words.split()).config, "stiction train")
     assert not (tmp_path / "run").exists()
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        *("--robot go2 --friction-level 0.1", "--robot go2 --method none", "--robot go1"),
-        *("--robot go2 --method hinf", "--robot go1 --friction-level 0 --task.friction.load 0 0.1"),
-    ],
-)
-def test_friction_that_somebody_has_measured_or_said_is_not(words: str, tmp_path: Path) -> None:
-    """Nor is a training without any."""
-    begin_run(tmp_path / "run", parse([*words.split(), "--num-envs", "8"]).config, "stiction train")
-    assert (tmp_path / "run" / "config.json").exists()

@@ -16,29 +16,12 @@ from stiction.evaluation.evaluate import EvaluationCfg
 from stiction.evaluation.film import _render
 from stiction.evaluation.trained import walk_run
 from stiction.learning.run import ROBOT, RunDirectory, load_checkpoint, save_checkpoint
-from stiction.robots.catalog import robot_in_file
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
 WORDS = [
-    "--preset",
-    "quick",
-    "--robot",
-    "go1",
-    "--num-envs",
-    "4",
-    "--teacher.iterations",
-    "2",
-    "--teacher.steps",
-    "4",
-    "--teacher.mini-batches",
-    "2",
-    "--checkpoint-every",
-    "1",
-    "--video-every",
-    "0",
-    "--method",
-    "none",
+    *("--preset", "quick", "--robot", "go1", "--num-envs", "4", "--teacher.iterations", "2", "--teacher.steps", "4"),
+    *("--teacher.mini-batches", "2", "--checkpoint-every", "1", "--video-every", "0", "--method", "none"),
 ]
 
 TRAP = """
@@ -108,17 +91,6 @@ def test_a_robot_that_a_file_names_is_no_module(
     assert not trap.exists()
 
 
-def test_a_module_in_the_name_of_a_file_is_a_file(
-    finished: Path, trap: Path, tmp_path: Path, capsys: pytest.CaptureFixture
-) -> None:
-    """What ends as files of robots do is one, whatever stands before: it is looked for, and nothing is imported."""
-    run = sent(finished, tmp_path / "run", True, robot="trap:ROBOT@kp=1.json")
-    assert main(["train", "--resume", str(run)]) == 1
-    shown = capsys.readouterr().err.splitlines()
-    assert len(shown) == 1 and "cannot read trap:ROBOT@kp=1.json" in shown[0]
-    assert not trap.exists()
-
-
 def test_a_robot_that_the_user_names_again_is_copied_into_the_run(
     finished: Path, trap: Path, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
@@ -151,9 +123,3 @@ def test_a_reward_term_that_a_file_names_is_no_module(
     assert not trap.exists()
     assert main([*again, "--task.rewards.own", "trap:pays", "0.5"]) == 0
     assert trap.exists()
-
-
-@pytest.mark.parametrize("name", ["go1", "go1@kp=0.5", "mine/robot.yaml", "robot.json", "a.urdf@torque=2"])
-def test_shipped_robots_and_files_may_be_named_in_files(name: str) -> None:
-    """They are data."""
-    assert robot_in_file(name, "config.json", "say it") == name

@@ -7,7 +7,7 @@ from tensordict import TensorDict
 from torch import nn
 
 from stiction.learning import quick
-from stiction.learning.quick import QuickELU, gathered_batches, take_rows
+from stiction.learning.quick import QuickELU, gathered_batches
 
 
 def storage() -> RolloutStorage:
@@ -43,15 +43,6 @@ def test_mini_batches_are_those_of_the_library_bit_for_bit() -> None:
         ours.observations = torch.cat([ours.observations, ours.observations])
         found += 1
     assert found == 6 and torch.equal(after, torch.rand(1))
-
-
-def test_rows_are_those_of_indexing() -> None:
-    """Also where an index comes twice."""
-    values = TensorDict({"a": torch.randn(5, 3), "b": torch.randn(5, 2, 2)}, batch_size=[5])
-    ids = torch.tensor([4, 0, 4])
-    taken = take_rows(values, ids)
-    assert taken.batch_size == torch.Size([3])
-    assert all(torch.equal(taken[name], values[ids][name]) for name in ("a", "b"))
 
 
 def test_the_quick_elu_is_elu_with_its_gradient() -> None:

@@ -10,8 +10,7 @@ from rollouts import phase_runner, rollout
 from stiction.core.errors import ConfigurationError
 from stiction.learning.arguments import parse
 from stiction.learning.config import StopCfg, StudentCfg, TeacherCfg, TrainCfg
-from stiction.learning.phase import Interrupted
-from stiction.learning.run import RunDirectory, latest_checkpoint, load_checkpoint
+from stiction.learning.run import RunDirectory
 from stiction.learning.runner import train
 from stiction.task.config import TaskCfg
 from stiction.task.friction import FrictionCfg
@@ -59,13 +58,6 @@ def test_who_walks_is_deployed_and_the_estimator_alone_learns(tmp_path: Path) ->
     rollout(runner)
 
 
-def test_before_them_robots_walk_with_noise(tmp_path: Path) -> None:
-    """Without it PPO would learn nothing."""
-    runner = phase_runner(CFG, tmp_path)
-    obs = runner.env.get_observations()
-    assert (runner.alg.act(obs) - runner.alg.actor(obs)).abs().min() > 0
-
-
 def test_the_step_falls_and_the_passes_double(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of two quiet iterations the first has the whole step, 1e-3, the second half of it; four batches become eight."""
     runner, seen = phase_runner(CFG, tmp_path), []
@@ -79,21 +71,6 @@ def test_the_step_falls_and_the_passes_double(tmp_path: Path, monkeypatch: pytes
         rollout(runner)
         runner.alg.update()
     assert seen == pytest.approx([1e-3] * (6 * 4 + 8) + [5e-4] * 8)
-
-
-def test_a_run_that_was_cut_in_them_ends_in_the_same_weights(tmp_path: Path) -> None:
-    """The first quiet iteration is remembered, and with it the step."""
-    whole, cut = (RunDirectory.create(tmp_path / name, CFG, "test", None) for name in ("whole", "cut"))
-    train(CFG, whole)
-    made: list[int] = []
-    with pytest.raises(Interrupted, match="after iteration 7 of 8"):
-        train(CFG, cut, interrupted=lambda: made.append(1) or len(made) > 6)
-    train(CFG, cut)
-    ends = [load_checkpoint(latest_checkpoint(run.checkpoints, "student"))["algorithm"] for run in (whole, cut)]
-    states = [end["actor_state_dict" if "actor_state_dict" in end else "student_state_dict"] for end in ends]
-    assert all(torch.equal(value, states[1][name]) for name, value in states[0].items())
-    rows = [row for row in whole.rows() if row["phase"] == "teacher"]
-    assert ["loss/value" in row for row in rows] == [True] * 6 + [False] * 2
 
 
 def test_a_target_met_early_ends_with_them(tmp_path: Path) -> None:
@@ -123,10 +100,3 @@ def test_where_they_mean_nothing_they_are_refused(words: str) -> None:
     """A teacher's estimator goes on to learn in the second phase; a context's code would drift under the policy."""
     with pytest.raises(ConfigurationError, match=r"--teacher\.quiet 30 .* add --teacher\.quiet 0"):
         parse(["--preset", "quick", "--friction-level", "0.2", *words.split()])
-
-
-@pytest.mark.parametrize("quiet", [-1, 2_000_000])
-def test_a_number_that_nobody_could_mean_is_refused(quiet: int) -> None:
-    """Before any folder is made."""
-    with pytest.raises(ConfigurationError, match=r"teacher\.quiet"):
-        replace(CFG, teacher=replace(CFG.teacher, quiet=quiet))

@@ -90,12 +90,6 @@ def dies(call: Callable, count: int, after: bool = False) -> Callable:
     return wrapped
 
 
-def half_a_line(run: RunDirectory, row: dict) -> None:
-    """What a kill leaves of a row."""
-    with run.metrics.open("a") as file:
-        file.write(json.dumps(row)[:40])
-
-
 MOMENTS = {
     "before the first iteration": (PhaseRunner, "iterate", 1, False),
     "in the teacher's fourth iteration": (PhaseRunner, "iterate", 4, False),
@@ -120,26 +114,6 @@ def test_a_kill_at_any_moment_changes_nothing(moment: str, tmp_path: Path, monke
             train(CFG, run)
     assert not run.finished
     train(CFG, RunDirectory(run.path))
-    assert_same(run, whole)
-
-
-def test_a_line_that_was_cut_off_changes_nothing(tmp_path: Path, monkeypatch, whole) -> None:
-    """The figures after it must not be lost for the readers of the file."""
-    run = start(tmp_path / "run")
-    with monkeypatch.context() as patch:
-        log, logged = RunDirectory.log, []
-
-        def cut(self: RunDirectory, row: dict) -> None:
-            logged.append(row)
-            if len(logged) == 4:
-                half_a_line(self, row)
-                raise Killed
-            log(self, row)
-
-        patch.setattr(RunDirectory, "log", cut)
-        with pytest.raises(Killed):
-            train(CFG, run)
-    train(CFG, run)
     assert_same(run, whole)
 
 
@@ -225,16 +199,6 @@ def test_a_full_disk_is_one_line(tmp_path: Path, monkeypatch) -> None:
         train(CFG, run)
 
 
-def test_a_checkpoint_written_again_does_not_trust_an_old_header(tmp_path: Path, monkeypatch) -> None:
-    """Tensors of one try under the header of another would be loaded as if they were whole."""
-    path = tmp_path / "teacher_000001.safetensors"
-    checkpoint.save_checkpoint(path, {"n": 1})
-    monkeypatch.setattr(checkpoint, "write_json", dies(checkpoint.write_json, 1))
-    with pytest.raises(Killed):
-        checkpoint.save_checkpoint(path, {"n": 2})
-    assert latest_checkpoint(tmp_path, "teacher") is None
-
-
 @pytest.mark.parametrize(
     ("iteration", "every", "last", "due"),
     [
@@ -250,19 +214,6 @@ def test_a_checkpoint_written_again_does_not_trust_an_old_header(tmp_path: Path,
 def test_clips_are_made_regularly_and_of_the_end(iteration: int, every: int, last: bool, due: bool) -> None:
     """The last policy is the one that people want to see, but not twice in a row."""
     assert film_due(iteration, every, last) is due
-
-
-def test_every_clip_is_asked_for_with_its_checkpoint(tmp_path: Path) -> None:
-    """The renderer reads the file: it must be there, whole, when it is called."""
-    cfg = replace(CFG, video_every=3)
-    asked = []
-
-    def film(phase_name: str, iteration: int, path: Path) -> None:
-        assert load_checkpoint(path)["iteration"] == iteration
-        asked.append((phase_name, iteration))
-
-    train(cfg, start(tmp_path / "run", cfg), film=film)
-    assert asked == [("teacher", 3), ("teacher", 5), ("student", 3)]
 
 
 @pytest.mark.parametrize("recorded", [True, False])

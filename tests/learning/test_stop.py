@@ -20,12 +20,6 @@ def stops(cfg: StopCfg, rows: list[dict], last_stage: int = 0) -> list[bool]:
     return [rule.check(figures) is not None for figures in rows]
 
 
-def test_it_is_off_unless_asked_for() -> None:
-    """A method that learns faster would get less training, and the comparison would be of budgets."""
-    assert TrainCfg().stop.tracking_error is None
-    assert stops(StopCfg(), [row(0.0)] * 50) == [False] * 50
-
-
 def test_the_mean_of_the_last_iterations_counts() -> None:
     """Means over three: 0.13, 0.11, 0.09. One good iteration is luck."""
     cfg = StopCfg(tracking_error=0.1, iterations=3)

@@ -9,11 +9,7 @@ from rollouts import check_ratio, phase_runner, rollout
 from stiction.core.errors import ConfigurationError, StictionError
 from stiction.learning.arguments import parse
 from stiction.learning.config import StudentCfg, TeacherCfg, TrainCfg
-from stiction.learning.models import VELOCITY, StudentPolicy
 from stiction.learning.phase import PhaseRunner
-from stiction.learning.ppo import evenly_spread
-from stiction.learning.run import RunDirectory, latest_checkpoint, load_checkpoint
-from stiction.learning.runner import load_actor, load_student, train
 from stiction.task.config import TaskCfg
 from stiction.task.env import LocomotionEnv
 from stiction.task.friction import FrictionCfg
@@ -51,15 +47,6 @@ def test_the_ratio_is_one_before_the_first_step(cfg: TrainCfg, env: LocomotionEn
         runner.alg.update()
 
 
-@pytest.mark.parametrize("cfg", [ONE_PHASE, GROUPS, IN_TURN], ids=["history", "groups", "alternate"])
-def test_what_is_remembered_changes_no_action(cfg: TrainCfg, env: LocomotionEnv, tmp_path) -> None:
-    """Estimates computed once, when the robot walks, are those that the networks would give again."""
-    runner, obs = runner_of(cfg, env, tmp_path), env.get_observations()
-    actor = runner.alg.actor
-    known = obs.clone().update({"walks_blind": torch.ones(8, 1)}) if cfg is GROUPS else obs.clone()
-    torch.testing.assert_close(actor(known.clone().update(actor.remembered(obs))), actor(known))
-
-
 def test_in_groups_only_the_marked_robots_walk_blind(env: LocomotionEnv, tmp_path) -> None:
     """A changed privileged observation changes what the teachers do, and nothing that a student does."""
     runner, obs = runner_of(GROUPS, env, tmp_path), env.get_observations()
@@ -70,12 +57,6 @@ def test_in_groups_only_the_marked_robots_walk_blind(env: LocomotionEnv, tmp_pat
     changed = (runner.alg.actor(obs) != runner.alg.actor(other)).any(-1)
     assert blind.sum() == 2
     assert torch.equal(changed, ~blind)
-
-
-def test_robots_are_spread_evenly() -> None:
-    """A quarter of eight are the fourth and the eighth: neighbours share a terrain's column."""
-    assert evenly_spread(8, 0.25).nonzero().flatten().tolist() == [3, 7]
-    assert int(evenly_spread(512, 0.3).sum()) == 153
 
 
 def test_one_phase_trains_the_adaptation_by_reward_and_the_estimator_by_supervision(
@@ -115,14 +96,6 @@ def test_the_adaptation_loss_reaches_z_only_both_ways(both_ways: bool, env: Loco
     assert any(not torch.equal(a, b) for a, b in zip(before, after)) == both_ways
 
 
-def test_velocity_weighs_more_by_hand(env: LocomotionEnv, tmp_path) -> None:
-    """W for three entries, 1 for the rest, over all entries."""
-    actor, obs = runner_of(ONE_PHASE, env, tmp_path).alg.actor, env.get_observations()
-    error = (actor.estimator(obs["history"]) - obs["explicit"]).square()
-    expected = (10.0 * error[:, :VELOCITY].sum() + error[:, VELOCITY:].sum()) / error.numel()
-    torch.testing.assert_close(actor.supervised_losses(obs, 10.0)["estimator"], expected)
-
-
 def test_the_noise_falls_on_a_straight_line(env: LocomotionEnv, tmp_path) -> None:
     """From 0.8 to 0.4 in three iterations of four: 0.8, 0.6, 0.4, and no less in the last."""
     cfg = replace(ONE_PHASE, teacher=replace(ONE_PHASE.teacher, iterations=4))
@@ -134,57 +107,6 @@ def test_the_noise_falls_on_a_straight_line(env: LocomotionEnv, tmp_path) -> Non
     assert seen[0] == pytest.approx(0.8)
     assert all(a <= b + 1e-6 for a, b in zip(seen, [0.8, 0.6, 0.4, 0.4]))
     assert runner.alg.actor.distribution.std_range[1] == pytest.approx(0.4)
-
-
-def test_noise_that_the_bound_has_overtaken_is_still_learned(env: LocomotionEnv, tmp_path) -> None:
-    """PPO would have no say in the noise from there on, and the entropy bonus none: the bound would be the noise."""
-    cfg = replace(ONE_PHASE, teacher=replace(ONE_PHASE.teacher, iterations=8))
-    runner = runner_of(cfg, env, tmp_path)
-    distribution = runner.alg.actor.distribution
-    for _ in range(3):
-        rollout(runner)
-        runner.alg.update()
-    bound = distribution.std_range[1]
-    assert bound < 0.8 and float(distribution.std_param.detach().max()) <= bound + 1e-6
-    # The entropy of a normal distribution grows with its standard deviation, wherever that is within the bound.
-    with torch.no_grad():
-        distribution.std_param.fill_(9.0)
-    runner.alg._bound_noise()
-    distribution.std_param.grad = None
-    distribution.update(torch.zeros(1, len(distribution.std_param)))
-    distribution.entropy.sum().backward()
-    torch.testing.assert_close(distribution.std_param.grad, torch.full_like(distribution.std_param, 1.0 / bound))
-
-
-@pytest.mark.parametrize(("noise", "loud"), [("all", 8), ("half", 4), ("none", 0)])
-def test_only_these_robots_walk_with_noise(noise: str, loud: int, env: LocomotionEnv, tmp_path) -> None:
-    """In distillation; what is deployed walks without."""
-    runner = runner_of(replace(IN_TURN, student=StudentCfg(iterations=1, noise=noise)), env, tmp_path, "student")
-    runner.alg.teacher_loaded = True
-    obs = env.get_observations()
-    actions = runner.alg.act(obs)
-    assert int(((actions - runner.alg.student(obs)).abs().amax(-1) > 1e-6).sum()) == loud
-
-
-def test_the_logged_noise_is_what_walked(env: LocomotionEnv, tmp_path) -> None:
-    """Not the free parameter above its bound: health, curves and people read it."""
-    runner = runner_of(ONE_PHASE, env, tmp_path)
-    runner.alg.actor.distribution.std_range = [0.05, 0.3]
-    assert runner._policy_figures()["action_std"] == pytest.approx(0.3)
-
-
-def test_one_phase_leaves_a_student_that_can_be_deployed(tmp_path) -> None:
-    """The policy that walked is the student: same weights, on its own latent, in the file that export reads."""
-    run = RunDirectory.create(tmp_path / "run", ONE_PHASE, "test", None)
-    summary = train(ONE_PHASE, run)
-    run.check_finished("student")
-    walked = load_checkpoint(latest_checkpoint(run.checkpoints, "teacher"))["algorithm"]["actor_state_dict"]
-    actor = load_actor(run, "student")
-    assert all(torch.equal(value, walked[name]) for name, value in actor.state_dict().items())
-    obs = LocomotionEnv(TASK, 4, 3).get_observations()
-    torch.testing.assert_close(load_student(run)(obs["history"]), actor(obs))
-    assert isinstance(load_student(run), StudentPolicy)
-    assert set(summary["last"]) == {"teacher"}
 
 
 def test_ppo_goes_on_from_the_teacher_on_the_students_own_latent(env: LocomotionEnv, tmp_path) -> None:

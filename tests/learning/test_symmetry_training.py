@@ -10,15 +10,13 @@ import pytest
 import torch
 from tensordict import TensorDict
 
-from rollouts import phase_runner, rollout
+from rollouts import phase_runner
 from stiction.core.errors import StictionError
 from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.learning.phase import PhaseRunner
 from stiction.task.config import TaskCfg
-from stiction.task.env import LocomotionEnv
 from stiction.task.friction import FrictionCfg
-from stiction.task.symmetry import TaskMirror, task_mirror
-from stiction.task.terrain import TerrainCfg
+from stiction.task.symmetry import task_mirror
 
 CFG = TrainCfg(
     task=TaskCfg(robot="go1", friction=FrictionCfg("deception", level=0.2, per="joint")),
@@ -133,25 +131,6 @@ def test_the_students_labels_are_mirrored(tmp_path: Path, symmetry: str) -> None
     assert same(batch[images:], obs[rest]) and torch.equal(wanted[images:], labels[rest])
 
 
-def test_old_log_probabilities_are_those_of_the_originals(tmp_path: Path) -> None:
-    """Of a policy that is symmetric, originals and images have ratio 1 before the first gradient step.
-
-    The policy is made symmetric by hand: its actions do not depend on what it sees.
-    """
-    runner = phase(tmp_path, "batches")
-    last = runner.alg.actor.mlp[-1]
-    with torch.no_grad():
-        last.weight.zero_()
-        last.bias.zero_()
-        rollout(runner)
-        batch = next(runner.alg.storage.mini_batch_generator(2, 1))
-        runner.alg.symmetry.augment_batch(batch, 16)
-        runner.alg.actor(batch.observations, stochastic_output=True)
-        ratio = torch.exp(runner.alg.actor.get_output_log_prob(batch.actions) - batch.old_actions_log_prob.squeeze())
-    assert len(ratio) == 32
-    torch.testing.assert_close(ratio, torch.ones(32), atol=1e-5, rtol=0)
-
-
 def test_the_log_tells_how_far_from_symmetric_the_policy_is(tmp_path: Path) -> None:
     """MSE(π(M o), M π(o)): of constant actions 1 on left legs and 0 on right ones it is 1 by hand."""
     runner = phase(tmp_path, "batches")
@@ -187,46 +166,6 @@ def test_training_makes_the_policy_symmetric(tmp_path: Path, symmetry: str) -> N
     for _ in range(15):
         runner.iterate()
     assert asymmetry() < 0.05 * before
-
-
-def test_one_worn_joint_stays_one(tmp_path: Path) -> None:
-    """The image of a robot with one worn left joint is one with one worn right joint: never both, never neither."""
-    runner = phase(tmp_path, "batches")
-    env, names = runner.env, runner.env.spec.joint_names
-    left, right = names.index("FL_calf_joint"), names.index("FR_calf_joint")
-    env.randomizer.draws.friction[:] = 0.0
-    env.randomizer.draws.friction[:, left] = 1.0
-    env._observation = env._observe(torch.zeros(8, dtype=torch.bool))
-    both, _ = runner.alg.symmetry.supervised(env.get_observations())
-    friction = both["privileged"][:, -12:]
-    image, original = friction[:8], friction[8:]
-    # Level 0.2 of the torque limit, in units of 0.1.
-    torch.testing.assert_close(original, 2.0 * torch.eye(12)[left].repeat(8, 1))
-    torch.testing.assert_close(image, 2.0 * torch.eye(12)[right].repeat(8, 1))
-
-
-@pytest.mark.parametrize("symmetry", ["batches", "half"])
-def test_terrain_is_mirrored_too(tmp_path: Path, symmetry: str) -> None:
-    """On stairs the elevation map is a group like the others, for teacher and student."""
-    cfg = replace(CFG, task=replace(CFG.task, terrain=TerrainCfg(kind="stairs")))
-    for name in ("teacher", "student"):
-        runner = phase(tmp_path, symmetry, name, cfg)
-        if name == "student":
-            runner.alg.teacher_loaded = True
-        figures = runner.iterate()
-        assert figures["loss/terrain"] > 0
-
-
-def test_a_task_without_a_mirror_stops_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Before the first rollout, with the reason."""
-
-    def refuse(env: LocomotionEnv) -> TaskMirror:
-        raise StictionError("no mirror")
-
-    monkeypatch.setattr("stiction.learning.symmetry.task_mirror", refuse)
-    phase(tmp_path, "none")
-    with pytest.raises(StictionError, match="no mirror"):
-        phase(tmp_path, "half")
 
 
 def test_half_needs_passes_to_halve() -> None:

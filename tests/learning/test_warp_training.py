@@ -26,15 +26,13 @@ SMALL = [
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ground", ["flat", "slopes"])
-def test_a_run_on_warp_trains_resumes_and_exports(ground: str, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """A checkpoint must hold all that matters, with the task on the device, and on the host, which is said."""
+def test_a_run_on_warp_trains_resumes_and_exports(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """A checkpoint must hold all that matters, with the task on the device."""
     whole, resumed = tmp_path / "whole", tmp_path / "resumed"
-    settings = [*SMALL, "--terrain", ground, "--device", "warp-cpu"]
-    assert main(["train", *settings, "--json", "--out", str(whole)]) == 0
+    assert main(["train", *SMALL, "--device", "warp-cpu", "--json", "--out", str(whole)]) == 0
     said = capsys.readouterr()
     assert json.loads(said.out)["env_steps"] == 3 * 4 * 4
-    assert ("stays on the host" in said.err and "terrain 'slopes'" in said.err) == (ground == "slopes")
+    assert "stays on the host" not in said.err
     shutil.copytree(whole, resumed)
     (resumed / "summary.json").unlink()
     for name in ("teacher_000002", "student_000001"):
@@ -47,6 +45,5 @@ def test_a_run_on_warp_trains_resumes_and_exports(ground: str, tmp_path: Path, c
         assert torch.equal(value, other["algorithm"]["student_state_dict"][name]), name
     for name, value in one["environment"]["simulation"].items():
         assert torch.equal(value, other["environment"]["simulation"][name]), name
-    if ground == "flat":
-        assert main(["export", str(whole), "--json"]) == 0
-        assert json.loads(capsys.readouterr().out)["path"] == str(whole / "bundle")
+    assert main(["export", str(whole), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["path"] == str(whole / "bundle")

@@ -14,11 +14,9 @@ from stiction.evaluation.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.evaluation.methods import method_of
 from stiction.files import method as methods
 from stiction.files.bundle import read_bundle
-from stiction.files.contract import read_contract
 from stiction.learning.arguments import parse
 from stiction.learning.begin import begin_run
 from stiction.learning.config import FORMER_GROUPS
-from stiction.learning.identity import settings_of
 from stiction.learning.run import RunDirectory, identified_values
 from stiction.learning.runner import train
 from stiction.task.friction import FrictionCfg
@@ -70,15 +68,6 @@ def test_a_method_that_is_not_installed_is_named_in_one_line(
     assert run.config().method.name == "dreamwaq"
 
 
-@pytest.mark.parametrize("path", sorted(POLICIES.iterdir()), ids=lambda path: path.name)
-def test_contracts_of_any_method_are_read(path: Path) -> None:
-    """A contract holds the method's name alone; its settings are plain data."""
-    text = (path / "contract.json").read_bytes()
-    with without_methods():
-        contract = read_contract(text)
-    assert contract == read_contract(text)
-
-
 @pytest.mark.parametrize("kind", ["dreamwaq-beta1", "hinf-joints", "compensated"])
 def test_a_policy_of_any_method_walks(kind: str) -> None:
     """To the numbers that it walks with beside its method."""
@@ -89,11 +78,6 @@ def test_a_policy_of_any_method_walks(kind: str) -> None:
         assert row.method == bundle.contract.method
     (beside,) = evaluate_bundle(bundle, cfg).rows
     assert beside.method == method_of(bundle.contract) and replace(beside, method=row.method) == row
-
-
-def test_settings_of_a_method_are_left_out_where_it_has_none() -> None:
-    """Settings in contracts of the product's methods have no name of another."""
-    assert not any("method" in name for name in settings_of(parse([*SHORT]).config))
 
 
 def test_a_method_that_fails_to_load_stops_nobody_else(monkeypatch: pytest.MonkeyPatch) -> None:

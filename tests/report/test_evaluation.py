@@ -8,9 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from stiction.core.errors import StictionError
-from stiction.core.records import make_folder, read_rows
-from stiction.evaluation.table import BOTH, Sample
+from stiction.evaluation.table import Sample
 from stiction.files.results import ResultRow, read_results
 from stiction.report.evaluation import draw_budget, lead, results_table, write_evaluation
 from stiction.report.following import places_text
@@ -101,24 +99,6 @@ def test_the_lead_says_where_each_policy_follows() -> None:
     assert "was not asked to move" in lead(ROWS[-1:])
 
 
-def test_one_panel_for_each_command_with_a_speed() -> None:
-    """Standing has no speed ratio to draw."""
-    figure = draw_budget(ROWS)
-    assert [axis.get_title() for axis in figure.axes] == ["commanded vx=0.5", "commanded vx=-0.5"]
-    line = figure.axes[0].get_lines()[1]
-    assert line.get_xydata().tolist() == [[0.0, 0.95], [20.0, 0.3]]
-
-
-def test_names_lie_under_the_panels() -> None:
-    """A policy's name of thirty letters lay on the line of standstill."""
-    figure = draw_budget([*ROWS, *(replace(row, policy="go2-flat-deception-0.2-hard-s0") for row in ROWS)])
-    figure.canvas.draw()
-    (names,) = figure.legends
-    assert all(axis.get_legend() is None for axis in figure.axes)
-    assert names.get_window_extent().y1 < min(axis.get_window_extent().y0 for axis in figure.axes)
-    assert {text.get_text() for text in names.get_texts()} >= {"plain", "go2-flat-deception-0.2-hard-s0"}
-
-
 def seeded(column: str, level: float, *each: float, command: str = "vx=0.5", **trials) -> Sample:
     """Return a sample of `deception` with a seed for every number, the interval 0.1 to each side."""
     mean, seeds = sum(each) / len(each), " ".join(map(str, range(len(each))))
@@ -147,56 +127,6 @@ def test_a_way_with_several_seeds_is_one_line_with_its_interval_and_every_seed()
     assert [line.get_xydata().tolist() for line in lines[3:]] == [[[0.0, 1.0], [0.0, 1.1]], [[20.0, 0.8], [20.0, 1.0]]]
     (band,) = axis.collections
     assert {tuple(corner) for corner in band.get_paths()[0].vertices.round(3)} >= {(20.0, 0.8), (20.0, 1.0)}
-
-
-def test_every_measure_of_a_way_has_its_interval(tmp_path: Path) -> None:
-    """Falls of two seeds, one of 16 walks, have the seeds' interval and Wilson's; the figure says what it shows."""
-    falls = seeded("fall_rate", 0.0, 0.0, 0.125, trials=16, trials_low=0.0111, trials_high=0.283)
-    others = [seeded("tracking_error", 0.0, 0.2, 0.3), seeded("joint_jitter", 0.0, 30.0, 40.0)]
-    samples = [*SPEEDS, falls, *others, replace(falls, command=BOTH)]
-    methods = SUMMARY["ways"] | {"p0": "deception", "p1": "deception"}
-    back = [replace(row, command="vx=-0.5", speed_ratio=1.3) for row in SEEDS[:1]]
-    made = SUMMARY | {"rows": [], "ways": methods}
-    page = write_evaluation(tmp_path, [*ROWS, *SEEDS, *back], made, samples).read_text()
-    assert "How many training seeds follow" in page and "0 of 1, 1 too fast" in page and "1.00/1.30" in page
-    assert "2 follow" in page
-    assert "0.250 ± 0.100" in page and "35 ± 0" in page and "1.00, 1.10" in page and ">both<" not in page
-    assert page.count("6% ± 10% (1% to 28%)") == 1
-    assert "every seed" in page and "Mean over episodes." not in page
-    assert [one.each for one in read_rows(tmp_path / "methods.csv", Sample)] == [one.each for one in samples]
-    assert "Mean over episodes." in write_evaluation(tmp_path, ROWS, SUMMARY).read_text()
-
-
-def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
-    """The work of an hour must not be lost for a wrong --out."""
-    (tmp_path / "file").write_text("")
-    with pytest.raises(StictionError, match="--out"):
-        make_folder(tmp_path / "file")
-
-
-def test_without_the_details_there_is_no_moving_column() -> None:
-    """A column of dashes would read as robots that never moved."""
-    assert ">moving [% of steps]</th>" not in results_table(ROWS)
-    assert ">moving [% of steps]</th>" in results_table(ROWS, SUMMARY["rows"])
-
-
-def test_the_slowest_walk_is_on_the_page_where_a_row_knows_it(tmp_path: Path) -> None:
-    """Tables of before have neither the column nor its meaning."""
-    known = [replace(ROWS[0], slowest_walk=0.284), *ROWS[1:]]
-    assert "slowest walk" not in write_evaluation(tmp_path, ROWS, SUMMARY).read_text()
-    page = write_evaluation(tmp_path, known, SUMMARY).read_text()
-    assert page.count("slowest walk [1]</th>") == 1 and page.count("hide a walk that stalls") == 1
-    assert page.count(">0.28<") == 1
-
-
-def test_one_way_alone_is_not_known_to_be_following() -> None:
-    """Forward within the band, backward never walked; too slow one way is known to be too slow."""
-    said = lead([make_row("plain", 0.0, "vx=0.5", 0.95), make_row("plain", 0.2, "vx=0.5", 0.3)])
-    assert said.startswith("Whether a policy follows is not known: none that may walked both forward and backward.")
-    assert (
-        "plain is too slow at 20 %; is not known to follow, not having walked both ways, at 0 %." in said.splitlines()
-    )
-    assert "No policy follows" in lead([make_row("plain", 0.2, "vx=0.5", 0.3)])
 
 
 def test_the_worst_virtual_robot_is_judged_and_shown() -> None:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +17,6 @@ from stiction.files.design import (
     OneSine,
     Predicted,
     load_design,
-    percent,
     read_signals,
 )
 from stiction.files.tables import write_arrays
@@ -78,20 +75,6 @@ def test_the_page_says_how_to_run_it_what_comes_out_and_why(tmp_path: Path) -> N
     assert "stiction identify LOG.csv" in page and "<td>N m" not in page and "coulomb_friction [N m]" in page
 
 
-def test_the_page_needs_no_network_and_escapes_names(tmp_path: Path) -> None:
-    """It is one file that can be sent by mail."""
-    results(tmp_path)
-    page = write_excitation_page(tmp_path).read_text(encoding="utf-8")
-    assert not re.search(r'(src|href)="(?!data:|#)', page) and "http" not in page and "<script" not in page
-    assert "<b>" not in page and "&lt;b&gt;" in page
-
-
-def test_a_joint_that_no_sine_moves_has_a_page_too(tmp_path: Path) -> None:
-    """The figure is empty, and the text says why."""
-    results(tmp_path, replace(DESIGN, sines=()))
-    assert "No single sine fits" in write_excitation_page(tmp_path).read_text(encoding="utf-8")
-
-
 def test_a_design_survives_its_file(tmp_path: Path) -> None:
     """What is written is what is read, rows included."""
     results(tmp_path)
@@ -112,8 +95,3 @@ def test_a_file_that_is_no_design_is_refused_in_one_line(tmp_path: Path, text: s
     (tmp_path / "design.json").write_text(text)
     with pytest.raises(StictionError, match=r"design\.json"):
         load_design(tmp_path / "design.json")
-
-
-def test_shares_are_written_with_two_digits() -> None:
-    """A deviation of a thousandth of a per cent is not 0.00 %."""
-    assert (percent(1.234e-5), percent(1.234)) == ("0.0012 %", "120 %")

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import base64
-import re
 from pathlib import Path
 
 import pytest
 
 from stiction.report.page import (
     Section,
-    data_uri,
-    figure_uri,
-    new_figure,
     paragraph,
     picture,
     render_page,
     row,
-    settings_table,
     table,
 )
 
@@ -32,46 +26,10 @@ def test_text_is_escaped_everywhere_and_blocks_are_not() -> None:
     assert "<p>&lt;script" in page and '<div class="row">' in page
 
 
-def test_backticks_become_code_and_stay_escaped() -> None:
-    """Sentences are shared with the Markdown tables; between backticks a tag is still text."""
-    assert "<p>try <code>a &lt;b&gt;</code> or ` alone</p>" in paragraph("try `a <b>` or ` alone")
-    page = render_page("t", [], lead="`x`", warnings=["`y`"])
-    assert "<code>x</code>" in page and "<code>y</code>" in page
-
-
 def test_the_page_needs_nothing_from_the_network() -> None:
     """A report is one file that can be sent by mail: no address in it."""
     page = render_page("title", [Section("part", (paragraph("text"),))])
     assert "http" not in page and "src=" not in page and "url(" not in page
-
-
-def test_a_figure_becomes_a_png() -> None:
-    """The figure must be embedded as an image that browsers show."""
-    figure, axes = new_figure(2, 1)
-    axes[1].plot([0, 1], [0, 1])
-    uri = figure_uri(figure)
-    head = "data:image/png;base64,"
-    assert uri.startswith(head)
-    assert base64.b64decode(uri[len(head) :]).startswith(b"\x89PNG")
-
-
-def test_data_uri_is_base64_of_the_bytes() -> None:
-    """`hi` in base64 is `aGk=`."""
-    assert data_uri(b"hi", "text/plain") == "data:text/plain;base64,aGk="
-
-
-def test_columns_of_words_align_left_and_numbers_right() -> None:
-    """A definition that hangs on the right edge cannot be read; a dash does not make a column of numbers words."""
-    rows = [["a", "-1.5", "far"], ["b", "–", "12 away"], ["c", "not known", ""]]
-    block = table(["name", "number", "meaning"], rows)
-    assert block.count('<td class="words short">') == 3 and block.count("<td>") == 3
-
-
-def test_settings_are_a_table_and_no_code() -> None:
-    """Braces and quotes are for files: nested settings are named by all names above them."""
-    block = settings_table({"friction_levels": [0.0, 0.2], "commands": {"student": ("vx=0.5",)}, "robots": []})
-    found = re.findall(r"<t[dh][^>]*>([^<]*)</t[dh]>", block)
-    assert found == ["setting", "value", "friction levels", "0.0, 0.2", "commands, student", "vx=0.5", "robots", "–"]
 
 
 @pytest.mark.parametrize("name", ["$\\frac$", "$x_{1}^$", "_hidden", "a_b^c{d}", "%$#&~\\", "[red]", "\x1b[2J <b>"])

@@ -9,7 +9,7 @@ from stiction.core.errors import StictionError
 from stiction.files.joints import FRICTION_REACHES_ZERO, Estimate, JointRecord, JointsFile, Objection
 from stiction.files.walk import WalkFit, read_walk_fit, write_walk_fit
 from stiction.report.identification import lead_lines
-from stiction.report.walking import grouped_warnings, span, write_walking_page
+from stiction.report.walking import grouped_warnings, write_walking_page
 
 REFUSED = "the interval of the hips' load coefficient is too wide <to tell>"
 
@@ -68,21 +68,6 @@ def test_the_page_has_what_a_reader_needs(tmp_path: Path) -> None:
     assert text.count("the robot was tired") == 1
 
 
-def test_a_walk_without_load_has_a_page_too(tmp_path: Path) -> None:
-    """The usual case: nobody weighed the robot."""
-    fit = make_fit()
-    text = write(tmp_path, make_records(), WalkFit(fit.swing, fit.gait_time, fit.gait, {}))
-    assert text.count("data:image/png") == 2
-
-
-def test_warnings_that_joints_share_are_said_once() -> None:
-    """Eighteen times the same line would bury the one that differs."""
-    joints = make_records()
-    assert grouped_warnings(joints) == ["all joints: the robot was tired"]
-    alone = JointsFile(joints.joints | {"FR_hip": JointRecord()})
-    assert grouped_warnings(alone) == ["FL_shank, hip: the robot was tired"]
-
-
 def test_what_many_joints_have_against_them_is_one_line() -> None:
     """Of a walk without friction eighteen joints had theirs twice: forty lines, the same but for their numbers."""
     seen = {name: f"the interval of {name} reaches zero" for name in ("hip", "knee", "toe")}
@@ -98,12 +83,6 @@ def test_what_many_joints_have_against_them_is_one_line() -> None:
     assert grouped_warnings(joints) == ["all joints: tired"]
     other = JointsFile(records | {"toe": JointRecord(diagnostics={"verdict": {"lines": []}})})
     assert lead_lines(other)[1].startswith("hip, knee: do first: ")
-
-
-def test_a_span_by_hand() -> None:
-    """Value and half-width, scaled."""
-    assert span(Estimate(0.05, 0.01, (0.03, 0.07)), 100) == "5 ± 2"
-    assert span(None) == "not known"
 
 
 def test_the_fit_survives_its_file(tmp_path: Path) -> None:

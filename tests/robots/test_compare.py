@@ -30,13 +30,10 @@ def test_a_robot_agrees_with_its_own_model(name: str, tmp_path: Path) -> None:
             'name="FL_thigh_joint" axis="0 -1 0"',
             "'FL_thigh_joint' turns the other",
         ),
-        ('name="RR_hip_joint" axis="1 0 0"', 'name="RR_hip_joint" axis="0 0 1"', "'RR_hip_joint' has the axis"),
         ('range="-2.8 -0.8"', 'range="-2.8 -1"', "'FL_calf_joint' has the limits -2.8 to -1"),
         ('mass="1"', 'mass="1.2"', "the link behind joint 'FL_thigh_joint' weighs 1.2 kg"),
         ('pos="0.2 0.05 0"', 'pos="0.22 0.05 0"', "'FL_hip_joint' is at"),
-        ('ctrlrange="-12 12"', 'ctrlrange="-10 10"', "'FL_hip_joint' has a torque limit of 20 N m"),
         ("FL_hip_joint", "FL_abad", "unknown joint 'FL_hip_joint'"),
-        ('mass="6"', 'mass="8"', "the robot weighs 15.8 kg"),
     ],
 )
 def test_what_differs_is_named(old: str, new: str, message: str, tmp_path: Path) -> None:

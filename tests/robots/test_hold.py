@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.core.rotation import matrix, quaternion_of
 from stiction.robots.hold import hold, merge
 from stiction.robots.mjcf import build_model
 from stiction.robots.model import Body, link_poses
@@ -48,33 +47,9 @@ def test_held_arms_move_as_locked_ones() -> None:
     )
 
 
-def test_held_in_the_middle_of_a_limb() -> None:
-    """A knee held at 0.3 rad turns axis and place of the ankle after it."""
-    whole = g1.whole()
-    rigid = hold(whole, {"left_knee_joint": 0.3})
-    angles = dict.fromkeys(whole.joint_names, 0.0) | {"left_knee_joint": 0.3, "left_ankle_pitch_joint": 0.2}
-    place, turn = link_poses(whole, np.array([angles[name] for name in whole.joint_names]))
-    rigid_place, rigid_turn = link_poses(rigid, np.array([angles[name] for name in rigid.joint_names]))
-    old, new = (robot.joint_names.index("left_ankle_roll_joint") for robot in (whole, rigid))
-    np.testing.assert_allclose(rigid_place[new], place[old], atol=1e-12)
-    foot, rigid_foot = whole.feet[0], rigid.feet[0]
-    np.testing.assert_allclose(
-        rigid_place[new] + rigid_turn[new] @ rigid_foot.position, place[old] + turn[old] @ foot.position, atol=1e-12
-    )
-    assert [joint.name for joint in rigid.held] == ["left_knee_joint"] and rigid.held[0].position == 0.3
-
-
 def test_what_cannot_be_held_is_refused() -> None:
     """A misspelt joint, and a leg that would be part of the trunk."""
     with pytest.raises(StictionError, match="did you mean 'left_knee_joint'"):
         hold(g1.ROBOT, {"left_knee": 0.0})
     with pytest.raises(StictionError, match="no driven joint moves the foot 'left_foot'"):
         hold(g1.ROBOT, dict.fromkeys(g1.ROBOT.joint_names[:6], 0.0))
-
-
-@pytest.mark.parametrize("number", range(4))
-def test_quaternions_come_back(number: int) -> None:
-    """Also where w is zero, and a formula with a division by it would fail."""
-    quaternion = np.eye(4)[number] + 0.01 * np.arange(4)
-    quaternion /= np.linalg.norm(quaternion)
-    np.testing.assert_allclose(matrix(np.array(quaternion_of(matrix(quaternion)))), matrix(quaternion), atol=1e-12)

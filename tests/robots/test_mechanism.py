@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from stiction.core.errors import RobotError
-from stiction.robots.catalog import find_mechanism, find_robot
+from stiction.robots.catalog import find_mechanism
 
 ARMS = Path(__file__).parents[1] / "identification" / "limb"
 
@@ -43,13 +43,6 @@ def test_a_urdf_arm_and_what_a_robot_yaml_says_of_it(tmp_path: Path) -> None:
     assert said.links[1].origin == pytest.approx((0, 0, 0.4))
 
 
-def test_a_shipped_robot_on_a_stand_is_its_links() -> None:
-    """The twelve links of the Go2, held where it stands where no log says otherwise."""
-    held, robot = find_mechanism("go2"), find_robot("go2")
-    assert held.links == robot.links and held.joint_names == robot.joint_names
-    assert held.rest == tuple(robot.joint_values("default_position"))
-
-
 @pytest.mark.parametrize(
     ("content", "said"),
     [
@@ -68,11 +61,3 @@ def test_what_is_no_tree_of_named_hinges_is_refused(tmp_path: Path, content: str
     (tmp_path / "odd.xml").write_text(content)
     with pytest.raises(RobotError, match=said):
         find_mechanism(str(tmp_path / "odd.xml"))
-
-
-def test_no_such_file_and_no_direction_up() -> None:
-    """Both are the user's to mend."""
-    with pytest.raises(RobotError, match="no such"):
-        find_mechanism("none.urdf")
-    with pytest.raises(RobotError, match="direction up"):
-        find_mechanism("go2").with_up((0.0, 0.0, 0.0))

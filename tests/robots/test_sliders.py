@@ -7,11 +7,10 @@ import re
 import numpy as np
 import pytest
 
-from stiction.cli.main import main
 from stiction.robots.catalog import find_robot, robot_names
 from stiction.robots.model import Robot
 from stiction.robots.physics import EXACT, FAST, PhysicsCfg
-from stiction.robots.sliders import HOLDS, STIFFEST, moved_inertia, stiff_sliders, stiffness_ratio
+from stiction.robots.sliders import HOLDS, STIFFEST, stiff_sliders, stiffness_ratio
 from stiction.sim.fleet import BASE_DOFS, Fleet
 
 STEP = 0.005
@@ -49,22 +48,6 @@ def test_the_bound_is_where_a_joint_breaks_away_too_early() -> None:
     assert sticks(STIFFEST, 0.97 * HOLDS / 2) and not sticks(STIFFEST, 1.03 * HOLDS / 2)
 
 
-def test_beyond_one_a_joint_never_sticks() -> None:
-    """Below r = 1 a hundredth of its friction does not move it, above it does."""
-    assert sticks(0.95, 0.01) and not sticks(1.05, 0.01)
-
-
-def test_what_a_joint_moves_is_least_in_the_air() -> None:
-    """Less than with all other joints held, and a shank that is nearly alone nearly as much."""
-    robot = find_robot("saturn_lite")
-    held = Fleet(robot, 1).link_inertia() + robot.joint_values("armature")
-    moved = moved_inertia(robot, robot.joint_values("armature"))
-    assert (moved < held).all() and (moved > robot.joint_values("armature")).all()
-    shank = robot.joint_names.index("FL_shank")
-    assert moved[shank] == pytest.approx(held[shank], rel=0.1)
-    assert (moved_inertia(robot, lightest(robot)) < moved).all()
-
-
 @pytest.mark.parametrize("name", robot_names())
 def test_of_the_shipped_robots_the_ankles_of_g1_alone_are_too_light(name: str) -> None:
     """At the defaults of a training, the rotors as light as they are drawn; on rows there is nothing to say."""
@@ -93,15 +76,3 @@ def test_what_the_line_advises_is_enough() -> None:
     assert stiffness_ratio(robot, FAST, shorter, lightest(robot)).max() < STIFFEST
     stiff = stiff_sliders(robot, PhysicsCfg("plastic", stiffness=5000.0), STEP, lightest(robot))
     assert stiff is not None and "chatters and never sticks" in stiff
-
-
-def test_train_and_doctor_say_it(tmp_path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One line on standard error, before a minute is spent; none for another robot or physics."""
-    monkeypatch.setattr("stiction.task.audit.check_randomization", lambda *_: [])
-    monkeypatch.setattr("stiction.cli.train._run", lambda *_: 0)
-    for number, (robot, physics, said) in enumerate((("g1", "plastic", 1), ("g1", "rows", 0), ("go1", "plastic", 0))):
-        asked = ["--robot", robot, "--physics", physics, "--friction-level", "0.1"]
-        for verb in (["train", "--out", str(tmp_path / str(number))], ["doctor", "--randomization"]):
-            assert main([*verb, *asked]) == 0
-            err = capsys.readouterr().err
-            assert err.count(f"stiction {verb[0]}: warning: --physics plastic: at steps of 0.005 s") == said

@@ -5,14 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from robot_files import MJCF, URDF_LEG, urdf, write
 from stiction.core.errors import StictionError
-from stiction.robots.catalog import find_robot
 from stiction.robots.check import check_robot
-from stiction.robots.compare import check_against
 from stiction.robots.load import load_robot
 
 URDF_SAID = "model: robot.urdf\njoints: {.*: {armature: 0.02}}\n"
@@ -31,17 +28,10 @@ HAND = """<link name="hand"><inertial><mass value="1"/><inertia ixx=".01" iyy=".
     ("old", "new", "message"),
     [
         ('<joint name="FL_hip_joint" axis', "<joint axis", "a joint of the body 'FL_hip' has no name"),
-        ('"FL_hip"', '"base"', "the link 'base' has a name that something else has"),
-        ('"FL_hip_joint"', '"root"', "the joint 'root' has a name"),
         ('"FL_foot"', '"floor"', "the foot 'floor' has a name"),
-        ('"FL_foot"', '"FR"', "the foot 'FR' has a name"),
         (HIP, HIP.replace("-0.9", "-inf"), "'FL_hip_joint' has a number that is none"),
-        (HIP, HIP.replace("-0.9", "-1e308"), "the joint 'FL_hip_joint' has numbers that no robot has"),
         ('pos="0.2 0.05 0"', 'pos="1e308 0.05 0"', "the body 'FL_hip' has numbers"),
-        ('mass="6"', 'mass="1e308"', "the body 'trunk' has numbers"),
-        ('gear="2"', 'gear="1e308"', "torque_limit of joint 'FL_hip_joint' is inf"),
         ("0 .8 -1.5 ", "0 .8 nan ", "the keyframe 'home' has numbers"),
-        ("0 0 .33 1 0 0 0", "0 0 .33 1 0 0", "the keyframe 'home' has 18 positions, the model 19"),
         ("<worldbody>", f"<include file='{'b' * 400}'/><worldbody>", "File name too long"),
     ],
 )
@@ -106,13 +96,6 @@ def test_what_is_not_taken_is_said(model: str, note: str, tmp_path: Path) -> Non
     assert any(re.search(note, text) for text in derived.notes)
 
 
-def test_a_keyframe_of_a_base_that_is_fixed_stands_as_it_says(tmp_path: Path) -> None:
-    """MuJoCo fills its end with zeros, and each joint stood at the angle of the one seven places further on."""
-    model = MJCF.replace("<freejoint/>", "").replace("0 0 .33 1 0 0 0 ", "")
-    standing = load_robot(write(tmp_path, model=model)).robot.joint_values("default_position")
-    assert standing.tolist() == [0.0, 0.8, -1.5] * 4
-
-
 def test_gains_of_a_geared_position_actuator_are_the_joints(tmp_path: Path) -> None:
     """Its position is gear times the joint's angle, and its force gear times as much there: the square."""
     geared = '<position joint="FL_hip_joint" kp="40" kv="1" gear="3" forcerange="-10 10"/>'
@@ -120,38 +103,6 @@ def test_gains_of_a_geared_position_actuator_are_the_joints(tmp_path: Path) -> N
         write(tmp_path, model=MJCF.replace('<motor joint="FL_hip_joint" gear="2" ctrlrange="-12 12"/>', geared))
     ).robot.joints[0]
     assert (joint.torque_limit, joint.kp, joint.kd) == (30.0, 360.0, 9.0)
-
-
-def test_bodies_without_names_are_called_by_their_joints(tmp_path: Path) -> None:
-    """MJCF needs no names of bodies; links without one had the same one."""
-    robot = load_robot(write(tmp_path, model=re.sub(r"<body name=\"[^\"]*\"", "<body", MJCF))).robot
-    assert robot.foot_names == tuple(f"{leg}_calf_joint" for leg in ("FL", "FR", "RL", "RR"))
-
-
-def test_a_mesh_that_is_only_seen_may_be_broken(tmp_path: Path) -> None:
-    """An STL written as text is common; a body that has its mass from it is refused."""
-    (tmp_path / "m.stl").write_text("solid m\nendsolid m\n" + " " * 200)
-    seen = MJCF.replace("<worldbody>", '<asset><mesh name="m" file="m.stl"/></asset><worldbody>')
-    seen = seen.replace('<geom name="hull"', '<geom class="seen" type="mesh" mesh="m"/><geom name="hull"')
-    derived = load_robot(write(tmp_path, model=seen))
-    assert any("the mesh 'm.stl' cannot be decoded" in note for note in derived.notes)
-    with pytest.raises(StictionError, match="'trunk' has its mass from it"):
-        load_robot(
-            write(tmp_path, model=seen.replace('<inertial pos="0 0 0" mass="6" diaginertia=".02 .07 .08"/>', ""))
-        )
-
-
-def test_a_mesh_is_rather_that_of_its_own_package(tmp_path: Path) -> None:
-    """Beside it lies a cat with a foot of the same name; which file was taken is said."""
-    from test_load import tetrahedron
-
-    for animal in ("cat", "dog"):
-        (tmp_path / "all" / animal / "meshes").mkdir(parents=True)
-    tetrahedron(tmp_path / "all" / "dog" / "meshes" / "foot.stl")
-    (tmp_path / "all" / "cat" / "meshes" / "foot.stl").write_bytes(b"cat")
-    mesh = '<geometry><mesh filename="package://dog/meshes/foot.stl"/></geometry>'
-    derived = load_robot(write(tmp_path, URDF_SAID, urdf().replace(BOX, mesh), "robot.urdf"))
-    assert any("'foot.stl'" not in note and "dog/meshes/foot.stl' is taken" in note for note in derived.notes)
 
 
 def test_a_urdf_keeps_the_names_of_feet_behind_fixed_joints(tmp_path: Path) -> None:
@@ -166,43 +117,6 @@ def test_a_urdf_keeps_the_names_of_feet_behind_fixed_joints(tmp_path: Path) -> N
     robot = load_robot(write(tmp_path, said, urdf().replace("</robot>", feet + "</robot>"), "robot.urdf")).robot
     assert robot.foot_names == ("left_foot", "right_foot") and robot.mass == pytest.approx(12.0)
     assert all(foot.is_ball for foot in robot.feet)
-
-
-def test_a_urdf_is_one_whatever_its_file_is_called(tmp_path: Path) -> None:
-    """As `.xml` its mass was not checked, and links without one had that of their shapes; capitals are no module."""
-    said = "model: ROBOT.XML\njoints: {.*: {armature: 0.02}}\n"
-    with pytest.raises(StictionError, match="its links weigh 14 kg"):
-        load_robot(write(tmp_path, said, LOST, "ROBOT.XML"))
-    (tmp_path / "DOG.XML").write_text(MJCF)
-    assert find_robot(str(tmp_path / "DOG.XML")).num_joints == 12
-
-
-def test_a_path_may_have_an_at(tmp_path: Path) -> None:
-    """It was taken for a variation, and the folder's first half for the robot; and a folder is no module."""
-    (tmp_path / "me@work").mkdir()
-    path = write(tmp_path / "me@work")
-    plain, varied = find_robot(str(path)), find_robot(f"{path}@kp=2")
-    np.testing.assert_allclose(varied.joint_values("kp"), 2 * plain.joint_values("kp"))
-    with pytest.raises(StictionError, match="is a folder; name the"):
-        find_robot(str(tmp_path))
-
-
-def test_a_function_of_ones_own_says_what_was_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its notes were lost, its own error was said to be a fault of stiction. And a folder hides no shipped robot."""
-    from stiction.robots.catalog import find_derived
-
-    (tmp_path / "go1").mkdir()
-    (tmp_path / "robot.xml").write_text(MJCF)
-    (tmp_path / "own_strange_robot.py").write_text(
-        "import mujoco\ndef make():\n    return mujoco.MjSpec.from_file('robot.xml')\n"
-        "def fail():\n    raise KeyError('leg')\n"
-    )
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    assert any("claims frictionloss" in note for note in find_derived("own_strange_robot:make").notes)
-    with pytest.raises(StictionError, match="its function fails: KeyError: 'leg'"):
-        find_derived("own_strange_robot:fail")
-    assert find_robot("go1").num_joints == 12
 
 
 @pytest.mark.parametrize(
@@ -224,53 +138,3 @@ def test_radians_under_a_compiler_of_degrees_are_found(tmp_path: Path) -> None:
     """Ranges of a hundredth of a radian are none; without a keyframe the pose was inside them."""
     findings = check_robot(load_robot(write(tmp_path, model=FLAT.replace('"radian"', '"degree"'))).robot)
     assert any(one.check == "limits" and "compiler take degrees" in one.text for one in findings)
-
-
-def test_an_order_that_differs_further_on_is_named(tmp_path: Path) -> None:
-    """Wired by number, the second leg would be the third; the first joint alone was looked at."""
-    robot = load_robot(write(tmp_path)).robot
-    start, end = MJCF.index('<body name="FR_hip"'), MJCF.index('<body name="RL_hip"')
-    after = MJCF.index('<body name="RR_hip"')
-    other = MJCF[:start] + MJCF[end:after] + MJCF[start:end] + MJCF[after:]
-    with pytest.raises(StictionError, match="its joint 4 is 'RL_hip_joint', the policy's 'FR_hip_joint'"):
-        check_against(robot, write(tmp_path, model=other).with_name("robot.xml"))
-
-
-def test_a_model_is_compared_in_the_frame_that_its_yaml_names(tmp_path: Path) -> None:
-    """Every joint of a robot with `base:` was somewhere else; names with dots and dashes had no pose."""
-    mount = '<body name="mount" pos=".1 0 .05"><geom size=".01" contype="0" conaffinity="0" mass=".01"/></body>'
-    model = MJCF.replace("<freejoint/>", "<freejoint/>" + mount).replace("FL_calf_joint", "FL.calf-joint")
-    path = write(tmp_path, "model: robot.xml\nbase: mount\n", model)
-    robot = load_robot(path).robot
-    assert check_against(robot, path) == 12
-    with pytest.raises(StictionError, match="is at"):
-        check_against(robot, tmp_path / "robot.xml")
-
-
-def test_the_complete_yaml_of_a_robot_that_holds_joints_is_read_again(tmp_path: Path) -> None:
-    """Of what is rigid the model has no joint; a line for it was a name that there is not."""
-    from stiction.robots.description import complete_text
-    from stiction.robots.mjcf import build
-
-    robot = find_robot("g1")
-    text = complete_text(robot, "simulated.xml")
-    (tmp_path / "simulated.xml").write_text(build(robot).to_xml())
-    (tmp_path / "complete.yaml").write_text(text)
-    again = load_robot(tmp_path / "complete.yaml").robot
-    assert again.joint_names == robot.joint_names and again.mass == pytest.approx(robot.mass, rel=1e-5)
-    assert text.startswith("# held:") and robot.held[0].name in text
-
-
-def test_a_folder_is_called_one(tmp_path: Path) -> None:
-    """It was said not to be there."""
-    (tmp_path / "dir.yaml").mkdir()
-    with pytest.raises(StictionError, match=r"dir\.yaml' is a folder; name the robot\.yaml"):
-        find_robot(str(tmp_path / "dir.yaml"))
-
-
-@pytest.mark.parametrize(("said", "what"), [("", "the file is empty"), ("joints:\n", "joints is empty")])
-def test_what_is_empty_is_called_so(said: str, what: str, tmp_path: Path) -> None:
-    """If this failed, a message would name a type of Python's."""
-    (tmp_path / "robot.yaml").write_text(said and f"model: robot.xml\n{said}")
-    with pytest.raises(StictionError, match=f"robot.yaml: {what}; expected names with values"):
-        load_robot(tmp_path / "robot.yaml")

@@ -11,7 +11,6 @@ pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is
 
 from stiction.core.errors import RobotError
 from stiction.robots.source import read_source
-from stiction.robots.survey import survey
 
 INERTIA = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
 ROBOT = (
@@ -66,8 +65,3 @@ def test_pictures_and_memory_are_left_out(tmp_path: Path) -> None:
     file = tmp_path / "robot.xml"
     file.write_text(ROBOT.format(before=looks, world="<geom size='.1' material='m'/>"))
     assert read_source(file).model.ntex == 0
-
-
-def test_a_urdf_may_have_what_others_read(tmp_path: Path) -> None:
-    """A plugin of a simulator in a URDF is no reason to refuse the robot: MuJoCo does not read it."""
-    survey(tmp_path / "robot.urdf", b"<robot name='r'><gazebo><plugin name='x' filename='y.so'/></gazebo></robot>")

@@ -13,7 +13,7 @@ pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is
 
 from stiction.cli.main import main
 from stiction.core.errors import StictionError
-from stiction.engines.catalog import binaries, find_engine
+from stiction.engines.catalog import find_engine
 from stiction_experiments.engines.conformance.suite import CHECKS
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -63,14 +63,6 @@ def test_a_policy_walks_in_it_in_several_processes(mine: Path, bundle: Path, tmp
         rows = {row.pop("engine"): row for row in csv.DictReader(file)}
     assert list(rows) == engines
     assert rows[NAME] == rows["mujoco-alone"] != rows[f"{NAME}+delays"]
-
-
-def test_what_was_walked_in_it_counts_as_long_as_its_module_is_the_same(mine: Path) -> None:
-    """Whoever mends an engine would be shown what the old one did."""
-    before = binaries(NAME)
-    assert list(before) == ["engine_of_mine"] and binaries(NAME) == before
-    mine.write_text(MODULE + "# mended\n")
-    assert binaries(NAME) != before
 
 
 @pytest.mark.parametrize(

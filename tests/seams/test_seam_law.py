@@ -6,7 +6,6 @@ import csv
 from collections.abc import Iterator
 from dataclasses import fields, replace
 from pathlib import Path
-from runpy import run_path
 
 import numpy as np
 import pytest
@@ -15,14 +14,9 @@ from bundles import make_contract
 from stiction.cli.main import main
 from stiction.core.errors import StictionError
 from stiction.engines.engine import JointFriction, Motion
-from stiction.evaluation.evaluate import EvaluationCfg
-from stiction.evaluation.grid import GridCfg, Simulator, Walk
-from stiction.evaluation.run import WalkLedger
 from stiction.files.contract import read_contract
 from stiction.joints import friction
-from stiction.joints.friction import LAWS, FrictionLaw, Law, LawSpec, Piece, find_law, law_source, register_law
-from stiction.joints.pd import PDGains
-from stiction.joints.simulate import Joint, simulate
+from stiction.joints.friction import LAWS, FrictionLaw, Law, LawSpec, Piece, register_law
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
 from stiction.sim.friction import JointFriction as FleetFriction
@@ -59,22 +53,6 @@ SEAL = LawSpec(
 )
 
 
-def test_walks_under_a_law_are_known_by_the_file_that_it_is_in(tmp_path: Path) -> None:
-    """After a change of the law, walks that were kept would be taken for walks under the new one."""
-    keys = []
-    for growth in ("0.05", "0.1", "0.05"):
-        file = tmp_path / "own_seal.py"
-        file.write_text(f"def factor(velocity):\n    return 1 + {growth} * velocity**2\n")
-        LAWS["seal"] = replace(SEAL, factor=run_path(str(file))["factor"])
-        grid = GridCfg(EvaluationCfg(friction_law="seal"))
-        keys.append(WalkLedger(tmp_path / "walks.jsonl", grid, {"p": "0"}).key(WALK))
-    assert keys[0] == keys[2] != keys[1]
-    assert law_source("coulomb") is None and law_source("real") is None
-
-
-WALK = Walk("p", Simulator("mujoco"), "seal", "0.1", "flat", "vx=0.5", 0)
-
-
 @pytest.fixture(autouse=True)
 def registered() -> Iterator[None]:
     """Have the law in the table for one test."""
@@ -104,15 +82,6 @@ def test_a_fleet_and_a_single_robot_have_its_bound() -> None:
     single = JointFriction.under(Law("seal"), np.full(2, 2.0), 0.002)
     moving = replace(still, joint_velocity=np.array([2.0, 0.0]))
     assert single.bound(moving, np.zeros(2)).tolist() == pytest.approx([2.4, 2.0])
-
-
-def test_a_joint_slides_with_its_pieces() -> None:
-    """Drawn along at 2 rad/s, half-way between two knots: 0.2 N m times 1.25, and 0.1 N m s/rad times 2 beside it."""
-    made = find_law("seal").joint
-    assert made is not None
-    joint = Joint(0.01, 0.1, made({"coulomb_friction": 0.2}))
-    course = simulate(joint, PDGains(20.0, 0.5), 0.002, 2.0 * 0.002 * np.arange(1000))
-    assert course.velocity[-1] == pytest.approx(2.0) and course.torque[-1] == pytest.approx(0.25 + 0.2)
 
 
 def test_it_is_evaluated_by_name(bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

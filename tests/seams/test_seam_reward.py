@@ -101,18 +101,3 @@ def test_a_term_that_fails_is_named(term: str, said: str) -> None:
     env = LocomotionEnv(TaskCfg(robot="go1", rewards=RewardCfg(own=((f"{__name__}:{term}", 1.0),))), 2, seed=0)
     with pytest.raises(StictionError, match=f"reward term '{__name__}:{term}' {said}"):
         env.step(env.last_action)
-
-
-def test_a_term_that_there_is_not_begins_no_run(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """The same command, with the name mended, would else be told that the folder holds a run already."""
-    words = [
-        "--num-envs",
-        "4",
-        "--task.rewards.own",
-        "no_such_module_at_all:alive",
-        "1",
-        "--out",
-        str(tmp_path / "run"),
-    ]
-    assert main(["train", *words]) == 1
-    assert "no_such_module_at_all" in capsys.readouterr().err and not (tmp_path / "run").exists()

@@ -16,7 +16,6 @@ from stiction.robots.terrain import (
     TREAD,
     WIDTH,
     Terrain,
-    assign,
     slope_height,
     stair_height,
 )
@@ -90,14 +89,3 @@ def test_a_robot_stands_on_its_own_step() -> None:
     height = fleet.base_position[:, 2] - GO1.standing_height
     assert height == pytest.approx(STEPS * 0.2 * np.array([0.5, 0.25]), abs=0.05)
     assert not fleet.fallen().any()
-
-
-def test_robots_are_shared_out() -> None:
-    """A quarter on flat ground and the rest on stairs, in whole robots."""
-    kinds = assign((0.25, 0.0, 0.0, 0.75), 8)
-    assert kinds.tolist() == [0, 0] + [KINDS.index("stairs")] * 6
-
-
-def test_flat_ground_has_no_boxes() -> None:
-    """Robots on flat ground would pay for obstacles that nobody meets."""
-    assert len(Fleet(GO1, 1).terrain.boxes) == 0

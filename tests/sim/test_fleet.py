@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from stiction.core.errors import StictionError
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
 
@@ -161,22 +160,3 @@ def test_state_restores_bit_by_bit() -> None:
     fleet.reset(np.arange(3))
     fleet.simulation.load_state(saved)
     assert np.array_equal(first, finish())
-
-
-def test_threads_do_not_change_the_result() -> None:
-    """One thread or two: the same bits."""
-    results = []
-    for threads in (1, 2):
-        fleet = Fleet(find_robot("go1"), 5, threads=threads)
-        fleet.set_targets(fleet.standing + 0.1 * np.arange(5)[:, None])
-        for _ in range(10):
-            fleet.step()
-        results.append(fleet.qpos.copy())
-    assert np.array_equal(*results)
-
-
-def test_a_fleet_that_cannot_be_is_refused() -> None:
-    """No robots, no steps, or a step that no solver survives: one clear line."""
-    for arguments in ({"num_envs": 0}, {"num_envs": 1, "decimation": 0}, {"num_envs": 1, "timestep": 0.5}):
-        with pytest.raises(StictionError, match="expected"):
-            Fleet(find_robot("go1"), **arguments)

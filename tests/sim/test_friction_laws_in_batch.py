@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from stiction.core.errors import StictionError
-from stiction.joints.friction import LAWS, Law, stribeck_factor
+from stiction.joints.friction import Law, stribeck_factor
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
 from stiction.sim.friction import JointFriction, load_size
@@ -63,21 +62,6 @@ def test_load_is_what_the_leg_weighs_and_what_the_ground_bears() -> None:
     np.testing.assert_allclose(fleet.friction, 0.1 * load_size(fleet.joint_load), rtol=0.01)
 
 
-def test_load_keeps_half_of_the_old_bound_but_nothing_over_a_reset() -> None:
-    """A robot that begins anew would else begin with the friction of the one that fell."""
-    fleet = Fleet(find_robot("go1"), 2, joint_sensors=True)
-    friction = JointFriction(fleet, Law("load"))
-    friction.set_level(np.full(fleet.friction.shape, 0.1))
-    fleet.substep()
-    fleet.reset(np.array([1]))
-    load, standing = load_size(fleet.joint_load)
-    friction.load_state({**friction.state(), "bound": np.full(fleet.friction.shape, 100.0)})
-    fleet.substep()
-    kept = LAWS["load"].smoothing
-    np.testing.assert_allclose(fleet.friction[0], kept * 100.0 + (1 - kept) * 0.1 * load)
-    np.testing.assert_allclose(fleet.friction[1], 0.1 * standing)
-
-
 @pytest.mark.parametrize("law", MEASURED)
 def test_a_robot_that_blew_up_has_finite_friction_again(law: Law) -> None:
     """A bound that is not finite would outlive the reset, for parameters are not reset."""
@@ -111,31 +95,6 @@ def test_a_redrawn_robot_has_the_friction_of_its_own_state_at_once(laws: tuple[L
     np.testing.assert_allclose(fleet.friction[chosen], at_once)
 
 
-def test_the_bounds_of_two_laws_add_up() -> None:
-    """2 N m of Coulomb friction, and half of the old and half of the new 0.1 of what the joints transmit."""
-    fleet = Fleet(find_robot("go1"), 2, joint_sensors=True)
-    friction = JointFriction(fleet, Law(), Law("load"))
-    friction.set_level(np.full((2, 12), 2.0), np.full((2, 12), 0.1))
-    first = load_size(fleet.joint_load)
-    np.testing.assert_allclose(fleet.friction, 2.0 + 0.1 * first)
-    fleet.substep()
-    np.testing.assert_allclose(fleet.friction, 2.0 + 0.1 * first)
-    second = load_size(fleet.joint_load)
-    fleet.substep()
-    np.testing.assert_allclose(fleet.friction, 2.0 + 0.1 * (0.5 * first + 0.5 * second))
-    friction.set_level(np.full((1, 12), 1.0), np.zeros((1, 12)), ids=np.array([1]))
-    third = load_size(fleet.joint_load)
-    fleet.substep()
-    np.testing.assert_allclose(fleet.friction[0], 2.0 + 0.1 * (0.25 * first + 0.25 * second + 0.5 * third)[0])
-    np.testing.assert_allclose(fleet.friction[1], 1.0)
-
-
-def test_two_laws_that_read_sensors_are_refused() -> None:
-    """One set of sensors is kept in a checkpoint."""
-    with pytest.raises(StictionError, match="effort and load each read a sensor"):
-        JointFriction(Fleet(find_robot("go1"), 1, joint_sensors=True), Law("effort"), Law("load"))
-
-
 @pytest.mark.parametrize("laws", [*((law,) for law in MEASURED), (Law("stribeck"),), (Law(), Law("load"))])
 def test_state_restores_the_friction_bit_by_bit(laws: tuple[Law, ...]) -> None:
     """A checkpoint has neither sensors nor bounds; without them a resumed run would take another way."""
@@ -160,22 +119,3 @@ def test_state_restores_the_friction_bit_by_bit(laws: tuple[Law, ...]) -> None:
     friction.load_state(kept)
     np.testing.assert_array_equal(fleet.friction, bounds)
     np.testing.assert_array_equal(walk(targets[10:]), first)
-
-
-def test_joint_sensors_change_neither_the_feet_nor_the_motion() -> None:
-    """Columns that shifted would take a joint's load for a contact."""
-    plain, measured = Fleet(find_robot("go1"), 1), Fleet(find_robot("go1"), 1, joint_sensors=True)
-    for fleet in (plain, measured):
-        fleet.step()
-    np.testing.assert_array_equal(measured.foot_force, plain.foot_force)
-    np.testing.assert_array_equal(measured.qpos, plain.qpos)
-    assert plain.joint_load.size == 0 and measured.joint_load.shape == (1, 12, 2, 3)
-
-
-def test_a_law_that_cannot_be_is_refused() -> None:
-    """No such law, numbers that make none, and a load that nothing measures."""
-    for arguments in (("rust",), ("stribeck", 0.5), ("stribeck", 1.5, 0.0)):
-        with pytest.raises(StictionError, match=r"expected|unknown friction law"):
-            Law(*arguments)
-    with pytest.raises(StictionError, match="joint_sensors"):
-        JointFriction(Fleet(find_robot("go1"), 1), Law("load"))

@@ -6,8 +6,6 @@ import pytest
 
 import walks
 from actuators import pd_net
-from stiction.core.errors import StictionError
-from stiction.evaluation.walk_logs import record_motion
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import BASE_DOFS, Fleet
 from stiction.sim.friction import FrictionMeter
@@ -33,27 +31,6 @@ def test_a_net_that_is_the_p_law_moves_as_the_p_law() -> None:
     np.testing.assert_array_equal(fleets[1].targets, targets)
 
 
-def test_a_net_that_is_the_pd_law_walks_as_the_pd_law() -> None:
-    """A policy meets the same robot: speed over three seconds within 15 %, forward and backward, nobody falls. What is
-    left is kd, which MuJoCo takes at the end of a step, and the net at its start.
-    """
-    speeds = []
-    for with_net in (False, True):
-        rollout = walks.start(np.zeros((4, 18)))
-        if with_net:
-            NetMotors(rollout.fleet, pd_net())
-        command = np.array([walks.FORWARD, walks.BACKWARD] * 2)
-        found = []
-        for step in range(200):
-            rollout.step(command)
-            if step >= 50:
-                found.append(rollout.fleet.base_linear_velocity[:, 0])
-        assert not rollout.fleet.fallen().any()
-        speeds.append(np.mean(found, axis=0))
-    assert np.abs(speeds[0]).min() > 0.3
-    np.testing.assert_allclose(speeds[1], speeds[0], rtol=0.15)
-
-
 @pytest.mark.parametrize(("side", "left"), [("motor_side", 1.0), ("output_side", 0.0)])
 def test_friction_is_kept_or_dropped_by_side(side: str, left: float) -> None:
     """Friction that is in the net and in the simulation would count twice; in neither, not at all."""
@@ -62,18 +39,6 @@ def test_friction_is_kept_or_dropped_by_side(side: str, left: float) -> None:
     NetMotors(fleet, pd_net(torque_source=side))
     np.testing.assert_array_equal(fleet.friction, 2.0 * left)
     np.testing.assert_array_equal(fleet.damping, left * damping)
-
-
-def test_strength_multiplies_and_the_limit_stays() -> None:
-    """A target 1 rad away asks for 100 N m; a motor of 25 N m gives 25, and at 0.2 of its strength 20."""
-    fleet = Fleet(SPEC, 2)
-    motors = NetMotors(fleet, pd_net())
-    motors.strength[1] = 0.2
-    targets = np.tile(fleet.standing, (2, 1))
-    targets[:, 0] += 1.0
-    fleet.set_targets(targets)
-    fleet.substep()
-    np.testing.assert_allclose(fleet.torque[:, 0], [25.0, 20.0], rtol=1e-6)
 
 
 def test_a_reset_forgets_the_past() -> None:
@@ -97,14 +62,6 @@ def test_what_has_a_net_has_no_gains() -> None:
     NetMotors(fleet, pd_net())
     with pytest.raises(ValueError, match="no gains"):
         fleet.set_gains(np.ones(18), np.ones(18))
-
-
-def test_another_step_or_robot_is_refused() -> None:
-    """A window of three samples is another time at another step."""
-    with pytest.raises(StictionError, match=r"period of 0\.005 s, the simulation steps by 0\.01 s"):
-        NetMotors(Fleet(SPEC, 1, timestep=0.01), pd_net())
-    with pytest.raises(StictionError, match="go1"):
-        NetMotors(Fleet(find_robot("go1"), 1), pd_net())
 
 
 def test_output_side_torque_balances_the_equation_of_motion() -> None:
@@ -131,20 +88,3 @@ def test_output_side_torque_balances_the_equation_of_motion() -> None:
     np.testing.assert_allclose(output[0], expected, atol=1e-9)
     assert np.abs(meter.torque).max() == pytest.approx(0.1 * walks.LIMITS[np.abs(meter.torque[0]).argmax()], rel=1e-3)
     assert (meter.torque * state["qvel"][:, BASE_DOFS:])[np.abs(state["qvel"][:, BASE_DOFS:]) > 0.5].max() < 0
-
-
-def test_the_log_says_what_the_meter_measured() -> None:
-    """With friction, output-side torque is less than the motor's by it; without friction and damping they agree."""
-    commands, kd = np.array([walks.FORWARD]), walks.walking_bundle().contract.array("kd")
-    for level in (0.0, 0.1):
-        logs = []
-        for side in ("motor", "output"):
-            rollout = walks.start(level * walks.LIMITS[None])
-            rollout.fleet.damping[:] = 0.0
-            meter = FrictionMeter(rollout.fleet) if side == "output" else None
-            (truth,) = record_motion(rollout, kd, commands, 50, meter=meter)
-            assert truth is not None
-            logs.append(truth)
-        np.testing.assert_array_equal(logs[0]["joint_position"], logs[1]["joint_position"])
-        lost = np.abs(logs[0]["joint_torque"] - logs[1]["joint_torque"]) / walks.LIMITS
-        assert lost.max() == pytest.approx(level, rel=1e-6, abs=1e-12)

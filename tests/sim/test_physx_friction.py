@@ -136,36 +136,3 @@ def test_physx_still_does_what_was_measured(case: Case) -> None:
     joint.set_drive_velocity_target(1e3)
     found = DRIVE - case.inertia * acceleration(scene, articulation, lambda: None)
     assert found == pytest.approx(case.friction, abs=5e-3)
-
-
-ON_THE_GROUND = [("drive", 4.0, 0.0), ("joint force", 1.0, 0.05), ("joint force", 4.0, 0.2)]
-"""(Torque by, torque [N m], friction [N m]): 5 kg on a vertical joint on a foot that lies free on the ground."""
-
-
-@pytest.mark.parametrize(("by", "torque", "friction"), ON_THE_GROUND)
-def test_physx_does_not_count_what_the_ground_bears(by: str, torque: float, friction: float) -> None:
-    """The joint carries 50 N, of which 0.05 would be 2.5 N m: here `load` is another law, and the page must say so."""
-    sapien, scene = scene_of(ACROSS)
-    material = sapien.physx.PhysxMaterial(1.0, 1.0, 0.0)
-    scene.add_ground(0.0, render=False, material=material)
-    builder, pose = scene.create_articulation_builder(), sapien.Pose
-    foot = builder.create_link_builder()
-    foot.set_mass_and_inertia(50.0, pose(), np.full(3, 5.0))
-    foot.add_box_collision(half_size=[0.5, 0.5, 0.1], material=material)
-    body = builder.create_link_builder(foot)
-    body.set_mass_and_inertia(5.0, pose(), np.full(3, 0.05))
-    upright = [np.sqrt(0.5), 0.0, -np.sqrt(0.5), 0.0]
-    frames = pose(p=[0, 0, 0.3], q=upright), pose(q=upright)
-    body.set_joint_properties("revolute_unwrapped", [[-1e5, 1e5]], *frames, 0, 0)
-    builder.initial_pose = pose(p=[0, 0, 0.1])
-    articulation = builder.build()
-    joint = prepared(articulation, COEFFICIENT, (10, 0))
-    for _ in range(100):
-        scene.step()
-    if by == "drive":
-        joint.set_drive_properties(0.0, 1e6, force_limit=torque, mode="force")
-        joint.set_drive_velocity_target(1e3)
-    force = np.array([torque if by == "joint force" else 0.0], np.float32)
-    found = torque - 0.05 * acceleration(scene, articulation, lambda: articulation.set_qf(force))
-    # The foot yields a little: 0.05 of 5 kg m² takes 1 % of the motion.
-    assert found == pytest.approx(friction, abs=0.01 * torque)

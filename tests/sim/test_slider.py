@@ -1,16 +1,13 @@
 """Dry friction as a yielding spring: what it holds, how it slides, and that it forgets and remembers as it should."""
 
-import mujoco
 import numpy as np
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.joints.friction import Law
 from stiction.learning.config import TrainCfg
 from stiction.robots.catalog import find_robot
 from stiction.robots.physics import PhysicsCfg
 from stiction.sim.fleet import BASE_DOFS, Fleet
-from stiction.sim.friction import JointFriction
 from stiction.task.config import TaskCfg
 
 LEVEL = 0.2
@@ -118,37 +115,6 @@ def test_a_restored_simulation_goes_on_bit_for_bit() -> None:
     np.testing.assert_array_equal(pull(fleet, torque[60:]), pull(other, torque[60:]))
     other.simulation.load_state({name: value for name, value in state.items() if name != "plastic"})
     assert np.abs(other.simulation.bind("plastic") - state["plastic"]).max() > 1e-3
-
-
-def test_the_slider_moves_a_joint_as_the_rows_do() -> None:
-    """Swung to and fro beyond its friction, at 5 ms, against rows at 0.25 ms: within the pre-sliding 2 f/k and 3 %."""
-    seconds, found = 1.0, []
-    for physics, step in ((PLASTIC, 0.005), (PhysicsCfg(), 0.00025)):
-        fleet = hung(physics, timestep=step)
-        fleet.damping[:, 0] = 1.0
-        times = np.arange(round(seconds / step)) * step
-        angle, _ = pull(fleet, 1.6 * bound(fleet) * np.sin(2 * np.pi * 2.0 * times))
-        found.append(angle[round(0.005 / step) - 1 :: round(0.005 / step), 0])
-    away = np.abs(found[0] - found[1]).max()
-    assert away < 2 * bound(fleet) / PLASTIC.stiffness + 0.03 * np.ptp(found[1])
-
-
-def test_a_law_that_depends_on_speed_writes_the_yield_before_every_step() -> None:
-    """Stribeck friction at rest is 1.5 times Coulomb's: it holds what Coulomb's would not."""
-    fleet = hung()
-    law = JointFriction(fleet, Law("stribeck", 1.5, 0.1))
-    law.set_level(np.full((1, fleet.spec.num_joints), bound(fleet)))
-    fleet.damping[:, 0] = 5.0
-    angle, _ = pull(fleet, np.linspace(0, 1.3 * bound(fleet), 400))
-    assert angle[-1, 0] == pytest.approx(1.3 * bound(fleet) / PLASTIC.stiffness, rel=0.02)
-
-
-def test_what_is_judged_is_judged_on_rows() -> None:
-    """The default of every fleet: no springs, no state of them, solver and impedance of before there was a choice."""
-    model = Fleet(find_robot("go1"), 1).model
-    assert model.nplastic == 0 and not model.jnt_stiffness.any()
-    assert model.opt.solver == mujoco.mjtSolver.mjSOL_NEWTON and model.opt.iterations == 100
-    np.testing.assert_array_equal(model.dof_solimp[BASE_DOFS:, :2], 0.999)
 
 
 def test_what_has_no_meaning_is_refused_in_one_line() -> None:

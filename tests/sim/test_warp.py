@@ -131,17 +131,6 @@ def test_reset_puts_the_chosen_robots_where_native_puts_them() -> None:
         late[0] = 0.0
 
 
-def test_constants_are_recomputed_for_the_chosen_robots_alone() -> None:
-    """A heavier trunk or a larger armature with the constants of the lighter one has the wrong contact stiffness."""
-    fleet = build(WarpSimulation)
-    assert max(fleet.stale_constants(env) for env in range(NUM)) < 1e-5
-    fleet.base_mass[:2] += 3.0
-    fleet.armature[:2] *= 5.0
-    fleet.set_const(np.array([1]))
-    assert fleet.stale_constants(1) < 1e-5
-    assert fleet.stale_constants(0) > 0.1
-
-
 def test_contacts_without_room_are_an_error() -> None:
     """Warp drops what does not fit and goes on: robots would sink through the ground without a word."""
     fleet = build(lambda model, num, threads: WarpSimulation(model, num, threads, contacts=1))
@@ -214,23 +203,6 @@ def test_what_is_written_goes_up_and_nothing_else(field: str, write: Callable[[F
     simulation._upload()
     np.testing.assert_array_equal(mirrors[field].device.numpy().reshape(wanted.shape), wanted.astype(np.float32))
     assert not mirrors[field].written
-
-
-def test_options_act_by_robot() -> None:
-    """Without gravity nothing falls; with a huge tolerance the solver stops at once, and the feet give way."""
-    fleet = build(WarpSimulation)
-    fleet.simulation.expand("opt.gravity")[:2] = 0.0
-    fleet.base_position[:, 2] += 2.0
-    fleet.step()
-    np.testing.assert_allclose(fleet.qvel[:2, 2], 0.0, atol=1e-6)
-    np.testing.assert_allclose(fleet.qvel[2:, 2], -9.81 * fleet.control_period, rtol=1e-3)
-    fleet = build(WarpSimulation)
-    fleet.reset(np.arange(NUM), position=np.tile([0.0, 4.0], (NUM, 1)))
-    fleet.simulation.expand("opt.tolerance")[0] = 1e3
-    walk(fleet, 2)
-    acceleration = fleet.simulation.bind("qacc")
-    np.testing.assert_allclose(acceleration[2], acceleration[1], atol=1e-2)
-    assert np.abs(acceleration[0] - acceleration[1]).max() > 1.0
 
 
 def test_a_field_that_was_never_seen_to_act_is_refused() -> None:

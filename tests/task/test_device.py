@@ -11,17 +11,11 @@ from stiction.core.errors import StictionError
 from stiction.learning.config import TrainCfg
 from stiction.learning.simulator import why_task_on_host
 from stiction.sim.chosen import masked, numbered, put
-from stiction.sim.native import NativeSimulation
 from stiction.task.config import TaskCfg
-from stiction.task.device import CPU, Device, find_device
+from stiction.task.device import Device, find_device
 from stiction.task.env import LocomotionEnv
 from stiction.task.friction import FrictionCfg
 from stiction.task.terrain import TerrainCfg
-
-
-def test_the_processor_is_native_mujoco() -> None:
-    """The default must not need the extra packages, nor change a run."""
-    assert find_device("cpu", 1) is CPU and CPU.backend is NativeSimulation and CPU.torch == "cpu"
 
 
 def test_the_task_hands_everything_out_where_the_networks_are() -> None:
@@ -68,12 +62,6 @@ def test_a_missing_gpu_is_one_line(tmp_path, capsys: pytest.CaptureFixture, monk
         find_device("cuda", 1)
     with pytest.raises(StictionError, match="no GPU 1 here, only 1"):
         find_device("cuda", 1, gpu=1)
-
-
-def test_an_unknown_device_is_refused() -> None:
-    """A configuration file may name any."""
-    with pytest.raises(StictionError, match="'tpu'"):
-        TrainCfg(device="tpu")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -58,15 +58,6 @@ def test_frame_has_the_papers_order_and_placeholders() -> None:
         assert not dones.any()
 
 
-def test_observations_are_fresh_tensors() -> None:
-    """The algorithm keeps a reference: a buffer filled in place would store the next observation."""
-    env = make()
-    first = env.get_observations()
-    kept = first.clone()
-    env.step(torch.ones(4, 12))
-    assert all(torch.equal(first[name], kept[name]) for name in kept.keys())  # noqa: SIM118 - a TensorDict
-
-
 def test_history_starts_with_eleven_copies_and_ends_with_the_present() -> None:
     """Right after a reset there is no past: all frames are the first one."""
     env = make()
@@ -101,27 +92,6 @@ def test_privileged_friction_of_a_coefficient_is_in_tenths_of_the_limit(law: str
     np.testing.assert_allclose(env.get_observations()["privileged"][:, 26:], expected, atol=1e-5)
 
 
-def test_the_figure_of_friction_is_what_the_joints_have() -> None:
-    """Mean bound over torque limit; under Coulomb's law it would repeat the draw, and is left out."""
-    env = make(friction=FrictionCfg("direct", level=0.1, law="load"))
-    for _ in range(2):
-        *_, extras = env.step(torch.zeros(4, 12))
-    assert float(extras["log"]["friction/share"]) == pytest.approx((env.fleet.friction / env.fleet.torque_limit).mean())
-    assert 0.005 < float(extras["log"]["friction/share"]) < 0.5
-    *_, extras = make(friction=FrictionCfg("direct", level=0.1)).step(torch.zeros(4, 12))
-    assert "friction/share" not in extras["log"]
-
-
-@pytest.mark.parametrize(
-    ("forward", "names"),
-    [((-0.8, 0.8), {"forward", "backward"}), ((0.5, 0.5), {"forward"}), ((-0.8, 0.2), {"backward"}), ((0, 0.3), set())],
-)
-def test_there_is_no_speed_ratio_where_nobody_is_asked_to_go(forward: tuple[float, float], names: set[str]) -> None:
-    """A curve at 0 would say of a training for one direction that its robots do not walk in the other."""
-    log = make(commands=CommandCfg(forward=forward)).step(torch.zeros(4, 12))[-1]["log"]
-    assert {name for name in log if name.endswith("_ratio")} == {f"walk/{name}_ratio" for name in names}
-
-
 @pytest.mark.parametrize(("method", "low", "high"), [("none", 0, 0), ("direct", 0.8, 1.2), ("deception", 0, 1.2)])
 def test_friction_in_training_has_the_range_of_its_method(method: str, low: float, high: float) -> None:
     """b_c = multiplier x level x torque limit, one multiplier a robot."""
@@ -131,31 +101,6 @@ def test_friction_in_training_has_the_range_of_its_method(method: str, low: floa
     assert np.ptp(share, axis=1).max() < 1e-6
     if high > low:
         assert share.min() < low + 0.1 * (high - low) and share.max() > high - 0.1 * (high - low)
-
-
-def test_softness_of_the_ground_is_drawn_last_and_written_to_the_feet() -> None:
-    """It changes no other draw of a seed; without a range the simulator keeps its own value."""
-    usual, env = make(), make(randomization=RandomizationCfg(contact_time=(0.01, 0.03)))
-    drawn, other = vars(env.randomizer.draws), vars(usual.randomizer.draws)
-    assert [name for name in drawn if not torch.equal(drawn[name], other[name])] == ["contact_time"]
-    foot, head = (env.fleet.model.geom(name).id for name in ("FR_foot", "floor"))
-    softness = env.fleet.simulation.expand("geom_solref")[:, :, 0]
-    assert 0.01 <= softness[:, foot].min() < softness[:, foot].max() <= 0.03
-    np.testing.assert_allclose(softness[:, foot], drawn["contact_time"][:, 0], atol=1e-8)
-    assert (softness[:, head] == 0.02).all()
-    assert (usual.fleet.simulation.expand("geom_solref")[:, foot, 0] == 0.02).all()
-
-
-def test_ground_stiffer_than_a_step_can_hold_is_refused() -> None:
-    """MuJoCo would soften it without a word."""
-    with pytest.raises(ConfigurationError, match=r"no stiffer than 0.01 s"):
-        TaskCfg(randomization=RandomizationCfg(contact_time=(0.005, 0.02)))
-
-
-def test_friction_per_joint_differs_between_joints() -> None:
-    """`per="joint"` draws one multiplier each."""
-    env = make(friction=FrictionCfg("deception", level=0.2, per="joint"))
-    assert np.ptp(env.fleet.friction / env.fleet.torque_limit, axis=1).min() > 0.01
 
 
 def test_identification_sets_the_nominal_joint_and_the_level_overrides_its_friction() -> None:

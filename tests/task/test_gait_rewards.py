@@ -2,7 +2,7 @@
 
 import torch
 
-from stiction.task.gait import UnsyncWindow, exactly_one_group, group_imbalance
+from stiction.task.gait import UnsyncWindow, exactly_one_group
 
 GROUP = torch.tensor([0, 1, 1, 0, 0, 1])
 TRIPOD_0 = [1, 0, 0, 1, 1, 0]
@@ -20,12 +20,6 @@ def test_trot_pays_for_either_tripod_and_for_nothing_else() -> None:
     assert exactly_one_group(rows, GROUP).tolist() == [True, True, False, False, False, False]
 
 
-def test_imbalance_counts_feet_of_either_group() -> None:
-    """|C_0 ∩ C| - |C_1 ∩ C|."""
-    rows = contacts(TRIPOD_0, TRIPOD_1, [1] * 6, [1, 1, 0, 1, 0, 0])
-    assert group_imbalance(rows, GROUP).tolist() == [3.0, -3.0, 0.0, 1.0]
-
-
 def test_unsync_cancels_over_a_tripod_gait_and_grows_over_a_hop() -> None:
     """Equal use of both groups gives 0; three-legged hopping on one group gives the whole range."""
     window = UnsyncWindow(2, legs=6, horizon=4)
@@ -35,11 +29,3 @@ def test_unsync_cancels_over_a_tripod_gait_and_grows_over_a_hop() -> None:
     assert value.tolist() == [0.0, 1.0]
     window.reset(torch.tensor([1]))
     assert window.push(torch.tensor([0.0, 0.0]))[1] == 0.0
-
-
-def test_unsync_forgets_what_is_older_than_its_horizon() -> None:
-    """After `horizon` balanced steps, an old hop no longer counts."""
-    window = UnsyncWindow(1, legs=6, horizon=2)
-    window.push(torch.tensor([3.0]))
-    window.push(torch.tensor([0.0]))
-    assert window.push(torch.tensor([0.0])).item() == 0.0

@@ -31,12 +31,6 @@ def test_a_kind_stands_for_all_its_joints_and_the_others_stay() -> None:
     assert found.warnings == ()
 
 
-def test_a_name_goes_before_its_kind() -> None:
-    """One shank measured by itself."""
-    file = JointsFile({"shank": shank(), "FR_shank": shank(coulomb_friction=number(0.9))})
-    assert identified_joints(file, NAMES, LINKS, LIMITS).frictionloss == (None, 0.4, None, 0.9)
-
-
 def test_links_are_taken_off_an_inertia_measured_in_the_air() -> None:
     """The simulator adds them again: 0.03 - 0.01."""
     found = identified_joints(JointsFile({"shank": shank(test_condition="in_air")}), NAMES, LINKS, LIMITS)
@@ -49,13 +43,6 @@ def test_an_inertia_with_an_unknown_load_is_not_used(condition: str | None) -> N
     found = identified_joints(JointsFile({"shank": shank(test_condition=condition)}), NAMES, LINKS, LIMITS)
     assert found.armature == (None,) * 4 and found.frictionloss[1] == 0.4
     assert len(found.warnings) == 1 and "inertia" in found.warnings[0]
-
-
-def test_what_is_null_stays_and_negative_friction_is_none() -> None:
-    """A log that could not tell the inertia still tells the friction."""
-    file = JointsFile({"shank": shank(inertia=None, viscous_friction=number(-0.01))})
-    found = identified_joints(file, NAMES, LINKS, LIMITS)
-    assert found.armature[1] is None and found.damping[1] == 0.0
 
 
 def test_friction_that_is_known_as_a_ratio_only_is_that_share_of_the_limit() -> None:
@@ -89,9 +76,3 @@ def test_what_cannot_be_is_refused(record: JointRecord, match: str) -> None:
     """A line that names the joint or the number."""
     with pytest.raises(StictionError, match=match):
         identified_joints(JointsFile({"shank": record}), NAMES, LINKS, LIMITS)
-
-
-def test_a_file_for_another_robot_is_refused() -> None:
-    """Neither names nor kinds match."""
-    with pytest.raises(StictionError, match="elbow"):
-        identified_joints(JointsFile({"elbow": shank()}), NAMES, LINKS, LIMITS)

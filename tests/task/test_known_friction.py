@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ import torch
 
 from stiction.core.errors import StictionError
 from stiction.deploy.observation import ObservationBuilder, Sensors
-from stiction.learning.run import load_checkpoint, save_checkpoint
 from stiction.task.config import NoiseCfg, RandomizationCfg, TaskCfg
 from stiction.task.env import LocomotionEnv
 from stiction.task.friction import FrictionCfg
@@ -66,23 +64,6 @@ def test_the_error_is_drawn_once_for_every_episode_and_kind_of_joint() -> None:
     assert (abs(again[:250] - error[:250]) > 1e-4).mean() > 0.98
 
 
-def test_a_joint_without_friction_is_never_said_to_have_some() -> None:
-    """The error is relative, and follows the friction into its stages: `iterative` begins without any."""
-    env = make(friction=FrictionCfg("iterative", level=0.2, steps=2))
-    assert not told(env).any()
-    env.enter_stage(2)
-    env.step(torch.zeros(64, 12))
-    error = told(env) / present(env)
-    assert present(env).min() > 0.1 and 0.7 <= error.min() < 0.8 and 1.2 < error.max() <= 1.3
-
-
-def test_friction_with_a_coefficient_is_told_as_a_share_of_the_torque_limit() -> None:
-    """As in o_priv: 5 % of the load, a leg's share of the weight, over 23.7 or 35.55 N m."""
-    env = make(error=(1.0, 1.0), friction=FrictionCfg("direct", level=0.05, law="load", range=(1.0, 1.0)))
-    expected = 0.05 * env.spec.weight / 4 / env.fleet.torque_limit[:3]
-    np.testing.assert_allclose(told(env), np.tile(expected, (64, 1)), rtol=1e-5)
-
-
 def test_the_runtime_observes_the_same() -> None:
     """The builder of the deployed policy, told the same, gives the task's observation."""
     env = make(num_envs=4)
@@ -96,26 +77,6 @@ def test_the_runtime_observes_the_same() -> None:
         built = builder.step(sensors, env.commands.value.numpy(), env.last_action.numpy())
         np.testing.assert_allclose(built, env.get_observations()["history"].numpy(), atol=2e-6)
         assert not env.step(torch.zeros(4, 12))[2].any()
-
-
-def test_without_the_option_a_policy_observes_what_the_papers_does() -> None:
-    """11 + 3J entries, as in every bundle from before; with it one more for each kind of joint."""
-    names = [term.name for term in make(num_envs=1, known_friction=False).layout.terms]
-    assert make(num_envs=1, known_friction=False).layout.frame_size == 11 + 3 * 12 and "known_friction" not in names
-    layout = make(num_envs=1).layout
-    assert layout.frame_size == 11 + 3 * 12 + 3 and [term.name for term in layout.terms] == [*names, "known_friction"]
-
-
-def test_a_checkpoint_holds_what_each_robot_was_told(tmp_path: Path) -> None:
-    """A resumed run would tell the same robot another number in the middle of its episode."""
-    env = make(num_envs=8)
-    save_checkpoint(tmp_path / "c.safetensors", env.state())
-    other = make(num_envs=8)
-    other._reset(torch.arange(8))
-    other.load_state(load_checkpoint(tmp_path / "c.safetensors"))
-    for one in (env, other):
-        one.step(torch.zeros(8, 12))
-    np.testing.assert_array_equal(told(env), told(other))
 
 
 @pytest.mark.parametrize(

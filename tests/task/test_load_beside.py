@@ -46,36 +46,18 @@ def test_friction_in_the_simulation_grows_with_the_load() -> None:
     assert step[3]["log"]["friction/share"] > 0.0
 
 
-def test_spread_keeps_the_mean_of_a_robot_and_lets_its_joints_differ() -> None:
-    """f_j = f_robot U(0.5, 1.5): ratios within, mean 1, and robots that have hardly any anywhere."""
-    env = make(num_envs=256, friction=FrictionCfg("deception", level=0.2, spread=(0.5, 1.5)))
-    drawn = env.randomizer.draws.friction.numpy()
-    mean = drawn.mean(axis=1, keepdims=True)
-    assert 0.3 < (drawn / mean).min() < 0.6 and 1.4 < (drawn / mean).max() < 2.0
-    assert drawn.max() <= 1.2 * 1.5 and mean.min() < 0.05 and 0.5 < mean.mean() < 0.7
-
-
 @pytest.mark.parametrize(
     ("words", "by_law", "any_at_all"),
     [
         ({}, True, True),
-        ({"level": None}, True, True),
         ({"level": 0.0}, False, False),
         ({"level": 0.0, "load": (0.0, 0.1)}, False, True),
         ({"range": (0.0, 0.0)}, False, False),
-        ({"range": (0.0, 0.0), "load": (0.0, 0.1)}, False, True),
         ({"mixture": ((1.0, 0.0, 0.0),)}, False, False),
-        ({"mixture": ((1.0, 0.0, 0.0), (0.1, 0.5, 0.5))}, True, True),
-        ({"spread": (0.0, 0.0)}, False, False),
         ({"spread": (0.0, 2.0)}, True, True),
-        ({"load": (0.0, 0.0)}, True, True),
         ({"method": "none"}, False, False),
         ({"method": "iterative"}, True, True),
-        ({"method": "hinf"}, False, False),
-        ({"method": "hinf", "spread": (0.5, 1.5)}, False, False),
         ({"method": "hinf", "range": (0.0, 1.2)}, True, True),
-        ({"method": "dreamwaq", "range": (0.0, 0.0)}, False, False),
-        ({"method": "dreamwaq", "load": (0.0, 0.0)}, False, False),
         ({"method": "dreamwaq", "load": (0.0, 0.1)}, False, True),
     ],
 )
@@ -89,14 +71,6 @@ def test_friction_is_there_where_a_robot_can_draw_some(words: dict, by_law: bool
         by_law,
         any_at_all,
     )
-
-
-def test_without_them_nothing_else_is_drawn() -> None:
-    """The random stream of trainings before there was load or spread, number by number."""
-    one, two = (make(num_envs=4, friction=FrictionCfg("deception", level=0.2, **more)) for more in ({}, {"load": None}))
-    for name, value in vars(one.randomizer.draws).items():
-        torch.testing.assert_close(getattr(two.randomizer.draws, name), value, rtol=0, atol=0)
-    assert not one.randomizer.draws.load_coefficient.any() and one.fleet.joint_load.size == 0
 
 
 @pytest.mark.parametrize(

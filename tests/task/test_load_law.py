@@ -66,12 +66,6 @@ def test_a_pendulum_in_the_air_has_no_one_coefficient() -> None:
     assert found.spread == pytest.approx((high - low) / 2 / mean)
 
 
-def test_what_no_foot_loads_has_no_coefficient() -> None:
-    """An arm's joint has no stance, and a hinge with no torque about its axis no ratio."""
-    assert converted(C, "gravity", "load", None) is None
-    assert converted(C, "gravity", "load", HingeLoad(np.ones(3), np.ones(3), np.zeros(3))) is None
-
-
 @pytest.mark.parametrize("regressor", LOAD_REGRESSORS)
 def test_effort_takes_it_as_it_is_joint_by_joint(regressor: str) -> None:
     """At rest the motor's torque is the load: each kind keeps its own coefficient, and what is left out is said."""
@@ -90,12 +84,6 @@ def test_load_is_refused_where_its_ratio_changes_with_the_pose() -> None:
         ConfigurationError, match=r"no one coefficient of the law load on go2, but .* poses.*at most 25%"
     ):
         take_coefficients(every(record()), GO2, "load")
-
-
-def test_a_joint_without_a_coefficient_is_named() -> None:
-    """One joint was identified, and all have friction by its law: nobody makes the others up."""
-    with pytest.raises(ConfigurationError, match="'FR_hip_joint' has no load_coefficient"):
-        take_coefficients(JointsFile({"calf": record()}), GO2, "effort")
 
 
 @pytest.mark.parametrize(
@@ -121,12 +109,6 @@ def test_a_load_coefficient_is_of_one_law(regressor: str, law: str, level: float
     else:
         (warning,) = load_warnings(file, GO2, friction)
         assert said in warning and LOAD_REGRESSORS[regressor] in warning
-
-
-def test_files_of_before_named_the_regressor_in_words() -> None:
-    """A walk's file said |motor torque|, a joint's log nothing."""
-    for words, regressor in (({}, "gravity"), ({"load": "|motor torque| [N m]"}, "motor_torque")):
-        assert JointRecord(load_coefficient=C, friction_law=words).load_regressor == regressor
 
 
 def test_training_has_each_joints_own_coefficient(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

@@ -8,7 +8,6 @@ pytest.importorskip("torch", reason="the package torch, of the extra 'train', is
 import torch
 
 from actuators import pd_net
-from stiction.core.errors import StictionError
 from stiction.task.config import TaskCfg
 from stiction.task.env import LocomotionEnv
 from stiction.task.friction import FrictionCfg
@@ -39,9 +38,3 @@ def test_what_is_in_the_net_is_not_randomised(side: str, method: str) -> None:
     for _ in range(5):
         env.step(torch.zeros(8, JOINTS))
     assert not fleet.delay.any() and fleet.blown_up.sum() == 0
-
-
-def test_friction_twice_is_refused() -> None:
-    """A net of output-side torque has the friction in it."""
-    with pytest.raises(StictionError, match="would add it again"):
-        task("output_side", "direct")

@@ -6,7 +6,6 @@ import math
 import pytest
 import torch
 
-from stiction.core.errors import StictionError
 from stiction.robots.catalog import find_robot
 from stiction.task import rewards
 
@@ -46,18 +45,6 @@ def test_every_weight_is_of_the_function_of_its_name() -> None:
     assert {name: weight for name, (_, weight) in terms.items()} == {name: by for name, by in weights.items() if by}
     assert all(term is getattr(rewards, name) for name, (term, _) in terms.items())
     assert "trot" not in rewards.RewardCfg(trot=0.0).terms_for(robot)
-
-
-def test_a_biped_is_paid_for_single_stance_in_place_of_the_papers_gait() -> None:
-    """r_trot would pay it for nothing it can do; who asks for it by name is told so."""
-    biped = find_robot("g1")
-    cfg = rewards.RewardCfg().for_robot(biped)
-    assert (cfg.trot, cfg.unsync, cfg.single_stance) == (0.0, 0.0, rewards.RewardCfg().trot)
-    assert rewards.RewardCfg().for_robot(find_robot("go1")) == rewards.RewardCfg()
-    with pytest.raises(StictionError, match="robot 'g1' has no two contact groups"):
-        rewards.RewardCfg().terms_for(biped)
-    one_two = torch.tensor([[True, False], [True, True]])
-    assert rewards.single_stance(snapshot(contact=one_two)).tolist() == [1.0, 0.0]
 
 
 def test_tracking_pays_by_the_error() -> None:

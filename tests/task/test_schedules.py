@@ -15,13 +15,6 @@ from stiction.task.env import LocomotionEnv
 from stiction.task.friction import FrictionCfg
 
 
-def test_finetune_is_one_step_from_a_teacher_without_friction() -> None:
-    """Half of 10 iterations without, then all of it at once; the student meets what the teacher ended with."""
-    cfg = FrictionCfg("finetune", level=0.2)
-    assert [(stage.begin, stage.range) for stage in cfg.schedule] == [(0.0, (0.0, 0.0)), (0.5, (0.8, 1.2))]
-    assert [cfg.stage(iteration, 10) for iteration in range(10)] == [0] * 5 + [1] * 5
-
-
 def test_iterative_comes_in_equal_steps() -> None:
     """4 steps in the second half of 80 iterations: from 40, 50, 60 and 70 on, a quarter of 0.8 to 1.2 more each."""
     cfg = FrictionCfg("iterative", level=0.2)
@@ -38,20 +31,6 @@ def test_iterative_comes_in_equal_steps() -> None:
     ]
     lows, highs = zip(*(stage.range for stage in cfg.schedule), strict=True)
     assert lows == pytest.approx((0.0, 0.2, 0.4, 0.6, 0.8)) and highs == pytest.approx((0.0, 0.3, 0.6, 0.9, 1.2))
-
-
-@pytest.mark.parametrize("method", ["none", "direct", "compensation", "deception"])
-def test_the_others_have_one_stage(method: str) -> None:
-    """A direct training that began without friction would be another method."""
-    assert len(FrictionCfg(method, level=0.2).schedule) == 1
-
-
-def test_a_mixture_is_drawn_by_its_weights() -> None:
-    """Easy episodes: one robot in five without friction, the rest at the nominal one, all joints of a robot alike."""
-    friction = FrictionCfg("deception", level=0.2, mixture=((0.2, 0.0, 0.0), (0.8, 1.0, 1.0)))
-    drawn = LocomotionEnv(TaskCfg(robot="go1", friction=friction), 1000, 0).randomizer.draws.friction
-    assert set(drawn.unique().tolist()) == {0.0, 1.0} and torch.equal(drawn, drawn[:, :1].expand(-1, 12))
-    assert float(drawn[:, 0].mean()) == pytest.approx(0.8, abs=4 * 0.4 / 1000**0.5)
 
 
 def test_a_new_stage_draws_friction_and_nothing_else() -> None:

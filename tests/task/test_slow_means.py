@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import pytest
 import torch
 
-from stiction.core.errors import StictionError
 from stiction.deploy import observation
-from stiction.learning.run import load_checkpoint, save_checkpoint
 from stiction.task import observations as means
 from stiction.task.config import NoiseCfg, RandomizationCfg, TaskCfg
 from stiction.task.env import LocomotionEnv
@@ -23,16 +19,6 @@ def make(num_envs: int = 4, **changes: object) -> LocomotionEnv:
     """A small task with slow means over a second."""
     cfg = TaskCfg(robot="go1", slow_means=1.0, noise=NoiseCfg(0.0, 0.0, 0.0, 0.0))
     return LocomotionEnv(replace(cfg, **changes), num_envs, seed=1)
-
-
-def test_the_layout_has_three_means_of_every_joint_and_their_time() -> None:
-    """K = exp(−0.02/1); by default there are none, and the layout is the paper's."""
-    layout = make().layout
-    assert layout.frame_size == 11 + 3 * 12 + 3 * 12 and layout.slow_kept == pytest.approx(math.exp(-0.02))
-    assert make(slow_means=None).layout.frame_size == 11 + 3 * 12
-    for wrong in (0.0, 0.01, math.nan, 1000.0):
-        with pytest.raises(StictionError, match="slow means over"):
-            TaskCfg(slow_means=wrong)
 
 
 def test_they_tell_the_friction_of_single_joints() -> None:
@@ -71,16 +57,3 @@ def test_they_are_those_of_the_robot_after_a_reading_that_no_walk_has() -> None:
         for name, values in deployed.terms().items():
             assert seen[name].dtype == torch.float32
             np.testing.assert_array_equal(seen[name].numpy(), values.astype(np.float32))
-
-
-def test_a_checkpoint_holds_them(tmp_path: Path) -> None:
-    """A resumed run would show every robot a memory of another one."""
-    env, other = make(), make()
-    actions = 0.3 * torch.randn(4, 12, generator=torch.Generator().manual_seed(0))
-    for _ in range(5):
-        env.step(actions)
-    save_checkpoint(tmp_path / "c.safetensors", env.state())
-    other.load_state(load_checkpoint(tmp_path / "c.safetensors"))
-    for one in (env, other):
-        one.step(actions)
-    assert torch.equal(env.get_observations()["history"], other.get_observations()["history"])

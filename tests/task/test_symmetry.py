@@ -6,23 +6,18 @@ The reflection of the simulator's state is written apart (`mirrored`); a wrong m
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 import torch
 
-import robot_files
 from actuators import pd_net
 from mirrored import mirrored_qpos, mirrored_qvel, mirrored_state
 from stiction.core.errors import StictionError
-from stiction.files.joints import Estimate, JointRecord, JointsFile
 from stiction.files.observation import ObservationLayout, Term
-from stiction.learning.begin import begin_run, share_damping
-from stiction.learning.config import TrainCfg
-from stiction.robots.mirror import RobotMirror, mirrored_kinds, robot_mirror
-from stiction.robots.physics import FAST, PhysicsCfg
+from stiction.robots.mirror import RobotMirror, robot_mirror
+from stiction.robots.physics import PhysicsCfg
 from stiction.robots.terrain import REACH
 from stiction.task import randomization as privileged
 from stiction.task import symmetry
@@ -151,16 +146,6 @@ def check_commuting(env: LocomotionEnv, mirror: RobotMirror, steps: int = 1) -> 
     torch.testing.assert_close(paid[going], reward[going], atol=1e-6, rtol=0)
 
 
-def speed_apart(env: LocomotionEnv, mirror: RobotMirror) -> float:
-    """Return how far the mirrored robots' speeds are from the mirror's after one control step [m/s, rad/s]."""
-    actions, other = walked(env), LocomotionEnv(env.cfg, NUM, seed=1)
-    other.load_state(mirrored_state(env, mirror))
-    actions = 0.5 * actions
-    ended = env.step(actions)[2] | other.step(actions[:, mirror.joints] * torch.from_numpy(mirror.sign).float())[2]
-    assert not ended.any()
-    return float(np.abs(other.fleet.qvel - mirrored_qvel(env.fleet.qvel, mirror)).max())
-
-
 def contacts_with_boxes(env: LocomotionEnv) -> int:
     """Count the contacts between robots and the boxes of their courses."""
     count = 0
@@ -184,17 +169,6 @@ def test_symmetry(check, terrain: str, robot: str) -> None:
     check(env, robot_mirror(env.spec))
 
 
-@pytest.mark.parametrize("robot", ROBOTS)
-@pytest.mark.parametrize("check", CHECKS)
-def test_what_is_known_of_a_kind_of_joint_is_known_of_both_sides(check, robot: str) -> None:
-    """Friction differs joint by joint, and its mean over a kind is that of the mirrored robot."""
-    env = make(robot, known_friction=True)
-    known = env.get_observations()["proprioception"][:, -3:]
-    assert (known > 0).all() and len(known.unique()) == 3 * NUM
-    torch.testing.assert_close(task_mirror(env)(env.get_observations())["proprioception"][:, -3:], known)
-    check(env, robot_mirror(env.spec))
-
-
 @pytest.mark.parametrize("check", CHECKS)
 def test_what_is_known_of_a_kind_of_one_side_becomes_that_of_the_other(check) -> None:
     """`L_hip` is told as `R_hip` in the mirror, in every frame and in what the policy estimates."""
@@ -207,25 +181,6 @@ def test_what_is_known_of_a_kind_of_one_side_becomes_that_of_the_other(check) ->
         assert not torch.isclose(left, right).any()
         torch.testing.assert_close(image[group][:, -6:], torch.cat([left, right], -1))
     check(env, robot_mirror(env.spec))
-
-
-def test_kinds_that_no_kind_mirrors_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A mean over one leg, or over hips and a thigh, has no image: where it is observed, before a folder is made."""
-    for worn, message in (
-        (("FR_hip_joint",), "the joints of kind 'worn' mirror joints of 'hip'; expected all joints of one kind"),
-        (("FR_hip_joint", "FR_thigh_joint"), "the joints of kind 'worn' mirror joints of 'hip', 'thigh'; expected"),
-    ):
-        joints = tuple(replace(one, kind="worn") if one.name in worn else one for one in robot_files.TWIN.joints)
-        robot = replace(robot_files.TWIN, name="odd", joints=joints)
-        with pytest.raises(StictionError, match=message):
-            mirrored_kinds(robot, robot_mirror(robot))
-    monkeypatch.setattr(robot_files, "ODD", robot, raising=False)
-    plain = make(TWIN, known_friction=True).cfg
-    cfg = TrainCfg(task=replace(plain, robot="robot_files:ODD"), symmetry="half")
-    with pytest.raises(StictionError, match="of kind 'worn' mirror"):
-        begin_run(tmp_path / "run", cfg, "stiction train")
-    assert not (tmp_path / "run").exists()
-    begin_run(tmp_path / "run", replace(cfg, task=replace(cfg.task, known_friction=False)), "stiction train")
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
@@ -287,22 +242,6 @@ def test_sliders_commute_where_their_solver_is_done(terrain: str, robot: str) ->
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_sliders_of_training_commute_as_far_as_their_solver_comes(robot: str) -> None:
-    """Ten sweeps of PGS, left foot first, are not done: hundredths of a rad/s a step, less the more there are.
-
-    A wrong map is out by far more.
-    """
-    mirror = robot_mirror(make(robot).spec)
-    more = PhysicsCfg("plastic", solver="pgs", iterations=100)
-    few, many, wrong = (
-        speed_apart(make(robot, physics=physics), map_)
-        for physics, map_ in ((FAST, mirror), (more, mirror), (FAST, wrong_sign(mirror)))
-    )
-    assert many < 1e-3 and 1e-3 < few < 0.1
-    assert wrong > 10 * few
-
-
-@pytest.mark.parametrize("robot", ROBOTS)
 def test_compensation_commutes(robot: str) -> None:
     """The mirrored robot's targets are the mirror's, with friction in them by the angles and speeds it has measured."""
     env = make(robot, friction=FrictionCfg("compensation", level=0.1, per="joint"))
@@ -317,12 +256,6 @@ def test_compensation_commutes(robot: str) -> None:
     images = env.fleet.targets[:, mirror.joints] * mirror.sign
     np.testing.assert_allclose(other.fleet.targets, images, atol=1e-6)
     check_commuting(env, mirror)
-
-
-def test_an_actuator_net_commutes() -> None:
-    """One for each kind of joint knows no left and right; its past and its targets are mirrored with the robot."""
-    env = LocomotionEnv(make("saturn_lite").cfg, NUM, seed=1, actuator=pd_net())
-    check_commuting(env, robot_mirror(env.spec))
 
 
 def test_an_actuator_net_that_knows_left_from_right_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -340,13 +273,6 @@ def test_an_actuator_net_that_knows_left_from_right_is_refused(monkeypatch: pyte
     monkeypatch.setattr(symmetry, "robot_mirror", lambda robot: wrong_sign(robot_mirror(robot)))
     with pytest.raises(StictionError, match="treats joint 'FL_thigh'"):
         task_mirror(env)
-
-
-@pytest.mark.parametrize("robot", ROBOTS)
-def test_symmetry_holds_for_a_second(robot: str) -> None:
-    """Fifty control steps of contact and friction later the mirrored robots still mirror the others."""
-    env = make(robot)
-    check_commuting(env, robot_mirror(env.spec), steps=50)
 
 
 def test_a_worn_left_joint_becomes_a_worn_right_one() -> None:
@@ -375,46 +301,6 @@ def test_multipliers_of_unlike_nominal_joints_are_converted() -> None:
     check_involution(unlike, mirror)
 
 
-def test_what_no_multiplier_can_say_is_refused() -> None:
-    """A joint without nominal damping cannot be told to have its image's."""
-    damping = np.full(12, 0.05)
-    damping[3] = 0.0
-    env = LocomotionEnv(make(TWIN).cfg, NUM, seed=1, identified={"damping": damping})
-    with pytest.raises(
-        StictionError, match=r"joint 'FL_hip_joint' has no nominal damping and its mirror image 'FR_hip_joint'"
-    ):
-        task_mirror(env)
-
-
-def test_joints_of_which_one_alone_has_viscous_friction_share_it() -> None:
-    """One joint of a bench came out below zero, and no symmetric training took the bench's joints."""
-    robot = make(TWIN).spec
-    mirror, said = robot_mirror(robot), []
-    damping: list[float | None] = [0.05] * 12
-    damping[3], damping[4], damping[5] = 0.0, None, 0.08
-    own = np.array([np.nan if one is None else one for one in damping])
-    values = {"damping": damping}
-    share_damping(values, robot, mirror, said.append)
-    image = int(mirror.joints[3])
-    expected = own.copy()
-    expected[[3, image]] = 0.025
-    np.testing.assert_array_equal([np.nan if one is None else one for one in values["damping"]], expected)
-    assert len(said) == 1 and "FL_hip_joint: both have the mean, 0.025 N m s/rad" in said[0]
-    task_mirror(LocomotionEnv(make(TWIN).cfg, NUM, seed=1, identified={"damping": expected}))
-
-
-@pytest.mark.parametrize(("asked", "shared"), [("network", [0.02, 0.02]), ("none", [0.0, 0.04])])
-def test_a_bench_with_one_joint_below_zero_is_trained_with(tmp_path: Path, asked: str, shared: list[float]) -> None:
-    """Without symmetry every joint keeps its own."""
-    found = {"FL_hip_joint": -0.01, "FR_hip_joint": 0.04}
-    records = {name: JointRecord(viscous_friction=Estimate(at, 0.01, (at, at))) for name, at in found.items()}
-    JointsFile(records).write(tmp_path / "joints.json")
-    cfg = TrainCfg(task=make(TWIN).cfg, symmetry=asked, joints=str(tmp_path / "joints.json"))
-    run, _ = begin_run(tmp_path / "run", cfg, "stiction train")
-    names, damping = make(TWIN).spec.joint_names, run.header()["identified"]["values"]["damping"]
-    assert [damping[names.index(name)] for name in found] == shared
-
-
 def test_compensation_that_differs_from_left_to_right_is_refused() -> None:
     """It is added to the command and observed by nobody: the mirrored action would do something else."""
     cfg = replace(make(TWIN).cfg, friction=FrictionCfg("compensation"))
@@ -424,16 +310,6 @@ def test_compensation_that_differs_from_left_to_right_is_refused() -> None:
     env = LocomotionEnv(cfg, NUM, seed=1, identified={"frictionloss": friction})
     with pytest.raises(StictionError, match=r"compensation adds 0.001875 rad to joint 'FR_thigh_joint' and 0.009375"):
         task_mirror(env)
-
-
-def test_a_group_without_a_rule_is_an_error() -> None:
-    """A group that was copied as it is would teach the left leg what the right one has seen."""
-    env = make(TWIN)
-    env._observation["friction_told"] = torch.zeros(NUM, 3)
-    with pytest.raises(StictionError, match="group 'friction_told' has no mirror rule"):
-        task_mirror(env)
-    with pytest.raises(StictionError, match="group 'friction_told' has no mirror rule"):
-        task_mirror(make(TWIN))(env.get_observations())
 
 
 def test_a_term_without_a_rule_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:

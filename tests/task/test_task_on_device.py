@@ -1,7 +1,6 @@
 """The task on the device, on Warp's processor device: held against the same task on the host, with the same draws."""
 
 from copy import deepcopy
-from dataclasses import replace
 from functools import cache
 
 import pytest
@@ -10,8 +9,7 @@ import torch
 pytest.importorskip("mujoco_warp", reason="mujoco_warp, of the extra 'gpu', is not installed")
 import warp
 
-from stiction.core.errors import StictionError
-from stiction.sim.torch_fleet import LOOKED_AT, TorchFleet
+from stiction.sim.torch_fleet import TorchFleet
 from stiction.sim.warp import WarpSimulation
 from stiction.task.config import CommandCfg, RandomizationCfg, TaskCfg
 from stiction.task.device import find_device
@@ -101,19 +99,3 @@ def test_a_robot_that_blows_up_is_counted_stood_up_and_touches_no_other() -> Non
     assert dones[1] and float(extras["log"]["walk/blown_up"]) == 1.0 and reward[1] == 0.0
     assert (robots.blown_up - before).tolist() == [0, 1]
     assert all(value.isfinite().all() for value in (*observation.values(), reward, *extras["log"].values()))
-
-
-def test_contacts_without_room_end_the_training() -> None:
-    """Warp drops what does not fit: it is looked at now and then, and before a checkpoint."""
-    env = LocomotionEnv(replace(TASK, history=2), 2, 0, device=find_device("warp-cpu", 1, on_host=False))
-    with pytest.raises(StictionError, match=r"room for 1 contacts a robot.*--set contacts"):
-        for _ in range(LOOKED_AT):
-            env.step(torch.zeros(2, env.num_actions))
-    with pytest.raises(StictionError, match=r"room for 1 contacts a robot"):
-        env.state()
-
-
-def test_what_is_asked_of_robots_on_the_host_is_refused_elsewhere() -> None:
-    """One clear line, where an attribute that is not there would tell nothing."""
-    with pytest.raises(TypeError, match="on the host alone"):
-        _ = pair(False)[1].fleet

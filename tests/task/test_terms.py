@@ -36,16 +36,6 @@ def test_an_event_comes_after_each_interval_and_not_in_the_step_of_a_reset(monke
     assert seen == [[], [], [0, 1, 2], [], [], [0, 1, 2]]
 
 
-def test_an_event_at_the_begin_of_an_episode_is_of_the_robots_that_begin(monkeypatch: pytest.MonkeyPatch) -> None:
-    """All at first, then the one that ended."""
-    seen: list[list[int]] = []
-    monkeypatch.setattr(task, "RESET", (*task.RESET, lambda env, which: seen.append(which.tolist())))
-    env = make()
-    env.episode_length_buf[1] = env.max_episode_length - 1
-    stand(env)
-    assert seen == [[0, 1, 2], [1]]
-
-
 @pytest.mark.parametrize("fails", [True, False])
 def test_a_termination_ends_episodes_as_a_failure_or_out_of_time(fails: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """After a failure nothing is worth having; where time ran out, the value of the next state counts."""
@@ -58,23 +48,6 @@ def test_a_termination_ends_episodes_as_a_failure_or_out_of_time(fails: bool, mo
     _, _, dones, extras = stand(make())
     assert dones.tolist() == [False, True, False]
     assert extras["time_outs"].tolist() == [0.0, 0.0 if fails else 1.0, 0.0]
-
-
-def test_a_failure_counts_before_the_end_of_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Both at once is a failure."""
-    both = [terminations.Termination(lambda env, s: torch.ones_like(s.fallen), fails) for fails in (True, False)]
-    monkeypatch.setattr(terminations, "TERMINATIONS", (*both,))
-    _, _, dones, extras = stand(make())
-    assert dones.all() and not extras["time_outs"].any()
-
-
-def test_a_quantity_to_estimate_is_added_behind_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Base velocity and six contacts, then what was added; one that the task does not ask for is left out."""
-    mine = (lambda env: 7.0 + torch.zeros(env.num_envs, 2), lambda cfg: True)
-    other = (lambda env: pytest.fail("a quantity that nobody asked for was computed"), lambda cfg: cfg.known_friction)
-    monkeypatch.setattr(task, "ESTIMATED", (*task.ESTIMATED, mine, other))
-    explicit = make().get_observations()["explicit"]
-    assert explicit.shape == (3, 3 + 6 + 2) and (explicit[:, -2:] == 7.0).all()
 
 
 def test_a_term_of_a_frame_is_what_its_function_returns(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,7 @@ from stiction.learning.run import load_checkpoint, save_checkpoint
 from stiction.robots.terrain import KINDS, REACH
 from stiction.task.config import TaskCfg
 from stiction.task.env import ELEVATION_SCALE, LocomotionEnv
-from stiction.task.terrain import FINISH_MARGIN, LENGTH, SCAN_POINTS, START, Curriculum, TerrainCfg, hold_heading
+from stiction.task.terrain import FINISH_MARGIN, LENGTH, SCAN_POINTS, START, Curriculum, TerrainCfg
 
 UNSOUND = [{"speed": (0.3, float("inf"))}, {"elevation_noise": -0.1}, {"heading_gain": float("nan")}]
 
@@ -101,39 +101,6 @@ def test_a_course_begins_beyond_the_start(kind: str) -> None:
         assert not any(name.startswith("obstacle") for name in touched)
 
 
-def test_the_first_reset_moves_nobody() -> None:
-    """Nobody has walked yet: all robots would be demoted at once."""
-    curriculum = make_curriculum()
-    curriculum.begin(np.arange(4))
-    assert curriculum.level.tolist() == [0, 5, 5, 5]
-
-
-def test_who_is_through_starts_anywhere() -> None:
-    """Robots at the end of the curriculum would all stay there and forget the rest."""
-    curriculum = Curriculum(replace(STAIRS, levels=10), 400, np.random.default_rng(0))
-    curriculum.level[:] = 9
-    curriculum.asked[:], curriculum.covered[:] = 1.0, 1.0
-    curriculum.begin(np.arange(400))
-    assert set(curriculum.level[curriculum.on_course]) == set(range(10)) and not curriculum.level[:100].any()
-
-
-def test_the_way_is_counted_along_the_course() -> None:
-    """A robot that walks past its stairs, or backward, would count as one that climbs."""
-    curriculum = make_curriculum()
-    curriculum.heading[:], curriculum.speed[:] = np.pi / 2, 0.5
-    for _ in range(50):
-        curriculum.walk(np.array([[0.0, 0.4], [0.4, 0.0], [0.0, -0.4], [0.3, 0.3]]), 0.02)
-    assert curriculum.covered == pytest.approx([0.4, 0.0, -0.4, 0.3], abs=1e-9)
-    assert curriculum.asked == pytest.approx(0.5)
-    here = np.array([[0, REACH + FINISH_MARGIN + 0.1], [0, REACH + FINISH_MARGIN + 0.1], [5.0, 0.0], [0, -5.0]])
-    assert curriculum.crossed(here).tolist() == [False, True, False, False]
-
-
-def test_heading_is_held_the_short_way_round() -> None:
-    """A robot at +179° that should face -179° would be turned by 358°."""
-    assert hold_heading(np.array([np.radians(-358.0), 0.1, 2.0]), 1.0) == pytest.approx([np.radians(2.0), 0.1, 0.6])
-
-
 def test_the_map_shows_the_ground_ahead() -> None:
     """The teacher would see its stairs in the wrong place, or with the wrong sign."""
     env = make_env()
@@ -147,14 +114,6 @@ def test_the_map_shows_the_ground_ahead() -> None:
     assert torch.allclose(seen[~ahead], torch.zeros(1), atol=1e-6)
     first_tread = torch.from_numpy((SCAN_POINTS[:, 0] > 0.31) & (SCAN_POINTS[:, 0] < 0.59))
     assert torch.allclose(seen[first_tread], torch.tensor(-step / ELEVATION_SCALE), atol=1e-6)
-
-
-def test_robots_on_stairs_walk_straight_and_the_others_do_what_they_are_told() -> None:
-    """Turning and walking sideways would be forgotten, or asked for half way up."""
-    env = make_env(num=40)
-    stairs = torch.from_numpy(env.course.on_course)
-    assert env.commands.value[stairs, 0].min() >= STAIRS.speed[0] and not env.commands.value[stairs, 1].any()
-    assert env.commands.value[~stairs, 1].abs().max() > 0.05
 
 
 def test_a_checkpoint_holds_the_ground(tmp_path: Path) -> None:

@@ -102,17 +102,6 @@ def test_the_page_without_a_server_plays(browser: Browser, tmp_path: Path) -> No
     assert tab.complaints == []
 
 
-def test_a_page_is_not_written_over_unasked(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """If this failed, a page of one's own would be gone, or the robots would walk for nothing."""
-    from stiction.cli.main import main
-
-    page = tmp_path / "page.html"
-    page.write_text("mine")
-    assert main(["view", POLICY, "--static", str(page), "--seconds", "0.1"]) == 1
-    assert "page.html exists already; choose another --static, or add --overwrite" in capsys.readouterr().err
-    assert page.read_text() == "mine"
-
-
 @pytest.mark.parametrize(
     ("words", "status", "line"),
     [
@@ -139,18 +128,6 @@ def test_what_cannot_be_shown_is_said_in_one_line(
     assert done == status and line in said and "Traceback" not in said
     if status == 1:
         assert said.count("\n") == 1
-
-
-def test_a_taken_port_is_said_in_one_line(capsys: pytest.CaptureFixture) -> None:
-    """If this failed, a viewer would listen elsewhere without a word."""
-    from stiction.cli.main import main
-
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        assert main(["view", POLICY, "--port", str(taken.getsockname()[1])]) == 1
-    said = capsys.readouterr().err
-    assert "cannot be listened on" in said and said.count("\n") == 1
 
 
 def test_a_signal_ends_it_in_order() -> None:

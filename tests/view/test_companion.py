@@ -71,16 +71,6 @@ def child(monkeypatch: pytest.MonkeyPatch, program: str) -> None:
     monkeypatch.setattr(companion, "python_module", lambda module, words: [sys.executable, "-c", program])
 
 
-def test_its_words_are_passed_on_and_it_ends_with_the_training(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """If this failed, nobody would know where to look, or the viewer would stay when the training is over."""
-    child(monkeypatch, "import time; print('open http://127.0.0.1:8080; Ctrl-C ends it', flush=True); time.sleep(300)")
-    said: list[str] = []
-    with watching(tmp_path, said.append) as process:
-        while not said:
-            assert process.poll() is None
-    assert said == ["open http://127.0.0.1:8080"] and process.poll() is not None
-
-
 def test_a_viewer_that_fails_costs_one_line_and_no_training(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """If this failed, a training would end because somebody wanted to look at it."""
     child(monkeypatch, "import sys; print('stiction view: no port is free', file=sys.stderr); sys.exit(1)")

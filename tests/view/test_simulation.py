@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from stiction.core.errors import StictionError
 from stiction.engines.catalog import make_engine
-from stiction.engines.engine import Body, JointFriction, Pushable
+from stiction.engines.engine import Body, Pushable
 from stiction.engines.ground import flat
-from stiction.evaluation.course import START_DISTANCE, parse_course
 from stiction.files.bundle import read_bundle, shipped_bundles
 from stiction.files.contract import robot_of
-from stiction.joints.friction import Law
-from stiction.view.history import History, belief_text, believed
-from stiction.view.simulation import LYING, Simulation, ViewedPolicy, Walker, WorldCfg
+from stiction.view.history import History, belief_text
+from stiction.view.simulation import LYING, Simulation, ViewedPolicy, WorldCfg
 
 pytest.importorskip("mujoco", reason="the viewer needs the extra sim")
 
@@ -72,34 +68,6 @@ def test_levels_are_shares_of_each_joints_limit_and_wear_multiplies_them() -> No
     np.testing.assert_allclose(bounds(sim), np.where(shank, 0.3 * limit, 0.0))
 
 
-def test_coefficients_do_not_wear_and_depend_on_the_load() -> None:
-    """If this failed, a law with a coefficient would be shown as a torque, or worn as no other verb wears it."""
-    worn = {}
-    for wear in (1.0, 2.0):
-        sim = simulation(law=Law("load"))
-        sim.set_level("hip", 0.02)
-        sim.set_wear(wear)
-        for _ in range(5):
-            found = bounds(sim)
-        hips = np.array([joint.kind == "hip" for joint in sim.spec.joints])
-        assert (found[hips] > 0).all() and len(set(found[hips].round(6))) > 1
-        assert not found[~hips].any()
-        worn[wear] = found
-    np.testing.assert_array_equal(worn[1.0], worn[2.0])
-
-
-def test_new_levels_are_filtered_on_from_the_old_bound() -> None:
-    """If this failed, moving a slider would reset the memory of a law that has one, and the friction would jump."""
-    spec = robot_of(shown("none")[0].contract)
-    joints = np.ones(spec.num_joints)
-    friction = JointFriction.under(Law("load"), 0.1 * joints, 0.005)
-    motion = make_engine("mujoco", Body.nominal(spec), flat(), 0.005).motion()
-    loaded = replace(motion, joint_force=10.0 * joints, joint_torque=0.0 * joints)
-    np.testing.assert_allclose(friction.bound(loaded, joints), 1.0)
-    friction.set_levels(0.3 * joints)
-    np.testing.assert_allclose(friction.bound(loaded, joints), 0.5 * 1.0 + 0.5 * 3.0)
-
-
 @pytest.mark.parametrize("engine", ["mujoco", "physx", "ode"])
 def test_a_push_changes_the_velocity_of_the_whole_robot(engine: str) -> None:
     """If this failed, a push would do nothing in one engine, or turn the joints."""
@@ -135,18 +103,6 @@ def test_a_robot_that_falls_lies_and_starts_again_alone() -> None:
     assert second.seen.motion.base_position[0] > there + 0.3 and second.falls == 0
 
 
-def test_another_engine_and_ground_keep_command_and_friction() -> None:
-    """If this failed, choosing a ground would reset the sliders' meaning without moving them."""
-    sim = simulation()
-    sim.set_velocity((0.4, 0.0, 0.0))
-    sim.set_level("hip", 0.1)
-    before = bounds(sim)
-    sim.set_world(WorldCfg("mujoco", parse_course("slope=0.2")))
-    assert sim.walkers[0].seen.motion.base_position[0] == pytest.approx(-START_DISTANCE)
-    np.testing.assert_array_equal(bounds(sim), before)
-    assert sim.velocity.tolist() == [0.4, 0.0, 0.0] and sim.ground.half_sizes.size
-
-
 def test_an_engine_that_there_is_not_leaves_the_world_as_it_was() -> None:
     """If this failed, a wrong choice in one browser would end the simulation of all."""
     sim = simulation()
@@ -172,24 +128,6 @@ def test_what_is_no_number_is_refused_and_changes_nothing(value: object) -> None
     assert not bounds(sim).any() and np.isfinite(sim.walkers[0].seen.motion.base_position).all()
 
 
-def test_numbers_out_of_range_are_taken_as_the_nearest() -> None:
-    """If this failed, a browser could ask for friction or speed that nothing here was made for."""
-    sim = simulation()
-    sim.set_velocity((99.0, -99.0, 0.0))
-    assert sim.velocity.tolist() == [sim.range[1, 0], sim.range[0, 1], 0.0]
-    sim.set_level("hip", 7.0)
-    sim.set_wear(-3.0)
-    assert (sim.levels["hip"], sim.wear) == (0.9, 0.0)
-
-
-def test_policies_of_different_robots_are_refused() -> None:
-    """If this failed, one command would drive robots whose joints are not each other's."""
-    policy = shown("none")[0]
-    other = replace(policy, name="other", contract=replace(policy.contract, control_period=0.01, decimation=2))
-    with pytest.raises(StictionError, match=r"'other' is for saturn_lite, a command every 0\.01 s"):
-        Simulation([policy, other], robot_of(policy.contract))
-
-
 def test_the_history_shows_speed_torque_and_both_frictions() -> None:
     """If this failed, a plot would show another quantity than its title says."""
     sim = simulation("none", "deception")
@@ -210,26 +148,3 @@ def test_the_history_shows_speed_torque_and_both_frictions() -> None:
     assert true[-1] == pytest.approx(10.0) and np.isnan(told).all()
     assert "none: no wear.json" in belief_text(sim.walkers)
     assert "**deception** has not told" in belief_text(sim.walkers)
-
-
-def test_what_a_walk_tells_of_its_friction_is_the_monitors_word() -> None:
-    """If this failed, the plot of friction believed would not be what `stiction deploy` says on a robot."""
-    sim = simulation("deception")
-    walker: Walker = sim.walkers[0]
-    sim.set_velocity((0.5, 0.0, 0.0))
-    for kind in sim.kinds:
-        sim.set_level(kind, 0.2)
-    assert walker.policy.wear is not None
-    for _ in range(walker.policy.wear.window + 1):
-        sim.step()
-    level, low, high = believed(walker)
-    assert low < level < high and level == pytest.approx(20.0, abs=6.0)
-
-
-def test_the_names_say_what_the_training_met() -> None:
-    """If this failed, robots side by side would be called by a code."""
-    assert [policy.name for policy in shown("none", "direct", "deception")] == [
-        "none: trained without friction",
-        "direct: trained at 20 %",
-        "deception: trained from 0 % to 24 %",
-    ]

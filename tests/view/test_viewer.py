@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import socket
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,16 +13,13 @@ import pytest
 pytest.importorskip("viser", reason="the viewer needs the extra view")
 pytest.importorskip("mjviser", reason="the viewer needs the extra view")
 
-from stiction.cli.main import main
 from stiction.core.errors import StictionError
 from stiction.files.bundle import read_bundle, shipped_bundles
 from stiction.files.contract import robot_of
 from stiction.files.log import by_joint, read_setup, read_table
-from stiction.view.plots import top_of
-from stiction.view.scene import MARKS, RobotBody, lanes
-from stiction.view.server import LOOPBACK, resolve, serve
+from stiction.view.server import LOOPBACK, serve
 from stiction.view.simulation import Simulation, ViewedPolicy, WorldCfg
-from stiction.view.viewer import MOST_ASKED, Viewer
+from stiction.view.viewer import Viewer
 
 
 @pytest.fixture
@@ -65,29 +61,6 @@ def test_sliders_reach_the_simulation_in_its_own_units(viewer: Viewer) -> None:
     assert set(simulation.levels.values()) == {0.2}
 
 
-def test_keys_move_the_sliders_within_their_ends(viewer: Viewer) -> None:
-    """If this failed, a key would steer past what the policies were trained for, or the slider would not show it."""
-    simulation = viewer.simulation
-    for _ in range(20):
-        trigger(viewer, "Faster")
-    assert simulation.velocity[0] == viewer.panel.command[0].value == simulation.range[1, 0]
-    trigger(viewer, "Stand")
-    assert not simulation.velocity.any()
-    trigger(viewer, "More friction")
-    trigger(viewer, "More friction")
-    trigger(viewer, "Less friction")
-    assert set(simulation.levels.values()) == {0.05} and viewer.panel.levels["hip"].value == 5.0
-    trigger(viewer, "More wear")
-    assert simulation.wear == pytest.approx(1.1)
-
-
-def test_a_push_moves_all_robots_to_their_left(viewer: Viewer) -> None:
-    """If this failed, the push would not push, or push one robot alone."""
-    trigger(viewer, "Push to the left")
-    for walker in viewer.simulation.walkers:
-        assert walker.seen.motion.base_linear_velocity[1] > 0.2
-
-
 def test_pause_stops_time_and_not_the_panel(viewer: Viewer) -> None:
     """If this failed, a paused viewer could never be told to go on."""
     trigger(viewer, "Pause")
@@ -97,20 +70,6 @@ def test_pause_stops_time_and_not_the_panel(viewer: Viewer) -> None:
     assert viewer.simulation.time == time and viewer.simulation.levels["hip"] == 0.1
     trigger(viewer, "Pause")
     assert viewer.simulation.time > time
-
-
-def test_a_ground_is_drawn_for_each_robot_in_its_own_lane(viewer: Viewer) -> None:
-    """If this failed, robots side by side would walk through each other's stairs."""
-    viewer.panel.terrain.value = "stairs=0.1"
-    settle(viewer)
-    simulation = viewer.simulation
-    assert simulation.cfg.course.label == "stairs=0.1"
-    first, second = lanes(simulation, RobotBody(simulation.spec).width)
-    width = 2 * (np.abs(simulation.ground.positions[:, 1]) + simulation.ground.half_sizes[:, 1]).max()
-    assert first - second > width
-    viewer.panel.terrain.value = "flat"
-    settle(viewer)
-    assert simulation.cfg.course.is_flat and len(viewer.scene._marks) == 2 * MARKS + 1
 
 
 def test_a_world_that_cannot_be_is_taken_back(viewer: Viewer) -> None:
@@ -137,23 +96,6 @@ def test_garbage_from_a_browser_hurts_nobody(viewer: Viewer, garbage: float) -> 
     assert all(0 <= level <= 0.9 for level in viewer.simulation.levels.values())
 
 
-def test_the_axis_of_friction_holds_all_that_is_told() -> None:
-    """If this failed, what is not told yet would leave the plot empty, or a belief would be off its upper end."""
-    nothing = np.full(3, np.nan)
-    assert top_of((np.zeros(3), nothing)) == 10.0
-    assert top_of((np.array([20.0, 20.0, 20.0]), np.array([np.nan, 23.0, 24.0]))) == 50.0
-    assert top_of((np.array([95.0]), np.array([np.nan]))) == 100.0 and top_of((nothing,)) == 10.0
-
-
-def test_a_flood_of_requests_is_dropped_and_not_kept(viewer: Viewer) -> None:
-    """If this failed, a browser that asks without end would fill the memory."""
-    done = []
-    for number in range(MOST_ASKED + 50):
-        viewer.submit(lambda number=number: done.append(number))
-    viewer.turn()
-    assert len(done) == MOST_ASKED
-
-
 def test_a_recording_is_a_canonical_log_of_the_chosen_robot(viewer: Viewer, tmp_path: Path) -> None:
     """If this failed, `stiction identify` could not read what the viewer recorded."""
     contract = viewer.simulation.walkers[0].policy.contract
@@ -177,14 +119,6 @@ def test_a_recording_is_a_canonical_log_of_the_chosen_robot(viewer: Viewer, tmp_
     setup = read_setup(path)
     assert setup.torque_source == "motor_side" and setup.of_joint("FL_shank").kp == contract.kp[2]
     assert json.loads(path.with_suffix(".json").read_text())["joints"]["FL_hip"]["torque_limit"] == 25.0
-
-
-def test_a_fall_ends_the_recording_with_what_there_is(viewer: Viewer, tmp_path: Path) -> None:
-    """If this failed, a log would jump from where a robot fell to the start, and look like one motion."""
-    trigger(viewer, "Record")
-    viewer.simulation.walkers[0]._fall()
-    viewer.turn()
-    assert (tmp_path / "logs/walk-1.npz").is_file() and viewer._recorder is None
 
 
 def test_a_recording_that_cannot_be_had_ends_nothing(viewer: Viewer, tmp_path: Path) -> None:
@@ -225,36 +159,3 @@ def test_a_port_that_is_taken_is_refused_and_a_free_one_is_found(monkeypatch: py
             assert other.get_port() != server.get_port()
         with serve(server.get_port()):
             pass
-
-
-@pytest.mark.parametrize(
-    ("host", "said"),
-    [
-        ("bogus.example", "host 'bogus.example' cannot be found: .*; expected a name or an address of this machine"),
-        ("a..b", "host 'a..b' cannot be found: it is no name"),
-        ("192.0.2.1", "host '192.0.2.1' is not here: 192.0.2.1 is another machine's; expected a name or an address"),
-    ],
-)
-def test_a_host_that_is_none_of_this_machine_is_said_at_once(
-    host: str, said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
-) -> None:
-    """If this failed, a misspelt name would be looked up a hundred times, and the ports would be blamed."""
-    asked: list[str] = []
-
-    def look_up(name: str, *rest: object, **more: object) -> object:
-        asked.append(name)
-        if name == "bogus.example":
-            raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
-        return found(name, *rest, **more)
-
-    found = socket.getaddrinfo
-    monkeypatch.setattr(socket, "getaddrinfo", look_up)
-    monkeypatch.setattr("stiction.cli.view.policies_of", lambda cfg: pytest.fail("the robots were made ready"))
-    assert main(["view", "--host", host]) == 1
-    printed = capsys.readouterr().err
-    assert re.search(said, printed) and printed.count("\n") == 1 and asked == [host]
-
-
-def test_a_name_of_this_machine_is_its_address() -> None:
-    """If this failed, `--host localhost` would be refused, or called an address that others reach."""
-    assert resolve("localhost") in (LOOPBACK, "::1") and resolve("0.0.0.0") == "0.0.0.0"

@@ -36,19 +36,3 @@ def test_a_kill_in_the_middle_of_a_line_costs_that_line_alone(tmp_path: Path, mo
     assert "damped 3 of 4" in everything and "of detection 2 of 3" in everything and "SIGKILL 1 of 1" in everything
     assert "damped 2 of 3" in quiet and "state 1 of 1" in quiet
     sys.modules.pop("faults")
-
-
-def test_a_stop_that_came_late_or_not_at_all_is_counted_as_such(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A robot that stays stiff, and a damping frame after the time that is asked for, stand in the table of stops."""
-    monkeypatch.syspath_prepend(str(SCRIPTS))
-    import faults
-
-    halted = {"situation": "supervisor halted", "outcome": "damped", "rule": "supervisor halted"}
-    rows = [halted | {"event_to_damping_ms": each} for each in (2.0, 81.0)]
-    rows += [{"situation": "supervisor halted", "outcome": "stiff", "rule": "none"}]
-    rows += [{"situation": "two robots (DDS)", "outcome": "refused"}]
-    table = faults.judge(rows).splitlines()
-    rules = "none, supervisor halted"
-    assert table[2] == f"| supervisor halted | 3 | 2 | 0 | 1 | 0 | {rules} | 41.5 (81.0) | 1 of 3 in 80 ms |"
-    assert table[3] == "| two robots (DDS) | 1 | 0 | 1 | 0 | 0 |  |  |  |"
-    sys.modules.pop("faults")

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from hinges import Hinges
-from stiction.core.errors import StictionError
 from stiction.files.joints import JointsFile
 from stiction.files.log import read_setup, write_log
 from stiction.identification.logs import open_log
@@ -102,15 +101,3 @@ def test_a_robot_without_friction_is_identified_as_one_without() -> None:
     assert all(abs(r.friction_ratio.value) < 1e-3 for r in records)
     assert all("friction_reaches_zero" in {one.reason for one in r.objections} for r in records if r.objections)
     assert sum(bool(r.objections) for r in records) >= 5
-
-
-def test_a_bench_refuses_another_robot_and_logs_that_say_nothing() -> None:
-    """In one line each."""
-    robot = World(Hinges).on_bench(Case(0, "nominal", parse_level("0")), SPEC, np.random.default_rng(0))
-    with pytest.raises(StictionError, match="its data sheet"):
-        bench_log(robot.handle, find_robot("go1"))
-    with pytest.raises(StictionError, match="unknown kind of joint 'knee'; known: hip, thigh, shank"):
-        bench_log(robot.handle, SPEC, BenchCfg(kinds=("knee",)))
-    for change in ({"seconds": 1.0}, {"stiffness": 0.0}, {"kinds": ("hip", "hip")}):
-        with pytest.raises(StictionError, match="bench logs of"):
-            BenchCfg(**change)

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.engines.engine import Motion
 from stiction.robots.catalog import find_robot
 from stiction.virtual import hidden as ranges
-from stiction.virtual.cases import CELLS, LEVELS, Case, Level, factorial, parse_level
+from stiction.virtual.cases import CELLS, LEVELS, Case, Level, parse_level
 from stiction.virtual.hidden import GROUPS, Hidden, Masses, draw
 
 SPEC = find_robot("saturn_lite")
@@ -19,12 +18,6 @@ def flat(record: object) -> np.ndarray:
     """Return every number of a record of numbers, arrays and records."""
     parts = [getattr(record, item.name) for item in fields(record)]  # type: ignore[arg-type]
     return np.concatenate([flat(part) if hasattr(part, "__dataclass_fields__") else np.ravel(part) for part in parts])
-
-
-def test_a_seed_is_a_robot() -> None:
-    """The same one every time, another one for another seed."""
-    np.testing.assert_array_equal(flat(draw(SPEC, 3)), flat(draw(SPEC, 3)))
-    assert (flat(draw(SPEC, 3)) != flat(draw(SPEC, 4))).sum() > 100
 
 
 def test_a_robot_is_within_what_the_ranges_say_and_no_joint_is_like_another() -> None:
@@ -83,42 +76,3 @@ def test_levels_are_fractions_of_the_limit_or_what_the_bench_measured() -> None:
     for text in ("1.5", "-0.1", "bank", "0.1+", "0.1+nan", ""):
         with pytest.raises(StictionError, match="friction level"):
             parse_level(text)
-
-
-def test_every_robot_of_the_experiment_is_there_once() -> None:
-    """Two robots without friction and two at each level above zero; none of them twice under different names."""
-    cases = factorial([7, 8])
-    assert len(cases) == 2 * (2 + 2 * (len(LEVELS) - 1))
-    assert len({case.label for case in cases}) == len(cases)
-    assert [case.label for case in factorial([7], ("0", "0.1"))] == [
-        "nominal--0--7",
-        "friction--0.1--7",
-        "rest--0--7",
-        "all--0.1--7",
-    ]
-    alone = [case.label for case in factorial([7], ("0", "0.1"), ("all",))]
-    assert alone == ["all--0--7", "all--0.1--7"]
-    parts = [case.label for case in factorial([7], ("0", "0.1"), ("nominal", "delays", "friction+delays"))]
-    assert parts == ["nominal--0--7", "delays--0--7", "friction+delays--0.1--7"]
-
-
-def test_a_cell_without_friction_takes_no_level() -> None:
-    """A row that says 20 % and has none would spoil every table."""
-    with pytest.raises(StictionError, match="cell 'rest' has no friction"):
-        Case(0, "rest", Level(0.2))
-    with pytest.raises(StictionError, match="unknown group 'everything'"):
-        Case(0, "everything", Level(0.2))
-
-
-def test_a_level_scales_friction_and_nothing_else() -> None:
-    """Ratios and speeds of the Stribeck curve are the robot's, the same at every level."""
-    hidden, none = draw(SPEC, 2), np.zeros(18)
-    still = Motion(**{part.name: none for part in fields(Motion)})
-    bounds = [Case(2, "all", Level(share)).friction(hidden, SPEC, 0.001).bound(still, none) for share in (0.1, 0.2)]
-    np.testing.assert_allclose(bounds[1], 2 * bounds[0])
-    limit = SPEC.joint_values("torque_limit")
-    sliding = (
-        Case(2, "all", Level(0.1)).friction(hidden, SPEC, 0.001).bound(replace(still, joint_velocity=none + 9.0), none)
-    )
-    assert (sliding / limit).mean() == pytest.approx(0.1)
-    np.testing.assert_allclose(bounds[0] / sliding, hidden.friction.static_ratio)

@@ -14,16 +14,15 @@ from stiction.core import cache
 from stiction.core.cache import has_entry
 from stiction.core.errors import StictionError
 from stiction.core.records import read_rows
-from stiction.deploy.control import JointCommand
 from stiction.engines.catalog import ENGINES, EngineSpec
-from stiction.files.joints import Estimate, JointRecord, JointsFile, load_joints
+from stiction.files.joints import load_joints
 from stiction.robots.catalog import find_robot
 from stiction.virtual import bench as identification
 from stiction.virtual.bench import Bench, BenchCfg, identify_on_bench
 from stiction.virtual.cases import Case, parse_level
 from stiction.virtual.hidden import draw
 from stiction_experiments.bench import robots as bench_study
-from stiction_experiments.bench.robots import IdentifiedFriction, LoadMeter, beside_truth, study_benches
+from stiction_experiments.bench.robots import IdentifiedFriction, study_benches
 
 SPEC = find_robot("saturn_lite")
 SHANKS = tuple(name for name in SPEC.joint_names if name.endswith("shank"))
@@ -54,11 +53,6 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Identi
         rows, failed = study_benches([BENCH], out)
     assert not failed
     return out, rows
-
-
-def known(value: float) -> JointRecord:
-    """Return a joint whose friction is known."""
-    return JointRecord(coulomb_friction=Estimate(value, 0.1, (value - 0.2, value + 0.2)))
 
 
 def test_a_study_holds_what_was_found_against_the_truth_and_keeps_the_truth_to_itself(studied) -> None:
@@ -100,19 +94,6 @@ def test_what_is_there_is_not_made_again(studied, tmp_path: Path, monkeypatch: p
     assert not has_entry(tmp_path / BENCH.label, BENCH.key)
 
 
-def test_other_robots_in_one_folder_keep_their_rows(studied, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A second command with a robot more would delete what the first one found."""
-    out, rows = studied
-    copytree(out, tmp_path, dirs_exist_ok=True)
-    other = replace(BENCH, case=replace(BENCH.case, seed=4))
-    monkeypatch.setattr(bench_study, "judge_bench", lambda bench, *rest: [replace(rows[0], robot=bench.label, seed=4)])
-    again, failed = study_benches([other], tmp_path)
-    assert ([row.robot for row in again], failed) == ([other.label], {})
-    table = read_rows(tmp_path / "bench.csv", IdentifiedFriction)
-    assert [row.robot for row in table] == [BENCH.label] * 6 + [other.label]
-    assert [row.identified for row in table[:6]] == pytest.approx([row.identified for row in rows])
-
-
 def test_a_bench_that_tells_nothing_says_so_in_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Raised, it would end what the robot was put on its bench for; a folder that cannot be written still is."""
 
@@ -129,31 +110,3 @@ def test_a_bench_that_tells_nothing_says_so_in_its_file(tmp_path: Path, monkeypa
     (tmp_path / "file").write_text("")
     with pytest.raises(StictionError, match="cannot be written"):
         identify_on_bench(BENCH, tmp_path / "file")
-
-
-def test_an_identification_alone_keeps_no_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Evaluations need joints.json of many robots, and not five megabytes of each."""
-    refused = {name: JointRecord(warnings=("not identified: hidden",)) for name in reversed(SHANKS)}
-    monkeypatch.setattr(identification, "identify_log", lambda log, workers: ({}, refused))
-    identify_on_bench(BENCH, tmp_path)
-    assert has_entry(tmp_path, BENCH.key)
-    assert {file.name for file in tmp_path.iterdir()} == {"joints.json", "training.json", "entry.json"}
-    assert tuple(load_joints(tmp_path / "joints.json").joints) == SHANKS
-
-
-def test_the_load_is_that_of_joints_in_motion(engines: list[Hinges]) -> None:
-    """|F| + |T| = 30 + 10 at a coefficient of 0.02 times the joint's share is what the load adds."""
-    case = Case(3, "friction", parse_level("bench+0.02"))
-    bench = replace(BENCH, case=case)
-    robot = bench.robot()
-    engines[0].force[:], engines[0].torque[:] = 30.0, 10.0
-    meter = LoadMeter(robot)
-    zero, target = np.zeros(SPEC.num_joints), SPEC.joint_values("default_position")
-    target[2] += 0.3
-    for _ in range(100):
-        meter.exchange(JointCommand(target, 100.0 + zero, 2.5 + zero, zero))
-    assert meter.load[2] == pytest.approx(40.0) and not np.delete(meter.load, 2).any()
-    (row,) = beside_truth(bench, JointsFile({SPEC.joint_names[2]: known(1.0)}), meter.load)
-    share = draw(SPEC, 3).friction
-    assert row.load == pytest.approx(0.02 * share.load_share[2] * 40.0)
-    assert row.friction == pytest.approx(0.442 * share.share[2])

@@ -8,7 +8,6 @@ from stiction.virtual.motor import (
     LOWEST_VOLTAGE,
     Drive,
     Motors,
-    commanded_torque,
     drawn_power,
     within_limits,
 )
@@ -19,12 +18,6 @@ LIMIT = np.array([45.0])
 def one(value: float) -> np.ndarray:
     """Return one joint."""
     return np.array([value])
-
-
-def test_the_controller_pulls_towards_its_target_and_brakes() -> None:
-    """A sign that is wrong, as in the paper's print, would let the joint run away."""
-    asked = commanded_torque(one(100.0), one(2.5), one(0.3), one(1.5), one(0.1), one(2.0))
-    assert asked[0] == pytest.approx(1.5 + 100 * 0.2 - 2.5 * 2.0)
 
 
 @pytest.mark.parametrize(
@@ -78,18 +71,3 @@ def test_the_battery_sags_under_load_recovers_and_ends_at_its_floor() -> None:
     for _ in range(200):
         drive.torque(one(45.0), one(1e5))
     assert drive.voltage == pytest.approx(LOWEST_VOLTAGE)
-
-
-def test_a_motor_reports_what_the_data_sheet_makes_of_its_current() -> None:
-    """Its true strength is in what it gives and not in what it says: no log shows it."""
-    motors = Motors(one(1.0), one(1.0), one(0.9), one(np.inf), 0.5, 1.0, 0.0)
-    given, reported = Drive(motors, LIMIT, 1e-3).torque(one(60.0), one(1.0))
-    assert (given[0], reported[0]) == pytest.approx((40.5, 45.0))
-
-
-def test_perfect_motors_are_those_of_the_training() -> None:
-    """Limited in torque, at any speed, on a battery that does not sag."""
-    drive = Drive(Motors.perfect(1), LIMIT, 1e-3)
-    for speed in (0.0, 1e3):
-        assert drive.torque(one(60.0), one(speed))[0][0] == 45.0
-    assert drive.voltage == 1.0

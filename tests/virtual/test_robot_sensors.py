@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from stiction.core.rotation import about, roll_pitch
-from stiction.virtual.robot import DelayLine, whole_steps
 from stiction.virtual.sensors import Encoders, Imu, SensorErrors
 
 PERFECT = SensorErrors.perfect(1)
@@ -35,16 +34,6 @@ def test_a_controller_knows_velocity_as_a_smoothed_difference_of_counted_angles(
     assert encoders.velocity[0] == pytest.approx(2.0 * (1 - np.exp(-10)))
 
 
-def test_one_count_is_a_jump_of_the_velocity() -> None:
-    """Quantisation reaches the controller: one step of 1e-4 rad in 1 ms looks like 0.1 rad/s, smoothed."""
-    encoders = Encoders(replace(PERFECT, encoder_step=1e-4, velocity_filter=0.002), 0.001)
-    encoders.reset(np.zeros(1))
-    encoders.follow(np.array([0.4e-4]), np.zeros(1))
-    assert encoders.velocity[0] == 0.0
-    encoders.follow(np.array([0.6e-4]), np.zeros(1))
-    assert encoders.velocity[0] == pytest.approx(0.1 * (1 - np.exp(-0.5)))
-
-
 def test_an_imu_that_is_mounted_askew_reads_a_constant_tilt_and_rate() -> None:
     """Roll and pitch that the policy computes are off by the bias, at any heading; the rate by the gyroscope's."""
     errors = replace(PERFECT, tilt_bias=np.array([0.02, -0.01]), gyroscope_bias=np.array([0.1, 0.2, 0.3]))
@@ -65,15 +54,3 @@ def test_noise_has_the_size_that_it_says_and_the_tilt_wanders_slowly() -> None:
     np.testing.assert_allclose(rates.std(axis=0), 0.05, rtol=0.03)
     np.testing.assert_allclose(tilts.std(axis=0), 0.01, rtol=0.1)
     np.testing.assert_allclose(np.diff(tilts, axis=0).std(axis=0), 0.01 * np.sqrt(2 * (1 - np.exp(-0.2))), rtol=0.05)
-
-
-def test_a_delay_line_gives_what_went_in_that_many_pushes_ago() -> None:
-    """And without places, what goes in now."""
-    line: DelayLine[int] = DelayLine(3)
-    line.fill(-1)
-    assert [line.push(value) for value in range(6)] == [-1, -1, -1, 0, 1, 2]
-    assert line.arrived == 2
-    straight: DelayLine[int] = DelayLine(0)
-    straight.fill(-1)
-    assert [straight.push(value) for value in range(3)] == [0, 1, 2]
-    assert (whole_steps(0.0049, 0.001), whole_steps(0.0, 0.001)) == (5, 0)

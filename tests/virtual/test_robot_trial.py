@@ -1,15 +1,12 @@
 """A bundle walks on a virtual robot: what is recorded, and what stays the same."""
 
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bundles import make_bundle, make_contract, make_network
-from stiction.engines.catalog import make_engine, what_is_missing
 from stiction.engines.engine import BlownUp, Motion
-from stiction.engines.ground import course
 from stiction.evaluation.metrics import measure
 from stiction.files.bundle import read_bundle
 from stiction.files.velocity import parse_command
@@ -17,7 +14,6 @@ from stiction.files.walk import read_walk, write_walk
 from stiction.robots.catalog import find_robot
 from stiction.virtual.bench import walk_log
 from stiction.virtual.cases import Case, parse_level
-from stiction.virtual.robot import Wear
 from stiction.virtual.trial import World, walk
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
@@ -57,31 +53,6 @@ def test_a_robot_stands_in_every_cell_and_is_judged_like_any_other(standing) -> 
     assert trial(standing, "nominal", "0").recording.friction.max() == 0.0
 
 
-@pytest.mark.parametrize("engine", ["physx", "ode"])
-def test_the_same_robot_stands_in_other_engines(standing, engine: str) -> None:
-    """Its joints are no business of the engine: angles and friction come to what they are in MuJoCo.
-
-    Not to the digit: with dry friction a robot stands as it came to stand.
-    """
-    if (missing := what_is_missing(engine, SPEC)) is not None:
-        pytest.skip(missing)
-    case = Case(4, "all", parse_level("0.05"))
-    world = World(partial(make_engine, engine))
-    other = walk(standing, case, world, forward, STEPS)
-    ours = trial(standing, "all", "0.05")
-    last, expected = (done.steps[-1].readings[-1] for done in (other, ours))
-    np.testing.assert_allclose(last.sensors.joint_position, expected.sensors.joint_position, atol=0.15)
-    np.testing.assert_allclose(other.recording.friction[-1], ours.recording.friction[-1], rtol=0.1)
-    assert other.recording.upright.all() and last.foot_contact.sum() >= 3
-
-
-def test_the_same_trial_twice_is_the_same_and_episodes_differ(standing) -> None:
-    """Rows of a table must be reproducible, and episodes more than one number said twice."""
-    one, same, other = (trial(standing, "all", "0.1", episode=episode) for episode in (0, 0, 1))
-    np.testing.assert_array_equal(one.recording.velocity, same.recording.velocity)
-    assert not np.array_equal(one.recording.velocity, other.recording.velocity)
-
-
 class Failing(MujocoEngine):
     """Lets go of its joints after a tenth of a second, or breaks down."""
 
@@ -114,24 +85,6 @@ def test_a_fall_or_a_breakdown_ends_a_trial_as_a_fall(standing) -> None:
         assert len(recording.upright) < 100 and steps in (None, len(recording.upright))
         assert recording.upright[:-1].all() and not recording.upright[-1]
         assert measure(recording, parse_command("vx=0.5"), SPEC.groups(), 1.0).fall_rate == 1.0
-
-
-def test_a_robot_starts_where_it_is_put_on_whatever_ground(standing) -> None:
-    """On top of a slope it stands on it and has not fallen, though its base is higher than any robot on the plane."""
-    ground = course("slope", 0.3)
-    world = World(MujocoEngine, ground, start=(0.1, 0.2))
-    top = world.height(np.array([0.1, 0.2]))
-    recording = walk(standing, Case(4, "nominal", parse_level("0")), world, forward, STEPS).recording
-    assert top > 0.3 and recording.upright.all() and recording.contact[-1].sum() >= 3
-    np.testing.assert_allclose(recording.position[0, 0], [0.1, 0.2], atol=0.05)
-
-
-def test_wear_shows_in_the_ground_truth(standing) -> None:
-    """Ten times the friction after half a second of wear."""
-    worn = trial(standing, "friction", "0.02", wear=Wear(start=0.3, end=3.0, seconds=0.5)).recording.friction[:, 0]
-    fresh = trial(standing, "friction", "0.02").recording.friction[:, 0]
-    assert worn[0] / fresh[0] == pytest.approx(0.3 * 10 ** (0.02 / 0.5), rel=0.05)
-    assert worn[-1] / fresh[-1] == pytest.approx(3.0, rel=0.05)
 
 
 def test_a_walk_is_logged_as_on_any_robot(standing, tmp_path: Path) -> None:

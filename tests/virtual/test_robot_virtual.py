@@ -7,16 +7,14 @@ import pytest
 
 from bundles import make_contract, make_network
 from hinges import Hinges
-from stiction.core.errors import StictionError
 from stiction.deploy.control import JointCommand, Pilot, Reading
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import load_policy
 from stiction.joints.compensation import parse_compensation
 from stiction.robots.catalog import find_robot
-from stiction.virtual.cases import Case, Level, parse_level
+from stiction.virtual.cases import Case, Level
 from stiction.virtual.hidden import Delays, Hidden
 from stiction.virtual.robot import VirtualRobot, Wear
-from stiction.virtual.trial import World
 
 SPEC = find_robot("saturn_lite")
 ZERO, UP = np.zeros(18), np.array([1.0, 0.0, 0.0, 0.0])
@@ -88,16 +86,6 @@ def test_a_robot_is_limp_until_its_first_command_and_starts_anew_when_it_is_put_
         np.testing.assert_array_equal(one.sensors.joint_position, other.sensors.joint_position)
 
 
-def test_a_command_in_flight_is_not_changed_by_its_sender() -> None:
-    """A loop that writes its next command into the same array would otherwise have no delay at all."""
-    robot, engine = make(replace(Hidden.perfect(18), delays=Delays(0.003, 0.0)), period=0.001)
-    command = push(1.0)
-    for value in (1.0, 2.0, 3.0, 4.0, 5.0):
-        command.forward[:] = value
-        robot.handle.exchange(command)
-    assert [torque[0] for torque in engine.given] == [0.0, 0.0, 0.0, 1.0, 2.0]
-
-
 def test_reported_torque_is_the_mean_of_the_period() -> None:
     """Targets come in steps; the last step alone would say too little, and the friction found would be wrong."""
     robot, engine = make(period=0.004)
@@ -134,34 +122,6 @@ def test_what_joints_transmit_is_known_to_friction_that_depends_on_it(load: floa
     assert engine.bounds[-1] == pytest.approx(0.1 * SPEC.joint_values("torque_limit") + load * 5.0)
 
 
-def test_the_perfect_robot_senses_exactly_what_is() -> None:
-    """The nominal cell must not differ from the data sheet by anything."""
-    robot, _ = make()
-    for torque in (1.0, -2.0, 0.5):
-        reading = robot.handle.exchange(push(torque))
-    truth = robot.ground_truth()
-    np.testing.assert_array_equal(reading.sensors.joint_position, truth.motion.joint_position)
-    np.testing.assert_array_equal(reading.sensors.joint_velocity, truth.motion.joint_velocity)
-    np.testing.assert_array_equal(reading.sensors.quaternion, truth.motion.base_quaternion)
-    np.testing.assert_allclose(reading.joint_torque, truth.torque)
-
-
-def test_the_same_seed_meets_the_same_noise_in_every_cell() -> None:
-    """Cells differ by what they name, not by luck: the gyroscope's noise is that of the other cell."""
-    world = World(lambda body, ground, timestep: Hinges(body, ground, timestep))
-    rates = []
-    for cell, level in (("rest", "0"), ("all", "0.2")):
-        robot = world.robot(Case(5, cell, parse_level(level)), SPEC, np.random.default_rng(1))
-        rates.append([robot.handle.exchange(push(0.3)).sensors.angular_velocity for _ in range(5)])
-    np.testing.assert_array_equal(*rates)
-
-
-def test_readings_come_in_whole_physics_steps() -> None:
-    """A period between two steps would be another one than it says."""
-    with pytest.raises(StictionError, match=r"readings every 0\.0015 s from physics of 0\.001 s"):
-        make(period=0.0015)
-
-
 class Bare:
     """A port and nothing else: what a pilot touches beyond this raises `AttributeError`."""
 
@@ -195,18 +155,6 @@ def test_a_pilot_needs_nothing_but_a_port() -> None:
         np.testing.assert_array_equal(command.kp, contract.array("kp"))
         np.testing.assert_array_equal(command.kd, contract.array("kd"))
         assert not command.forward.any()
-
-
-def test_a_pilot_refuses_a_robot_that_is_not_the_policys() -> None:
-    """Joints in another order, or readings that come between two actions."""
-    contract = make_contract()
-    policy, port = load_policy(contract, make_network(contract)), Bare()
-    port.period = 0.003
-    with pytest.raises(StictionError, match="a whole number of readings to an action"):
-        Pilot(port, policy)
-    port.joint_names = SPEC.joint_names[::-1]
-    with pytest.raises(StictionError, match="the robot has the joints"):
-        Pilot(port, policy)
 
 
 def test_the_handle_shows_sensors_and_nothing_of_the_robot() -> None:

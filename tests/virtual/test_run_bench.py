@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from stiction.cli import loop
-from stiction.cli.loop import JointRow, compared, friction_in, lateness, shares
+from stiction.cli.loop import JointRow, compared, friction_in, shares
 from stiction.core.errors import FileError, StictionError
 from stiction.deploy.runtime.channel import row_layout
 from stiction.deploy.runtime.config import SupervisorCfg
@@ -124,23 +124,6 @@ def report(rule: str | None = None, idle: float = 0.2, policy: float = 0.5) -> d
     """What a run reports of its end and its times [ms]."""
     stop = None if rule is None else {"rule": rule}
     return {"stop": stop, "probe_ms": {"p99": idle}, "lateness_ms": {"p99": policy}}
-
-
-@pytest.mark.parametrize(
-    ("run", "said"),
-    [
-        ({}, ""),
-        (report(), ""),
-        (report("tilt"), ""),
-        (report("stale state"), "`stale state`"),
-        (report("tilt", policy=9.0), "policy came 9.0 ms late"),
-        (report(idle=3.0), "idle loop came 3.0 ms late"),
-    ],
-)
-def test_a_busy_machine_is_told_from_a_robot_that_falls(run: dict[str, Any], said: str) -> None:
-    """A robot that falls is called a busy machine and tried again, or a busy machine is called a fall."""
-    found = lateness(run)
-    assert (said in found) and bool(found) == bool(said)
 
 
 def test_a_run_on_a_busy_machine_is_made_again_and_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stiction.core.errors import ConfigurationError
 from stiction.deploy.plausibility import Violation
 from stiction.deploy.policy import load_policy
 from stiction.deploy.runtime.config import SupervisorCfg
@@ -17,7 +16,7 @@ from stiction.deploy.runtime.supervisor import Stage, Supervisor
 from stiction.deploy.transports.udp import LOOPBACK, UdpLink
 from stiction.files.bundle import find_bundle, read_bundle
 from stiction.robots.catalog import find_robot
-from stiction.virtual.faults import ASK, FAULTS, OF_ROBOT, parse_fault
+from stiction.virtual.faults import ASK, OF_ROBOT
 from stiction.virtual.robot import PERIOD
 from stiction.virtual.serve import RobotProcess, VirtualCfg
 
@@ -168,13 +167,3 @@ def test_a_stop_gets_through_where_three_of_ten_commands_are_lost(seed: int) -> 
     loop.run(ARMED.settle_limit)
     assert loop.supervisor.stage is Stage.STOPPED and not loop.robot._command.kp.any()
     loop.close()
-
-
-def test_every_fault_has_a_name_and_a_time() -> None:
-    """A misspelt fault does nothing, and the run is called safe."""
-    assert parse_fault("tilt@3").second == 3.0
-    assert set(EXPECTED) == set(OF_ROBOT)
-    for wrong in ("tlit@3", "tilt@x", "tilt@-1", "tilt@nan", "@3"):
-        with pytest.raises(ConfigurationError):
-            parse_fault(wrong)
-    assert len(FAULTS) >= 15

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stiction.core.errors import StictionError
 from stiction.core.rotation import UPRIGHT
 from stiction.deploy.control import JointCommand, Reading
 from stiction.engines.catalog import make_engine, what_is_missing
@@ -93,9 +92,3 @@ def test_a_joint_that_is_stuck_shows_its_load_and_not_its_motor(name: str) -> No
     motor = [held(engine, "motor_side", target).joint_torque for target in targets]
     np.testing.assert_allclose(behind, [weight, weight], atol=0.02)
     np.testing.assert_allclose(motor, [np.zeros(18), np.full(18, 0.8)], atol=0.02)
-
-
-def test_an_engine_that_does_not_say_so_is_refused() -> None:
-    """ODE: the sensor would show the motor's torque under another name."""
-    with pytest.raises(StictionError, match=r"'ode' does not say what dry friction did"):
-        held(on_stand("ode"), "output_side", STANDING)

@@ -51,15 +51,6 @@ def test_a_command_is_asked_for_just_before_its_step() -> None:
     assert shares == pytest.approx([1 / 3, 2 / 3, 1.0])
 
 
-def test_a_caller_that_stops_ends_the_walk() -> None:
-    """A robot that has fallen takes no further step."""
-    walker = Counter()
-    for step in drive(walker, np.zeros(3), 100):
-        if step == 2:
-            break
-    assert len(walker.commands) == 2
-
-
 def test_a_recording_has_the_columns_of_the_truth() -> None:
     """Power, acceleration and friction are those of the joints; who fell once does not get up again."""
     recording = record(Counter(), np.zeros((2, 3)), PERIOD, 4)

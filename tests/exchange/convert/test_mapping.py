@@ -24,12 +24,6 @@ def test_a_mapped_record_goes_where_it_was_sent_only() -> None:
     assert found == {"FL_calf_joint": "shank", "FR_calf_joint": "shank", "FL_hip_joint": "FL_hip"}
 
 
-def test_without_a_model_records_keep_their_names() -> None:
-    """One may be renamed, or stand for several."""
-    assert map_joints(FILE, ()) == {"shank": "shank", "FL_hip": "FL_hip"}
-    assert map_joints(FILE, [("shank", "a"), ("shank", "b")]) == {"a": "shank", "b": "shank", "FL_hip": "FL_hip"}
-
-
 @pytest.mark.parametrize(
     ("pairs", "said"),
     [

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from stiction.core.errors import StictionError
 from stiction.exchange import urdf as module
-from stiction.exchange.urdf import parse_markup, read_model, set_attributes, xml_comment
+from stiction.exchange.urdf import parse_markup, set_attributes
 
 
 def test_tags_are_found_where_they_stand() -> None:
@@ -58,18 +56,6 @@ def test_what_is_dangerous_or_broken_is_refused(data: bytes, said: str) -> None:
         parse_markup(data, "model.xml")
 
 
-def test_a_large_file_is_read_and_a_larger_one_is_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """100,000 joints are read; more bytes than a model has are not even read."""
-    data = b"<a>" * 200 + b"<joint name='x'/>" * 100_000 + b"</a>" * 200
-    assert len(parse_markup(data, "large").tags) == 100_200
-    monkeypatch.setattr(module, "LARGEST", 10)
-    (tmp_path / "large.xml").write_bytes(b"<a></a>    ")
-    with pytest.raises(StictionError, match="over 10 bytes"):
-        read_model(tmp_path / "large.xml")
-    with pytest.raises(StictionError, match="cannot read"):
-        read_model(tmp_path)
-
-
 @given(st.binary(max_size=200))
 def test_any_bytes_are_read_or_refused(data: bytes) -> None:
     """Only the one error."""
@@ -78,10 +64,3 @@ def test_any_bytes_are_read_or_refused(data: bytes) -> None:
     except StictionError:
         return
     assert module.edited(found.data, []).encode() == data
-
-
-def test_a_comment_cannot_be_ended_from_within() -> None:
-    """Two hyphens end a comment in XML."""
-    text = xml_comment(["a --> b", "c ---- d-"])
-    assert parse_markup(b"<a>" + text.encode() + b"</a>", "test").tags[0].name == "a"
-    assert text.count("--") == 2

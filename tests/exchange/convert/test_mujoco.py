@@ -8,7 +8,7 @@ import pytest
 
 from motors import joint, number
 from stiction.core.errors import StictionError
-from stiction.exchange.mujoco import FRICTION_D0, model_joints, mujoco_snippet, patch_mujoco
+from stiction.exchange.mujoco import FRICTION_D0, mujoco_snippet, patch_mujoco
 from stiction.exchange.urdf import parse_markup
 
 mujoco = pytest.importorskip("mujoco")
@@ -71,13 +71,6 @@ def test_a_damping_that_stood_for_the_controller_is_noticed() -> None:
     assert not any("give that to the actuator" in note for note in near.notes)
 
 
-def test_joints_of_other_sections_are_no_joints() -> None:
-    """Equality constraints and defaults have elements of the same name."""
-    assert list(model_joints(parse_markup(MODEL.encode(), "leg.xml"))) == ["hip", "knee", "rail"]
-    with pytest.raises(StictionError, match="<robot>; expected <mujoco>"):
-        model_joints(parse_markup(b"<robot/>", "x"))
-
-
 def test_an_axis_has_to_fit_its_joint() -> None:
     """The rail's type comes from its class."""
     markup = parse_markup(MODEL.encode(), "leg.xml")
@@ -121,25 +114,3 @@ def test_a_snippet_is_a_default_class_that_compiles() -> None:
     assert model.dof_frictionloss[0] == pytest.approx(0.4) and model.dof_solref[0, 0] == pytest.approx(0.01)
     with pytest.raises(StictionError, match="does not fit"):
         mujoco_snippet([joint('a"b')], None)
-
-
-def test_without_friction_no_solver_settings_are_written() -> None:
-    """And the reason stands in a comment that does not end early."""
-    odd = joint("shank", coulomb_friction=None, combinations={"f --> k": number(1.0)})
-    text = mujoco_snippet([odd], None).text
-    assert "frictionloss" not in text.partition("<default>")[2] and "solref" not in text.partition("<default>")[2]
-    assert "dry friction not known" in text and text.count("-->") == 1
-
-
-def test_the_solver_settings_are_those_of_our_own_robots() -> None:
-    """Written twice, for identification knows no simulator."""
-    physics = pytest.importorskip("stiction.robots.physics")
-    assert FRICTION_D0 == physics.FRICTION_D0
-
-
-@pytest.mark.parametrize("step", ["0", "-1", "x"])
-def test_a_timestep_without_meaning_is_refused(step: str) -> None:
-    """The settings depend on it."""
-    text = MODEL.replace('timestep="0.004"', f'timestep="{step}"')
-    with pytest.raises(StictionError, match="timestep"):
-        patch_mujoco(parse_markup(text.encode(), "leg.xml"), [joint("hip")], None)

@@ -6,7 +6,7 @@ import pytest
 
 from motors import motor, number
 from stiction.core.errors import StictionError
-from stiction.exchange.physics import beyond_coulomb, joint_physics, notes_of, one_line
+from stiction.exchange.physics import beyond_coulomb, joint_physics
 from stiction.files.joints import Estimate, JointRecord
 
 
@@ -41,14 +41,6 @@ def test_what_is_null_is_named_with_what_is_known_instead() -> None:
         joint_physics("shank", nothing)
 
 
-def test_negative_friction_is_zero_and_said() -> None:
-    """The interval reached below zero."""
-    found = joint_physics("shank", motor(viscous_friction=number(-0.01)))
-    assert found.damping == 0.0 and any("-0.01" in note and "written as 0" in note for note in found.notes)
-    bad = joint_physics("shank", motor(inertia=number(-0.1)))
-    assert bad.armature is None and any("no rotor" in note for note in bad.notes)
-
-
 def test_richer_laws_are_not_lost_without_a_word() -> None:
     """Static friction, Stribeck, load, an offset that is sure: each is named, unless the simulator holds it."""
     record = motor(
@@ -61,19 +53,6 @@ def test_richer_laws_are_not_lost_without_a_word() -> None:
     assert len(beyond_coulomb(record)) == 5
     assert not any("static_friction" in note for note in beyond_coulomb(record, frozenset({"static_friction"})))
     assert beyond_coulomb(motor(offset=Estimate(0.01, 0.1, (-0.2, 0.2)), friction_law={"law": "coulomb"})) == []
-
-
-def test_a_record_is_explained_once_for_all_its_joints() -> None:
-    """Four legs do not say the same thing four times; a rotor without a place is named."""
-    joints = [joint_physics("shank", motor(), name) for name in ("FL", "FR")] + [joint_physics("hip", motor())]
-    notes = notes_of(joints, "for all", rotor="no place")
-    assert notes[1] == "for all" and [note.partition(":")[0] for note in notes[2:]] == ["shank", "shank", "hip", "hip"]
-    assert notes[3] == "shank: no place: 0.03 is left out" and len(notes_of(joints)) == 1 + 2
-
-
-def test_a_comment_stays_one_line() -> None:
-    """A name with a line break would become code in the file that it is written to."""
-    assert one_line("a\nimport os\r\n\u2028b\x00") == "a import os b?"
 
 
 def test_of_a_stribeck_joint_the_laws_own_friction_is_taken() -> None:

@@ -14,7 +14,6 @@ import pytest
 import torch
 
 from stiction.cli.main import main
-from stiction.core.errors import FileError
 from stiction.exchange.randomization import FRAMEWORKS, FrictionRange, randomization_term, recipe_of
 from stiction.files.joints import JointRecord, JointsFile, write_training
 
@@ -168,38 +167,6 @@ def test_legged_gym_brakes_by_the_drawn_friction_and_draws_at_reset() -> None:
     assert changed.nonzero().tolist() == [[3]]
 
 
-def test_isaac_gym_gets_a_coefficient_only_for_a_stated_load() -> None:
-    """Friction over |F| + |T|, one number a robot."""
-    draw = run(randomization_term(recipe_of(TRAINING, LIMITS), "legged_gym", 40.0).text)["draw_friction"]
-    props = draw({"friction": [9.0] * 4}, ["FR_hip", "neck", "FL.calf", "FL_hip"])["friction"]
-    assert props[0] == props[3] == pytest.approx(props[2] * 20 / 45) and props[0] <= 0.12 and props[1] == 9.0
-
-
-@pytest.mark.parametrize("span", [None, [0.1], [0.3, 0.1], [-0.1, 0.2], [0.0, 1.0], [0.0, "x"]])
-def test_a_proposal_without_a_range_is_refused(span: object) -> None:
-    """Of an older file, or damaged."""
-    with pytest.raises(FileError, match="'range'"):
-        recipe_of(TRAINING | {"range": span}, LIMITS)
-
-
-@pytest.mark.parametrize("framework", FRAMEWORKS)
-def test_a_training_without_friction_erases_no_joints(
-    folder: Path, capsys: pytest.CaptureFixture, framework: str
-) -> None:
-    """Where none is proposed, the term set the friction of every joint of the model to 0."""
-    write_training(Path("training.json"), TRAINING | {"friction": {"method": "none", "level": 0.0}, "range": [0, 0]})
-    assert main(["convert", "training.json", "--to", framework, "--out", "term.py"]) == 1
-    said = capsys.readouterr().err
-    assert "method none proposes no friction to draw, and a range of 0 would erase" in said and said.count("\n") == 1
-    assert not Path("term.py").exists()
-
-
-def test_another_law_is_refused() -> None:
-    """A coefficient is no torque."""
-    with pytest.raises(FileError, match="law 'load'"):
-        recipe_of(TRAINING | {"friction": TRAINING["friction"] | {"law": "load"}}, LIMITS)
-
-
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with an identification and a proposal."""
@@ -242,13 +209,3 @@ def test_what_a_user_can_mend_is_one_line(
     assert main(["convert", *words]) == 1
     told = capsys.readouterr()
     assert told.out == "" and said in told.err and told.err.count("\n") == 1
-
-
-def test_a_limit_that_nobody_knows_is_asked_for(folder: Path, capsys: pytest.CaptureFixture) -> None:
-    """Of the joints beside it, or of a robot."""
-    JointsFile({"shank": JointRecord()}).write(folder / "joints.json")
-    assert main(["convert", "training.json", "--to", "mjlab"]) == 1
-    assert "'shank' has no torque limit" in capsys.readouterr().err
-    (folder / "joints.json").unlink()
-    assert main(["convert", "training.json", "--to", "mjlab"]) == 1
-    assert "give --robot" in capsys.readouterr().err

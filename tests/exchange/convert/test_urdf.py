@@ -8,7 +8,7 @@ import pytest
 
 from motors import joint
 from stiction.core.errors import StictionError
-from stiction.exchange.urdf import parse_markup, patch_urdf, urdf_joints, urdf_snippet
+from stiction.exchange.urdf import parse_markup, patch_urdf
 
 LINK = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
 
@@ -77,19 +77,3 @@ def test_a_joint_that_does_not_fit_is_refused(name: str, changes: dict, said: st
     """Newton metres do not go into a rail."""
     with pytest.raises(StictionError, match=said):
         patch_urdf(parse_markup(MODEL.encode(), "leg.urdf"), [joint(name, **changes)])
-
-
-def test_only_a_robot_is_a_urdf() -> None:
-    """A transmission's joint is none either."""
-    assert list(urdf_joints(parse_markup(MODEL.encode(), "leg.urdf"))) == ["hip", "knee", "foot"]
-    with pytest.raises(StictionError, match="expected <robot>"):
-        urdf_joints(parse_markup(b"<mujoco/>", "x"))
-    with pytest.raises(StictionError, match="'hip' is empty"):
-        patch_urdf(parse_markup(b'<robot><joint name="hip" type="revolute"/></robot>', "x"), [joint("hip")])
-
-
-def test_a_snippet_is_well_formed() -> None:
-    """Even with a name that would end its comment."""
-    done = urdf_snippet([joint("--> knee"), joint("hip", viscous_friction=None, coulomb_friction=None)])
-    found = ElementTree.fromstring(f"<joint>{done.text}</joint>").findall("dynamics")
-    assert [item.attrib for item in found] == [{"damping": "0.07", "friction": "0.4"}]

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from motors import joint
 from stiction.core.errors import StictionError
-from stiction.exchange.webots_joints import parse_nodes, patch_webots, webots_joints, webots_snippet
+from stiction.exchange.webots_joints import parse_nodes, patch_webots, webots_snippet
 
 
 def lines(text: str) -> list[str]:
@@ -27,17 +27,6 @@ def test_what_webots_ignores_is_said() -> None:
     """Friction without torque control, and the rotor."""
     notes = " ".join(webots_snippet([joint("hip")]).notes)
     assert "only under torque control" in notes and "no rotor inertia" in notes and "0.03 is left out" in notes
-
-
-def test_a_linear_axis_is_refused() -> None:
-    """Newtons are no hinge's."""
-    with pytest.raises(StictionError, match="linear"):
-        webots_snippet([joint("rail", axis="linear")])
-
-
-def test_a_name_stays_in_its_comment() -> None:
-    """A line break would put it into the world."""
-    assert len(lines(webots_snippet([joint("a\nRobot {}")]).text)) == 4
 
 
 PROTO = """#VRML_SIM R2023b utf8
@@ -85,13 +74,6 @@ def test_a_proto_is_changed_at_its_joints_only() -> None:
     expected = expected.replace("{\n          axis 0 1 0", "{\n          dampingConstant 0.07\n          axis 0 1 0")
     expected = expected.replace("staticFriction 9", "staticFriction 0.4")
     assert body == expected.replace("{ axis 0 1 0 }", "{ staticFriction 0.4 axis 0 1 0 }")
-
-
-def test_a_joint_goes_by_its_motor() -> None:
-    """Webots' joints have no names; a motor whose name is a parameter has none that is known."""
-    assert list(webots_joints(PROTO.encode(), "leg.proto")) == ["hip", "knee", "foot"]
-    with pytest.raises(StictionError, match="staticFriction is bound to a parameter"):
-        patch_webots(PROTO.encode(), "leg.proto", [joint("foot")])
 
 
 @pytest.mark.parametrize(

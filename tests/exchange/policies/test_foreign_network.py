@@ -7,7 +7,7 @@ from foreign import MJLAB, network
 from stiction.core.errors import BundleError
 from stiction.deploy.network_file import FLOAT, NetworkFile, Node, Port
 from stiction.deploy.policy import Network, check_model
-from stiction.exchange.policies.onnx_file import constant, read_foreign, write_network
+from stiction.exchange.policies.onnx_file import read_foreign, write_network
 
 
 def test_a_network_of_others_becomes_ours_and_computes_the_same() -> None:
@@ -69,16 +69,6 @@ def recurrent() -> bytes:
     return write_network(NetworkFile((Node("LSTM", ("obs",), ("actions",), {}),), {}, *ports), 13, 8)
 
 
-def over_robots() -> bytes:
-    """Return a network whose actions are a mean over the robots of a batch."""
-    ports = (Port("observation", FLOAT, (None, 4)), Port("action", FLOAT, (None, 4)))
-    nodes = (
-        Node("ReduceMean", ("observation",), ("m",), {"axes": (0,)}),
-        Node("Add", ("observation", "m"), ("action",), {}),
-    )
-    return write_network(NetworkFile(nodes, {}, *ports), 13, 8)
-
-
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -93,15 +83,3 @@ def test_what_cannot_be_taken_is_refused_by_name(make, message: str) -> None:
     """A policy with a state of its own would walk without it, and badly."""
     with pytest.raises(BundleError, match=message):
         read_foreign(make(), "theirs.onnx")
-
-
-def test_a_mean_over_robots_is_refused() -> None:
-    """Each robot's action would depend on all others in its batch."""
-    with pytest.raises(BundleError, match="over the robots of a batch"):
-        check_model(over_robots(), 4, 4)
-
-
-def test_constants_come_back_as_they_were() -> None:
-    """Of both types, and of every rank."""
-    for numbers in (np.float32(1.5), np.arange(6, dtype=np.int64).reshape(2, 3), np.zeros((0, 2), np.float32)):
-        np.testing.assert_array_equal(constant("c", np.asarray(numbers)).numbers, numbers)

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from bundles import make_bundle, make_contract, make_network
 from foreign import ROBOT
@@ -93,23 +92,6 @@ def test_our_own_policies_go_out_with_an_adapter(to: str, tmp_path: Path) -> Non
     assert back.observation.layout == "term_major" and back.observation.depth == 11
     again = replay(load_policy(back, model), bundle.golden)
     np.testing.assert_allclose(again.action, bundle.golden.action, atol=5e-6)
-
-
-def test_a_history_of_zeros_is_said_and_stays_finite(tmp_path: Path) -> None:
-    """rl_sar begins with zeros, which have no direction of gravity; behind them the actions are the same."""
-    made = contract()
-    bundle = read_bundle(make_bundle(tmp_path / "bundle", made))
-    done = export_to(tmp_path / "bundle", tmp_path / "out", "rl_sar")
-    assert any("its history begins with zeros" in note for note in done.notes)
-    back, model = read_back(tmp_path / "out", made)
-    again = replay(load_policy(back, model), bundle.golden)
-    since = np.arange(len(bundle.golden)) - np.maximum.accumulate(
-        np.where(bundle.golden.reset, np.arange(len(bundle.golden)), 0)
-    )
-    np.testing.assert_allclose(again.action[since >= 10], bundle.golden.action[since >= 10], atol=5e-6)
-    config = yaml.safe_load(next((tmp_path / "out").rglob("config.yaml")).read_text())
-    (entries,) = config.values()
-    assert len(entries["observations_history"]) == 11 and entries["num_observations"] == 45
 
 
 @pytest.mark.parametrize(

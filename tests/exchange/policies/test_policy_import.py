@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from foreign import JOINTS, MJLAB, ROBOT, network, written
-from stiction.core.errors import FileError, StictionError
+from stiction.core.errors import StictionError
 from stiction.deploy.check import check_bundle
 from stiction.exchange.policies.description import Said, contract_of, merged, missing, require
 from stiction.exchange.policies.importer import import_policy
@@ -16,7 +16,6 @@ from stiction.exchange.policies.mjlab import said_by_mjlab
 from stiction.exchange.policies.rl_sar import said_by_rl_sar
 from stiction.exchange.policies.settings import said_in_settings
 from stiction.exchange.policies.unitree import said_in_deploy
-from stiction.exchange.policies.values import take
 from stiction.robots.catalog import find_robot
 from stiction.robots.named import reordered
 
@@ -57,14 +56,6 @@ def full(**changes) -> Said:
     """Return a policy of which all is said."""
     said = merged(said_by_mjlab(MJLAB, "theirs"), said_in_settings(yaml.safe_load(OWN), "own"))
     return merged(said, Said(**changes))
-
-
-def test_what_is_said_twice_is_the_later_one_with_a_note() -> None:
-    """Three decimals of mjlab can be made exact; a contradiction is never silent."""
-    both = merged(full(), said_in_settings({"kp": {".*_calf_joint": 20, ".*": 25.1}}, "own"))
-    assert both.notes == ("kp is said twice, and differently; the later file holds",)
-    contract = contract_of(both, find_robot(ROBOT), ("n", b""), "r", "c")
-    assert contract.kp[:3] == (25.1, 25.1, 20.0)
 
 
 def test_a_wrong_size_says_what_was_made_of_the_words(tmp_path: Path) -> None:
@@ -173,27 +164,3 @@ def test_what_a_contract_cannot_hold_is_refused(change: dict, message: str) -> N
     """Half a policy would be worse than none."""
     with pytest.raises(StictionError, match=message):
         said_by_rl_sar(RL_SAR | change, "config.yaml")
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        ({"scale": 1}, "unknown field 'scale'"),
-        ({"observation": [{"term": "last_action", "clip": [-1, 2]}]}, "symmetric"),
-        ({"observation": [{"term": "smell"}]}, "unknown observation term 'smell'"),
-        ({"clock": {"period": 1.0, "offsets": [0]}}, "'first' is missing"),
-        ({"kp": {"(a*)*": 1}}, "could be slow"),
-        ({"kp": {"knee": 1}}, "unknown joint 'knee'"),
-        ({"control_period": "fast"}, "expected a number"),
-    ],
-)
-def test_settings_that_make_no_sense_are_refused(content: dict, message: str) -> None:
-    """In one line that names the entry."""
-    with pytest.raises(StictionError, match=message):
-        contract_of(merged(full(), said_in_settings(content, "own")), find_robot(ROBOT), ("n", b""), "r", "c")
-
-
-def test_an_empty_file_of_settings_is_called_empty() -> None:
-    """It was said to be 'None', where `robot check` said what it is."""
-    with pytest.raises(FileError, match=r"empty\.yaml: the file is empty; expected names with values"):
-        take.mapping(None, "empty.yaml: the file")

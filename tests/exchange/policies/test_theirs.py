@@ -12,10 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from stiction.core.errors import BundleError
 from stiction.evaluation.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.exchange.policies.importer import import_policy
-from stiction.exchange.policies.onnx_file import read_foreign
 
 WHEELS = Path(os.environ.get("STICTION_ROBOTS", "/nowhere"))
 MODELS = WHEELS / "holosoma_inference" / "models"
@@ -41,10 +39,3 @@ def test_a_policy_of_others_walks(robot: str, policy: str, tmp_path: Path) -> No
     cfg = EvaluationCfg(friction_levels=(0.0,), commands=("vx=0.5",), episodes=1, seconds=5.0)
     (metrics,) = evaluate_bundle(bundle, cfg).metrics
     assert metrics.columns["fall_rate"] == 0.0 and metrics.columns["speed_ratio"] > 0.6
-
-
-def test_a_policy_with_a_motion_of_its_own_is_refused() -> None:
-    """Those that dance take the time as a second input."""
-    path = MODELS / "wbt" / "ppo_g1_29dof_dancing.onnx"
-    with pytest.raises(BundleError, match="2 inputs: 'obs', 'time_step'"):
-        read_foreign(path.read_bytes(), path.name)

@@ -159,11 +159,6 @@ def test_a_toy_robot_with_other_gains_is_driven_by_its_contract(
     np.testing.assert_allclose(seen[0][1][0], wanted[0], atol=1e-9)
 
 
-def facing(yaw: float) -> np.ndarray:
-    """Return the orientation of a level trunk, w x y z."""
-    return np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
-
-
 def spied(program: ModuleType, monkeypatch: pytest.MonkeyPatch, note: Callable) -> list[np.ndarray]:
     """Return the list to which every step of the loop adds what is noted of its sensors and its command."""
     seen, original = [], program.PolicyLoop.torque
@@ -173,20 +168,6 @@ def spied(program: ModuleType, monkeypatch: pytest.MonkeyPatch, note: Callable) 
         lambda self, sensors, command: seen.append(note(sensors, command)) or original(self, sensors, command),
     )
     return seen
-
-
-def test_the_heading_is_held_against_that_of_the_start(
-    project: Path, program: ModuleType, bundle: Bundle, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """If this failed, a robot would turn away from its stairs, or be turned to the world's north."""
-    (_, record), *_ = walks(bundle.golden)
-    yaw = np.where(np.arange(len(record)) < 5, 1.0, 1.2)
-    turned = replace(record, quaternion=np.stack([facing(angle) for angle in yaw]))
-    commands = spied(program, monkeypatch, lambda sensors, command: command.copy())
-    cfg = program.ControllerCfg("vx=0.4,wz=0.1", hold_heading=True, seconds=0.2)
-    program.walk(Robot(robot_in(project), 5.0, playback(bundle, turned)), bundle, cfg)
-    np.testing.assert_allclose(commands[0], [0.4, 0.0, 0.1], atol=1e-12)
-    np.testing.assert_allclose(commands[-1], [0.4, 0.0, -0.1], atol=1e-12)  # 0.2 rad too far left, gain 1
 
 
 def test_encoders_err_as_those_of_a_robot_do(
@@ -216,33 +197,6 @@ def test_a_fall_ends_the_walk_and_is_said(project: Path, program: ModuleType, bu
     assert said.startswith("stand: fell after 0.18")
 
 
-class Sinking(Playback):
-    """The same, on a trunk that sinks from the second control step on, and keeps level."""
-
-    low = 0.44
-    """Height of the trunk then, over its first one [-]."""
-
-    def trunk(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return a place 0.3 m high at first, and no turn."""
-        height = 0.3 if self.taken - 2 < self.decimation else self.low * 0.3
-        return np.array([0.0, 0.0, height]), facing(0.0), np.zeros(3)
-
-
-@pytest.mark.parametrize(("low", "end"), [(0.44, "fell after 0.02"), (0.46, "done after 0.20")])
-def test_a_level_trunk_on_the_ground_has_fallen(
-    project: Path, program: ModuleType, bundle: Bundle, low: float, end: str
-) -> None:
-    """If this failed, a robot that lies on its belly would count as one that walks: under 0.45 of standing it does."""
-    (_, record), *_ = walks(bundle.golden)
-    contract = bundle.contract
-    physics = Sinking(
-        contract.joint_names, contract.array("standing"), contract.physics_timestep, contract.decimation, record
-    )
-    physics.low = low
-    said = program.walk(Robot(robot_in(project), 5.0, physics), bundle, program.ControllerCfg("stand", seconds=0.2))
-    assert said.startswith(f"stand: {end}")
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -263,17 +217,6 @@ def test_what_does_not_fit_is_refused(project: Path, program: ModuleType, bundle
     change(robot)
     with pytest.raises(StictionError, match=message):
         program.walk(robot, bundle, program.ControllerCfg(seconds=1.0))
-
-
-def test_the_program_says_how_to_start_it(
-    program: ModuleType, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """If this failed, whoever starts the file by hand would see a traceback."""
-    monkeypatch.setitem(sys.modules, "controller", None)
-    assert program.main([]) == 1
-    captured = capsys.readouterr()
-    assert captured.err.startswith("stiction_policy.py: Webots' Python module `controller`")
-    assert captured.err.count("\n") == 1
 
 
 def test_the_program_runs_without_torch_and_without_a_simulator(project: Path, tmp_path: Path) -> None:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
 
 import pytest
 
-from bundles import make_bundle, make_contract, with_limits
+from bundles import make_contract
 from stiction.cli.main import main
 from stiction.core.errors import StictionError
 from stiction.deploy.check import check_bundle
@@ -17,7 +16,6 @@ from webots_files import read_proto, read_world
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to export to Webots")
 
-from stiction.exchange.webots import controller
 from stiction.exchange.webots.export import WebotsCfg, check_fit, export_webots
 from stiction.robots.catalog import find_robot
 
@@ -54,32 +52,11 @@ def test_the_folder_is_a_project_of_webots_with_the_bundle_within(project: Path)
     assert read_proto(project / "protos/SaturnLite.proto").interface["controller"][1] == "<extern>"
 
 
-def test_the_controller_is_the_one_that_is_tested(project: Path) -> None:
-    """If this failed, the tests of the controller would be of another file."""
-    program = project / "controllers/stiction_policy/stiction_policy.py"
-    assert program.read_text() == Path(controller.__file__).read_text()
-
-
-def test_every_written_file_says_that_it_was_not_run(project: Path) -> None:
-    """If this failed, somebody would take the project for one that has walked."""
-    written = [name for name in FILES if not name.startswith(BUNDLE)]
-    silent = [name for name in written if "not run" not in re.sub(r"\W+", " ", (project / name).read_text()).lower()]
-    assert not silent
-
-
 def test_the_readme_has_the_torques_of_the_robot_and_no_gaps(project: Path) -> None:
     """If this failed, the table by which friction is set by hand would be wrong."""
     text = (project / "README.md").read_text()
     assert "| `shankFriction` | 45 | 4.5 | 4.5 | 9 | 13.5 |" in text
     assert "{" not in text.replace("`{", "")
-
-
-def test_an_altered_bundle_is_not_exported(bundle: Path, tmp_path: Path) -> None:
-    """If this failed, a policy that fails its checks would walk in Webots."""
-    (bundle / "card.md").write_text("something else")
-    with pytest.raises(StictionError, match=r"card\.md"):
-        export_webots(bundle, tmp_path / "project")
-    assert not (tmp_path / "project").exists()
 
 
 def test_a_project_is_written_whole_or_not_at_all(
@@ -115,25 +92,6 @@ def test_what_webots_or_the_robot_cannot_take_is_refused(changes: dict, message:
         check_fit(spec, make_contract(**changes))
 
 
-def test_a_bundle_that_does_not_fit_is_not_exported(tmp_path: Path) -> None:
-    """If this failed, nobody would ask whether bundle, robot and Webots fit together."""
-    path = make_bundle(tmp_path / "toy", make_contract(with_limits(find_robot("saturn_lite"), "wide", -3.0, 3.0)))
-    with pytest.raises(StictionError, match="another lower angle"):
-        export_webots(path, tmp_path / "project", robot="saturn_lite")
-    with pytest.raises(StictionError, match="has other joints"):
-        export_webots(path, tmp_path / "project", robot="go1")
-
-
-@pytest.mark.parametrize(
-    "settings",
-    [*({"friction_level": level} for level in (-0.1, 1.0, float("nan"))), {"step_height": 0.0}, {"step_height": 0.3}],
-)
-def test_worlds_that_are_none_are_refused(settings: dict) -> None:
-    """If this failed, a world without meaning would be written, and judged a policy by."""
-    with pytest.raises(StictionError):
-        WebotsCfg(**settings)
-
-
 def test_the_verb_exports_a_shipped_bundle_by_its_name(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """If this failed, a script could not read what was written; JSON is all there is on standard output."""
     out = tmp_path / "project"
@@ -157,21 +115,3 @@ def test_a_run_is_exported_through_its_bundle(bundle: Path, tmp_path: Path, caps
     assert f"make one first: stiction export {run}" in capsys.readouterr().err
     bundle.rename(run / "bundle")
     assert main(arguments) == 0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "option"),
-    [
-        (["--friction-level", "0.1"], "--friction-level requires --to webots"),
-        (["--step-height", "0.1"], "--step-height requires --to webots"),
-        (["--to", "webots", "--wear", "wear.json"], "--wear requires --to bundle"),
-    ],
-)
-def test_an_option_that_would_do_nothing_is_refused(
-    bundle: Path, capsys: pytest.CaptureFixture, arguments: list[str], option: str
-) -> None:
-    """If this failed, a setting would be ignored without a word."""
-    assert main(["export", str(bundle), *arguments]) == 1
-    captured = capsys.readouterr()
-    assert option in captured.err
-    assert captured.err.count("\n") == 1

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from stiction.exchange.webots.proto import HEADER, Is, Node, number, write
-from webots_files import Reader, WebotsSyntaxError, read_proto, read_world
+from stiction.exchange.webots.proto import HEADER, Is, Node, write
+from webots_files import WebotsSyntaxError, read_proto, read_world
 
 
 @pytest.mark.parametrize(
@@ -32,12 +32,6 @@ def test_values_are_written_as_webots_reads_them(value, text: str) -> None:
     assert write(value) == text
 
 
-def test_numbers_read_back_exactly() -> None:
-    """If this failed, the controller would refuse its own robot, whose torque limits it compares."""
-    for value in (23.7, 27.500000000000004, 1 / 3, 1e-9, 12345678.9):
-        assert float(number(value)) == value
-
-
 def test_what_was_written_can_be_read(tmp_path: Path) -> None:
     """If this failed, writer and reader would not speak the same language."""
     box = Node("Box", {"size": (1.0, 2.0, 0.1)})
@@ -47,27 +41,6 @@ def test_what_was_written_can_be_read(tmp_path: Path) -> None:
     assert (read.kind, read.define, read["name"]) == ("Solid", "BOX", 'the "box"')
     assert read["translation"] == (0.0, 0.0, 1e-3)
     assert read["boundingObject"]["size"] == (1.0, 2.0, 0.1)
-
-
-@pytest.mark.parametrize(
-    "body",
-    [
-        "Solid { colour 1 1 1 }",  # no such field
-        "Solid { translation 0 0 }",  # a number short
-        "Solid { translation 0 0 0 0 }",  # one too many
-        "Solid { name box }",  # no quotes
-        "Solid { physics Box { } }",  # a node that does not belong there
-        'Solid { name "a" name "b" }',  # twice
-        "Solid { children [ Shape { } }",  # a bracket open
-        "Solid { name IS name }",  # outside of a PROTO
-        "Unicorn { }",  # not declared
-        "Solid { translation 0, 0, 0 }",  # commas, which are not written here
-    ],
-)
-def test_the_reader_finds_mistakes(body: str) -> None:
-    """If this failed, the tests of worlds and PROTOs would pass whatever they hold."""
-    with pytest.raises(WebotsSyntaxError):
-        Reader(f"{HEADER}\n{body}").node()
 
 
 def test_a_proto_is_read_with_its_interface(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -47,13 +46,6 @@ def test_contacts_do_not_bounce_and_the_step_is_that_of_training(tmp_path: Path)
     assert info["physicsDisableLinearThreshold"] == info["physicsDisableAngularThreshold"] == 0.0
 
 
-@pytest.mark.parametrize(("robot", "torques"), [("saturn_lite", (5.0, 5.0, 9.0)), ("go2", (4.74, 4.74, 9.086))])
-def test_the_level_is_a_fraction_of_each_joints_torque_limit(tmp_path: Path, robot: str, torques) -> None:
-    """If this failed, a friction level in Webots would not be the level of the same name elsewhere: 20 % of Table I."""
-    found = [node["staticFriction"] for node in only(world(tmp_path, robot), "Robot").every("HingeJointParameters")]
-    assert found == pytest.approx([*torques] * (len(found) // 3))
-
-
 @pytest.mark.parametrize(
     ("name", "step_height"), [("saturn_lite", 0.0), ("saturn_lite", 0.12), ("go2", 0.0), ("g1", 0.1)]
 )
@@ -90,15 +82,3 @@ def test_the_ground_has_the_heights_of_the_course(tmp_path: Path, step_height: f
         top = np.maximum(top, np.where(inside, middle[2] + half[2], -np.inf))
     np.testing.assert_allclose(top, stair_height(points, np.array([[step_height]]))[0], atol=1e-12)
     assert np.unique(np.round(top, 9)).size == (7 if step_height else 1)
-
-
-def test_a_name_cannot_break_out_of_the_file(tmp_path: Path) -> None:
-    """If this failed, a robot's name with a quote or a line break would write nodes of its own."""
-    odd = replace(find_robot("go1"), name='a" } Robot {\n physics "x')
-    text = write_world(odd, 0.005, joint_friction(odd, 0.0))
-    (tmp_path / "protos").mkdir()
-    (tmp_path / "worlds").mkdir()
-    (tmp_path / f"protos/{proto_name(odd.name)}.proto").write_text(write_proto(odd, make_contract("go1")))
-    (tmp_path / "worlds/odd.wbt").write_text(text)
-    kinds = [node.kind for node in read_world(tmp_path / "worlds/odd.wbt")]
-    assert kinds == ["WorldInfo", "Viewpoint", "Background", "DirectionalLight", "Solid", "Robot"]

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from stiction.identification.excite.task import Pattern, sine, window
+from stiction.identification.excite.task import Pattern, sine
 
 PATTERN = Pattern(0.5, 0.4, 0.6, (0.5, 2.0), (1.0, 0.5), (0.3, 1.0), 0.4)
 
@@ -35,16 +33,3 @@ def test_a_sine_is_a_pattern_without_a_slow_part() -> None:
     offsets = sine(1.0, 0.3).offsets(1000, 100.0)
     time = np.arange(1000) / 100.0
     assert offsets[300:700] == pytest.approx(0.3 * np.sin(2 * np.pi * time[300:700]), abs=1e-3)
-
-
-def test_a_share_of_none_or_all_leaves_the_length_alone() -> None:
-    """The patterns are repeated back to back."""
-    for share in (0.0, 0.001, 0.999, 1.0):
-        assert len(replace(PATTERN, share=share).offsets(777, 100.0)) == 777
-
-
-def test_the_window_is_level_at_both_ends() -> None:
-    """Slope zero at the ends, one in the middle, symmetric up to the sample at which it ends."""
-    shape = window(500, 100.0)
-    assert shape[0] == 0.0 and shape[1] < 0.01 and (shape[30:470] == 1.0).all()
-    assert shape == pytest.approx(shape[::-1])

@@ -14,9 +14,9 @@ from excitations import search_little
 from stiction.core.errors import StictionError
 from stiction.files.log import JointSignals, Log
 from stiction.identification.excite import design
-from stiction.identification.excite.design import choose_gains, softened
-from stiction.identification.excite.fisher import LogNoise, information
-from stiction.identification.excite.plan import Excitation, design_excitation, duration_for, gain_sweep, one_sines
+from stiction.identification.excite.design import choose_gains
+from stiction.identification.excite.fisher import LogNoise
+from stiction.identification.excite.plan import Excitation, design_excitation, duration_for
 from stiction.identification.excite.setup import ExciteSetup
 from stiction.identification.excite.task import SHARE, Pattern, Task, make_task
 from stiction.identification.pipeline import identify_joint
@@ -98,40 +98,6 @@ def test_the_trajectory_starts_and_ends_at_rest_at_the_start_pose(made: Excitati
     assert len(target) == 2001 and made.trajectory.time[-1] == pytest.approx(8.0)
 
 
-def test_one_sine_knows_less_than_the_design(made: Excitation, task: Task) -> None:
-    """Whatever its frequency, in the same time and limits; and a fast one cannot tell the two frictions apart."""
-    sines = one_sines(task, 0.54)
-    assert len(sines) >= 6
-    assert min(sine.worst for sine in sines) > 1.2 * made.record.worst
-    assert min(sine.correlation for sine in sines) < -0.97 < made.record.correlation
-
-
-def test_high_gains_hide_friction_from_positions_and_not_from_torque(made: Excitation, task: Task) -> None:
-    """Position-only deviations grow with kp; with a torque sensor they level off."""
-    points = gain_sweep(task, pattern_of(made))
-    blind = [point.position_only for point in points[2:]]
-    seeing = [point.with_torque for point in points[2:]]
-    assert None not in blind and None not in seeing
-    ratios = np.array(blind[1:], float) / np.array(blind[:-1], float)
-    assert (ratios > 1.5).all() and (ratios < 2.5).all()
-    assert float(seeing[-1] or 0) < 0.8 * float(blind[-1] or 0)
-
-
-def test_the_trend_that_was_measured_for_a_go1_motor() -> None:
-    """±0.4 rad for 10 s, angles with 1e-3 rad of noise, no torque: 1.4 % at 0.5 Hz and kp 20, worse fast or stiff."""
-    values, noise = np.array([0.0121, 0.0342, 0.0481, 0.0]), LogNoise(1e-3, None)
-    base = make_task(ExciteSetup(duration=10.0, torque_limit=35.55, coulomb=0.0481).filled())
-    time = np.arange(base.count) / base.rate
-
-    def friction(frequency: float, kp: float) -> float:
-        target = 0.4 * np.sin(2 * np.pi * frequency * time)
-        return float(information(values, PDGains(kp, 0.5), 1 / base.rate, target, noise).relative[2])
-
-    assert friction(0.5, 20.0) == pytest.approx(0.0138, rel=0.05)
-    assert friction(5.0, 20.0) == pytest.approx(0.0764, rel=0.05)
-    assert friction(2.0, 100.0) == pytest.approx(0.053, rel=0.05)
-
-
 def test_gains_are_lowered_only_where_the_joint_still_tracks(made: Excitation) -> None:
     """Friction of 0.44 N m at kp 20: half of it and less is better, and the lowest of all no longer moves enough."""
     by_kp = {trial.kp: trial for trial in made.record.trials}
@@ -143,11 +109,6 @@ def test_gains_are_lowered_only_where_the_joint_still_tracks(made: Excitation) -
         make_task(ExciteSetup(duration=8.0, rate=250.0, coulomb=0.44).filled()), True, lambda share: None
     )
     assert gains == PDGains(20.0, 0.5)
-
-
-def test_softer_gains_keep_the_damping_ratio() -> None:
-    """A quarter of kp goes with half of kd."""
-    assert softened(PDGains(20.0, 0.5, 45.0), 0.25) == PDGains(5.0, 0.25, 45.0)
 
 
 @pytest.mark.parametrize(
@@ -172,16 +133,6 @@ def test_a_speed_limit_that_no_motion_keeps_is_refused(monkeypatch: pytest.Monke
     setup = ExciteSetup(speed_limit=1e-4, duration=8.0, rate=250.0).filled()
     with pytest.raises(StictionError, match=r"no motion within .* 0.0001 rad/s"):
         design_excitation(setup, "shank", "")
-
-
-def test_the_same_seed_gives_the_same_motion(monkeypatch: pytest.MonkeyPatch) -> None:
-    """And another seed another: the search does use it."""
-    monkeypatch.setattr(design, "GENERATIONS", 1)
-    task = make_task(ExciteSetup(torque_limit=45.0, coulomb=0.44, duration=5.0, rate=100.0, speed_limit=8.0).filled())
-    shares: list[float] = []
-    one = design.search(task, 3, shares.append)
-    assert one == design.search(task, 3, lambda share: None) != design.search(task, 4, lambda share: None)
-    assert shares == sorted(shares) and shares[-1] == 1.0
 
 
 def test_the_time_for_a_wanted_deviation_follows_from_its_square(made: Excitation, task: Task) -> None:

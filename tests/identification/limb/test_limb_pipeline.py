@@ -10,17 +10,14 @@ import pytest
 from limb_logs import ARM6, limb_logs, pendulum
 
 from stiction.core.errors import ConfigurationError, LogError
-from stiction.exchange.physics import joint_physics
 from stiction.files.joints import ARMATURE, JointsFile
 from stiction.files.log import JointSignals, Log, LogSetup
-from stiction.identification.intervals import jackknife_covariance, make_blocks
 from stiction.identification.limb.pipeline import identify_limb
 from stiction.identification.limb.setup import LimbSetup
 from stiction.identification.setup import IdentifySetup
 from stiction.robots.catalog import find_mechanism
 from stiction.robots.mechanism import Mechanism
 from stiction.robots.model import Link
-from stiction.task.randomization import identified_joints
 
 TIME = np.arange(0, 20, 0.004)
 
@@ -96,13 +93,6 @@ def test_one_joint_is_a_pendulum() -> None:
     fit = found.signals["hinge"]
     used = fit.used > 0
     assert np.abs(fit.torque - fit.fitted_torque)[used].max() < 0.05
-
-
-def test_two_joints_that_move_at_once() -> None:
-    """Each one's friction, with the other's motion taken off by the model."""
-    found = identify_limb(planar_log(), planar())
-    check_joint(found.joints, "a", 0)
-    check_joint(found.joints, "b", 1)
 
 
 def test_a_link_a_fifth_too_heavy_is_found_and_friction_stays() -> None:
@@ -190,35 +180,6 @@ def test_what_has_no_meaning_for_a_limb_is_refused(declared: IdentifySetup, setu
     """A flag that would be ignored is worse than one that is refused."""
     with pytest.raises(ConfigurationError, match=said):
         identify_limb(pendulum_log(), pendulum(), declared, setup)
-
-
-def test_the_rotor_reaches_simulators_and_training() -> None:
-    """`armature` among the combinations is a rotor's inertia: convert and train take it, and subtract nothing."""
-    found = identify_limb(planar_log(), planar()).joints
-    rotor = found.joints["b"].combinations[ARMATURE].value
-    assert joint_physics("b", found.joints["b"]).armature == rotor
-    taken = identified_joints(found, ("a", "b"), np.array([9.0, 9.0]), np.array([20.0, 20.0]))
-    assert taken.armature[1] == rotor
-
-
-def test_the_jackknife_is_leaving_blocks_out() -> None:
-    """Its shortcut against fitting again without each block, with one parameter known beforehand."""
-    rng = np.random.default_rng(3)
-    columns, truth = rng.normal(size=(60, 3)), np.array([1.0, 2.0, 0.1])
-    target, block = columns @ truth + rng.normal(size=60), np.arange(60) // 10
-    knowledge = np.diag([0.0, 0.0, 25.0])
-
-    def fit(keep: np.ndarray) -> np.ndarray:
-        kept = columns[keep]
-        return np.linalg.solve(kept.T @ kept + knowledge, kept.T @ target[keep])
-
-    values = fit(block >= 0)
-    without = np.stack([fit(block != number) for number in range(6)])
-    spread = without - without.mean(axis=0)
-    inverse = np.linalg.inv(columns.T @ columns + knowledge)
-    expected = 5 / 6 * spread.T @ spread + inverse @ knowledge @ inverse
-    found = jackknife_covariance(make_blocks(columns, target - columns @ values, block), np.diag(knowledge))
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
 @pytest.mark.slow

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
@@ -39,14 +38,6 @@ def test_a_log_and_a_robot_give_friction_of_every_joint(
         assert record.coulomb_friction is not None
         assert record.coulomb_friction.value == pytest.approx(friction, rel=0.25)
         assert record.combinations[ARMATURE].value == pytest.approx(rotor, rel=0.25)
-
-
-def test_json_is_all_that_is_printed(arm: tuple[Path, Truth], tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """What programs read, with the declared error in it."""
-    words = ["--robot", ARM6.robot, "--model-error", "0.05", "--out", str(tmp_path), "--json"]
-    assert main(["identify", str(arm[0]), *words]) == 0
-    data = json.loads(capsys.readouterr().out)
-    assert data["joints"]["pan"]["diagnostics"]["model_error"] == 0.05
 
 
 def test_alone_the_joints_are_wrong_and_a_word_is_said(

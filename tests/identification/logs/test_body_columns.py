@@ -51,19 +51,6 @@ def expect(log: Log, roles: tuple[str, ...] = BODY, tolerance: float = 1e-6) -> 
             np.testing.assert_allclose(values, SIGNALS[role], rtol=tolerance, atol=tolerance)
 
 
-def test_our_own_names(tmp_path: Path) -> None:
-    """What README names must be read; feet by their names, in any order."""
-    table = joint_table() | spread("gyroscope.{}", "xyz", GYROSCOPE) | spread("quaternion.{}", "wxyz", QUATERNION)
-    table |= spread("accelerometer.{}", "xyz", ACCELEROMETER)
-    table |= {f"foot_force.{name}": FEET[:, number] for number, name in enumerate(("FR_foot", "FL_foot"))}
-    write_csv(tmp_path / "walk.csv", table)
-    log = open_log(tmp_path / "walk.csv", body=True)
-    assert log.body is not None and log.body.foot_names == ("FR_foot", "FL_foot")
-    np.testing.assert_allclose(log.body.foot_force, FEET[:, :2])
-    np.testing.assert_allclose(log.body.quaternion, QUATERNION)
-    assert open_log(tmp_path / "walk.csv").body is None
-
-
 @pytest.mark.parametrize(
     ("quaternion", "letters", "gyroscope", "accelerometer", "feet"),
     [

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from stiction.core.errors import LogError
 from stiction.files.log import JointSignals, Log
-from stiction.identification.logs import join_logs, open_log
-from stiction.identification.logs.cells import check_stamps, complete_rows, cut, seconds
+from stiction.identification.logs import join_logs
+from stiction.identification.logs.cells import complete_rows, cut, seconds
 
 STEPS = np.arange(50.0)
 
@@ -37,16 +35,6 @@ def test_the_unit_of_stamps_is_found_or_left(stamps: np.ndarray, name: str, step
     time, _, notes = seconds(stamps, name, None)
     assert time[1] - time[0] == pytest.approx(step)
     assert (said in notes[0]) if said else not notes
-
-
-def test_a_scale_that_is_given_is_taken() -> None:
-    """Whatever the stamps look like; large ones keep their digits."""
-    time, start, notes = seconds(1.7e18 + 1e6 * STEPS, "time", 1e-9)
-    np.testing.assert_allclose(time, 1e-3 * STEPS, atol=3e-7)
-    assert start == pytest.approx(1.7e9) and notes == ()
-    for wrong in (0.0, -1.0, float("nan"), 1e9):
-        with pytest.raises(LogError, match="expected seconds per unit"):
-            check_stamps("x", None, wrong, None, None)
 
 
 def log(time: np.ndarray, source: str = "x", **signals: np.ndarray) -> Log:
@@ -97,10 +85,3 @@ def test_parts_of_one_log_go_on_where_the_last_ended() -> None:
     with pytest.raises(LogError, match="torque of joint 'a' is in some"):
         both = JointSignals(position=np.zeros(3), torque=np.zeros(3))
         join_logs([first, Log("1", np.arange(3.0), {"a": both}, start=103.0)])
-
-
-def test_a_folder_is_told_its_file(tmp_path: Path) -> None:
-    """A bag of ROS 2 is a folder, and its messages are in a file."""
-    (tmp_path / "run_0.mcap").write_bytes(b"")
-    with pytest.raises(LogError, match=r"name the file in it, .*run_0.mcap"):
-        open_log(tmp_path)

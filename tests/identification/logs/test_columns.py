@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import logfiles
 from stiction.core.errors import LogError
 from stiction.files.tables import Table
 from stiction.identification.logs.naming import find_signals, parse_columns
@@ -44,17 +43,6 @@ def test_one_joint_by_a_mapping() -> None:
         find_signals("x", table("t"), {"time": "t"}, None)
 
 
-def test_the_columns_of_actuator_network_scripts() -> None:
-    """The motor's report is the torque, not what the controller asked for; joints come in the order of numbers."""
-    names = [f"{word}_{i}" for word in ("tau_cal", "tau_est", "joint_pos", "joint_pos_target") for i in range(12)]
-    found = find_signals("x", table(*names), None, None)
-    time, joints = found.time, found.joints
-    assert time is None and list(joints) == [f"joint_{i}" for i in range(12)]
-    last = joints["joint_11"]
-    assert [s[0] for s in (last.torque, last.position, last.target)] == [23, 35, 47]  # type: ignore[index]
-    assert last.velocity is None
-
-
 def test_patterns_for_numbers_and_for_names() -> None:
     """`q_{joint}` finds q_0 and q_1 and not q_des_0, which another pattern names; names work as well as numbers."""
     columns = {"position": "q_{joint}", "target": "q_des_{joint}"}
@@ -82,13 +70,6 @@ def test_a_bad_pattern_is_refused(columns: dict[str, str], said: str) -> None:
     """What came, and what there is."""
     with pytest.raises(LogError, match=said):
         find_signals("x", table("t", "q_0", "tau"), columns, None)
-
-
-def test_canonical_names_go_before_wide_ones() -> None:
-    """A file with both was named on purpose."""
-    found = find_signals("x", Table(table("time", "position.knee").columns | logfiles.wide_table()), None, None)
-    joints = found.joints
-    assert list(joints) == ["knee"]
 
 
 def test_nothing_recognised_is_refused_with_a_way_out() -> None:

@@ -12,16 +12,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import damage
 import logfiles
-from bounded import bounded
 from counts import count
 from processes import outcome
 from stiction.core.errors import StictionError
-from stiction.files.log import LogSetup, read_setup
 from stiction.identification.logs import open_log
 
 EACH = count(60, 650)
@@ -92,55 +90,6 @@ def test_a_table_that_was_cut_off_is_refused_or_says_so(tmp_path: Path, kind: st
         lines = data[:length].count(b"\n") - 1
         np.testing.assert_array_equal(log.time, values[:lines, 0])
         assert bool(log.notes) == (data[length - 1 : length] != b"\n")
-
-
-CELLS = st.one_of(
-    st.floats().map(repr),
-    st.integers().map(str),
-    st.sampled_from(
-        ["", " ", "nan", "inf", "-inf", "1e308", "1e999", "0x1", "1_0", '"1"', ";", "\r", "\0", "1,2", "x" * 99]
-    ),
-)
-
-
-@settings(QUICK, max_examples=count(250, 600))
-@given(
-    header=st.lists(st.sampled_from(["time", "position", "torque.a", "q", "", '"', "joint_pos_0", "t"]), max_size=5),
-    rows=st.lists(st.lists(CELLS, max_size=5), max_size=6),
-    end=st.sampled_from(["\n", "\r\n", "", "\r", "\n\n"]),
-)
-@example(header=["time", "position"], rows=[["0", "1"], ["1", "2"]], end="\n")
-def test_tables_of_anything(tmp_path: Path, header: list[str], rows: list[list[str]], end: str) -> None:
-    """Whatever stands in the cells."""
-    path = tmp_path / "log.csv"
-    path.write_bytes(((end or "\n").join(",".join(row) for row in [header, *rows]) + end).encode())
-    log, fault = bounded(lambda: open_log(path), damage.LONGEST)
-    assert fault is None
-    assert log is None or all(
-        v is None or v.shape == log.time.shape for joint in log.joints.values() for v in vars(joint).values()
-    )
-
-
-JSON = st.recursive(
-    st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=5), st.just("in_air")),
-    lambda inner: st.one_of(
-        st.lists(inner, max_size=3),
-        st.dictionaries(st.sampled_from([*vars(LogSetup()), "FL_hip", "x"]), inner, max_size=4),
-    ),
-    max_leaves=8,
-)
-
-
-@settings(QUICK, max_examples=count(250, 550))
-@given(content=JSON)
-def test_sidecars_of_anything(tmp_path: Path, content: object) -> None:
-    """What is taken is a setup whose numbers are numbers, for every joint."""
-    path = logfiles.sidecar(tmp_path / "log.csv", content)
-    setup, fault = bounded(lambda: read_setup(path), damage.LONGEST)
-    assert fault is None
-    for value in () if setup is None else vars(setup.of_joint("FL_hip")).values():
-        assert value is None or isinstance(value, str | bool | int | float | tuple | dict)
-        assert not isinstance(value, float) or np.isfinite(value)
 
 
 PARTS = st.one_of(

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.io import savemat
 
-import logfiles
 from stiction.core.errors import LogError
 from stiction.identification.logs import open_log
 from stiction.identification.logs.matlab import read_mat
@@ -37,11 +35,6 @@ def test_matrices_are_joints_whatever_their_numbers(tmp_path: Path, dtype: str) 
     np.testing.assert_array_equal(columns["p_1"], columns["q_1"])
 
 
-def test_known_names_need_no_mapping(tmp_path: Path) -> None:
-    """The names of the public scripts are known in every kind of file."""
-    assert list(open_log(logfiles.matlab(tmp_path)).joints) == ["joint_0", "joint_1"]
-
-
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -62,14 +55,3 @@ def test_damage_is_refused(tmp_path: Path, change: object, said: str) -> None:
     path.write_bytes(change(path.read_bytes()))  # type: ignore[operator]
     with pytest.raises(LogError, match=said):
         read_mat(path)
-
-
-def test_a_variable_that_inflates_too_far_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """No more is inflated than a log may have."""
-    monkeypatch.setattr("stiction.core.memory.SHARES", 2**15)
-    data = zlib.compress(bytes(2**17))
-    (tmp_path / "x.mat").write_bytes(
-        b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\x01IM" + b"\x0f\0\0\0" + len(data).to_bytes(4, "little") + data
-    )
-    with pytest.raises(LogError, match="inflates to more than 65536 bytes"):
-        read_mat(tmp_path / "x.mat")

@@ -42,14 +42,6 @@ def test_a_wide_table_without_time_needs_a_rate(tmp_path: Path) -> None:
             open_log(path, rate=rate)
 
 
-def test_what_a_log_says_itself_is_not_to_be_given(tmp_path: Path) -> None:
-    """A rate beside stamps would be of no effect, and so would a scale where there are none: neither is passed over."""
-    with pytest.raises(LogError, match=r"has time stamps, time, and a rate of its own; leave rate out \(--rate\)"):
-        open_log(logfiles.canonical(tmp_path, ".csv"), rate=50)
-    with pytest.raises(LogError, match=r"no time stamps to scale; leave time_scale out \(--time-scale\)"):
-        open_log(logfiles.wide_csv(tmp_path, time=False), rate=50, time_scale=1e-3)
-
-
 @pytest.mark.parametrize("step", [0.0, 0.1])
 def test_stamps_that_stand_still_give_way_to_a_rate(tmp_path: Path, step: float) -> None:
     """The refusal of such stamps asks for the rate; two logs in one file, whose stamps are equal too, stay refused."""
@@ -75,14 +67,6 @@ def test_names_are_for_numbered_joints_and_must_fit(tmp_path: Path) -> None:
             open_log(path, names=names)
     with pytest.raises(LogError, match="the log names its joints, FL_hip, FL_calf"):
         open_log(logfiles.canonical(tmp_path, ".csv"), names=("a", "b"))
-
-
-def test_bare_names_belong_to_the_joint_that_was_named(tmp_path: Path) -> None:
-    """A log of one joint need not repeat its name in every column."""
-    path = tmp_path / "one.csv"
-    path.write_text("t,position,torque\n0,1,2\n1,2,3\n")
-    assert list(open_log(path, joint="hip").joints) == ["hip"]
-    assert list(open_log(path, {"position": "position"}, "knee").joints) == ["knee"]
 
 
 def test_missing_and_unknown_files_are_named(tmp_path: Path) -> None:
@@ -132,11 +116,3 @@ def test_a_damaged_sidecar_does_not_hide_the_log(tmp_path: Path, suffix: str) ->
     (tmp_path / f"rand.{suffix}").write_bytes(bytes(range(256)))
     with pytest.raises(LogError, match=rf"^rand\.{suffix}, its sidecar: rand\.json: not JSON"):
         open_log(tmp_path / f"rand.{suffix}")
-
-
-def test_what_is_no_log_is_said_before_its_sidecar(tmp_path: Path) -> None:
-    """A network was refused for the JSON that lay beside it."""
-    (tmp_path / "rand.json").write_text("xx{")
-    (tmp_path / "rand.onnx").write_bytes(bytes(range(256)))
-    with pytest.raises(LogError, match=r"^rand\.onnx: unknown kind of log '\.onnx'"):
-        open_log(tmp_path / "rand.onnx")

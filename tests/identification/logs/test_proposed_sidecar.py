@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import json
-import warnings
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import logfiles
 from stiction.cli.main import main
-from stiction.core.errors import ConfigurationError, FileError, LogError
+from stiction.core.errors import ConfigurationError, FileError
 from stiction.files.log import LogSetup, read_setup, write_log
 from stiction.identification.example import example_log
 from stiction.identification.logs import open_log
@@ -49,20 +46,6 @@ def test_what_is_guessed_can_be_read_and_is_said(tmp_path: Path, capsys: pytest.
         write_sidecar(path)
 
 
-def test_gains_are_seen_where_the_torque_is_the_controller_s(tmp_path: Path) -> None:
-    """And nowhere else: a sensor's torque is not kp (target - position) - kd velocity."""
-    log = example_log()
-    write_log(tmp_path / "swing.csv", log)
-    (tmp_path / "swing.json").unlink()
-    data, said = propose(tmp_path / "swing.csv")
-    assert data["kp"] == pytest.approx(20, rel=0.05) and data["kd"] == pytest.approx(0.5, rel=0.3)
-    assert any(line.startswith("kp, kd of shank") for line in said)
-    noise = np.random.default_rng(0).standard_normal(COUNT)
-    wave = np.sin(np.arange(COUNT) / 20)
-    data, _ = propose(table(tmp_path, "time,position,target,torque", 0.002 * np.arange(COUNT), wave, wave + 1, noise))
-    assert data["kp"] is None and data["kd"] is None
-
-
 def test_currents_degrees_and_numbered_joints(tmp_path: Path) -> None:
     """A current is not calibrated, hundreds are degrees, joint_0 wants a name."""
     wave = 90 * np.sin(np.arange(COUNT) / 20)
@@ -73,14 +56,6 @@ def test_currents_degrees_and_numbered_joints(tmp_path: Path) -> None:
     assert set(data["joints"]) == {"joint_1", "joint_2"} and len(said) == 4, said
     path.with_suffix(".json").write_text(json.dumps(data))
     assert read_setup(path).of_joint("joint_2").position_scale == 0.0174533
-
-
-def test_what_has_no_position_has_no_sidecar(tmp_path: Path) -> None:
-    """The refusal is that of the reader; a bag without states too."""
-    with pytest.raises(LogError, match="no column position"):
-        propose(table(tmp_path, "a,b", np.arange(9.0), np.arange(9.0)))
-    with pytest.raises(LogError, match="no topic of"):
-        propose(logfiles.mcap(tmp_path / "x.mcap", []))
 
 
 def test_a_servo_s_duty_is_no_torque(tmp_path: Path) -> None:
@@ -95,19 +70,6 @@ def test_a_servo_s_duty_is_no_torque(tmp_path: Path) -> None:
     assert all(name in data and data[name] is None for name in fields)
     with pytest.raises(ConfigurationError, match="--duty-voltage"):
         make_run(open_log(path), None, IdentifySetup())
-
-
-@pytest.mark.parametrize("value", [np.nan, np.inf, 1e300])
-def test_a_log_with_numbers_that_are_none_is_proposed_without_a_warning(value: float, tmp_path: Path) -> None:
-    """The arithmetic of it said `All-NaN slice encountered`, which tells nobody anything."""
-    time = np.arange(200) / 100
-    table = np.column_stack([time, np.full(200, value), np.sin(time), np.full(200, value)])
-    path = tmp_path / "swing.csv"
-    np.savetxt(path, table, delimiter=",", header="time,position,target,torque", comments="")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        data, _ = propose(path)
-    assert data["kp"] is None
 
 
 def test_what_was_declared_is_written_and_goes_before_what_is_guessed(tmp_path: Path) -> None:
@@ -137,22 +99,3 @@ def test_guesses_are_in_the_units_that_were_declared(tmp_path: Path) -> None:
     assert (data["kp"], data["kd"]) == pytest.approx((20, 0.5), rel=1e-2) and any("kp, kd of" in line for line in said)
     clipped = (time, position, target, velocity, np.clip(torque, -5, 5) / 3)
     assert propose(table(tmp_path, names, *clipped), LogSetup(torque_scale=3.0))[0]["torque_limit"] == 5.0
-
-
-def test_of_several_joints_what_was_declared_is_of_all(tmp_path: Path) -> None:
-    """A guess of one joint, or its null, would go before what was declared."""
-    log = example_log()
-    write_log(tmp_path / "two.csv", replace(log, joints={"hip": log.joints["shank"], "knee": log.joints["shank"]}))
-    (tmp_path / "two.json").unlink()
-    data, _ = propose(tmp_path / "two.csv", LogSetup(kp=77.0, kd=1.0))
-    assert data["kp"] == 77.0 and not {"kp", "kd"} & {*data["joints"]["hip"], *data["joints"]["knee"]}
-
-
-def test_a_declared_current_is_no_torque(tmp_path: Path) -> None:
-    """Its gains and limit are no gains and limit; with a scale that was declared a current is calibrated."""
-    time = 0.002 * np.arange(COUNT)
-    wave = np.sin(9 * time)
-    path = table(tmp_path, "time,q,q_des,iq", time, wave, wave + 0.1 * np.cos(time), 2.0 * np.cos(time))
-    assert propose(path)[0]["torque_calibrated"] is False and propose(path)[0]["kp"] == pytest.approx(20)
-    assert propose(path, LogSetup(torque_scale=0.5))[0]["torque_calibrated"] is None
-    assert propose(path, LogSetup(torque_column="current"))[0]["kp"] is None

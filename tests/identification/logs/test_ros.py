@@ -56,16 +56,6 @@ def test_commands_are_held(tmp_path: Path) -> None:
     assert log.notes == ("the first 1 states came before the first command and are left out",)
 
 
-def test_without_stamps_in_the_headers_receipt_counts(tmp_path: Path) -> None:
-    """Zeros are no time; that it was done is noted. Messages keep the order of the file: timing puts them in order."""
-    empty = {"header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}}
-    sent = states(**empty)
-    sent[3], sent[4] = sent[4], sent[3]
-    log = open_log(logfiles.mcap(tmp_path / "x.mcap", sent))
-    assert log.time[3] == pytest.approx(0.02) and log.time[4] == pytest.approx(0.015)
-    assert "times of receipt are used" in log.notes[0] and "no command" in log.notes[1]
-
-
 def test_arrays_of_commands_follow_the_order_of_the_states(tmp_path: Path) -> None:
     """They name no joints and have no stamps: both is noted."""
     layout = {"dim": [], "data_offset": 0}
@@ -126,14 +116,6 @@ def test_topics_are_chosen_or_asked_for() -> None:
     for asked in ({"state": "/c"}, {"command": "/d"}, {"state": "/x"}):
         with pytest.raises(LogError, match=r"expected a topic of .*; there are /a"):
             choose_topics("x", [first, array, other], asked)
-
-
-def test_columns_are_not_topics(tmp_path: Path) -> None:
-    """A mapping meant for another kind of file must not be ignored."""
-    with pytest.raises(LogError, match="position= maps a column; an MCAP file has topics"):
-        open_log(logfiles.ros(tmp_path), {"position": "q"})
-    with pytest.raises(LogError, match=r"is a bag, whose messages have stamps; leave rate out \(--rate\)"):
-        open_log(logfiles.ros(tmp_path), rate=200)
 
 
 def test_a_database_is_read_like_a_bag(tmp_path: Path) -> None:

@@ -19,7 +19,6 @@ from stiction.identification.walking.body import (
     foot_positions,
     legs,
     link_effort,
-    loaded_trunk,
     trunk_wrench,
 )
 from stiction.robots.catalog import find_robot
@@ -92,22 +91,6 @@ def test_the_trunk_by_hand() -> None:
     trunk = Body(3.0, (0.1, 0.0, 0.0), (0.02, 0.03, 0.04, 0.0, 0.0, 0.0))
     np.testing.assert_allclose(trunk_wrench(trunk, base((0, 0, G))), [[0, 0, 3 * G, 0, -0.3 * G, 0]], atol=1e-12)
     np.testing.assert_allclose(trunk_wrench(trunk, base(spin=(0, 0, 2))), [[-1.2, 0, 0, 0, 0, 0]], atol=1e-12)
-
-
-def test_a_trunk_with_axes_of_its_own_by_hand() -> None:
-    """An off-diagonal moment of 0.01 kg m²: spun about z at 2 rad/s it wants ω × Iω = (-4 Iyz, 4 Ixz, 0)."""
-    trunk = Body(3.0, (0.0, 0.0, 0.0), (0.02, 0.03, 0.04, 0.0, 0.01, 0.0))
-    np.testing.assert_allclose(trunk_wrench(trunk, base(spin=(0, 0, 2)))[0, 3:], [0, 0.04, 0], atol=1e-12)
-
-
-def test_a_payload_is_spread_like_the_trunk() -> None:
-    """Half as heavy again: half as much inertia again; the centre of mass is the robot's own, or the one stated."""
-    own = find_robot("go2").base
-    trunk = loaded_trunk(find_robot("go2"), 0.5 * own.mass)
-    assert trunk.mass == pytest.approx(1.5 * own.mass)
-    assert trunk.com == own.com
-    np.testing.assert_allclose(trunk.inertia, 1.5 * np.array(own.inertia))
-    assert loaded_trunk(find_robot("go2"), 0.0, (0.1, 0.0, 0.0)).com == (0.1, 0.0, 0.0)
 
 
 def test_legs_are_chains_from_the_base_to_a_foot() -> None:

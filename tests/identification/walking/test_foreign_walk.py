@@ -106,15 +106,6 @@ def test_the_least_rate_is_that_at_which_intervals_still_hold(trot: trots.Walked
         assert any("inertia and viscous friction are not stated" in text for text in record.warnings)
 
 
-def test_rows_that_repeat_are_no_rate(raw: Raw) -> None:
-    """A logger at 500 Hz over a state that comes at 50 Hz knows no more than the state."""
-    held = {name: values[np.arange(len(values)) // 10 * 10] for name, values in raw.items() if name != "time"}
-    with pytest.raises(LogError, match="the joints' positions came 50 times a second"):
-        read(held | {"time": raw["time"]})
-    with pytest.raises(LogError, match="the IMU came 50 times a second"):
-        read(raw, gyroscope=held["gyroscope"])
-
-
 def test_sources_of_contact_agree_and_are_named(raw: Raw) -> None:
     """Force, torque and height tell of the same swings, and the record says which one was asked."""
     walk = read(raw)
@@ -223,18 +214,6 @@ def test_an_imu_that_is_not_there_is_one_line(raw: Raw) -> None:
         read(raw, gyroscope=None)
     with pytest.raises(LogError, match="no quaternion, no accelerometer: how the base turns and which way is up"):
         read(raw, quaternion=None, accelerometer=None)
-
-
-def test_what_is_left_of_an_imu_is_used(raw: Raw) -> None:
-    """Orientation follows from gyroscope and accelerometer within a few degrees; without the latter it is said."""
-    level = read(raw, quaternion=None)
-    lean = np.sum(up_in_frames(level.log.quaternion) * up_in_frames(raw["quaternion"]), axis=1)
-    assert np.degrees(np.arccos(lean.min())) < 6.0
-    assert any("no orientation was logged" in note for note in level.notes)
-    assert holds(found(level).record(trots.GO2.joint_names[0]).coulomb_friction, GO2_FRICTION[0])
-    blind = found(read(raw, accelerometer=None)).record("FR_thigh_joint")
-    assert holds(blind.coulomb_friction, GO2_FRICTION[1])
-    assert any("there was no accelerometer" in text for text in blind.warnings)
 
 
 def test_the_imu_s_lever_is_taken_off() -> None:

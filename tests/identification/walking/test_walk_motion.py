@@ -15,9 +15,7 @@ from stiction.identification.walking.motion import (
     grow,
     hann_weights,
     second_difference,
-    slow_samples,
     smooth,
-    swings,
     walk_motion,
 )
 from stiction.identification.walking.setup import WalkSetup
@@ -75,19 +73,6 @@ def test_windows_and_masks_by_hand() -> None:
     mask = np.array([False] * 3 + [True] + [False] * 4)
     assert grow(mask, 1).tolist() == [True, False, True, True, True, False, False, True]
     assert grow(mask, 0).tolist() == mask.tolist()
-
-
-def test_swings_are_numbered_and_trimmed() -> None:
-    """Down 2, up 5, down 1, up 6: a margin of none leaves out one sample at each end, and the log's ends."""
-    down = np.array([1, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0], bool)
-    assert swings(down, 0).tolist() == [0, 0, 0, 1, 1, 1, 0, 0, 0, 2, 2, 2, 2, 0]
-
-
-def test_a_turning_joint_is_slow_even_if_no_sample_is() -> None:
-    """Between +1 and -1 rad/s it stood still: friction turned round there."""
-    velocity = np.array([1.0] * 10 + [-1.0] * 10)
-    slow = slow_samples(velocity, WalkSetup(stop_margin=0.01), 0.005)
-    assert np.flatnonzero(slow).tolist() == [0, 1, 8, 9, 10, 11, 12, 18, 19]
 
 
 def test_swing_is_found_without_contacts() -> None:

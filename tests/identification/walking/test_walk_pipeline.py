@@ -1,6 +1,5 @@
 """A walking log from start to records that training can take."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +10,6 @@ from estimates import holds
 from stiction.core.errors import StictionError
 from stiction.files.joints import JointsFile
 from stiction.files.walk import SIGNALS, WalkLog
-from stiction.identification.proposal import propose
 from stiction.identification.walking.pipeline import identify_walk, standing_inertia
 from stiction.identification.walking.setup import WalkSetup
 
@@ -43,22 +41,6 @@ def test_every_joint_has_a_record_by_name_or_by_kind(file: JointsFile) -> None:
     assert np.mean(inside) >= 0.8
     nominal = file.nominal(walks.SPEC.joint_names, "coulomb_friction")
     np.testing.assert_allclose(nominal, FRICTION, rtol=0.2)
-
-
-def test_the_result_survives_its_file(file: JointsFile) -> None:
-    """Plain JSON in, plain JSON out, and a proposal for training."""
-    data = json.loads(json.dumps(file.to_dict(), allow_nan=False))
-    again = {name: type(record).from_dict(data["joints"][name], name) for name, record in file.joints.items()}
-    assert JointsFile(again).to_dict() == data
-    assert 0.2 <= propose(file)["friction"]["level"] <= 0.35
-
-
-def test_joints_whose_own_swings_do_not_tell_are_put_together(file: JointsFile) -> None:
-    """Hips hardly move in a straight walk against friction: their kind has a record, and it says whose swings it is."""
-    assert "hip" in file.joints
-    assert any("as if alike" in text for text in file.joints["hip"].warnings)
-    assert holds(file.joints["hip"].coulomb_friction, FRICTION[0])
-    assert file.joints["hip"].offset is None
 
 
 def test_inertia_is_that_of_a_leg_in_the_air(file: JointsFile) -> None:
@@ -130,13 +112,6 @@ def test_the_control_rate_is_too_slow(log: WalkLog) -> None:
     """At 50 Hz a swing has eight samples: refused, not guessed at."""
     with pytest.raises(StictionError, match="Hz or more"):
         identify_walk(cut(log, slice(None, None, 4), 0.02), walks.SPEC)
-
-
-def test_torque_of_the_wrong_sign_is_refused(log: WalkLog) -> None:
-    """It would come out as rotors of negative inertia."""
-    assert log.joint_torque is not None
-    with pytest.raises(StictionError, match="with the sign of the angle"):
-        identify_walk(replace(log, joint_torque=-log.joint_torque), walks.SPEC)
 
 
 @pytest.mark.parametrize(

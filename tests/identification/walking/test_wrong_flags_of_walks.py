@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is
 
 from stiction.files.joints import JointRecord, JointsFile
 from stiction.identification.proposal import propose
-from stiction.identification.walking.setup import WalkSetup
 from stiction_experiments.flags import walks as wrong
 from stiction_experiments.flags.study import outcome
 from stiction_experiments.flags.walks import walk_cases
@@ -70,29 +68,6 @@ def test_a_right_walk_has_no_objection(given: Callable[[], Any]) -> None:
             record.coulomb_friction is None
             or "the robot's weight says so of all joints together" in verdict["lines"][0]
         )
-
-
-def test_what_a_robot_carries_is_declared() -> None:
-    """A payload that is weighed and declared is an objection all the same, or one that is not is none."""
-    given = wrong.heavier(1 / 1.3)(wrong.trotting())
-    log = wrong.opened(wrong.find_robot("go2"), given.raw)
-    walk = wrong.foreign_walk(log, given.spec, given.declared, wrong.RobotLogSetup(imu_position=wrong.IMU))
-    missing = wrong.find_robot("go2").mass - given.spec.mass
-    for payload, reasons in ((0.0, {"weight"}), (missing, set())):
-        setup = WalkSetup(payload=payload)
-        joints = wrong.identify_walk(walk.log, given.spec, setup, walk.notes, True, walk.unplaced).joints.joints
-        assert {one.reason for record in joints.values() for one in record.objections} == reasons
-
-
-def test_a_walk_too_short_to_be_weighed_says_so() -> None:
-    """Nothing holds the scale of the torque, and the verdict is silent about it."""
-    given = wrong.trotting()
-    short = replace(given, raw={name: values[:700] for name, values in given.raw.items()})
-    found = short.identified()
-    assert found
-    for _, _, record in found:
-        assert record.diagnostics["torque_by_weight"] is None
-        assert record.objections or "nothing in so short a walk shows it" in record.diagnostics["verdict"]["lines"][0]
 
 
 @pytest.mark.parametrize("case", [one for one in walk_cases() if one.mistake in QUICK and "hexapod" not in one.record])
