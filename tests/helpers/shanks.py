@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from stiction.identification.example import Motor
-from stiction.joints.friction import Asymmetric, Coulomb, LoadDependent, Stribeck
+from stiction.joints.friction import Asymmetric, Coulomb, Stribeck
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Gravity, Joint
 
@@ -17,6 +17,6 @@ STRIBECK = Motor("stribeck_shank", Joint(0.0145, 0.0704, Stribeck(0.442, 0.65, 0
 """Saturn Lite's shank with half as much friction again at rest."""
 
 LOADED_LEG = Motor(
-    "loaded_leg", Joint(0.06, 0.0704, LoadDependent(0.35, 0.08), -0.05, Gravity(2.2, 0.4)), PDGains(20.0, 1.0, 45.0)
+    "loaded_leg", Joint(0.06, 0.0704, Coulomb(0.35, 0.08), -0.05, Gravity(2.2, 0.4)), PDGains(20.0, 1.0, 45.0)
 )
 """The leg of the example, its friction growing with what it carries."""

@@ -6,7 +6,7 @@ import pytest
 
 from stiction.core.errors import StictionError
 from stiction.identification.model import LAWS, Model
-from stiction.joints.friction import Asymmetric, Coulomb, LoadDependent, Stribeck
+from stiction.joints.friction import Asymmetric, Coulomb, Stribeck
 from stiction.joints.simulate import Gravity, Joint
 
 
@@ -18,7 +18,7 @@ def test_each_law_becomes_its_joint() -> None:
         0.01, 0.1, Stribeck(0.3, 0.5, 0.2), -0.05
     )
     assert Model("load", True).joint([0.01, 0.1, 0.3, -0.05, 0.1, 2.0, 0.5]) == Joint(
-        0.01, 0.1, LoadDependent(0.3, 0.1), -0.05, weight
+        0.01, 0.1, Coulomb(0.3, 0.1), -0.05, weight
     )
     made = Model("asymmetric").joint([0.01, 0.1, 0.2, 0.5, 0.3])
     assert made.viscous == 0.0 and made.offset == pytest.approx(0.1)

@@ -7,7 +7,7 @@ import pytest
 
 from small_steps import STEP, Size, small_steps
 from stiction.core.errors import StictionError
-from stiction.joints.friction import Asymmetric, Coulomb, LoadDependent, Stribeck
+from stiction.joints.friction import Asymmetric, Coulomb, Stribeck
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Gravity, Joint, simulate
 
@@ -26,11 +26,11 @@ CASES: dict[str, tuple[Joint, Size]] = {
         lambda direction, speed, load, angle: 0.3 + 0.2 * np.exp(-((speed / 0.4) ** 2)),
     ),
     "load": (
-        Joint(0.0145, 0.0704, LoadDependent(0.2, 0.1), 0.02),
+        Joint(0.0145, 0.0704, Coulomb(0.2, 0.1), 0.02),
         lambda direction, speed, load, angle: 0.2 + 0.1 * abs(load),
     ),
     "load_and_gravity": (
-        Joint(0.02, 0.07, LoadDependent(0.2, 0.1), 0.02, Gravity(2.5, -0.8)),
+        Joint(0.02, 0.07, Coulomb(0.2, 0.1), 0.02, Gravity(2.5, -0.8)),
         lambda direction, speed, load, angle: 0.2 + 0.1 * abs(load),
     ),
     "stribeck_and_gravity": (
@@ -108,7 +108,7 @@ def test_load_dependent_friction_holds_more_under_load() -> None:
 
     The outside torque of 1.0 is balanced by the target's −0.1 rad at kp 10; the pull then grows by 10 N m/s.
     """
-    joint, gains = Joint(0.01, 0.1, LoadDependent(0.1, 0.2)), PDGains(10.0, 0.0)
+    joint, gains = Joint(0.01, 0.1, Coulomb(0.1, 0.2)), PDGains(10.0, 0.0)
     made = simulate(joint, gains, STEP, -0.1 + TIME[:40], load=np.ones(40))
     assert np.flatnonzero(made.velocity)[0] == 16
 
@@ -149,7 +149,7 @@ def test_impossible_laws_are_refused() -> None:
         lambda: Asymmetric(-0.1, 0.1),
         lambda: Asymmetric(0.1, 0.1, float("nan")),
         lambda: Stribeck(0.1, 0.2, 0.0),
-        lambda: LoadDependent(0.1, -1.0),
+        lambda: Coulomb(0.1, -1.0),
         lambda: Gravity(float("nan")),
     ):
         with pytest.raises(StictionError, match="expected"):

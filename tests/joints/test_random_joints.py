@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.joints.friction import Asymmetric, Coulomb, FrictionLaw, LoadDependent, Stribeck
+from stiction.joints.friction import Asymmetric, Coulomb, FrictionLaw, Stribeck
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Gravity, Joint, simulate
 
@@ -23,7 +23,7 @@ def draw(rng: np.random.Generator) -> tuple[Joint, PDGains, np.ndarray, np.ndarr
         Coulomb(between(1e-3, 5)),
         Asymmetric(between(1e-3, 5), between(1e-3, 5), 0.1 * rng.normal(), 0.1 * rng.normal()),
         Stribeck(between(1e-3, 3), between(1e-3, 5), between(1e-3, 2)),
-        LoadDependent(between(1e-3, 2), between(1e-3, 1)),
+        Coulomb(between(1e-3, 2), between(1e-3, 1)),
     ]
     gravity = Gravity(2 * rng.normal(), 2 * rng.normal()) if rng.random() < 0.4 else None
     joint = Joint(between(1e-3, 1), 0.1 + 0.05 * rng.normal(), laws[rng.integers(4)], 0.3 * rng.normal(), gravity)

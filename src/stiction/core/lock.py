@@ -48,9 +48,8 @@ def _made(folder: Path, option: str) -> Iterator[None]:
 def output_folder(out: Path, option: str = "--out") -> Iterator[None]:
     """Make the directory for results, which `option` names, and be its only writer.
 
-    If it was not there and stays empty, as where a name was misspelt, it goes again.
-
-    Raises `StictionError` where it cannot be made or written, or another process writes it.
+    If it was not there and stays empty, as where a name was misspelt, it goes again. Raises `StictionError` where it
+    cannot be made or written, or another process writes it.
     """
     with _made(out, option), _locked(out / LOCK, out, option):
         yield
@@ -73,9 +72,8 @@ def replaced_folder(out: Path, option: str = "--out") -> Iterator[None]:
 def one_writer(name: str, what: str) -> Iterator[None]:
     """Be the only process of this user on this machine that drives something which is no folder, such as a robot.
 
-    name: of what is driven, for a file's name; what: the same for people.
-
-    Raises `StictionError` where another process does.
+    name: of what is driven, for a file's name; what: the same for people. Raises `StictionError` where another process
+    does.
     """
     folder = Path(tempfile.gettempdir()) / f"stiction-{os.getuid()}"
     try:

@@ -31,9 +31,8 @@ from stiction.robots.named import check_named
 def check_robot(contract: Contract) -> None:
     """Reject a robot that no machine can be, or that has a shipped one's name and other numbers.
 
-    A bundle without a robot of its own means the shipped one of its name, and has its joints.
-
-    Raises `StictionError` naming the first field that is wrong.
+    A bundle without a robot of its own means the shipped one of its name, and has its joints. Raises `StictionError`
+    naming the first field that is wrong.
     """
     robot = contract.anatomy
     if robot is None:
@@ -114,10 +113,8 @@ def check_bundle(
 
     digest: what `Bundle.digest` has to be, 64 hexadecimal digits, as its maker published it; key: public key of the
     maker, a PEM file, whose signature the bundle has to have; allowed: digests of which it has to have one, as from
-    `read_allowed`; None: any.
-
-    Raises `StictionError`: the first thing that is wrong: files, checksums, digest or signature, before anything is
-    interpreted; then contract, network, or the replay.
+    `read_allowed`; None: any. Raises `StictionError`: the first thing that is wrong: files, checksums, digest or
+    signature, before anything is interpreted; then contract, network, or the replay.
     """
     signers: list[str] = []
 

@@ -296,10 +296,9 @@ class Pilot:
         """Connect a policy, as from `deploy.policy.load_policy`, to a robot.
 
         friction: f that is fed forward at every reading [N m], shape (J,), or None; compensation: how; load: c that is
-        fed beside f, friction per torque that the gains ask for [1], shape (J,); not read by the error.
-
-        Raises `StictionError`: the robot's joints are not the policy's, its readings do not fit the control period, the
-        policy compensates friction itself, or the compensation is that of the motors.
+        fed beside f, friction per torque that the gains ask for [1], shape (J,); not read by the error. Raises
+        `StictionError`: the robot's joints are not the policy's, its readings do not fit the control period, the policy
+        compensates friction itself, or the compensation is that of the motors.
         """
         contract = policy.contract
         if port.joint_names != contract.joint_names:

@@ -73,10 +73,9 @@ class ObservationBuilder:
 
         standing: pose [rad], shape (J,); batch: leading shape, `()` for one robot or `(N,)`; known_friction: f/τ_max of
         each kind of joint [-], shape (kinds,), or of each robot, (*batch, kinds); action_scale: joint angle per unit of
-        action [rad], for slow means; control_period: between two steps [s], for a gait clock.
-
-        Raises `StictionError`: the friction has another shape, is not finite or negative, or no term has it;
-        `ValueError`: slow means without a scale of the action, or a clock without a period.
+        action [rad], for slow means; control_period: between two steps [s], for a gait clock. Raises `StictionError`:
+        the friction has another shape, is not finite or negative, or no term has it; `ValueError`: slow means without a
+        scale of the action, or a clock without a period.
         """
         self.layout = layout
         self._standing = np.asarray(standing, dtype=np.float64)

@@ -160,10 +160,9 @@ class RobotPolicy:
         time: of the measurement [s], on a clock that only advances; quaternion: of the base, of length 1, w x y z;
         angular_velocity: in its own frame [rad/s], shape (3,); joint_position, joint_velocity: [rad, rad/s], by name or
         in the caller's order; command: forward, sideways [m/s], turn [rad/s], shape (3,); now: the present on the same
-        clock [s]; without it the age of the reading is not judged.
-
-        Raises `ImplausibleError`: a rule is broken, see `plausibility.RULES`; `StictionError`: joints that are not the
-        robot's, shapes that are not those above, a network that fails.
+        clock [s]; without it the age of the reading is not judged. Raises `ImplausibleError`: a rule is broken, see
+        `plausibility.RULES`; `StictionError`: joints that are not the robot's, shapes that are not those above, a
+        network that fails.
         """
         sensors = Sensors(
             np.asarray(quaternion, dtype=np.float64),

@@ -372,9 +372,8 @@ def robot_of(contract: Contract, robot: str | None = None) -> Robot:
     """Return the robot that a contract was made for, checked against it.
 
     It is the contract's own; of an older bundle the shipped one of its name. `robot` names another one to use in its
-    place: a path, or `package.module:NAME`, which runs that module.
-
-    Raises `StictionError`: the robot is unknown, or its joints, torque limits or gains are not those of the contract.
+    place: a path, or `package.module:NAME`, which runs that module. Raises `StictionError`: the robot is unknown, or
+    its joints, torque limits or gains are not those of the contract.
     """
     if robot is None and contract.anatomy is not None:
         return contract.anatomy

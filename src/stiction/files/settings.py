@@ -47,7 +47,6 @@ def results_folder(
     verb: what writes, `evaluate`, `study wear`; options: its dataclass. `overwrite`, where it has that, lets results of
     other settings be written over. results: files that will be written there, by their paths in `out`; inputs: what is
     read, of which the content counts. What fails notes nothing; what is interrupted goes on with the same settings.
-
     Raises `StictionError` where the folder has results of other settings, or as `output_folder`.
     """
     from stiction.files.inputs import digests_of

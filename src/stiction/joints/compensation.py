@@ -20,7 +20,7 @@ Training with `compensation` goes by `measured`, once in a control step, and mov
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -99,10 +99,7 @@ class Compensation:
         friction: f, as identified [N m], shape (..., J); period: time between two calls [s]; width: of the way `error`
         [rad]; load: c, friction per torque of the motor, of the other ways [1], (..., J).
         """
-        if self.by == "error":
-            return ErrorController(self.share * np.asarray(friction, float), width)
-        measured = self.by.startswith("measured")
-        return DirectedController(self.share, self.push, measured, np.asarray(friction, float), period, load)
+        return FrictionController(self, np.asarray(friction, float), period, width, load)
 
 
 SHARES: dict[By, float] = {by: 1.0 if by == "error" else 0.75 for by in get_args(By)}
@@ -133,49 +130,20 @@ def parse_compensation(text: str) -> Compensation:
         raise ConfigurationError(f"compensation {text!r}: expected a share after the '=', such as {by}=0.7") from error
 
 
-class FrictionController(Protocol):
-    """Computes what is added against friction; it may remember the targets of before."""
-
-    def reset(self, ids: np.ndarray | None = None) -> None:
-        """Forget the targets of before, of the robots `ids` of a batch, or all."""
-
-    def torque(self, target: Any, position: Any, velocity: Any, given: Any = 0.0) -> np.ndarray:
-        """Return τ_ff [N m], shape (..., J), and advance by one period.
-
-        target: a [rad]; position, velocity: θ, θ' as measured [rad, rad/s]; given: τ, the torque that the gains ask
-        for [N m].
-        """
-
-
-class ErrorController:
-    """The way `error`."""
-
-    def __init__(self, friction: np.ndarray, width: float) -> None:
-        self._friction, self._width = friction, width
-
-    def reset(self, ids: np.ndarray | None = None) -> None:
-        """Nothing is remembered."""
-
-    def torque(self, target: Any, position: Any, velocity: Any, given: Any = 0.0) -> np.ndarray:
-        """Return f sat((a − θ)/width) [N m]."""
-        return np.asarray(fed_forward(target, position, self._friction, self._width))
-
-
-class DirectedController:
-    """All ways but `error`: see `push_direction`."""
+class FrictionController:
+    """Computes what is added against friction; all ways but `error` remember the targets of before."""
 
     def __init__(
-        self, share: float, cfg: PushCfg, measured: bool, friction: np.ndarray, period: float, load: np.ndarray | float
+        self, way: Compensation, friction: np.ndarray, period: float, width: float, load: np.ndarray | float
     ) -> None:
-        """measured: whether by the measured speed, or the target's; others as of `Compensation.controller`."""
-        self._share, self._cfg, self._friction, self._load = share, cfg, friction, load
-        self._measured = measured
+        """Begin with the first target at rest; arguments as of `Compensation.controller`."""
+        self._way, self._friction, self._width, self._load = way, friction, width, load
         # The share of a gap that a first-order low-pass closes in a period, exact for a target that is held meanwhile.
-        self._period, self._step = period, -np.expm1(-period / cfg.smoothing)
+        self._period, self._step = period, -np.expm1(-period / way.push.smoothing)
         self._smooth: np.ndarray | None = None
 
     def reset(self, ids: np.ndarray | None = None) -> None:
-        """Begin with the next target at rest."""
+        """Begin with the next target at rest, of the robots `ids` of a batch, or all."""
         if ids is None or self._smooth is None:
             self._smooth = None
         else:
@@ -183,14 +151,21 @@ class DirectedController:
             self._smooth[ids] = np.nan
 
     def torque(self, target: Any, position: Any, velocity: Any, given: Any = 0.0) -> np.ndarray:
-        """Return τ_ff [N m]; the first target after a reset is taken as if it had been there forever."""
+        """Return τ_ff [N m], shape (..., J), and advance by one period.
+
+        target: a [rad]; position, velocity: θ, θ' as measured [rad, rad/s]; given: τ, the torque that the gains ask for
+        [N m]. The first target after a reset is taken as if it had been there forever.
+        """
+        way = self._way
+        if way.by == "error":
+            return np.asarray(fed_forward(target, position, way.share * self._friction, self._width))
         if self._smooth is None:
             self._smooth = np.array(target, float)
         before = np.where(np.isnan(self._smooth), target, self._smooth)
         self._smooth = before + self._step * (target - before)
-        speed = velocity if self._measured else (self._smooth - before) / self._period
-        direction: np.ndarray = push_direction(speed, target - position, velocity, self._cfg)
-        return self._share * (self._friction + self._load * np.abs(given)) * direction
+        speed = velocity if way.by.startswith("measured") else (self._smooth - before) / self._period
+        direction: np.ndarray = push_direction(speed, target - position, velocity, way.push)
+        return way.share * (self._friction + self._load * np.abs(given)) * direction
 
 
 def compensated(target: Any, position: Any, velocity: Any, angle: Any, cfg: PushCfg) -> Any:

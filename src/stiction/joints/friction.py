@@ -82,10 +82,15 @@ class FrictionLaw:
 
 @dataclass(frozen=True)
 class Coulomb(FrictionLaw):
-    """The same friction at every speed, and up to as much at rest."""
+    """f = b_c + c |load| at every speed, and up to as much at rest.
+
+    The load is the torque that reaches the joint from outside: gravity and known torques.
+    """
 
     level: float
     """b_c [N m]."""
+    load_coefficient: float = 0.0
+    """c [1]."""
 
 
 @dataclass(frozen=True)
@@ -136,16 +141,6 @@ class Stribeck(FrictionLaw):
             slope = (next_value - value) / (next_speed - speed)
             chain.append(Piece(speed, value - slope * speed, slope))
         return (*chain, Piece(speeds[-1], self.coulomb, 0.0))
-
-
-@dataclass(frozen=True)
-class LoadDependent(FrictionLaw):
-    """f = b_c + c |load|, the load being the torque that reaches the joint from outside: gravity and known torques."""
-
-    level: float
-    """b_c without load [N m]."""
-    load_coefficient: float
-    """c [1]."""
 
 
 @dataclass(frozen=True)
@@ -335,7 +330,7 @@ for _law in (
         # chatters at a large c. Half of the old bound calms it; more would delay the friction and help the policy.
         smoothing=0.5,
         parameters=(*SYMMETRIC, "load_coefficient"),
-        joint=lambda of: LoadDependent(of["coulomb_friction"], of["load_coefficient"]),
+        joint=lambda of: Coulomb(of["coulomb_friction"], of["load_coefficient"]),
     ),
     LawSpec(
         name="effort",

@@ -129,9 +129,8 @@ def vary(joint: Joint, gains: PDGains, cut: Segments, torque: np.ndarray, start:
     """Return the changes of θ and θ' at every sample, shape (2, num_samples, num_changes).
 
     torque: φ at both ends of each step, shape (2, num_steps, num_changes) [N m per unit]; what it is at rest does not
-    matter. start: changes of θ and θ' at the first sample, shape (2, num_changes).
-
-    Raises `StictionError` where the changes are not finite: friction over the angle outweighs the inertia in one step.
+    matter. start: changes of θ and θ' at the first sample, shape (2, num_changes). Raises `StictionError` where the
+    changes are not finite: friction over the angle outweighs the inertia in one step.
     """
     moving = (cut.sign != 0).astype(float)
     spring, slope = 0.0, cut.sign * joint.friction.slope_at_angle(cut.position) / joint.inertia

@@ -75,7 +75,6 @@ def run(
     bundle, folder: checked, and where it is; of a motion the one of its robot; velocity: commanded at first: forward,
     sideways [m/s], turn [rad/s], shape (3,); source: gives the targets in place of the policy; injected: faults, for
     tests; say: takes a line for people; friction: fed forward by the measured speed, f [N m] and c [1], shapes (J,).
-
     Raises `StictionError`: another process drives this robot, more than one robot or reader is there, or the run cannot
     begin.
     """
