@@ -22,9 +22,9 @@ from stiction.core.provenance import num_threads
 from stiction.learning.config import TrainCfg
 from stiction.sim.warp import WarpSimulation
 from stiction.task.config import TaskCfg
-from stiction.task.device import find_device
 from stiction.task.env import LocomotionEnv
 from stiction.task.friction import FrictionCfg
+from stiction.task.task_fleet import find_device
 
 
 def seconds(work: Callable[[], object], times: int) -> float:

@@ -219,7 +219,7 @@ class Child:
 
 def deploy(folder: Path, bundle: Path, robot: list[str], port: int, policy: bool) -> int:
     """Run the program on a robot; return its status. The bundle was checked once, before this process was forked."""
-    import stiction.virtual.process as behind
+    import stiction.virtual.serve as behind
 
     checked, contract = CHECKED[bundle], CHECKED[bundle].bundle.contract
 

@@ -165,7 +165,7 @@ def test_wrong_words_are_one_line_and_nothing_moves(
     def started(*_: object) -> None:
         raise AssertionError("the robot was started")
 
-    monkeypatch.setattr("stiction.virtual.process.virtual_robot", started)
+    monkeypatch.setattr("stiction.virtual.serve.virtual_robot", started)
     monkeypatch.setitem(sys.modules, "rclpy", None)
     assert main(["deploy", POLICY, "--armed", "--duration", "0.2", "--out", str(tmp_path / "run"), *words]) == 1
     err = capsys.readouterr().err

@@ -33,7 +33,7 @@ class Verb:
     log: bool = False
     log_seconds: float = field(default=1.0, metadata=needs("--log"))
     inner: Inner = field(
-        default_factory=Inner, metadata=needs("--log-seconds 2", lambda cfg: cfg.log_seconds > 1, "deep")
+        default_factory=Inner, metadata=needs("--log-seconds 2", lambda cfg: cfg.log_seconds > 1, ("deep",))
     )
     model: str | None = field(default=None, metadata=needs("--to urdf, mujoco or webots"))
     loop: bool = field(default=False, metadata=excludes("--log", "--inner"))

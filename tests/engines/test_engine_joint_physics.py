@@ -11,7 +11,7 @@ from stiction.engines.engine import JointFriction, Motion, Term
 from stiction.joints.friction import Law, simulated_laws
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
-from stiction.sim.friction import JointFriction as FleetFriction
+from stiction.sim.fleet import JointFriction as FleetFriction
 
 NOTHING = Motion(**{part.name: np.zeros(2) for part in fields(Motion)})
 NONE, STEP = np.zeros(2), 0.005

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from stiction.evaluation.clip import HEIGHT, WIDTH, ClipError, record_clip
+from stiction.evaluation.clip import HEIGHT, WIDTH, ClipError
+from stiction_experiments.replication.filmed import record_clip
 
 image = pytest.importorskip("PIL.Image", reason="the package pillow, of the extra 'sim', is needed to write clips")
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")

@@ -6,15 +6,18 @@ import pytest
 
 from source_tree import BY_NAME, NAMES, all_imports
 from stiction.core.provenance import source_files
-from stiction.evaluation.code import RUN_WALK_CODE, WALK_CODE
+from stiction.evaluation.evaluate import RUN_WALK_CODE, WALK_CODE
 from stiction.virtual.bench import BENCH_CODE
 from stiction_experiments.wear.run import WEARING
+
+TRAINED = (*RUN_WALK_CODE, "stiction_experiments:lab/trained.py")
+"""Code of the walks of a run's policies, with what an experiment does with them."""
 
 BY_FILE = {name: path for path, name in NAMES.items()}
 """Path below the package -> module."""
 
 READING = {
-    *("core/cache.py", "core/errors.py", "core/gemm.py", "core/isolation.py", "core/statistics.py"),
+    *("core/cache.py", "core/effects.py", "core/errors.py", "core/gemm.py", "core/isolation.py", "core/statistics.py"),
     *(
         "core/lifeline.py",
         "core/lock.py",
@@ -53,15 +56,16 @@ WEAR = {"files/wear.py", "deploy/wear.py"}
 BENCHES = {
     *(name for name in NAMES.values() if name.startswith("identification/")),
     *("evaluation/benches.py", "files/advice.py", "joints/simulate.py", "joints/stick_slip.py", "joints/variation.py"),
-    *("core/linear.py", "core/parallel.py", "evaluation/code.py", "evaluation/methods.py"),
+    *("core/linear.py", "core/parallel.py", "evaluation/run.py", "evaluation/policies.py"),
 }
 """Code of benches, whose numbers are in the key of each walk that is told them; and who does which walk."""
 
 TRAINING = {
     *(f"task/{name}.py" for name in ("commands", "device", "env", "events", "gait", "terminations")),
     *(f"learning/{name}.py" for name in ("config", "figures", "health", "identity", "phase", "ppo", "quick", "run")),
-    *("core/effects.py", "learning/ranks.py", "learning/simulator.py", "learning/symmetry.py", "deploy/vendor.py"),
+    *("learning/ranks.py", "learning/begin.py", "learning/symmetry.py", "deploy/vendor.py"),
     *(name for name in NAMES.values() if name.startswith("engines/")),
+    *("core/linear.py", "learning/begin.py", "task/load_law.py"),
     *(*(CHECKING - {"deploy/check.py"}), "deploy/policy.py", "evaluation/golden.py"),
 }
 """Code that trained, exports and drives, which the modules around a run's policies import: weights and settings are in
@@ -105,12 +109,31 @@ def counted(code: tuple[str, ...]) -> set[str]:
 @pytest.mark.parametrize(
     ("start", "code", "known"),
     [
-        ("evaluation/walks.py", WALK_CODE, READING | WEAR | BENCHES),
+        ("evaluation/grid.py", WALK_CODE, READING | WEAR | BENCHES),
         ("stiction_experiments:wear/lifetimes.py", WEARING, READING),
-        ("evaluation/trained.py", RUN_WALK_CODE, (READING - {"task/config.py"}) | TRAINING | WEAR),
+        ("stiction_experiments:lab/trained.py", TRAINED, (READING - {"task/config.py"}) | TRAINING | WEAR),
         ("virtual/bench.py", BENCH_CODE, READING | BENCHED | WEAR),
     ],
 )
 def test_code_that_decides_is_in_the_key(start: str, code: tuple[str, ...], known: set[str]) -> None:
     """A change of the random streams, or of how gains are read, would pass for the old results."""
     assert sorted(imported(start) - counted(code) - known) == []
+
+
+@pytest.mark.parametrize("code", [WALK_CODE, RUN_WALK_CODE, WEARING, BENCH_CODE])
+def test_every_part_of_the_walking_code_is_there(code: tuple[str, ...]) -> None:
+    """A file that was renamed would no longer count, and nobody would see it."""
+    assert [pattern for pattern in code if not source_files(pattern)] == []
+
+
+@pytest.mark.parametrize(
+    ("code", "files"),
+    [
+        (WALK_CODE, ("deploy/observation.py", "deploy/policy.py", "robots/physics.py", "engines/physx.py")),
+        (RUN_WALK_CODE, ("deploy/check.py", "task/config.py", "task/observations.py")),
+        *((code, ("virtual/drive.py", "sim/fleet.py", "joints/pd.py")) for code in (WALK_CODE, RUN_WALK_CODE)),
+    ],
+)
+def test_what_is_known_to_decide_walks_counts(code: tuple[str, ...], files: tuple[str, ...]) -> None:
+    """Start poses and sensor noise, observations, actions, friction: a change of one is another walk."""
+    assert sorted({*files} - counted(code)) == []

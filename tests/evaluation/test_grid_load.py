@@ -13,8 +13,7 @@ from stiction.core.errors import StictionError
 from stiction.evaluation import benches as benches_module
 from stiction.evaluation.benches import forward_walks
 from stiction.evaluation.evaluate import EvaluationCfg
-from stiction.evaluation.grid import GridCfg, Unit, Walk
-from stiction.evaluation.walks import walk_unit
+from stiction.evaluation.grid import GridCfg, Unit, Walk, walk_unit
 from stiction.files.bundle import Bundle, read_bundle
 from stiction.files.joints import Estimate, JointRecord, JointsFile
 from stiction.joints.compensation import parse_compensation

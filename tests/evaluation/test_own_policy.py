@@ -10,7 +10,7 @@ import pytest
 from stiction.core.errors import StictionError
 from stiction.deploy.observation import Sensors
 from stiction.evaluation.evaluate import EvaluationCfg, evaluate_bundle
-from stiction.evaluation.own_policy import own_policy
+from stiction.evaluation.policies import own_policy
 from stiction.robots.catalog import find_robot
 
 CALLS: list[tuple[int, bool]] = []

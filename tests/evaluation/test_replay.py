@@ -15,10 +15,11 @@ from functools import partial  # noqa: E402
 
 from stiction.engines.catalog import make_engine  # noqa: E402
 from stiction.engines.engine import Motion  # noqa: E402
-from stiction.evaluation.clip import CELL, ENGINE, Lane, compiled, metres_of, posed, walked, walked_virtually  # noqa: E402
+from stiction.evaluation.clip import Lane, compiled, metres_of, posed, walked  # noqa: E402
 from stiction.files.contract import robot_of  # noqa: E402
 from stiction.virtual.cases import Case, Level  # noqa: E402
 from stiction.virtual.trial import World, walk  # noqa: E402
+from stiction_experiments.replication.filmed import CELL, ENGINE, walked_virtually  # noqa: E402
 
 
 def test_the_renderer_has_the_engine_s_pose_joint_by_joint(bundle: Path) -> None:

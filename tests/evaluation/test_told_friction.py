@@ -10,7 +10,7 @@ import pytest
 from bundles import linear_network, make_bundle, make_contract
 from stiction.core.errors import StictionError
 from stiction.evaluation.evaluate import EvaluationCfg
-from stiction.evaluation.known_friction import FrictionSource, known_to, nominal_known, parse_source
+from stiction.evaluation.policies import FrictionSource, known_to, nominal_known, parse_source
 from stiction.evaluation.rollout import friction_at
 from stiction.evaluation.walk_logs import RecordCfg, record_walks
 from stiction.files.bundle import Bundle, read_bundle

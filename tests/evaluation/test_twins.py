@@ -71,7 +71,7 @@ def test_a_run_trained_exported_and_checked(tmp_path: Path) -> None:
 def test_robots_start_as_in_training() -> None:
     """The half-width of the initial angles stands twice, since one of the modules must not need torch."""
     from stiction.task.events import RESET_NOISE
-    from stiction.virtual.sensors import INITIAL_ANGLE
+    from stiction.virtual.drive import INITIAL_ANGLE
 
     assert RESET_NOISE[0] == INITIAL_ANGLE
 

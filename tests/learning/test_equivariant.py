@@ -16,11 +16,11 @@ from stiction.core.errors import StictionError
 from stiction.deploy.policy import Network
 from stiction.evaluation.export import export_network
 from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
-from stiction.learning.equivariant import EquivariantLinear, make_equivariant
 from stiction.learning.models import StudentPolicy
 from stiction.learning.phase import Interrupted, PhaseRunner
 from stiction.learning.run import RunDirectory
 from stiction.learning.runner import load_actor, load_student, train
+from stiction.learning.symmetry import EquivariantLinear, make_equivariant
 from stiction.task.config import TaskCfg
 from stiction.task.env import LocomotionEnv
 from stiction.task.friction import FrictionCfg

@@ -14,8 +14,8 @@ from stiction.cli.main import main
 from stiction.core.errors import StictionError
 from stiction.evaluation.evaluate import EvaluationCfg
 from stiction.evaluation.film import _render
-from stiction.evaluation.trained import walk_run
 from stiction.learning.run import ROBOT, RunDirectory, load_checkpoint, save_checkpoint
+from stiction_experiments.lab.trained import walk_run
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

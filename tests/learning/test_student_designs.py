@@ -146,9 +146,9 @@ def test_phases_that_nobody_could_mean_are_refused(change: dict, named: str) -> 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("--student.algorithm ppo --student.noise half", "--student.noise half"),
-        ("--student.algorithm ppo --set student.epochs=3", "--set student.epochs=3"),
-        ("--set teacher.student_share=0.5", "--set teacher.student_share=0.5"),
+        ("--student.algorithm ppo --student.noise half", "--student.noise"),
+        ("--student.algorithm ppo --set student.epochs=3", "--set student.epochs"),
+        ("--set teacher.student_share=0.5", "--set teacher.student_share"),
         ("--teacher.latent groups --set teacher.student_share=0.5", ""),
         ("--student.noise half --set student.epochs=3", ""),
         ("--student.algorithm ppo --student.noise all --set student.epochs=2 --set teacher.student_share=0.25", ""),
@@ -160,7 +160,7 @@ def test_a_setting_without_effect_is_refused(words: str, said: str) -> None:
     if not said:
         parse(arguments)
         return
-    with pytest.raises(ConfigurationError, match=f"^{said} .*no effect"):
+    with pytest.raises(ConfigurationError, match=f"^{said} requires "):
         parse(arguments)
 
 

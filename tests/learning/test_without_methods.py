@@ -11,7 +11,7 @@ import pytest
 from method_entries import without_methods
 from stiction.core.errors import ConfigurationError, FileError
 from stiction.evaluation.evaluate import EvaluationCfg, evaluate_bundle
-from stiction.evaluation.methods import method_of
+from stiction.evaluation.policies import method_of
 from stiction.files import method as methods
 from stiction.files.bundle import read_bundle
 from stiction.learning.arguments import parse

@@ -19,7 +19,7 @@ from stiction.joints import friction
 from stiction.joints.friction import LAWS, FrictionLaw, Law, LawSpec, Piece, register_law
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
-from stiction.sim.friction import JointFriction as FleetFriction
+from stiction.sim.fleet import JointFriction as FleetFriction
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

@@ -5,8 +5,7 @@ import pytest
 
 from stiction.joints.friction import Law, stribeck_factor
 from stiction.robots.catalog import find_robot
-from stiction.sim.fleet import Fleet
-from stiction.sim.friction import JointFriction, load_size
+from stiction.sim.fleet import Fleet, JointFriction, load_size
 
 MEASURED = [Law("effort"), Law("load")]
 

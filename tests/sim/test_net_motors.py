@@ -6,10 +6,10 @@ import pytest
 
 import walks
 from actuators import pd_net
+from stiction.evaluation.walk_logs import FrictionMeter
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import BASE_DOFS, Fleet
-from stiction.sim.friction import FrictionMeter
-from stiction.sim.net_motors import NetMotors
+from stiction.task.task_fleet import NetMotors
 
 SPEC = find_robot("saturn_lite")
 

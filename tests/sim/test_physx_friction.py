@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from stiction.sim.friction import load_size
+from stiction.sim.fleet import load_size
 
 COEFFICIENT, DRIVE, STEP = 0.05, 6.0, 0.002
 ALONG, ACROSS = (-10.0, 0.0, 0.0), (0.0, 0.0, -10.0)

@@ -12,10 +12,8 @@ from stiction.core.errors import StictionError
 from stiction.joints.friction import Law
 from stiction.robots.catalog import find_robot
 from stiction.robots.terrain import KINDS, SLABS, Terrain
-from stiction.sim.fleet import Fleet
-from stiction.sim.friction import JointFriction
-from stiction.sim.native import NativeSimulation
-from stiction.sim.protocol import STATE
+from stiction.sim.fleet import Fleet, JointFriction
+from stiction.sim.native import STATE, NativeSimulation
 from stiction.sim.warp import WarpSimulation
 
 pytestmark = pytest.mark.slow

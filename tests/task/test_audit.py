@@ -8,8 +8,7 @@ import torch
 
 from stiction.joints.friction import LAWS
 from stiction.robots.catalog import find_robot
-from stiction.sim.fleet import Fleet
-from stiction.sim.friction import JointFriction
+from stiction.sim.fleet import Fleet, JointFriction
 from stiction.task import audit
 from stiction.task.config import TaskCfg
 from stiction.task.friction import FrictionCfg

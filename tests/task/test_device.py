@@ -8,13 +8,13 @@ import torch
 
 from stiction.cli.main import main
 from stiction.core.errors import StictionError
+from stiction.learning.begin import why_task_on_host
 from stiction.learning.config import TrainCfg
-from stiction.learning.simulator import why_task_on_host
 from stiction.sim.chosen import masked, numbered, put
 from stiction.task.config import TaskCfg
-from stiction.task.device import Device, find_device
 from stiction.task.env import LocomotionEnv
 from stiction.task.friction import FrictionCfg
+from stiction.task.task_fleet import Device, find_device
 from stiction.task.terrain import TerrainCfg
 
 

@@ -2,7 +2,7 @@
 
 import torch
 
-from stiction.task.gait import UnsyncWindow, exactly_one_group
+from stiction.task.env import UnsyncWindow, exactly_one_group
 
 GROUP = torch.tensor([0, 1, 1, 0, 0, 1])
 TRIPOD_0 = [1, 0, 0, 1, 1, 0]

@@ -12,9 +12,9 @@ import warp
 from stiction.sim.torch_fleet import TorchFleet
 from stiction.sim.warp import WarpSimulation
 from stiction.task.config import CommandCfg, RandomizationCfg, TaskCfg
-from stiction.task.device import find_device
 from stiction.task.env import LocomotionEnv
 from stiction.task.friction import FrictionCfg
+from stiction.task.task_fleet import find_device
 
 pytestmark = pytest.mark.slow
 

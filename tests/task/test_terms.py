@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from stiction.task import env as task
-from stiction.task import terminations
+from stiction.task import events
 from stiction.task.config import RandomizationCfg, TaskCfg
 from stiction.task.rewards import Snapshot
 
@@ -43,8 +43,8 @@ def test_a_termination_ends_episodes_as_a_failure_or_out_of_time(fails: bool, mo
     def second(env: task.LocomotionEnv, snapshot: Snapshot) -> torch.Tensor:
         return torch.arange(env.num_envs) == 1
 
-    mine = terminations.Termination(second, fails)
-    monkeypatch.setattr(terminations, "TERMINATIONS", (*terminations.TERMINATIONS, mine))
+    mine = events.Termination(second, fails)
+    monkeypatch.setattr(events, "TERMINATIONS", (*events.TERMINATIONS, mine))
     _, _, dones, extras = stand(make())
     assert dones.tolist() == [False, True, False]
     assert extras["time_outs"].tolist() == [0.0, 0.0 if fails else 1.0, 0.0]

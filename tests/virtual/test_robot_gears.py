@@ -6,7 +6,7 @@ import pytest
 from hinges import Hinges
 from stiction.engines.engine import Body
 from stiction.robots.catalog import find_robot
-from stiction.virtual.motor import Gears
+from stiction.virtual.hardware import Gears
 
 ROTOR, LINK, GAP = 0.02, 0.01, 0.01
 """Inertias [kg m²], and the width of the gap [rad]."""

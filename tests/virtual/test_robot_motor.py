@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stiction.virtual.motor import (
+from stiction.virtual.hardware import (
     LOSS_AT_LIMIT,
     LOWEST_VOLTAGE,
     Drive,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stiction.core.rotation import about, roll_pitch
-from stiction.virtual.sensors import Encoders, Imu, SensorErrors
+from stiction.virtual.hardware import Encoders, Imu, SensorErrors
 
 PERFECT = SensorErrors.perfect(1)
 

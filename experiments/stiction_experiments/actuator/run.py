@@ -26,8 +26,7 @@ from stiction.core.errors import ConfigurationError, FileError, PolicyError
 from stiction.core.files import publish
 from stiction.core.provenance import num_threads
 from stiction.deploy.check import check_bundle
-from stiction.evaluation.code import WALK_CODE
-from stiction.evaluation.evaluate import EvaluationCfg, evaluate_bundle
+from stiction.evaluation.evaluate import WALK_CODE, EvaluationCfg, evaluate_bundle
 from stiction.evaluation.export import export_run
 from stiction.evaluation.summary import describe
 from stiction.evaluation.walk_logs import RecordCfg

@@ -13,7 +13,6 @@ import numpy as np
 from stiction.core.statistics import t_interval
 from stiction.deploy.wear import Moments
 from stiction.evaluation.evaluate import Evaluation, EvaluationCfg
-from stiction.evaluation.trained import LATENTS, walk_run
 from stiction.files.wear import WearModel
 from stiction_experiments.adaptation.probes import (
     LIMIT,
@@ -26,6 +25,7 @@ from stiction_experiments.adaptation.probes import (
     windows,
 )
 from stiction_experiments.lab.statistics import conformal_bound
+from stiction_experiments.lab.trained import LATENTS, walk_run
 
 WINDOW = 500
 """Control steps of a window: 10 s at 50 Hz, two commands or more."""

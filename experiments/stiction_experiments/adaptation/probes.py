@@ -20,7 +20,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from stiction.core.provenance import stream_seed
 from stiction.deploy.wear import Moments
-from stiction.evaluation.command import SETTLE
+from stiction.evaluation.course import SETTLE
 from stiction.joints.friction import has_coefficient
 from stiction.learning.config import TrainCfg
 from stiction.learning.models import RMAActor

@@ -14,8 +14,7 @@ from stiction.core.cache import key_of, read_entry, sealed
 from stiction.core.errors import ConfigurationError
 from stiction.core.files import write_text
 from stiction.deploy.wear import Moments
-from stiction.evaluation.code import RUN_WALK_CODE
-from stiction.evaluation.evaluate import EvaluationCfg
+from stiction.evaluation.evaluate import RUN_WALK_CODE, EvaluationCfg
 from stiction.evaluation.export import contract_of
 from stiction.evaluation.summary import check_names
 from stiction.learning.config import TrainCfg
@@ -31,7 +30,10 @@ Progress = Callable[[str, float], None]
 FEWEST_ROBOTS, SHORTEST_WALK = 32, 10.5
 """Of a walk that is probed: eight robots to test on, and a window of the monitor [s]."""
 
-PROBING = (*RUN_WALK_CODE, "task/*.py", "deploy/wear.py", CODE, "stiction_experiments:adaptation/*.py")
+PROBING = (
+    *(*RUN_WALK_CODE, "task/*.py", "deploy/wear.py", CODE),
+    *("stiction_experiments:adaptation/*.py", "stiction_experiments:lab/trained.py"),
+)
 """Code that decides what a run's part is."""
 
 

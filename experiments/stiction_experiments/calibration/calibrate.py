@@ -17,7 +17,7 @@ from stiction.core.statistics import CONFIDENCE, wilson
 from stiction.deploy.check import check_bundle
 from stiction.deploy.wear import Moments, is_unusual, raw_estimate
 from stiction.engines.catalog import binaries, make_engine
-from stiction.evaluation.code import WALK_CODE
+from stiction.evaluation.evaluate import WALK_CODE
 from stiction.files.contract import robot_of
 from stiction.files.wear import WearCalibration, WearModel
 from stiction.virtual.cases import Case, Level

@@ -15,8 +15,8 @@ from stiction.engines.catalog import make_engine
 from stiction.joints.compensation import Compensation
 from stiction.robots.model import Robot
 from stiction.virtual.cases import Case, parse_level
+from stiction.virtual.drive import INITIAL_ANGLE
 from stiction.virtual.hidden import draw
-from stiction.virtual.sensors import INITIAL_ANGLE
 from stiction.virtual.trial import RobotCase, World
 
 SECONDS, SETTLE = 10.0, 2.0

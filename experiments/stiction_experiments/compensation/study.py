@@ -90,7 +90,7 @@ def run(options: CompensationOptions, work: Work) -> Report:
     from stiction.core.records import part_of
     from stiction.evaluation.evaluate import EvaluationCfg
     from stiction.evaluation.grid import check_fed_law
-    from stiction.evaluation.methods import method_of
+    from stiction.evaluation.policies import method_of
     from stiction.evaluation.summary import describe
     from stiction.files.contract import robot_of
     from stiction.virtual.cases import parse_levels, warnings_on

@@ -9,7 +9,7 @@ from typing import Any
 from stiction.core.records import LATER, column
 from stiction.evaluation.benches import fed_at_level
 from stiction.evaluation.evaluate import EvaluationCfg, evaluate_bundle
-from stiction.evaluation.methods import fed_suffix
+from stiction.evaluation.policies import fed_suffix
 from stiction.files.bundle import Bundle
 from stiction.files.results import ResultRow
 from stiction.files.straight import pace, worst

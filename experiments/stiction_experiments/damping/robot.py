@@ -13,7 +13,7 @@ import numpy as np
 from stiction.core.errors import ConfigurationError
 from stiction.core.provenance import seed_streams
 from stiction.deploy.policy import load_policy
-from stiction.evaluation.command import SETTLE
+from stiction.evaluation.course import SETTLE
 from stiction.evaluation.rollout import Rollout, friction_at
 from stiction.files.bundle import Bundle
 from stiction.files.contract import robot_of

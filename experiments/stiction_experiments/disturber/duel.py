@@ -19,8 +19,8 @@ from stiction.core.errors import ConfigurationError
 from stiction.core.provenance import stream_seed
 from stiction.core.records import column
 from stiction.deploy.policy import Network
-from stiction.evaluation.command import SETTLE
-from stiction.evaluation.methods import method_of
+from stiction.evaluation.course import SETTLE
+from stiction.evaluation.policies import method_of
 from stiction.files.bundle import Bundle
 from stiction.files.contract import Contract, robot_of
 from stiction.files.velocity import parse_command

@@ -20,10 +20,9 @@ from stiction.core.errors import ConfigurationError
 from stiction.core.parallel import spread
 from stiction.core.statistics import t_interval, wilson
 from stiction.engines.catalog import TIMESTEP, binaries, make_engine
-from stiction.evaluation.code import WALK_CODE
-from stiction.evaluation.evaluate import EvaluationCfg, evaluate_bundle
+from stiction.evaluation.evaluate import WALK_CODE, EvaluationCfg, evaluate_bundle
+from stiction.evaluation.grid import walk_once
 from stiction.evaluation.metrics import Metrics
-from stiction.evaluation.walks import walk_once
 from stiction.files.bundle import Bundle
 from stiction.files.contract import robot_of
 from stiction.joints.friction import Law

@@ -13,7 +13,6 @@ from collections.abc import Callable
 import numpy as np
 
 from stiction.evaluation.grid import BATCH
-from stiction.evaluation.samples import Measurement
 from stiction.files.results import DIRECTIONS, FOLLOWS
 from stiction.files.straight import SLOW
 from stiction.files.velocity import STAND
@@ -35,6 +34,7 @@ from stiction_experiments.lab.claims import (
     over_levels,
     within,
 )
+from stiction_experiments.lab.evidence import Measurement
 
 STATIONARY = 0.2
 """Below this share of the commanded speed a robot counts as stationary [-]."""

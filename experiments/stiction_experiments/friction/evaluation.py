@@ -17,8 +17,7 @@ from stiction.core.cache import key_of
 from stiction.core.errors import ConfigurationError, StictionError, TrainingError
 from stiction.core.files import digest_of
 from stiction.core.parallel import spread
-from stiction.evaluation.code import RUN_WALK_CODE, WALK_CODE
-from stiction.evaluation.evaluate import EvaluationCfg, evaluate_bundle
+from stiction.evaluation.evaluate import RUN_WALK_CODE, WALK_CODE, EvaluationCfg, evaluate_bundle
 from stiction.evaluation.grid import BATCH
 from stiction.evaluation.samples import SeedValues
 from stiction.files.results import DIRECTIONS, FOLLOWS, ResultRow
@@ -110,7 +109,7 @@ class Task:
 
         Raises `StictionError` where the run has no such policy.
         """
-        code = WALK_CODE if self.exported else (*RUN_WALK_CODE, CODE)
+        code = WALK_CODE if self.exported else (*RUN_WALK_CODE, CODE, "stiction_experiments:lab/trained.py")
         return key_of([self._policy(), asdict(self.settings)], *code)
 
     @property
@@ -134,7 +133,7 @@ class Task:
             return list(evaluate_bundle(self.run.bundle(), self.settings).rows)
         import torch
 
-        from stiction.evaluation.trained import walk_run
+        from stiction_experiments.lab.trained import walk_run
 
         torch.set_num_threads(1)
         return list(walk_run(self.run.path, self.who, self.settings).rows)

@@ -10,10 +10,11 @@ import numpy as np
 
 from stiction.core.statistics import t_interval
 from stiction.evaluation.grid import BATCH
-from stiction.evaluation.samples import Condition, Evidence, Measurement
+from stiction.evaluation.samples import Condition
 from stiction.files.results import ResultRow
 from stiction_experiments.friction.manifest import condition_of
 from stiction_experiments.friction.records import HIGHEST, STUDENT, CurvePoint, SeedMean
+from stiction_experiments.lab.evidence import Evidence, Measurement
 
 
 def parse_policy(policy: str) -> tuple[str, str, int, str]:

@@ -12,7 +12,7 @@ from typing import Any, Literal, Self
 
 from stiction.core.errors import ConfigurationError, FileError, TrainingError
 from stiction.core.files import digest_of
-from stiction.evaluation.methods import method_of
+from stiction.evaluation.policies import method_of
 from stiction.files.actuator import read_actuator
 from stiction.files.bundle import Bundle, read_bundle
 from stiction.files.contract import Contract

@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from stiction.evaluation.samples import Measurement, SeedValues
+from stiction.evaluation.samples import SeedValues
 from stiction_experiments.gait.measure import BOTH, HOP, NEITHER, NO_TROT, NO_UNSYNC, PRONK, STANDS, VARIANTS, GaitRow
 from stiction_experiments.lab.claims import Claim, Finding, Labelled, Verdict, all_of, within
+from stiction_experiments.lab.evidence import Measurement
 
 MIXED = "these policies differ in more than gait rewards and seed, so that they are no samples of one training"
 """Why a mixture of trainings has no verdict."""

@@ -20,9 +20,10 @@ from typing import Any, Generic, Literal, TypeVar
 import numpy as np
 
 from stiction.core.statistics import Interval, t_interval
-from stiction.evaluation.samples import Condition, Evidence, Measurement, Rate, SeedValues
+from stiction.evaluation.samples import Condition, Rate, SeedValues
 from stiction.files.results import DIRECTIONS, FOLLOWS
 from stiction.files.straight import BAND, pace
+from stiction_experiments.lab.evidence import Evidence, Measurement
 from stiction_experiments.lab.statistics import difference_interval
 
 Outcome = Literal["reproduces", "does not", "only above x", "only up to x", "undecided", "not tested"]

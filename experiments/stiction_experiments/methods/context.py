@@ -23,8 +23,8 @@ from torch import nn
 
 from stiction.core.errors import TrainingError
 from stiction.learning.config import NetworkCfg
-from stiction.learning.equivariant import equivariant_encoder, equivariant_mlp, halves
 from stiction.learning.models import VELOCITY, HistoryEncoder, RMAActor, StudentPolicy
+from stiction.learning.symmetry import equivariant_encoder, equivariant_mlp, halves
 from stiction.task.symmetry import Rows
 from stiction_experiments.methods.dreamwaq import DreamWaQCfg
 

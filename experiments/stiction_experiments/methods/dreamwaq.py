@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+from stiction.core.effects import needs
 from stiction.core.errors import ConfigurationError
 from stiction.files.contract import Contract
 from stiction.files.method import Method
@@ -29,7 +30,7 @@ class DreamWaQCfg:
     beta: float = 0.35
     """Weight of the code's KL divergence, a mean over dimensions, beside the reconstruction, a mean over entries. The
     more, the less the code tells; 0: an autoencoder with noise of its own choice."""
-    free_bits: float = 0.05
+    free_bits: float = field(default=0.05, metadata=needs("--set dreamwaq.beta above 0", lambda cfg: cfg.beta > 0))
     """KL of a dimension below which it costs nothing to tell more [nat]: without it the KL wins before there is
     anything to tell. 0: none."""
     code: int = 16
@@ -75,14 +76,6 @@ def _preset(cfg: TrainCfg) -> TrainCfg:
     return replace(cfg, task=replace(cfg.task, estimated_friction=False), network=network, teacher=teacher)
 
 
-def _idle(cfg: TrainCfg) -> Iterator[tuple[str, str]]:
-    """Yield settings without effect, and why."""
-    for name in ("task.estimated_friction", "teacher.velocity_weight", *(f"network.{name}" for name in REPLACED)):
-        yield name, " with --method dreamwaq, whose networks are --set dreamwaq.*"
-    if cfg.method_settings.beta == 0:
-        yield "method_settings.free_bits", ": with --set dreamwaq.beta=0 nothing is asked of the code"
-
-
 def _notes(cfg: TrainCfg) -> Iterator[str]:
     """Yield what surprises users."""
     if not cfg.task.friction.has_friction:
@@ -107,7 +100,7 @@ METHOD = Method(
     algorithm=_algorithm,
     even=_even,
     preset=_preset,
-    idle=_idle,
+    unused=("task.estimated_friction", "teacher.velocity_weight", *(f"network.{name}" for name in REPLACED)),
     notes=_notes,
     policy="DreamWaQ's actor",
     called=_called,

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, get_args
 
+from stiction.core.effects import all_of, needs
 from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.core.provenance import stream_seed
 from stiction.files.contract import Contract
@@ -21,8 +22,10 @@ DisturberName = Literal["none", "random", "random-friction", "force", "friction"
 MOST_FORCE, MOST_FRICTION = 0.5, 1.0
 """Largest `HinfCfg.limit` of a force, as a share of the robot's weight, and of torques, of the joint's friction."""
 
-LEARNT = ("eta", "tightening", "multiplier_rate", "actor", "critic", "learning_rate", "entropy", "initial_std")
-"""Fields of `HinfCfg` that only a disturber which learns has a use for."""
+DISTURBED = needs("a --set hinf.disturber with a limit above 0", lambda cfg: cfg.disturbs)
+LEARNT = all_of(DISTURBED, needs("--set hinf.disturber=force or friction", lambda cfg: cfg.learns))
+DRAWN = all_of(DISTURBED, needs("--set hinf.disturber=random or random-friction", lambda cfg: not cfg.learns))
+"""Requirements of fields of `HinfCfg` that act with a disturber, one that learns, one that draws."""
 
 
 @dataclass(frozen=True)
@@ -38,32 +41,36 @@ class HinfCfg:
     """`force`: pushes the base, forward, sideways and up, and learns to. `friction`: a torque on each joint that its
     own Coulomb friction bounds, and learns it: ours. `random`, `random-friction`: the same, drawn, without a
     constraint. `none`: nobody disturbs, which is plain PPO bit for bit."""
-    limit: float | None = None
+    limit: float | None = field(
+        default=None, metadata=needs("a --set hinf.disturber", lambda cfg: cfg.disturber != "none")
+    )
     """Largest disturbance: of a force as a share of the robot's weight, of torques as a share of the friction that the
     joint has at that time, on top of which they come; by default half of the weight, all of the friction. 0: as
     `none`."""
-    curriculum: float = 0.0
+    curriculum: float = field(default=0.0, metadata=DISTURBED)
     """Share of the iterations over which the limit grows to its value on a straight line. 0: it is there at once."""
-    hold: float = 0.5
+    hold: float = field(default=0.5, metadata=DRAWN)
     """Mean time for which `random` and `random-friction` keep what they have drawn [s]: a force that is drawn anew at
     every step cancels itself."""
-    eta: float = 2.0
+    eta: float = field(default=2.0, metadata=LEARNT)
     """First η: the cost that a whole disturbance may cause, where a cost of 1 is all lost that the task pays. Two:
     nothing is asked of the policy at first, until η is tightened. 0: every cost counts, however large the disturbance.
     """
-    tightening: float = 0.99
+    tightening: float = field(
+        default=0.99, metadata=all_of(LEARNT, needs("--set hinf.eta above 0", lambda cfg: cfg.eta > 0))
+    )
     """Factor on η after every iteration in which the constraint holds. 1: η stays."""
-    multiplier_rate: float = 0.05
+    multiplier_rate: float = field(default=0.05, metadata=LEARNT)
     """Step of λ by the constraint's mean, once an iteration. 0: λ stays 0, plain PPO against the disturber."""
-    actor: tuple[int, ...] = (128, 64)
+    actor: tuple[int, ...] = field(default=(128, 64), metadata=LEARNT)
     """Hidden layers of the disturber."""
-    critic: tuple[int, ...] = (128, 64)
+    critic: tuple[int, ...] = field(default=(128, 64), metadata=LEARNT)
     """Hidden layers of the critic of h."""
-    learning_rate: float = 5e-4
+    learning_rate: float = field(default=5e-4, metadata=LEARNT)
     """Of disturber and critic of h, fixed."""
-    entropy: float = 0.002
+    entropy: float = field(default=0.002, metadata=LEARNT)
     """Weight of the disturber's entropy bonus."""
-    initial_std: float = 0.5
+    initial_std: float = field(default=0.5, metadata=LEARNT)
     """Standard deviation of the first disturbances, in units of the limit."""
 
     def __post_init__(self) -> None:
@@ -114,20 +121,6 @@ class HinfCfg:
         """Whether the disturber learns, and the constraint with it."""
         return self.disturbs and self.disturber in ("force", "friction")
 
-    def idle(self) -> Iterator[tuple[str, str]]:
-        """Yield the fields that do nothing beside the others, each with why."""
-        if not self.disturbs:
-            why = f"with --set hinf.disturber={self.disturber} and --set hinf.limit={self.share:g} nobody disturbs"
-            yield from ((field.name, why) for field in fields(self) if field.name not in ("disturber", "limit"))
-            if self.disturber == "none":
-                yield "limit", "with --set hinf.disturber=none nobody disturbs"
-        elif self.learns:
-            yield "hold", "a disturber that learns acts anew at every step"
-            if self.eta == 0:
-                yield "tightening", "with --set hinf.eta=0 there is nothing to tighten"
-        else:
-            yield from ((name, f"--set hinf.disturber={self.disturber} does not learn") for name in LEARNT)
-
 
 def _algorithm(cfg: TrainCfg) -> dict[str, Any]:
     """Return rsl_rl's configuration of the algorithm."""
@@ -155,19 +148,13 @@ def _preset(cfg: TrainCfg) -> TrainCfg:
     return replace(cfg, teacher=replace(cfg.teacher, quiet=0))
 
 
-def _idle(cfg: TrainCfg) -> Iterator[tuple[str, str]]:
-    """Yield settings without effect, and why."""
-    yield from ((f"method_settings.{name}", f": {why}") for name, why in cfg.method_settings.idle())
-    if cfg.method_settings.curriculum * cfg.teacher.iterations <= 1:
-        iterations = f": of --teacher.iterations {cfg.teacher.iterations} that is one at most"
-        yield "method_settings.curriculum", f"{iterations}, and the limit is there at once"
-
-
 def _notes(cfg: TrainCfg) -> Iterator[str]:
     """Yield what surprises users."""
     settings = cfg.method_settings
     if not cfg.task.friction.has_friction:
         yield "hinf trains without dry friction; with: --task.friction.range 0 1.2"
+    if 0 < settings.curriculum * cfg.teacher.iterations <= 1:
+        yield f"--set hinf.curriculum={settings.curriculum:g} is one iteration at most: the limit is there at once"
     half = not settings.by_torque and settings.share == settings.most
     if settings.disturbs and half and not settings.curriculum:
         # Two trainings each, see results/methods.
@@ -211,7 +198,6 @@ METHOD = Method(
     acts_on_fleet=True,
     check=_check,
     preset=_preset,
-    idle=_idle,
     notes=_notes,
     contract=_contract,
     called=_called,

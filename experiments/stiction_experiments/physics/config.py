@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stiction.core.errors import ConfigurationError
-from stiction.evaluation.command import SETTLE
+from stiction.evaluation.course import SETTLE
 from stiction.joints.friction import MAX_LEVEL
 
 

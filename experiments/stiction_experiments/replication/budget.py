@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from stiction.core.statistics import t_interval
-from stiction.evaluation.methods import FED, FED_BY
-from stiction.evaluation.samples import Condition, Evidence
+from stiction.evaluation.policies import FED, FED_BY
+from stiction.evaluation.samples import Condition
 from stiction.files.advice import SHARES, FrictionEffect
 from stiction.files.results import FOLLOWS
 from stiction.joints.friction import has_coefficient
 from stiction.robots.model import Robot
 from stiction_experiments.friction.evaluation import onset_level
 from stiction_experiments.lab.claims import differences
+from stiction_experiments.lab.evidence import Evidence
 from stiction_experiments.replication.plan import FRICTION_CELL, NOMINAL_CELL, REST_CELL, VIRTUAL_ROBOT
 from stiction_experiments.replication.records import (
     CAUSES,

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from stiction.evaluation.methods import BEHIND_GEAR, method_of
+from stiction.evaluation.policies import BEHIND_GEAR, method_of
 from stiction.files.bundle import Bundle
 from stiction.report.page import Section, file_uri, paragraph, picture, row
 from stiction.robots.model import Robot
@@ -58,7 +58,8 @@ def render(
 
     """
     from stiction.engines.catalog import what_is_missing
-    from stiction.evaluation.clip import ENGINE, ClipError, record_clip
+    from stiction.evaluation.clip import ClipError
+    from stiction_experiments.replication.filmed import ENGINE, record_clip
 
     if why := what_is_missing(ENGINE, spec):
         say(f"no clips on the virtual robot: {why}")

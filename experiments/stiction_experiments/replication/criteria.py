@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from stiction.evaluation.grid import BATCH, REAL
-from stiction.evaluation.samples import Condition, Evidence, Measurement, SeedValues
+from stiction.evaluation.samples import Condition, SeedValues
 from stiction.files.results import DIRECTIONS, FOLLOWS
 from stiction.files.velocity import STAND
 from stiction_experiments.friction.claims import JITTER, MOVES, STATIONARY
@@ -29,6 +29,7 @@ from stiction_experiments.lab.claims import (
     rate_within,
     within,
 )
+from stiction_experiments.lab.evidence import Evidence, Measurement
 from stiction_experiments.replication.plan import (
     FRICTION_CELL,
     OTHER_ENGINES,

@@ -20,10 +20,10 @@ from stiction.core.errors import FileError, PolicyError
 from stiction.core.lock import replaced_folder
 from stiction.core.parallel import spread
 from stiction.engines.catalog import make_engine
-from stiction.evaluation.code import WALK_CODE
 from stiction.evaluation.course import FLAT
+from stiction.evaluation.evaluate import WALK_CODE
+from stiction.evaluation.grid import command_source
 from stiction.evaluation.walk_logs import SHORTEST
-from stiction.evaluation.walks import command_source
 from stiction.files.bundle import Bundle
 from stiction.files.velocity import parse_command
 from stiction.files.walk import write_walk

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from stiction.evaluation.methods import BEHIND_GEAR, FED, FED_BY
+from stiction.evaluation.policies import BEHIND_GEAR, FED, FED_BY
 from stiction.evaluation.table import BOTH, Sample
 from stiction.files.straight import BAND, FAST, SLOW, Following
 from stiction.joints.friction import has_coefficient, level_axis, level_number, level_text

@@ -8,7 +8,7 @@ from typing import Literal
 
 from stiction.evaluation.evaluate import EvaluationCfg
 from stiction.evaluation.grid import BATCH, GridCfg
-from stiction.evaluation.methods import method_of
+from stiction.evaluation.policies import method_of
 from stiction.files.contract import Contract
 from stiction.files.results import DIRECTIONS
 from stiction.files.velocity import STAND

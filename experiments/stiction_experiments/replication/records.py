@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from stiction.core.errors import FileError
-from stiction.evaluation.methods import MethodCell
+from stiction.evaluation.policies import MethodCell
 from stiction.evaluation.table import Sample
 from stiction.files.advice import SHARES
 from stiction.files.results import ResultRow

@@ -22,9 +22,9 @@ from stiction.evaluation.benches import (
     with_known_friction,
 )
 from stiction.evaluation.grid import GridCfg, Walk, plan, plan_forward
-from stiction.evaluation.methods import FED_BY, method_of, method_texts
+from stiction.evaluation.policies import FED_BY, method_of, method_texts
 from stiction.evaluation.run import BENCHES, LEDGER, WalkLedger, walk_grid
-from stiction.evaluation.samples import Evidence, samples
+from stiction.evaluation.samples import samples
 from stiction.evaluation.summary import check_names, describe
 from stiction.evaluation.table import law_label, number, rows_of
 from stiction.files.advice import Source, TrainedWith
@@ -36,6 +36,7 @@ from stiction.learning.identity import difference
 from stiction.robots.catalog import find_robot, robot_in_file
 from stiction.robots.model import Robot
 from stiction_experiments.lab.claims import Verdict, rejudged_summary
+from stiction_experiments.lab.evidence import Evidence
 from stiction_experiments.replication.budget import beside_forward, budget, friction_effects, onsets
 from stiction_experiments.replication.claims import judge_all
 from stiction_experiments.replication.plan import Part, conventional

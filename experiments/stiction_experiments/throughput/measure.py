@@ -26,12 +26,12 @@ from stiction.deploy.plausibility import command_range
 from stiction.deploy.robot_policy import load_robot_policy
 from stiction.files.bundle import read_bundle
 from stiction.joints.net import ActuatorNet
+from stiction.learning.begin import find_simulator
 from stiction.learning.config import TrainCfg
 from stiction.learning.figures import Board
 from stiction.learning.phase import PhaseRunner, one_torch_thread
 from stiction.learning.run import RunDirectory
 from stiction.learning.runner import multiply_adds, ppo_cfg
-from stiction.learning.simulator import find_simulator
 from stiction.robots.mjcf import build
 from stiction.robots.model import Robot
 from stiction.robots.physics import EXACT, FAST, PhysicsCfg
@@ -83,7 +83,8 @@ def _timed_rollout(
 
     Where nobody replays them there are no states; on a GPU the time is that until it has done all its work.
     """
-    states, seconds = [], 0.0
+    states: list[dict[str, Any]] = []
+    seconds = 0.0
     with torch.no_grad(), one_torch_thread():
         for action in actions:
             before = env.robots.state() if replayed else {}

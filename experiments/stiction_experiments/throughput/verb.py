@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from stiction.core.effects import excludes, needs
 from stiction.core.errors import ConfigurationError
 from stiction.core.options import read_options
+from stiction.learning.config import DeviceName
 from stiction.learning.presets import PresetName, preset
-from stiction.sim.protocol import DeviceName
 from stiction.task.friction import law_flag
 from stiction.task.terrain import TerrainName
 

@@ -19,9 +19,9 @@ from stiction.core.errors import ConfigurationError, check_once
 from stiction.core.parallel import spread
 from stiction.deploy.check import check_for_simulation
 from stiction.engines.catalog import binaries, make_engine
-from stiction.evaluation.code import WALK_CODE
-from stiction.evaluation.command import SETTLE, untrained
-from stiction.evaluation.methods import method_of
+from stiction.evaluation.course import SETTLE, untrained
+from stiction.evaluation.evaluate import WALK_CODE
+from stiction.evaluation.policies import method_of
 from stiction.files.bundle import Bundle
 from stiction.files.contract import robot_of
 from stiction.files.velocity import parse_command

@@ -20,8 +20,7 @@ from stiction.core.gemm import open_fast_gemm
 from stiction.core.lock import output_folder, replaced_folder
 from stiction.files.joints import read_training
 from stiction.learning.config import TrainCfg
-from stiction.learning.effects import check_effects
-from stiction.learning.presets import PresetName
+from stiction.learning.presets import PresetName, check_settings
 from stiction.learning.presets import preset as preset_of
 
 if TYPE_CHECKING:
@@ -159,7 +158,7 @@ def begin(
     if friction_from is not None:
         cfg = with_friction(cfg, *_proposal(friction_from))
         base = base and replace(base, task=replace(base.task, friction=cfg.task.friction))
-    check_effects(cfg, base)
+    check_settings(cfg, base)
     return begin_run(out, cfg, command, joint_map, say, ranks or ALONE)
 
 

@@ -71,7 +71,7 @@ UNITREE = needs("--robot unitree-go:INTERFACE", lambda cfg: cfg.robot.startswith
 HEARTBEAT = needs(
     "--operator.heartbeat",
     lambda cfg: cfg.operator.heartbeat is not None or any(text.partition("@")[0] == "heartbeat" for text in cfg.fault),
-    "heartbeat_timeout",
+    ("heartbeat_timeout",),
 )
 """Requirement of a second machine that sends heartbeats, or a fault that plays one."""
 
@@ -202,7 +202,7 @@ def _planned(cfg: DeployCfg, address: Address, bundle: Bundle, folder: Path) -> 
     from stiction.deploy.runtime.config import RunCfg, SupervisorCfg
     from stiction.deploy.runtime.motion import Motion
     from stiction.deploy.runtime.runtime import run
-    from stiction.evaluation.command import untrained
+    from stiction.evaluation.course import untrained
     from stiction.files.joints import load_joints
     from stiction.files.velocity import parse_command
 
@@ -228,8 +228,7 @@ def _planned(cfg: DeployCfg, address: Address, bundle: Bundle, folder: Path) -> 
     if address.transport == "virtual":
         # Here alone is a simulator, and only for the robot that is one.
         from stiction.virtual.faults import WITH_POLICY, Faults, operated, parse_fault
-        from stiction.virtual.process import virtual_robot
-        from stiction.virtual.serve import VirtualCfg
+        from stiction.virtual.serve import VirtualCfg, virtual_robot
 
         virtual = VirtualCfg(cfg.robot_seed, cfg.engine, cfg.friction_level, cfg.robot_cell, cfg.stand)
         faults = tuple(map(parse_fault, cfg.fault))

@@ -58,13 +58,13 @@ def main(arguments: list[str]) -> int:
     from rich.table import Table
 
     from stiction.learning.config import TrainCfg
-    from stiction.learning.effects import check_effects
+    from stiction.learning.presets import check_settings
     from stiction.report.terminal import Terminal
     from stiction.robots.catalog import find_robot
     from stiction.robots.sliders import stiff_sliders
     from stiction.task.audit import check_randomization
 
-    check_effects(TrainCfg(task=options.task), TrainCfg())
+    check_settings(TrainCfg(task=options.task), TrainCfg())
     spec = find_robot(options.task.robot)
     task = replace(options.task, rewards=options.task.rewards.for_robot(spec))
     lightest = task.randomization.armature[0] * spec.joint_values("armature")

@@ -34,7 +34,7 @@ class EvaluateCfg:
     """Directories of the bundles."""
     policy_callable: str | None = None
     """A policy of your own in Python, `package.module:FUNCTION`, on --robot, in the engine mujoco alone: called as
-    FUNCTION(sensors, command, fresh), it returns joint targets, see `evaluation/own_policy.py`. For evaluation only."""
+    FUNCTION(sensors, command, fresh), it returns joint targets, see `evaluation/policies.py`. For evaluation only."""
     callable_period: float = field(default=0.02, metadata=needs("--policy-callable"))
     """Time between two calls of it [s]."""
     friction_levels: tuple[float, ...] = (0.0, 0.1, 0.2)

@@ -150,8 +150,7 @@ def policies_of(cfg: ViewCfg) -> tuple[list[ViewedPolicy], Robot, dict[int, Newe
 def simulation_of(cfg: ViewCfg, policies: list[ViewedPolicy], robot: Robot) -> Simulation:
     """Return the simulation as it begins."""
     from stiction.core.records import part_of
-    from stiction.evaluation.command import untrained
-    from stiction.evaluation.course import parse_course
+    from stiction.evaluation.course import parse_course, untrained
     from stiction.files.velocity import parse_command
     from stiction.joints.friction import MAX_LEVEL, Law
     from stiction.view.simulation import Simulation, WorldCfg

@@ -3,6 +3,8 @@
 log_robots: int = field(default=4, metadata=needs("--log"))                            --log is set
 static_ratio: float = field(default=1.5, metadata=needs("--friction-law stribeck"))    it has this value
 model: Path | None = field(default=None, metadata=needs("--to mujoco or urdf"))        it has one of these values
+hold: float = field(default=0.5, metadata=needs("a limit above 0", lambda cfg: cfg.limit > 0))
+stop: StopCfg = field(default_factory=StopCfg, metadata=needs("--stop-at 0.2", stops, but=("error",)))
 loop: bool = field(default=False, metadata=excludes("--train", "--preset"))
 plan: bool = field(default=False, metadata=needs("--preset full") | excludes(but=("--runs",)))
 """
@@ -11,12 +13,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from operator import attrgetter
 from typing import Any
 
 from stiction.core.errors import ConfigurationError
-from stiction.core.flags import default_of, entries
+from stiction.core.flags import Entry, default_of, entries
 
 
 @dataclass(frozen=True)
@@ -26,18 +28,28 @@ class Need:
     text: str
     """Required option, as typed: `--log`, or with values `--to mujoco, urdf or webots`."""
     met: Callable[[Any], bool] | None
-    """Condition on the options of the verb; by default the option is set, or has one of the values."""
-    part: str
+    """Condition on the dataclass that declares the field; by default the option is set, or has one of the values."""
+    parts: Sequence[str]
+    """Nested options that have the requirement; by default all of them."""
+    but: Sequence[str]
+    """Nested options that have not."""
 
 
-def needs(text: str, met: Callable[[Any], bool] | None = None, part: str = "") -> dict[str, Any]:
+def needs(
+    text: str, met: Callable[[Any], bool] | None = None, parts: Sequence[str] = (), but: Sequence[str] = ()
+) -> dict[str, Any]:
     """Return the metadata of a field that requires another option; the arguments are those of `Need`."""
-    return {"needs": Need(text, met, part)}
+    return {"needs": (Need(text, met, parts, but),)}
+
+
+def all_of(*each: dict[str, Any]) -> dict[str, Any]:
+    """Return the metadata of a field with several requirements, the most important one first."""
+    return {"needs": tuple(need for one in each for need in one["needs"])}
 
 
 def excludes(*flags: str, but: Sequence[str] = ()) -> dict[str, Any]:
     """Return the metadata of a field that excludes other options: `flags`, or all except `but`."""
-    return {"excludes": lambda flag: flag not in but if but else any(_within(flag, name) for name in flags)}
+    return {"excludes": lambda names: not names & {*but} if but else any(_within(name, flags) for name in names)}
 
 
 def requirement(option: str, needed: str) -> str:
@@ -50,51 +62,65 @@ def exclusion(option: str, other: str) -> str:
     return f"{option} and {other} exclude each other; remove one of them"
 
 
-def check_effects(options: Any, defaults: Any = None) -> None:
+def check_effects(options: Any, *defaults: Any) -> None:
     """Raise `ConfigurationError` for the first changed option that lacks another one, or is excluded by it.
 
-    defaults: options of the same dataclass, unchanged; by default those of its fields.
+    defaults: unchanged options of the same dataclass, from all of which a changed one differs; by default its fields'.
     """
-    changed = {flag_of(name): name for name in changed_options(options, defaults)}
+    table = {entry.path: entry for entry in entries(type(options))}
+    names = {path: {entry.name, flag_of(entry.key)} for path, entry in table.items()}
+    changed = [*changed_options(options, *defaults)]
+    for path, owner, field in _declared(options):
+        for need in field.metadata.get("needs", ()):
+            parts, but = ([f"{path}.{part}" for part in some] for some in (need.parts, need.but))
+            lacking = [one for one in changed if _within(one, parts or [path]) and not _within(one, but)]
+            if lacking and not (_is_met(options, need.text, changed, names) if need.met is None else need.met(owner)):
+                raise ConfigurationError(requirement(_typed(table, lacking[0]), need.text))
+        excluded = field.metadata.get("excludes", lambda names: False)
+        for other in changed if path in changed else ():
+            if other != path and excluded(names.get(other, {flag_of(other)})):
+                raise ConfigurationError(exclusion(_typed(table, path), _typed(table, other)))
+
+
+def _declared(options: Any, place: str = "") -> Iterator[tuple[str, Any, Field[Any]]]:
+    """Yield path, owner and field of every option, groups before what is nested in them."""
     for field in fields(options):
-        flag, need, excluded = flag_of(field.name), field.metadata.get("needs"), field.metadata.get("excludes")
-        if need is not None:
-            place = flag_of(f"{field.name}.{need.part}" if need.part else field.name)
-            lacking = [name for name in changed if _within(name, place)]
-            if lacking and not (_is_met(options, need.text, changed) if need.met is None else need.met(options)):
-                raise ConfigurationError(requirement(_typed(options, changed[lacking[0]]), need.text))
-        if excluded is not None and flag in changed:
-            for name in changed:
-                if name != flag and excluded(name):
-                    raise ConfigurationError(exclusion(_typed(options, field.name), _typed(options, changed[name])))
+        path, value = place + field.name, getattr(options, field.name)
+        yield path, options, field
+        if is_dataclass(value):
+            yield from _declared(value, f"{path}.")
 
 
-def _within(flag: str, group: str) -> bool:
-    return flag == group or flag.startswith(f"{group}.")
+def _within(name: str, groups: Sequence[str]) -> bool:
+    """Return whether a flag or path is one of others, or nested in it."""
+    return any(name == group or name.startswith(f"{group}.") for group in groups)
 
 
-def _is_met(options: Any, text: str, changed: dict[str, str]) -> bool:
+def _is_met(options: Any, text: str, changed: Sequence[str], names: dict[str, set[str]]) -> bool:
+    """Return whether a required option is set, or has one of the values named."""
     flag, _, values = text.partition(" ")
+    path = next(path for path, flags in names.items() if flag in flags)
     if not values:
-        return flag in changed
-    return str(attrgetter(flag[2:].replace("-", "_"))(options)) in re.split(", | or ", values)
+        return path in changed
+    return str(attrgetter(path)(options)) in re.split(", | or ", values)
 
 
-def _typed(options: Any, path: str) -> str:
-    return next((entry.typed for entry in entries(type(options)) if entry.path == path), flag_of(path))
+def _typed(table: dict[str, Entry], path: str) -> str:
+    """Return an option as it is typed: a flag, an argument in capitals, or a setting."""
+    return table[path].typed if path in table else path
 
 
-def changed_options(options: Any, defaults: Any = None, place: str = "") -> Iterator[str]:
-    """Yield the options that differ from their defaults, nested ones with their path; required ones have none.
+def changed_options(options: Any, *defaults: Any, place: str = "") -> Iterator[str]:
+    """Yield the paths of options that differ from all their defaults; required ones have none.
 
     place: path of the options themselves.
     """
-    for field in fields(options if defaults is None else defaults):
+    for field in fields(options):
         now, name = getattr(options, field.name), place + field.name
-        before = default_of(field) if defaults is None else getattr(defaults, field.name)
-        if is_dataclass(before):
-            yield from changed_options(now, before, f"{name}.")
-        elif before is not MISSING and now != before:
+        before = [getattr(one, field.name) for one in defaults] or [default_of(field)]
+        if is_dataclass(now) and not isinstance(now, type):
+            yield from changed_options(now, *(one for one in before if type(one) is type(now)), place=f"{name}.")
+        elif all(one is not MISSING and now != one for one in before):
             yield name
 
 

@@ -116,7 +116,7 @@ def read_given(
     if base is None and (missing := [entry for entry in table if _is_missing(entry, given.values)]):
         refuse(program, "; ".join(f"{named(one)} is missing: {sentence(one.meaning).rstrip('.')}" for one in missing))
     options: Any = _built(kind, given.values, MISSING if base is None else base, "")
-    check_effects(options, base)
+    check_effects(options, *([] if base is None else [base]))
     return options, base, given
 
 

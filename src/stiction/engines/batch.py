@@ -25,7 +25,7 @@ from stiction.engines.engine import TOUCH, BlownUp, Body, Engine, Pushable
 from stiction.engines.ground import flat
 from stiction.robots.mjcf import foot_geometries
 from stiction.robots.model import DELAY_SAMPLES, Robot
-from stiction.sim.protocol import STATE, Simulation
+from stiction.sim.native import STATE, Simulation
 
 BASE_DOFS = 6
 """Degrees of freedom of the floating base, first in the velocity vector."""

@@ -1,6 +1,6 @@
 """One robot in PhysX 5.3, by the package sapien: an articulation in reduced coordinates, on the processor, float32.
 
-What PhysX 5.3 calls joint friction multiplies the joint's load without contacts (`stiction.sim.friction`); it is set
+What PhysX 5.3 calls joint friction multiplies the joint's load without contacts (`stiction.sim.fleet`); it is set
 to zero. Dry friction is a drive instead: it wants velocity zero and may use no more torque than the bound. Motor torque
 and viscous friction are joint forces, computed from the state before the step. Armature is the engine's own.
 

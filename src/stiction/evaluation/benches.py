@@ -1,10 +1,9 @@
 """What virtual robots' benches identify, as input of a walk: friction fed forward, and friction that a policy observes.
 
-On the robot of the data sheet both are the level of the walk itself. On a virtual robot they are what identification
-found in the log of that robot's own bench, in the same engine and at the same level: what its user could know. Its
-hidden truth is never read, unless `true` is asked for. Where a bench does not identify the friction of a joint, a
-summary says so: the mean of the joints of its kind is fed forward there, or nothing, and a policy is given the nominal
-friction of its training. A load coefficient that a bench identified is fed too, by every way but `error`.
+On the robot of the data sheet both are the level of the walk itself; on a virtual robot, what identification made of
+the log of its own bench, in the same engine and at the same level. Its truth is read where `true` is asked for. Where a
+bench does not identify a joint, the mean of its kind is fed forward there, or nothing, and a policy is given the
+nominal friction of its training; a summary says so.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from stiction.core.errors import ConfigurationError, FileError, PolicyError, unk
 from stiction.core.lock import output_folder
 from stiction.core.parallel import spread
 from stiction.evaluation.grid import GridCfg, Walk, plan_forward
-from stiction.evaluation.known_friction import known_to, nominal_known, parse_source
+from stiction.evaluation.policies import known_to, nominal_known, parse_source
 from stiction.evaluation.rollout import friction_at
 from stiction.files.bundle import Bundle
 from stiction.files.contract import Contract, robot_of
@@ -37,7 +36,6 @@ if TYPE_CHECKING:
     from stiction.virtual.bench import Bench
 
 BENCH_WORK = "benches"
-"""Name of the benches for progress."""
 
 
 def case_of(walk: Walk) -> Case | None:
@@ -68,17 +66,9 @@ def identify_on_benches(
     jobs: int = 1,
     progress: Callable[[str, float], None] = lambda name, share: None,
 ) -> None:
-    """Identify the robots that were not on their bench yet.
+    """Identify the robots that were not on their bench yet, in folders of `out`.
 
-    Args:
-        benches: of the robots, some perhaps more than once.
-        out: folder of what is identified, one folder a robot.
-        jobs: processes at once; they do not change the result.
-        progress: called with `BENCH_WORK` and the share that is done.
-
-    Raises:
-        StictionError: a file cannot be written, or another process writes the folder.
-
+    jobs: processes at once; they do not change the result. Raises `StictionError` where a file cannot be written.
     """
     missing = {bench.label: bench for bench in benches if not all_identified([bench], out)}
     if not missing:
@@ -104,23 +94,19 @@ def with_known_friction(
 ) -> list[Walk]:
     """Return walks, those of policies that observe their joints' friction with the friction that they are given.
 
-    Robots that were not on their benches yet are put there first. walks: of the grid; bundles: its policies; cfg: the
-    grid, whose base says which friction is given; robot: see `robot_of`; others as of `identify_on_benches`. Raises
-    `StictionError` where a file cannot be read or written.
+    Robots are put on their benches first; arguments as of `identify_on_benches`. Raises `StictionError`.
     """
     identify_on_benches(benches_of(walks, bundles, cfg, robot), out, jobs, progress)
     contracts = {bundle.name: bundle.contract for bundle in bundles}
     specs = {name: robot_of(contract, robot) for name, contract in contracts.items()}
     known: dict[tuple[Any, ...], tuple[float, ...] | None] = {}
+    told = []
     for walk in walks:
-        if _same_robot(walk) not in known:
-            known[_same_robot(walk)] = _known(walk, contracts[walk.policy], specs[walk.policy], cfg, out)
-    return [replace(walk, known=known[_same_robot(walk)]) for walk in walks]
-
-
-def _same_robot(walk: Walk) -> tuple[Any, ...]:
-    """Return what walks share in which one policy is given the same friction."""
-    return walk.policy, walk.simulator, walk.level, walk.robot
+        same = walk.policy, walk.simulator, walk.level, walk.robot
+        if same not in known:
+            known[same] = _known(walk, contracts[walk.policy], specs[walk.policy], cfg, out)
+        told.append(replace(walk, known=known[same]))
+    return told
 
 
 def _known(walk: Walk, contract: Contract, spec: Robot, cfg: GridCfg, out: Path) -> tuple[float, ...] | None:
@@ -174,10 +160,7 @@ def benches_of(walks: Iterable[Walk], bundles: Sequence[Bundle], cfg: GridCfg, r
 def unidentified_notes(
     walks: Collection[Walk], bundles: Sequence[Bundle], cfg: GridCfg, out: Path, robot: str | None = None
 ) -> list[str]:
-    """Return a sentence for every friction that a bench did not identify, and what a policy was given instead.
-
-    Robots that were not on their bench yet are left out. Arguments and errors as of `with_known_friction`.
-    """
+    """Return a sentence for every friction that a bench, of those done, did not identify, and what is in its place."""
     notes = [
         f"On {bench.label}, as {bundle.name} is told it: {note}"
         for bundle in bundles
@@ -196,14 +179,9 @@ def forward_walks(
     robot: str | None = None,
     progress: Callable[[str, float], None] = lambda name, share: None,
 ) -> list[Walk]:
-    """Return the walks of `cfg.forward`, each with the friction that is fed forward.
+    """Return the walks of `cfg.forward`, each with the friction that is fed forward, but where a bench identified none.
 
-    Left out are those on a robot whose bench does not identify the friction of some joint: `forward_notes` names them.
-    Robots that were not on their benches yet are put there first. Arguments as of `with_known_friction`.
-
-    Raises:
-        StictionError: no bundle has such a name, one compensates friction itself, or a file cannot be read or written.
-
+    Arguments as of `with_known_friction`. Raises `StictionError` for unknown names and policies that compensate.
     """
     by_name = {bundle.name: bundle for bundle in bundles}
     for name in cfg.forward:
@@ -217,36 +195,23 @@ def forward_walks(
     walks = []
     for walk, bench in benches.items():
         if bench is None:
-            walks.append(_fed_its_level(walk, cfg.base.law.name, robot_of(by_name[walk.policy].contract, robot)))
+            limit = robot_of(by_name[walk.policy].contract, robot).joint_values("torque_limit")
+            fed_arrays = fed_at_level(cfg.base.law.name, float(walk.level), limit)
+            friction, load = (None if part is None else tuple(part.tolist()) for part in fed_arrays)
+            walks.append(replace(walk, forward=friction, forward_load=load))
         elif not (fed := identified[bench.label]).nothing:
-            walks.append(_fed_from_bench(walk, fed))
+            loaded = fed.load is not None and parse_compensation(walk.forward_by).feeds_load
+            forward = {"forward": fed.unloaded, "forward_load": fed.load} if loaded else {"forward": fed.friction}
+            walks.append(replace(walk, **forward))
     return walks
 
 
-def _fed_its_level(walk: Walk, law: str, spec: Robot) -> Walk:
-    """Return a walk of the data sheet's robot with the friction of its level fed forward."""
-    friction, load = fed_at_level(law, float(walk.level), spec.joint_values("torque_limit"))
-    forward_load = None if load is None else tuple(load.tolist())
-    return replace(walk, forward=tuple(friction.tolist()), forward_load=forward_load)
-
-
 def fed_at_level(law: str, level: Any, torque_limit: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return f [N m] and c [1] of every joint that are fed forward where its friction is a level of a law.
-
-    Of `LOAD_LAW` the level is c, and there is no friction without the motor's torque; else it is a fraction of the
-    torque limit, and there is no c. level: a number, or of shape (..., 1); torque_limit: [N m], shape (J,).
-    """
+    """Return f [N m] and c [1] of every joint that are fed forward where its friction is a level of a law."""
     if law == LOAD_LAW:
         load = level * np.ones_like(torque_limit)
         return np.zeros_like(load), load
     return level * torque_limit, None
-
-
-def _fed_from_bench(walk: Walk, fed: Fed) -> Walk:
-    """Return a walk of a virtual robot with what its bench found fed forward."""
-    if fed.load is None or not parse_compensation(walk.forward_by).feeds_load:
-        return replace(walk, forward=fed.friction)
-    return replace(walk, forward=fed.unloaded, forward_load=fed.load)
 
 
 def _forward_benches(bundles: Sequence[Bundle], cfg: GridCfg, robot: str | None) -> dict[Walk, Bench | None]:
@@ -270,7 +235,6 @@ class Fed:
     without: tuple[str, ...]
     """Joints of kinds of which the bench identified none; nothing is fed there."""
     why: str
-    """Why the first of both was not identified."""
 
     @property
     def nothing(self) -> bool:
@@ -279,12 +243,7 @@ class Fed:
 
 
 def fed_friction(bench: Bench, out: Path) -> Fed:
-    """Return the friction of every joint as a bench identified it.
-
-    A load coefficient is that of the torque of gravity, which at rest is the motor's; where a joint has none, its
-    friction is the same for all ways. out: as of `identify_on_benches`. Raises `StictionError` where the file cannot be
-    read.
-    """
+    """Return the friction of every joint as a bench identified it. Raises `StictionError` for an unreadable file."""
     file, why = _found(bench, out), {}
     found: dict[str, tuple[float, float, float]] = {}
     for joint in bench.spec.joints:
@@ -309,10 +268,7 @@ def fed_friction(bench: Bench, out: Path) -> Fed:
 
 
 def forward_notes(bundles: Sequence[Bundle], cfg: GridCfg, out: Path, robot: str | None = None) -> list[str]:
-    """Return a sentence for every robot whose bench did not identify the friction of every joint.
-
-    Robots that were not on their bench yet are left out. Arguments and errors as of `forward_walks`.
-    """
+    """Return a sentence for every robot whose bench, where it is done, did not identify the friction of all joints."""
     benches = {bench.label: bench for bench in _forward_benches(bundles, cfg, robot).values() if bench is not None}
     notes = []
     for label, bench in benches.items():

@@ -1,4 +1,4 @@
-"""The renderer of clips, and its clips of bundles that walk, alone or side by side, as animated WebP.
+"""The renderer of clips, and its clips of bundles that walk side by side, as animated WebP.
 
 Rendering happens in a process of its own, see `core.opengl`.
 """
@@ -8,7 +8,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,16 +30,12 @@ WIDTH, HEIGHT = 320, 240
 """Size of a frame [pixels]."""
 
 FRAME_EVERY = 2
-"""Control steps per frame: 25 frames a second at 50 Hz."""
 
 SETTLE = 1.0
 """What is not shown at the start [s]."""
 
 TIMEOUT = 120.0
 """Longest that a clip may take [s]."""
-
-ENGINE, CELL = "physx", "all"
-"""Engine in which a virtual robot walks, one that no policy was trained in, and what of the robot is real."""
 
 CAMERA = {"azimuth": 125.0, "elevation": -30.0, "distance": 1.8}
 """Position of the camera about the robot [degrees, m]."""
@@ -50,55 +45,15 @@ class ClipError(EngineError):
     """A clip could not be rendered, mostly for want of OpenGL."""
 
 
-def record_clip(
-    bundle: Path,
-    level: float,
-    command: str,
-    out: Path,
-    seconds: float = 4.0,
-    law: str = "coulomb",
-    robot: int | None = None,
-) -> Path:
-    """Render a clip of a bundle at a friction level under a command; return its path.
-
-    Args:
-        bundle: directory of the bundle.
-        level: dry friction as a fraction of the torque limit, or the law's coefficient [-].
-        command: as for `parse_command`.
-        out: the WebP file to write.
-        seconds: length of the clip [s].
-        law: law of the dry friction; `stribeck` with its default numbers. A virtual robot has its own.
-        robot: seed of a virtual robot that walks in PhysX, which is installed, and is shown in MuJoCo's renderer; None:
-            the robot of the data sheet in the simulator of the training.
-
-    Raises:
-        ClipError: no OpenGL, or the renderer failed.
-
-    """
-    # Words are told by their places: only the last one may be left out.
-    words = [word for word in ("one", out, bundle, level, command, seconds, law, robot) if word is not None]
-    return render("stiction.evaluation.clip", words, out, TIMEOUT, ClipError, "clip")
-
-
 def record_side_by_side(
     bundles: Sequence[Path], names: Sequence[str], colors: Sequence[str], level: float, command: str, out: Path
 ) -> Path:
     """Render policies of one robot that start together: one camera that stands still, metre marks; return the path.
 
-    Args:
-        bundles: directories of the bundles, at least one.
-        names: what each is called in the legend.
-        colors: of each, `#rrggbb`, of its body and its name.
-        level: dry friction as a fraction of the torque limit [-].
-        command: as for `parse_command`; the camera looks across the way that it leads forward or backward.
-        out: the WebP file to write.
-
-    Raises:
-        ClipError: no OpenGL, or the renderer failed.
-
+    names, colors: of each in the legend, `#rrggbb`; level: fraction of the torque limit [-]. Raises `ClipError`.
     """
     robots = (word for each in zip(bundles, names, colors, strict=True) for word in each)
-    words = ["together", out, level, command, *robots]
+    words = [out, level, command, *robots]
     return render("stiction.evaluation.clip", words, out, TIMEOUT_TOGETHER, ClipError, "clip")
 
 
@@ -110,9 +65,7 @@ class Lane:
     """One of the robots that are shown side by side."""
 
     name: str
-    """In the legend."""
     color: str
-    """Of its body and its name, `#rrggbb`."""
     place: float
     """Along y [m]."""
 
@@ -129,16 +82,8 @@ def write_clip(
 ) -> None:
     """Write a frame of each moment as an endless WebP, whatever the suffix of `out`; needs OpenGL.
 
-    Args:
-        model: compiled by MuJoCo.
-        moments: at each, the data of every robot with positions computed; the first with the ground.
-        camera: MuJoCo's.
-        period: time between two moments [s].
-        out: the file.
-        size: width and height of a frame [pixels].
-        lanes: of the robots, where they are told apart.
-        metres: along x, that are marked on the ground.
-
+    moments: the data of every robot with positions computed, the first with the ground; period: between them [s]; size:
+    of a frame [pixels]; lanes: where robots are told apart; metres: along x, marked on the ground.
     """
     import mujoco
     from PIL import Image
@@ -231,10 +176,9 @@ def _captioned(frame: Any, lanes: Sequence[Lane]) -> Any:
 
 
 def walked(bundle: Bundle, level: float, command: Command, seconds: float, law: str = "coulomb") -> np.ndarray:
-    """Let a bundle walk in the simulator of its training; return the start and the end of every control period.
+    """Return the state of a walk in MuJoCo at start and end of every control period, (moments, 7 + joints).
 
-    level: dry friction as a fraction of the torque limit, or the law's coefficient [-]; seconds: length [s]. Of each
-    moment, free joint and joints, shape (moments, 7 + joints).
+    level: fraction of the torque limit, or the law's coefficient [-]; seconds: length [s].
     """
     from stiction.deploy.policy import load_policy
     from stiction.evaluation.rollout import Rollout, friction_at
@@ -251,28 +195,6 @@ def walked(bundle: Bundle, level: float, command: Command, seconds: float, law: 
     return np.array(states)
 
 
-def walked_virtually(bundle: Bundle, robot: int, level: float, command: Command, seconds: float) -> np.ndarray:
-    """Let a bundle walk on a virtual robot; return its state at the start of every control period, as `walked` does.
-
-    robot: its seed; level: mean over its joints of f/τ_max [-]. A robot that has fallen stays where it is. Raises
-    `StictionError` where the bundle does not fit the robot, or the engine is not installed.
-    """
-    from stiction.engines.catalog import make_engine
-    from stiction.engines.engine import Motion
-    from stiction.virtual.cases import Case, Level
-    from stiction.virtual.trial import World, walk
-
-    velocity, states = np.array(command.velocity), []
-
-    def steer(step: int, motion: Motion) -> np.ndarray:
-        states.append(np.concatenate((motion.base_position, motion.base_quaternion, motion.joint_position)))
-        return velocity
-
-    steps = round(seconds / bundle.contract.control_period)
-    walk(bundle, Case(robot, CELL, Level(level)), World(partial(make_engine, ENGINE)), steer, steps)
-    return np.array(states + states[-1:] * (steps - len(states)))
-
-
 def compiled(robot: Robot, size: tuple[int, int] = (WIDTH, HEIGHT)) -> Any:
     """Return MuJoCo's model of a robot on flat ground, for frames of a width and height [pixels]."""
     from stiction.robots.mjcf import build
@@ -282,25 +204,12 @@ def compiled(robot: Robot, size: tuple[int, int] = (WIDTH, HEIGHT)) -> Any:
     return spec.compile()
 
 
-def _render_one(
-    out: str, path: str, level: str, command: str, seconds: str, law: str = "coulomb", robot: str = ""
-) -> None:
-    """Render in this process; arguments as of `record_clip`."""
-    bundle, length = check_for_simulation(path), SETTLE + float(seconds)
-    what = float(level), parse_command(command), length
-    states = walked_virtually(bundle, int(robot), *what) if robot else walked(bundle, *what, law)[1:]
-    period, model = bundle.contract.control_period, compiled(robot_of(bundle.contract))
-    shown = [step for step in range(len(states)) if step * period >= SETTLE and step % FRAME_EVERY == 0]
-    write_clip(model, posed(model, [states[shown]]), following(model), FRAME_EVERY * period, Path(out))
-
-
 # Policies side by side.
 
 SIZE, CAPTION = (960, 400), 22
 """Size of a frame, and of a line of its legend [pixels]."""
 
 FRAMES = 12.5
-"""Frames a second, in real time."""
 
 TOGETHER = 7.0
 """Length of the clip [s], from the start."""
@@ -312,7 +221,6 @@ LANE = 1.3
 """Distance of two robots from each other, over their width at least [m]."""
 
 GREY = np.array([0.25, 0.27, 0.3, 1.0])
-"""Of the marks on the ground."""
 
 
 def metres_of(walks: Sequence[np.ndarray]) -> range:
@@ -350,8 +258,4 @@ def _render_together(out: str, level: str, command: str, *robots: str) -> None:
 # At the end of the module: as a program it runs from top to bottom.
 if __name__ == "__main__":
     follow_parent()
-    kind, *words = sys.argv[1:]
-    if kind == "one":
-        _render_one(*words)
-    else:
-        _render_together(*words)
+    _render_together(*sys.argv[1:])

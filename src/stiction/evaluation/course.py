@@ -7,6 +7,7 @@ beyond the end of the course has crossed it; of stairs it must have climbed all 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ import numpy as np
 from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.core.provenance import seed_streams
 from stiction.core.rotation import about
-from stiction.files.velocity import Command
+from stiction.files.velocity import AXES, Command
 from stiction.robots.terrain import KINDS, REACH, SLABS, STEEPEST, STEPS, Terrain, stair_height
 from stiction.task.terrain import (
     FINISH_MARGIN,
@@ -29,11 +30,11 @@ from stiction.task.terrain import (
 )
 
 if TYPE_CHECKING:  # Webots runs a policy by what is here, where there may be no MuJoCo.
+    from stiction.files.contract import Contract
     from stiction.sim.fleet import Fleet
     from stiction.virtual.drive import Commands
 
 UNITS = {"slope": "its angle [rad]", "rough": "its highest slab [m]", "stairs": "the height of a step [m]"}
-"""Kind of course -> what its size is."""
 
 START_HALF_WIDTH = 0.5
 """Half-width of the start, across the course [m]: the whole trunk is before the landing, whose half-width is 0.9 m."""
@@ -50,7 +51,6 @@ class Course:
     """The ground of an evaluation."""
 
     kind: str = "flat"
-    """One of `stiction.robots.terrain.KINDS`."""
     size: float = 0.0
     """Height of a step [m], angle of the slope [rad], height of the highest slab [m]; of flat ground 0."""
 
@@ -94,10 +94,7 @@ class Course:
         return terrain
 
     def judge(self, position: np.ndarray, upright: np.ndarray) -> tuple[float | None, float | None]:
-        """Return the mean number of steps passed, None where there are none, and the share of robots that crossed.
-
-        position: of the base, shape (T, N, 2) [m]; upright: bool, shape (T, N).
-        """
+        """Return mean steps passed and share that crossed, None without; position (T, N, 2) [m], upright (T, N)."""
         if self.is_flat:
             return None, None
         over = crossed(position, upright, self.kind == "stairs").any(axis=0).mean()
@@ -108,7 +105,6 @@ class Course:
 
 
 FLAT = Course()
-"""The plane."""
 
 
 def parse_course(text: str) -> Course:
@@ -125,10 +121,7 @@ def parse_course(text: str) -> Course:
 
 
 def starts(seed: int, count: int) -> np.ndarray:
-    """Return where walks over a course begin: aside of its middle [m] and askew [rad], shape (count, 2).
-
-    A walk's start is that of its number alone, however many there are.
-    """
+    """Return where walks over a course begin: aside [m] and askew [rad], (count, 2), each by its number alone."""
     return seed_streams(seed, ["start"])["start"].uniform(-1.0, 1.0, (count, 2)) * (START_HALF_WIDTH, HEADING_ERROR)
 
 
@@ -156,21 +149,30 @@ def straight_on(yaw: np.ndarray | float) -> np.ndarray:
 
 
 def crossed(position: np.ndarray, upright: np.ndarray, stairs: bool) -> np.ndarray:
-    """Return whether each robot is beyond its course upright at each step, (T, N); `stairs`: after the landing.
-
-    Arguments as of `steps_passed`.
-    """
+    """Return whether each robot is beyond its course upright at each step, (T, N); `stairs`: after the landing."""
     over = (position[..., 0] > REACH + FINISH_MARGIN) & upright
     return over & (steps_passed(position, upright)[0] == STEPS) if stairs else over
 
 
 def steps_passed(position: np.ndarray, upright: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return how many steps each robot has passed upright until each moment, up, and down on the other side; (T, N).
-
-    position: of the base, (T, N, 2) [m]; upright: bool, (T, N).
-    """
+    """Return steps passed upright until each moment, up and down, (T, N); position: of the base, (T, N, 2) [m]."""
     level = stair_height(position, np.ones((1, 1)))
     up = np.maximum.accumulate(level * upright)
     # On the far side the level falls again: what it lacks of the highest that was reached are the steps down.
     down = np.maximum.accumulate((up - level) * (upright & (position[..., 0] > 0.0)))
     return up, down
+
+
+SETTLE = 2.0
+"""What is not measured at the start of a walk [s]: the robot gets up to speed."""
+
+
+def untrained(commands: Iterable[Command], contract: Contract) -> str:
+    """Return which of the commands a policy was not trained for, and what it was; nothing where it was for all."""
+    # Not above: who only reads commands, such as a study's options, loads no runtime.
+    from stiction.deploy.plausibility import command_range
+
+    low, high = command_range(contract)
+    beyond = [one.label for one in commands if not ((low <= one.velocity) & (one.velocity <= high)).all()]
+    spans = ", ".join(f"{axis} {a:g} to {b:g}" for axis, a, b in zip(AXES, low, high, strict=True))
+    return f"command {', '.join(beyond)}: the policy was trained for {spans}" if beyond else ""

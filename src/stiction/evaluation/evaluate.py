@@ -1,8 +1,6 @@
-"""Drives a policy bundle over friction levels and commands in MuJoCo.
+"""Drives a policy bundle over friction levels and commands in MuJoCo, in one batch, a robot for every episode.
 
-Every (level, command, episode) of a policy is one robot of one fleet, so that a policy costs one batched rollout.
-Episode e meets the same initial state and the same sensor noise at every level and command: rows differ by friction and
-command, not by luck.
+Episode e meets the same initial state and sensor noise at every level and command.
 """
 
 from __future__ import annotations
@@ -18,12 +16,9 @@ from stiction.core.errors import ConfigurationError, check_once
 from stiction.core.provenance import seed_streams
 from stiction.deploy.control import Driver
 from stiction.deploy.policy import load_policy
-from stiction.evaluation.command import SETTLE
-from stiction.evaluation.course import Course, course_commands, line_up, parse_course, starts
-from stiction.evaluation.known_friction import known_to, parse_source
-from stiction.evaluation.methods import method_of
+from stiction.evaluation.course import SETTLE, Course, course_commands, line_up, parse_course, starts
 from stiction.evaluation.metrics import Metrics, measure
-from stiction.evaluation.own_policy import FunctionDriver, OwnPolicy
+from stiction.evaluation.policies import FunctionDriver, OwnPolicy, known_to, method_of, parse_source
 from stiction.files.bundle import Bundle
 from stiction.files.contract import Contract, robot_of
 from stiction.files.results import DIRECTIONS, ResultRow, slowest_of
@@ -36,10 +31,31 @@ from stiction.task.config import NoiseCfg
 from stiction.virtual.drive import Commands, record
 
 ENGINE = "mujoco"
-"""Where robots walk here, as it stands in results.csv."""
 
 MAX_ROBOT_SECONDS = 400_000.0
 """Most robots at once times seconds: at 50 Hz the recording of these fills some 700 MB [s]."""
+
+
+FLEET = (
+    *(f"core/{name}.py" for name in ("names", "rotation", "provenance")),
+    *(f"joints/{name}.py" for name in ("compensation", "pd", "friction")),
+    *("sim/*.py", "robots/*.py", "robots/shipped/*.json", "task/friction.py", "task/terrain.py", "virtual/drive.py"),
+    *(f"files/{name}.py" for name in ("method", "contract", "known_friction", "observation", "velocity", "walk")),
+    *(f"evaluation/{name}.py" for name in ("course", "evaluate", "metrics", "policies", "rollout")),
+)
+"""Code that decides the motion of robots under a contract in the simulator of the training."""
+
+WALK_CODE = (*FLEET, "deploy/*.py", "engines/*.py", "engines/ode/*.py", "virtual/*.py", "evaluation/grid.py")
+"""Code that decides the metrics of a bundle's walk; the key has `binaries` of the engine beside it."""
+
+RUN_WALK_CODE = (
+    *FLEET,
+    *(f"deploy/{name}.py" for name in ("check", "control", "observation")),
+    *(f"learning/{name}.py" for name in ("models", "runner", "symmetry")),
+    *(f"task/{name}.py" for name in ("config", "observations", "randomization", "symmetry", "task_fleet")),
+    *("evaluation/export.py", "evaluation/newest.py"),
+)
+"""Code that decides the walks of a run's teacher and student; beside it keys have `RunDirectory.walks_by`."""
 
 
 @dataclass(frozen=True)
@@ -156,11 +172,8 @@ class Evaluation:
     """What one policy reached."""
 
     rows: tuple[ResultRow, ...]
-    """One row per level and command."""
     metrics: tuple[Metrics, ...]
-    """Of each row, all that was measured."""
     episodes: tuple[tuple[Metrics, ...], ...]
-    """Of each row, each of its episodes alone."""
 
 
 def evaluate_bundle(
@@ -180,9 +193,7 @@ class Driven:
     """What a policy's robots did."""
 
     spec: Robot
-    """The robot."""
     weight: float
-    """Its weight [N]."""
     parts: tuple[tuple[float, Command, Recording], ...]
     """Of every friction level and command, in the order of the rows: level, command, measured part of the episodes."""
 
@@ -221,10 +232,7 @@ def drive_bundle(
     progress: Callable[[float], None] = lambda share: None,
     compensation: FrictionController | None = None,
 ) -> Driven:
-    """Drive a bundle, as checked by `check_bundle`, over levels and commands and return what its robots did.
-
-    robot: see `robot_of`; other arguments and errors as of `drive`.
-    """
+    """Drive a checked bundle and return what its robots did; arguments and errors as of `drive`."""
     from stiction.evaluation.rollout import friction_at
 
     spec = robot_of(bundle.contract, robot)
@@ -251,18 +259,8 @@ def drive(
 ) -> Driven:
     """Drive robots over levels and commands and return what they did.
 
-    Args:
-        policy: the driver, its batch (cfg.num_robots,): robot i is at level i of `cfg.robot_levels`.
-        contract: what it expects of the robot.
-        spec: the robot, as from `robot_of`.
-        cfg: levels, commands, episodes.
-        threads: threads of the simulator; they do not change the result.
-        progress: called with the share that is done [-].
-        compensation: see `Rollout`.
-
-    Raises:
-        StictionError: the robot does not fit, the delay is longer than its model holds, or there are too many at once.
-
+    policy: its batch (cfg.num_robots,), robot i at level i of `cfg.robot_levels`; compensation: see `Rollout`; threads
+    do not change the result. Raises `StictionError` where the robot or delay does not fit, or for too many at once.
     """
     from stiction.evaluation.rollout import Rollout, friction_at
 

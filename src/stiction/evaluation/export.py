@@ -1,7 +1,7 @@
 """Turns a trained student into a policy bundle. Needs torch and onnx.
 
-Golden vectors are recorded with the policy as training computes it and replayed with the runtime's (NumPy and
-onnxruntime), so that a drift between the two shows in every bundle.
+Golden vectors are recorded with the policy as training computes it and replayed with the runtime's, NumPy and
+onnxruntime.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from stiction.deploy.observation import Sensors, friction_of_robots
 from stiction.deploy.policy import INPUT, OUTPUT, VELOCITY, PolicyStep
 from stiction.deploy.vendor import VendorMap, write_maker_targets
 from stiction.evaluation.golden import record_golden
-from stiction.evaluation.known_friction import nominal_known
+from stiction.evaluation.policies import nominal_known
 from stiction.files.bundle import MAX_BYTES, WEAR, write_bundle
 from stiction.files.contract import Contract, robot_of
 from stiction.files.contract_rules import COMMAND_CORRECTION, TARGET_LIMITS
@@ -86,6 +86,7 @@ def write_card(contract: Contract) -> str:
     used, level = contract.joints_file, level_text(contract.friction_law, contract.friction_level)
     coefficient = has_coefficient(contract.friction_law)
     net, method = contract.actuator, known_method(contract.method)
+    side = f" of {contract.torque_source.replace('_', '-')} torque" if contract.torque_source else ""
     return TEMPLATE.format(
         robot=contract.robot,
         terrain=contract.terrain,
@@ -105,17 +106,12 @@ def write_card(contract: Contract) -> str:
         period=contract.control_period,
         identification=_file_text(used) if used else "none",
         told=_known_friction_line(contract),
-        torque=f"Actuator Net{_side(contract)} {_file_text(net)}" if net else "PD law with the gains of the contract",
+        torque=f"Actuator Net{side} {_file_text(net)}" if net else "PD law with the gains of the contract",
         settings=settings_text(contract.settings),
         seed=contract.seed,
         revision=contract.revision,
         command=contract.command,
     )
-
-
-def _side(contract: Contract) -> str:
-    """Return where the torque of a contract's Actuator Net was measured, in the words of the card."""
-    return f" of {contract.torque_source.replace('_', '-')} torque" if contract.torque_source else ""
 
 
 def _more_friction(contract: Contract) -> str:
@@ -161,21 +157,10 @@ def export_run(
 ) -> BundleCheck:
     """Export the student of a training run, write its bundle, and check what was written.
 
-    Args:
-        run: directory of the run.
-        out: directory to make.
-        wear: the wear.json that `stiction study adaptation` made for the run, to go into the bundle.
-        joints: the joints.json of a robot, for a policy that observes its joints' friction.
-        joint_map: RECORDED=JOINT pairs where its records have other names than the policy's joints.
-        say: called with what the joints.json lacks, and what stands in its place.
-        robot: the run's own, where its config.json names it as a module; see `RunDirectory.adopt`.
-        maker_targets: CSV to make of the recorded targets as the robot's maker numbers them.
-
-    Raises:
-        StictionError: not a run, a run that is not finished, a wear.json of another student, a joints.json of another
-            robot or for a policy that observes no friction, no maker's order for `maker_targets`, or `out` exists
-            already.
-
+    wear: the wear.json of `stiction study adaptation`; joints: the joints.json of a robot, for a policy that observes
+    its joints' friction; joint_map: RECORDED=JOINT pairs; say: called with what the joints.json lacks; robot: see
+    `RunDirectory.adopt`; maker_targets: CSV of recorded targets in the maker's order. Raises `StictionError` for a run
+    that is not finished, files of another student or robot, or where `out` exists.
     """
     refuse_alone(joint_map, joints)
     directory = RunDirectory(run)
@@ -229,14 +214,7 @@ def _wear_of(run: RunDirectory, path: Path) -> WearModel:
 
 
 def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
-    """Return the contract of a run.
-
-    Args:
-        cfg: configuration of the run.
-        header: `command`, `revision`, `identified`, of a run with a net `actuator` and `torque_source`, and where it
-            is there `config`, as in its config.json.
-
-    """
+    """Return the contract of a run; header: of its config.json, perhaps without `config`."""
     task = cfg.task
     spec, identified = find_robot(task.robot), header["identified"]
     check_named(spec)
@@ -248,6 +226,9 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
     low, high = task.friction.last.range
     narrowest = float((spec.joint_values("upper") - spec.joint_values("lower")).min())
     angle, push = friction_angle(task.friction, joints, spec), BY_SPEED.push
+
+    # Where the program lay says nothing to others.
+    words = shlex.split(str(header["command"]))
 
     def of_joints(name: str) -> tuple[float, ...]:
         return tuple(spec.joint_values(name).tolist())
@@ -288,7 +269,7 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         command_correction=COMMAND_CORRECTION,
         command_range=_command_range(task),
         revision=str(header["revision"]),
-        command=_without_folders(str(header["command"])),
+        command=shlex.join([Path(word).name if not number else word for number, word in enumerate(words)]),
         actuator=header.get("actuator"),
         torque_source=header.get("torque_source"),
         joints_file={"name": identified["file"], "sha256": identified["sha256"]} if identified else None,
@@ -322,17 +303,9 @@ def _command_range(task: TaskCfg) -> dict[str, tuple[float, float]]:
 
 
 def export_policy(module: torch.nn.Module, contract: Contract, out: Path, wear: WearModel | None = None) -> BundleCheck:
-    """Write the bundle of a network and check it: what onnxruntime and NumPy compute against what torch computed.
+    """Write the bundle of a network, (N, size) float32 -> actions (N, J), and check it against what torch computed.
 
-    Args:
-        module: observations (N, size), float32 -> actions (N, J).
-        contract: what the policy expects of robot and runtime.
-        out: directory to make.
-        wear: map of the wear monitor, or None.
-
-    Raises:
-        StictionError: `out` exists already, the robot is unknown, or the bundle does not pass its own check.
-
+    Raises `StictionError` where `out` exists, the robot is unknown, or the bundle does not pass its own check.
     """
     if out.exists():
         raise BundleError(f"{out} exists already; choose another --out or remove it")
@@ -405,12 +378,6 @@ def _strip(model: Any) -> None:
     graph.ClearField("value_info")
 
 
-def _without_folders(command: str) -> str:
-    """Return a command line without its program's folder: where it lay says nothing to others."""
-    words = shlex.split(command)
-    return shlex.join([Path(words[0]).name, *words[1:]]) if words else command
-
-
 class TrainedPolicy:
     """Sensors and command in, joint targets out, by the modules of training."""
 
@@ -419,16 +386,8 @@ class TrainedPolicy:
     ) -> None:
         """Start with an empty history.
 
-        Args:
-            module: observations (num, size), float32 -> actions (num, J).
-            contract: layout, standing pose, scale and clip of the action.
-            num: robots side by side.
-            known_friction: f/τ_max of each kind of joint [-], shape (kinds,) or (num, kinds), for a policy that
-                observes it; by default what the contract says.
-
-        Raises:
-            StictionError: the friction does not fit the policy.
-
+        module: observations (num, size), float32 -> actions (num, J); known_friction: f/τ_max of each kind of joint
+        [-], (kinds,) or (num, kinds), by default what the contract says. Raises `StictionError` where it does not fit.
         """
         self._contract, layout = contract, contract.observation
         self._module = (WithVelocity(module) if contract.estimates_velocity else module).eval()

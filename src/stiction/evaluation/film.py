@@ -1,9 +1,7 @@
 """Clips of a training run while it goes on: what the policy of a checkpoint does, as an animated WebP.
 
-A process of its own films a copy of each checkpoint at a low priority: the training waits for it at its very end
-alone, and is the same with and without. All clips of a run show the same robot, drawn once from the run's ranges, at
-`FORWARD` without pushes or exploration noise, with the friction of the checkpoint's stage, on the mean terrain level
-that was reached.
+A process of its own films a copy of each checkpoint at a low priority; the training is the same with and without. All
+clips show the same robot at `FORWARD`, without pushes or noise, on the mean terrain level that was reached.
 """
 
 from __future__ import annotations
@@ -36,10 +34,8 @@ SECONDS = 4.0
 """Length of a clip [s]."""
 
 PRIORITY = 10
-"""Nice value of the process that films."""
 
 COPY = ".filming-"
-"""Begin of the name of a folder with the copy of a checkpoint, in that of the clips."""
 
 TIMEOUT = 600.0
 """Longest that a clip may take beside a training on all cores [s]."""
@@ -50,9 +46,7 @@ class _Shot:
     """A checkpoint to film: a copy, since the training deletes old ones."""
 
     out: Path
-    """The clip."""
     checkpoint: Path
-    """The copy, in a folder of its own."""
 
     @property
     def log(self) -> Path:

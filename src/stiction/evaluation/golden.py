@@ -19,7 +19,6 @@ STEPS = 600
 """Recorded steps: 12 s at 50 Hz."""
 
 RESET_EVERY, COMMAND_EVERY = 200, 50
-"""Steps between resets, and between new commands."""
 
 COMMAND_BOUND = (0.6, 0.3, 0.6)
 """Half-widths of the random commands: forward, sideways [m/s], turn [rad/s]."""
@@ -33,11 +32,10 @@ EXTREME_SHARES = (0.0, 0.25, 0.5, 1.0)
 
 
 def record_golden(contract: Contract, policy: Driver, spec: Robot, seed: int = 0) -> Golden:
-    """Drive one robot with the contract's nominal joints and return what it measured and what the policy computed.
+    """Drive one robot with the contract's nominal joints.
 
-    Behind the walk, after one more reset, come readings that drive observation, action and torque to their limits.
-
-    policy: a batch of one; seed: of noise, initial states, commands and those readings.
+    Return what it measured and what the policy, of one, computed. Behind the walk, after one more reset, come readings
+    that drive observation, action and torque to their limits.
     """
     streams = seed_streams(seed, ["golden noise", "golden commands", "golden extremes"])
     noise = [streams["golden noise"]]
@@ -81,11 +79,9 @@ def record_golden(contract: Contract, policy: Driver, spec: Robot, seed: int = 0
 def extreme_reading(
     contract: Contract, walked: Sensors, command: np.ndarray, step: int, generator: np.random.Generator
 ) -> tuple[Sensors, np.ndarray]:
-    """Return a reading and a command, some of whose entries are beyond the clips of the observation.
+    """Return a reading and a command, some of whose entries are beyond the clips of the observation, at some step.
 
-    Every fourth step all joints are; then the base is turned anyhow, turns fast, and is commanded to.
-
-    walked: a reading of one robot, shapes (1, ...), of which the others are; command: shape (3,); step: its number.
+    Every fourth step all joints are, and the base. walked: a reading of one robot, shapes (1, ...), for all else.
     """
     share, rest = EXTREME_SHARES[step % len(EXTREME_SHARES)], contract.array("standing")
     readings = {name: value.copy() for name, value in walked.arrays().items()} | {"command": command[None]}

@@ -4,17 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from itertools import groupby
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from stiction.core.errors import ConfigurationError, EngineError, check_once, unknown_name
+from stiction.core.rotation import yaw
 from stiction.engines.catalog import ENGINES, EngineSpec, find_engine
-from stiction.evaluation.course import parse_course
-from stiction.evaluation.evaluate import EvaluationCfg
-from stiction.evaluation.methods import fed_suffix
-from stiction.joints.compensation import LOAD_LAW, Compensation, parse_compensation
+from stiction.evaluation.course import START_DISTANCE, Course, parse_course, starts, straight_on
+from stiction.evaluation.evaluate import EvaluationCfg, evaluate_bundle
+from stiction.evaluation.metrics import Metrics, measure
+from stiction.evaluation.policies import fed_suffix
+from stiction.files.bundle import Bundle
+from stiction.files.contract import robot_of
+from stiction.files.velocity import Command
+from stiction.joints.compensation import BY_ERROR, LOAD_LAW, Compensation, parse_compensation
 from stiction.joints.friction import Law, has_coefficient
+from stiction.robots.model import GRAVITY, Robot
 from stiction.virtual.cases import CELLS, FIRST_REPORTED, Case, Level, factorial, parse_levels, reported
+
+if TYPE_CHECKING:  # A batch needs none of it.
+    from stiction.engines.engine import Motion
+    from stiction.virtual.trial import CommandSource, RobotCase, World
 
 BATCH = "mujoco"
 """The simulator of the training, all its robots at once; the default of `stiction evaluate`."""
@@ -23,7 +36,6 @@ BATCH_COST = 0.05
 """Time that a robot of its batch takes, in the unit of `EngineSpec.cost`."""
 
 MOST_WALKS = 200_000
-"""Most walks of one policy in a grid: more would take days."""
 
 ALONE = {spec.alone: name for name, spec in ENGINES.items()}
 """Name of a shipped engine with one robot in it, as in results.csv -> its name in the registry of engines."""
@@ -55,9 +67,9 @@ class Simulator:
 
 
 def parse_simulator(text: str) -> Simulator:
-    """Return the simulator that a text names: an engine; after a `+` a cell of the virtual robot, or groups of it.
+    """Return the simulator in a text: an engine, and after a `+` a cell of the virtual robot.
 
-    Raises `StictionError` where there is no such engine or cell, or a virtual robot in a batch.
+    Raises `StictionError`.
     """
     engine, plus, cell = text.strip().partition("+")
     if ":" in engine:
@@ -163,10 +175,7 @@ class GridCfg:
         return list(self.robots) if any(simulator.cell for simulator in self.simulators) else []
 
     def on(self, terrain: str) -> EvaluationCfg:
-        """Return the configuration on one ground: over a course only the commands that lead over it.
-
-        Raises `StictionError` where there is no such ground, or no command leads over it.
-        """
+        """Return the configuration on one ground, with the commands that lead over it. Raises `StictionError`."""
         course = parse_course(terrain)
         commands = tuple(command.label for command in self.base.parsed_commands if course.takes(command))
         if not commands:
@@ -198,25 +207,19 @@ class Walk:
     """One episode of one policy in one cell of the grid."""
 
     policy: str
-    """Name of the bundle."""
     simulator: Simulator
-    """Engine and robot."""
     law: str
     """Law of the friction; of a virtual robot with friction `REAL`."""
     level: str
     """Friction, as a number or as `parse_level` reads it."""
     terrain: str
-    """Label of the ground."""
     command: str
-    """Label of the command."""
     episode: int
     """Number of start pose and noise."""
     robot: int | None = None
-    """Seed of the virtual robot."""
     forward: tuple[float, ...] | None = None
     """Friction that the joint controllers feed forward [N m], of each joint; None: they do not."""
     forward_by: str = "error"
-    """How, as `parse_compensation` reads it."""
     forward_load: tuple[float, ...] | None = None
     """Friction per torque of the motor that is fed beside it [1], of each joint; None: no coefficient is known, or the
     way has none."""
@@ -241,10 +244,7 @@ class Walk:
 
 
 def plan(policies: Sequence[str], cfg: GridCfg) -> list[Walk]:
-    """Return every walk of the grid without friction fed forward, those of one row beside each other.
-
-    Episodes of a virtual robot are spread over the robots: every robot walks `episodes` of them.
-    """
+    """Return every walk without friction fed forward, those of a row together; each virtual robot walks `episodes`."""
     return _walks([name for name in policies if not (cfg.forward_only and name in cfg.forward)], cfg)
 
 
@@ -312,3 +312,91 @@ def units(walks: Sequence[Walk], cfg: GridCfg) -> list[Unit]:
         found += [Unit(some[begin : begin + size]) for begin in range(0, len(some), size)]
     # Else a long one that is begun last keeps a single process busy at the end.
     return sorted(found, key=lambda unit: -unit.cost)
+
+
+def walk_unit(bundle: Bundle, unit: Unit, cfg: GridCfg, robot: str | None = None) -> list[Metrics]:
+    """Do a unit and return the metrics of each of its walks.
+
+    Raises `StictionError` where bundle or engine do not fit.
+    """
+    first, episodes = unit.walks[0], len(unit.walks)
+    cell = cfg.cell(first.terrain, first.command)
+    if not unit.simulator.is_batch:
+        return [_walk_alone(bundle, first, cell, robot_of(bundle.contract, robot))]
+    cell = replace(cell, friction_levels=(float(first.level),), episodes=episodes, first_episode=first.episode)
+    controller = None
+    if first.forward is not None:
+        contract, compensation = bundle.contract, parse_compensation(first.forward_by)
+        friction, width = np.array(first.forward), contract.compensation_width
+        controller = compensation.controller(friction, contract.physics_timestep, width, _load(first))
+    return list(evaluate_bundle(bundle, cell, robot, compensation=controller).episodes[0])
+
+
+def _load(walk: Walk) -> np.ndarray | float:
+    """Return the friction per torque of the motor that is fed forward [1], shape (J,) or a single zero."""
+    return 0.0 if walk.forward_load is None else np.array(walk.forward_load)
+
+
+def _walk_alone(bundle: Bundle, one: Walk, cfg: EvaluationCfg, spec: Robot) -> Metrics:
+    """Walk one robot in one engine."""
+    from stiction.engines import catalog
+    from stiction.engines.ground import course
+    from stiction.virtual.cases import Case, DataSheet, parse_level
+    from stiction.virtual.trial import TIMESTEP, World
+
+    engine, ground = one.simulator.spec, cfg.course
+    aside, askew = (0.0, 0.0) if ground.is_flat else starts(cfg.seed, one.episode + 1)[-1].tolist()
+    world = World(
+        make=partial(catalog.make_engine, engine.name),
+        ground=course(ground.kind, ground.size, cfg.seed),
+        start=(0.0 if ground.is_flat else -START_DISTANCE, aside),
+        heading=askew,
+        timestep=engine.timestep if one.robot is None else TIMESTEP,
+        noise=cfg.noise if one.robot is None else None,
+    )
+    case: RobotCase
+    if one.robot is None or one.simulator.cell is None:
+        case = DataSheet(cfg.seed, cfg.law, float(one.level))
+    else:
+        case = Case(one.robot, one.simulator.cell, parse_level(one.level))
+    friction, known = (None if given is None else np.array(given) for given in (one.forward, one.known))
+    # The robot of the data sheet has the evaluation's seed for its own, and so the noise that `Rollout` draws.
+    seed = 0 if one.robot is None else cfg.seed
+    compensation = BY_ERROR if friction is None else parse_compensation(one.forward_by)
+    return walk_once(bundle, case, world, cfg, one.episode, spec, friction, seed, known, compensation, _load(one))
+
+
+def walk_once(
+    bundle: Bundle,
+    case: RobotCase,
+    world: World,
+    cfg: EvaluationCfg,
+    episode: int,
+    spec: Robot,
+    friction: np.ndarray | None = None,
+    seed: int = 0,
+    known: np.ndarray | None = None,
+    compensation: Compensation = BY_ERROR,
+    load: np.ndarray | float = 0.0,
+) -> Metrics:
+    """Walk one episode and return its metrics. cfg: ground, as in `world`, one command, times; others as of `walk`."""
+    from stiction.virtual.trial import walk
+
+    (command,), period = cfg.parsed_commands, bundle.contract.control_period
+    steps = round(cfg.duration / period)
+    commands = command_source(command, cfg.course)
+    trial = walk(bundle, case, world, commands, steps, episode, None, spec, friction, seed, known, compensation, load)
+    part = trial.recording.extended(steps).of(slice(0, 1), round(cfg.settle / period))
+    return measure(part, command, spec.groups(), spec.mass * GRAVITY, cfg.course)
+
+
+def command_source(command: Command, ground: Course) -> CommandSource:
+    """Return what commands a robot: the command itself on flat ground; over a course its speed, straight on."""
+    velocity = np.array(command.velocity)
+    if ground.is_flat:
+        return lambda step, motion: velocity
+
+    def straight(step: int, motion: Motion) -> np.ndarray:
+        return np.array([velocity[0], 0.0, straight_on(yaw(motion.base_quaternion))])
+
+    return straight

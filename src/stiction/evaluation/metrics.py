@@ -1,8 +1,4 @@
-"""The columns of results.csv as pure functions of a recording.
-
-A robot that falls ends its episode: from then on its speed counts as zero, so that a policy gains nothing by running
-fast and falling.
-"""
+"""The columns of results.csv as pure functions of a recording. After a fall a robot's speed counts as zero."""
 
 from __future__ import annotations
 
@@ -76,15 +72,9 @@ class Metrics:
 def measure(
     recording: Recording, command: Command, groups: np.ndarray | None, weight: float, course: Course = FLAT
 ) -> Metrics:
-    """Return the metrics of one row, over all its episodes.
+    """Return the metrics of one row, over all its episodes, after settling.
 
-    Args:
-        recording: the measured part of the episodes, after settling.
-        command: what was commanded.
-        groups: contact group (0 or 1) of each foot, shape (L,); None where there are none.
-        weight: weight of the robot [N].
-        course: the ground.
-
+    groups: contact group (0 or 1) of each foot, shape (L,), None without; weight: of the robot [N].
     """
     steps_climbed, crossed = course.judge(recording.position, recording.upright)
     distance = displacement(recording)
@@ -114,9 +104,8 @@ def measure(
 def combine(episodes: Sequence[Metrics]) -> Metrics:
     """Return the metrics of a row from those of its episodes, each measured alone.
 
-    A share of moving steps is weighted by the number of moving steps, a cost of transport by distance; jitter is a root
-    mean square. `measure` gives the same over all episodes at once, but for the jitter of robots that fell and the
-    energy of robots that got nowhere.
+    Shares are weighted by moving steps, a cost of transport by distance; jitter is a root mean square. `measure` gives
+    the same at once, but for jitter after falls and the energy of robots that got nowhere.
     """
 
     def mean(name: str, weight: str | None = None) -> float | None:
@@ -194,11 +183,7 @@ def cost_of_transport(recording: Recording, distance: float, weight: float) -> f
 
 
 def joint_jitter(recording: Recording) -> float:
-    """Return the root mean square joint acceleration of robots that have not fallen [rad/s²]; 0 where all have.
-
-    The acceleration is the change of joint velocity over one control period, divided by it: motion faster than half the
-    control rate aliases.
-    """
+    """Return the root mean square of joint acceleration, by control period, before falls [rad/s²]; 0 if all fell."""
     if not recording.upright.any():
         return 0.0
     return float(np.sqrt(recording.square_acceleration[recording.upright].mean()))
@@ -216,10 +201,7 @@ def moving_steps(recording: Recording, command: Command) -> np.ndarray | None:
 def gait_shares(
     recording: Recording, moving: np.ndarray | None, groups: np.ndarray | None
 ) -> tuple[float | None, tuple[float, float] | None]:
-    """Return the shares of moving steps in flight, and on exactly group 0 and group 1; None without moving steps.
-
-    The feet on the ground must equal the group as a set, as in r_trot of the paper.
-    """
+    """Return the shares of moving steps in flight, and on exactly group 0 and 1, as in r_trot; None without any."""
     if moving is None or not moving.any():
         return None, None
     contact = recording.contact[moving]
@@ -230,8 +212,5 @@ def gait_shares(
 
 
 def set_share(contact: np.ndarray, feet: np.ndarray) -> float:
-    """Return the share of steps in which the feet on the ground are exactly `feet`, as a set [-].
-
-    contact: bool, shape (num_steps, L), at least one step; feet: bool, shape (L,).
-    """
+    """Return the share of steps, bool (num_steps, L), in which the feet on the ground are exactly `feet`, (L,)."""
     return float((contact == feet).all(axis=-1).mean())

@@ -1,7 +1,6 @@
 """The newest checkpoint of a training run, finished or not, as a policy of one robot. Needs torch.
 
-A student, and a teacher of one phase, walk on their history. The teacher of two phases is told the friction of its
-robot; here that is what its training called nominal, whatever the robot has.
+The teacher of two phases is told the friction of its robot: here what its training called nominal.
 """
 
 from __future__ import annotations
@@ -12,18 +11,92 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from torch import nn
 
-from stiction.core.errors import StictionError, TrainingError
+from stiction.core.errors import ConfigurationError, StictionError, TrainingError
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import PolicyStep
 from stiction.evaluation.export import TrainedPolicy, contract_of
-from stiction.evaluation.trained import LatentPolicy, privileged_of
 from stiction.files.contract import Contract, robot_of
+from stiction.learning.models import RMAActor, StudentPolicy
 from stiction.learning.run import RunDirectory, latest_checkpoint
 from stiction.learning.runner import load_actor
+from stiction.robots.model import Robot
+from stiction.task.friction import FrictionCfg, friction_share
+from stiction.task.randomization import nominal_privileged
 
 LOOK_EVERY = 2.0
 """Time between two looks for a newer checkpoint [s]."""
+
+
+class LatentPolicy(nn.Module):
+    """The mean action of an actor: observations (N, size), flattened histories, to actions (N, joints)."""
+
+    def __init__(
+        self,
+        actor: RMAActor,
+        privileged: torch.Tensor | None = None,
+        sources: torch.Tensor | None = None,
+        frozen: torch.Tensor | None = None,
+        watch: Callable[[torch.Tensor], None] = lambda latent: None,
+    ) -> None:
+        """Choose where the latent comes from.
+
+        privileged: o_priv of each robot, (N, size), for z, by default z* from the history; sources: robot whose latent
+        each is given, (N,), by default its own; frozen: one latent for all, (latent,); watch: called with z or z* at
+        every step.
+        """
+        super().__init__()
+        self.policy, self.sources, self.frozen, self.watch = StudentPolicy(actor), sources, frozen, watch
+        self.constant = None if privileged is None else actor.privileged_encoder(privileged).detach()
+
+    def forward(self, observation: torch.Tensor) -> torch.Tensor:
+        """Return the mean actions, (N, joints)."""
+        return self.with_velocity(observation)[0]
+
+    def with_velocity(self, observation: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return the mean actions, (N, joints), and the velocity of the base, as of `StudentPolicy.with_velocity`."""
+        latent = self.policy.adaptation(observation) if self.constant is None else self.constant
+        if len(latent) != len(observation):
+            raise ConfigurationError(
+                f"o_priv of {len(latent)} robots for {len(observation)} observations; expected as many"
+            )
+        self.watch(latent)
+        if self.frozen is not None:
+            latent = self.frozen.expand_as(latent)
+        elif self.sources is not None:
+            latent = latent[self.sources]
+        estimate = self.policy.estimator(observation)
+        return self.policy.act(observation, latent, estimate), estimate[:, :2]
+
+
+def privileged_of(
+    run: RunDirectory, teacher: RMAActor, contract: Contract, robot: Robot, present: np.ndarray | None = None
+) -> torch.Tensor:
+    """Return o_priv of the robots that a teacher drives, (N, size): nominal, but for their friction.
+
+    present: that friction over the torque limit, (N, joints), by default of one robot and nominal. Raises
+    `ConfigurationError` for a teacher that sees the ground.
+    """
+    if teacher.sees_terrain:
+        raise ConfigurationError(
+            f"{run.path}: its teacher sees the ground, which is not told to it here; take its student"
+        )
+    nominal = friction_share(contract.friction_law, contract.array("friction"), robot)
+    present = nominal[None] if present is None else present
+    return nominal_privileged(observed_friction(run.config().task.friction, nominal, present))
+
+
+def observed_friction(friction: FrictionCfg, nominal: np.ndarray, present: np.ndarray) -> np.ndarray:
+    """Return the friction in o_priv of a teacher, fractions of the torque limit, shape (N, joints).
+
+    It is the true one, `present`, unless training never varied it: weights of an entry that never moved are those of
+    initialisation, and it stays at its value in training, a multiple of `nominal`, (joints,).
+    """
+    ends = [end for stage in friction.schedule for end in stage.range]
+    if min(ends) == max(ends):
+        return np.tile(ends[0] * nominal, (len(present), 1))
+    return present
 
 
 class Standing:
@@ -64,13 +137,9 @@ class NewestPolicy:
     """The policy of a run that may still go on."""
 
     def __init__(self, run: Path, wait: bool = False, robot: str | None = None) -> None:
-        """Read a run.
+        """Read a run; wait: let the robot stand until there is a checkpoint; robot: see `RunDirectory.adopt`.
 
-        run: its directory; wait: let the robot stand until there is a checkpoint; robot: the run's own, where its
-        config.json names it as a module; see `RunDirectory.adopt`.
-
-        Raises `StictionError`: not a run, or one without a checkpoint and nobody to wait for it, or a teacher that sees
-        the ground.
+        Raises `StictionError` where it is no run, has no checkpoint to wait for, or a teacher that sees the ground.
         """
         torch.set_num_threads(1)
         self._directory = RunDirectory(run)

@@ -17,14 +17,11 @@ from stiction.joints.friction import Law, has_coefficient
 from stiction.robots.model import DELAY_SAMPLES, Robot
 from stiction.robots.physics import EXACT, PhysicsCfg
 from stiction.robots.terrain import Terrain
-from stiction.sim.fleet import Fleet
-from stiction.sim.friction import JointFriction
+from stiction.sim.fleet import Fleet, JointFriction
 from stiction.task.config import NoiseCfg
-from stiction.virtual.drive import Truth
-from stiction.virtual.sensors import INITIAL_ANGLE, disturbed, drawn_width
+from stiction.virtual.drive import INITIAL_ANGLE, Truth, disturbed, drawn_width
 
 COULOMB = Law("coulomb")
-"""The law where none is named."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +31,6 @@ class RolloutStep:
     sensors: Sensors
     """What the robots measured at its start, noise included, shapes (N, ...)."""
     policy: PolicyStep
-    """What the policy computed, shapes (N, ...)."""
     blown_up: np.ndarray
     """Robots whose simulation became unstable and was put back to standing, ids."""
 
@@ -66,24 +62,11 @@ class Rollout:
     ) -> None:
         """Put the robots into their standing pose.
 
-        Args:
-            contract: what the policy expects.
-            policy: what drives the robots, its batch (N,).
-            spec: the robot, as from `robot_of`.
-            friction: of each robot's joints, as from `friction_at`, shape (N, J).
-            generators: of noise; robot i uses number i modulo their count.
-            threads: threads of the simulator.
-            noise: sensor noise, by default as in training.
-            action_delay: delay between target and motor [s], in whole physics steps.
-            terrain: courses of the robots, flat ground by default.
-            law: law of the dry friction.
-            physics: how dry friction is simulated.
-            timestep: physics step [s], a part of the control period; by default the contract's.
-            compensation: what the joint controllers add at every physics step; its period is `timestep`.
-
-        Raises:
-            StictionError: the delay is longer than the model holds, or delays what is fed forward too.
-
+        policy: its batch (N,); friction: as from `friction_at`, (N, J); generators: of noise, robot i uses number i
+        modulo their count; noise: by default as in training; action_delay: between target and motor [s], in whole
+        physics steps; terrain: flat by default; timestep: of the physics [s], by default the contract's; compensation:
+        what the joint controllers add at every physics step. Raises `StictionError` where the delay is longer than the
+        model holds, or delays what is fed.
         """
         num = len(friction)
         timestep = contract.physics_timestep if timestep is None else timestep
@@ -110,7 +93,6 @@ class Rollout:
         self.fleet.set_const(np.arange(num))
         self._contract, self._noise = contract, noise or NoiseCfg()
         self.loop = ControlLoop(policy, contract, compensation)
-        """What drives them."""
         if not self.loop.holds:
             self.fleet.before_step.append(self._command)
         self._generators, self._robots_per_generator = generators, num // len(generators)

@@ -1,4 +1,4 @@
-"""Walks a grid on all cores, resumable: what its ledger has is not walked again."""
+"""Walks a grid on all cores, resumable: what its ledger has, by the code that decides a walk, is not walked again."""
 
 from __future__ import annotations
 
@@ -14,10 +14,9 @@ from stiction.core.lock import output_folder
 from stiction.core.parallel import spread
 from stiction.engines.catalog import binaries, what_is_missing
 from stiction.evaluation.benches import forward_walks, with_known_friction
-from stiction.evaluation.code import WALK_CODE
-from stiction.evaluation.grid import GridCfg, Walk, plan, units
+from stiction.evaluation.evaluate import WALK_CODE
+from stiction.evaluation.grid import GridCfg, Walk, plan, units, walk_unit
 from stiction.evaluation.metrics import Metrics
-from stiction.evaluation.walks import walk_unit
 from stiction.files.bundle import Bundle
 from stiction.files.contract import robot_of
 from stiction.joints.friction import law_source
@@ -28,10 +27,7 @@ class WalkLedger(Ledger):
     """The walks of one grid that are done."""
 
     def __init__(self, path: Path, cfg: GridCfg, digests: dict[str, str], robot: str | None = None) -> None:
-        """Read the file at `path`, whose folder exists; raise `StictionError` where it cannot be read.
-
-        digests: policy -> digest of its bundle; robot: a robot of one's own, see `robot_of`.
-        """
+        """Read the file; digests: policy -> digest of its bundle. Raises `StictionError` where it cannot be read."""
         super().__init__(path)
         self._digests = digests
         spec = None if robot is None else find_robot(robot)
@@ -54,7 +50,6 @@ class WalkLedger(Ledger):
 
 
 LEDGER = "walks.jsonl"
-"""Name of the ledger in the folder of the results."""
 
 BENCHES = "bench"
 """Name of the folder beside it for what was identified of virtual robots."""
@@ -73,18 +68,9 @@ def walk_grid(
 ) -> dict[Walk, Metrics]:
     """Walk what is not in the ledger of `out` yet, and return every walk of the grid, those of one row together.
 
-    Args:
-        bundles: checked, each of another name.
-        cfg: the grid.
-        out: folder of the results; it exists.
-        jobs: processes at once. They do not change the result.
-        robot: a robot of one's own, see `robot_of`.
-        progress: see `Progress`.
-
-    Raises:
-        StictionError: a bundle does not fit its robot, an engine is not installed, friction cannot be fed forward, or a
-            process was killed. What was walked by then is in the ledger. Or another process writes the folder.
-
+    bundles: checked, each of another name; jobs: processes at once, which do not change the result; robot: see
+    `robot_of`. Raises `StictionError` for what does not fit or is not installed, and killed processes: what was walked
+    is in the ledger.
     """
     for bundle in bundles:
         spec = robot_of(bundle.contract, robot)

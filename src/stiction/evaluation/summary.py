@@ -13,10 +13,9 @@ from stiction.core.errors import UNSAFE, ConfigurationError
 from stiction.core.provenance import Origin
 from stiction.deploy.check import check_for_simulation, record_notes
 from stiction.evaluation.benches import forward_notes, unidentified_notes
-from stiction.evaluation.command import untrained
+from stiction.evaluation.course import untrained
 from stiction.evaluation.grid import GridCfg
-from stiction.evaluation.methods import method_of
-from stiction.evaluation.own_policy import OwnPolicy, own_policy
+from stiction.evaluation.policies import OwnPolicy, method_of, own_policy
 from stiction.evaluation.run import BENCHES, Progress, walk_grid
 from stiction.evaluation.table import methods_of, rows_of, sample_names
 from stiction.files.bundle import Bundle, find_bundle
@@ -29,13 +28,9 @@ from stiction.virtual.cases import warnings_on
 def bundle_of(
     policy: Bundle | Path | str | Callable[..., Any], cfg: GridCfg, robot: str | None, callable_period: float
 ) -> Bundle:
-    """Return a policy as `evaluate_all` takes it.
+    """Return a policy as `evaluate_all` takes it: a bundle, its path, which is checked, or a function (`own_policy`).
 
-    policy: a bundle; a path (of a policy record too) or the name of a shipped bundle as one, which is checked first; or
-    a function, or its name as text, see `own_policy`, which needs a robot and has a period [s].
-
-    Raises `StictionError`: the bundle is damaged, or there is no such function or robot, or it walks elsewhere than in
-    the engine mujoco.
+    Raises `StictionError` for damaged bundles, and functions without a robot or elsewhere than in the engine mujoco.
     """
     if isinstance(policy, Bundle):
         return policy
@@ -117,7 +112,6 @@ def taken_together(bundles: Sequence[Bundle]) -> list[str]:
 
 
 LONGEST_NAME = 120
-"""Characters in the name of a bundle: files of walks are called after it."""
 
 
 def check_names(names: Sequence[str], kind: str = "bundles") -> None:
@@ -138,7 +132,6 @@ DESCRIBED = (
     *("robot", "method", "friction_law", "friction_level", "friction_range", "joints_file", "actuator"),
     *("known_friction", "seed", "phases", "settings", "revision", "command"),
 )
-"""Fields of the contract in a summary."""
 
 
 def describe(bundle: Bundle) -> dict[str, Any]:

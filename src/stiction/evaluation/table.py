@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from stiction.core.statistics import wilson
 from stiction.evaluation.grid import Walk
-from stiction.evaluation.methods import MethodCell, method_of
 from stiction.evaluation.metrics import Metrics, combine
+from stiction.evaluation.policies import MethodCell, method_of
 from stiction.files.bundle import Bundle
 from stiction.files.contract import PHASES, Contract, robot_of
 from stiction.files.results import ResultRow, ends_of, slowest_of
@@ -20,18 +20,6 @@ from stiction.joints.friction import Law
 from stiction.learning.identity import MISSING, SHOWN, differing, key_of_settings, setting_text, settings_in
 from stiction.robots.model import Robot
 from stiction.virtual.cases import parse_level
-
-
-class OfPolicy(Protocol):
-    """A row of any table that belongs to a policy and its training method."""
-
-    @property
-    def policy(self) -> str:
-        """Name of the policy."""
-
-    @property
-    def method(self) -> str:
-        """Its training method."""
 
 
 @dataclass(frozen=True)
@@ -68,9 +56,8 @@ def rows_of(
 ) -> tuple[list[ResultRow], list[dict[str, Any]]]:
     """Return a row per cell, in the order of the walks, and the same rows as plain data with more fields.
 
-    Those are Wilson's intervals of `fall_rate` and `crossed` over episodes, or over virtual robots where those walk; of
-    each virtual robot its speed ratio, by its seed, and in the same order `robot_fall_rates`, `robot_tracking_errors`
-    and `robot_crossed`; and `known_friction`, f/τ_max of each kind of joint by robot, where the policy was given it.
+    Those are Wilson's intervals of `fall_rate` and `crossed`; by virtual robot its speed ratio, and `robot_fall_rates`,
+    `robot_tracking_errors`, `robot_crossed`; `known_friction`, f/τ_max of each kind of joint by robot.
     """
     contracts = {bundle.name: bundle.contract for bundle in bundles}
     cells: dict[tuple[str, ...], list[Walk]] = {}
@@ -139,9 +126,8 @@ def _beside(walks: Sequence[Walk], done: Mapping[Walk, Metrics]) -> dict[str, An
 def sample_names(contracts: Mapping[str, Contract]) -> dict[str, str]:
     """Return policy -> suffix of its method, so that only policies that differ in their seed share a name.
 
-    Where a method has several such groups, the suffix names what they differ in: `deception (stairs)`,
-    `deception (teacher.quiet 30)`. Where a group has one seed twice, it is the name of the policy. contracts: by
-    name of the policy.
+    It names what groups of a method differ in, `deception (teacher.quiet 30)`; where a seed is twice in one, the
+    policy.
     """
     groups: dict[tuple[tuple[str, ...], str | None], list[str]] = {}
     for name, contract in contracts.items():
@@ -209,7 +195,7 @@ def _sample_of(contract: Contract) -> tuple[str, ...]:
     )
 
 
-def methods_of(rows: Sequence[OfPolicy], bundles: Sequence[Bundle]) -> dict[str, str]:
+def methods_of(rows: Sequence[Any], bundles: Sequence[Bundle]) -> dict[str, str]:
     """Return policy, as rows call it -> its method with the suffix of `sample_names`; bundles: those that walked."""
     names = sample_names({bundle.name: bundle.contract for bundle in bundles})
     # A bundle's own name may have a + in it.

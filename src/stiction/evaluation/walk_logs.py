@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
+import mujoco
 import numpy as np
 
 from stiction.core.errors import ConfigurationError
@@ -24,7 +25,6 @@ from stiction.files.contract import robot_of
 from stiction.files.walk import WalkHeader, WalkLog, has_walk, write_walk
 from stiction.joints.net import TORQUE_SOURCES
 from stiction.sim.fleet import BASE_DOFS, Fleet
-from stiction.sim.friction import FrictionMeter
 from stiction.virtual.drive import drive, unheard
 
 SHORTEST = 1.0
@@ -88,13 +88,10 @@ class RecordedWalk:
     """A log and where it belongs."""
 
     law: str
-    """Law of the joints' dry friction."""
     level: float
     """Dry friction of the joints as a fraction of the torque limit, or the law's coefficient [-]."""
     command: str
-    """Label of the command."""
     robot: int
-    """Number of the robot, the evaluation's episode."""
     log: WalkLog | None
     """The log; None where the robot fell within `SHORTEST`."""
 
@@ -115,10 +112,9 @@ def log_all(
     progress: Callable[[str, float], None] = lambda name, share: None,
     overwrite: bool = False,
 ) -> list[str]:
-    """Walk several bundles and write their logs into `folder`, `<bundle>--<level>--<command>--<robot>.npz`.
+    """Walk bundles and write logs into `folder`, `<bundle>--<level>--<command>--<robot>.npz`; return their names.
 
-    Returns the names of the files: a robot that fell within `SHORTEST` has none. Raises `StictionError` where one is
-    there of another walk, unless `overwrite`: it stays, and no log of that bundle is written.
+    A robot that fell within `SHORTEST` has none. Raises `StictionError` for a file of another walk, unless `overwrite`.
     """
     written: list[str] = []
     for bundle in bundles:
@@ -143,10 +139,7 @@ def record_walks(
     threads: int = 1,
     progress: Callable[[float], None] = lambda share: None,
 ) -> list[RecordedWalk]:
-    """Walk a bundle's robots at every level and command and return their logs, in that order.
-
-    Raises `StictionError`: the bundle does not fit the robot.
-    """
+    """Walk a bundle at every level and command; return the logs in that order. Raises `StictionError`."""
     contract, spec = bundle.contract, robot_of(bundle.contract, robot)
     evaluation = replace(evaluation, episodes=cfg.robots, first_episode=0)
     commands, number, level = evaluation.parsed_commands, cfg.robots, evaluation.robot_levels
@@ -197,13 +190,10 @@ def record_motion(
     progress: Callable[[float], None] = unheard,
     meter: FrictionMeter | None = None,
 ) -> list[dict[str, np.ndarray] | None]:
-    """Walk a batch for `steps` control periods and return the true signals of each robot, as the fields of `WalkLog`.
+    """Walk a batch and return the true signals of each robot, fields of `WalkLog`, to its fall; None under `SHORTEST`.
 
-    A fall or a blow-up ends a robot's signals; None where that leaves less than `SHORTEST`. kd: gains of the
-    joint controllers [N m s/rad], shape (J,); velocity: commands, shape (N, 3).
-
-    The torque is the motor's mean over the physics step; with a `meter` that behind the gear, less dry friction as the
-    solver applied it and B θ' at the end of the step, where the integrator takes it.
+    kd: gains of the joint controllers [N m s/rad], (J,); velocity: commands, (N, 3). The torque is the motor's mean
+    over the physics step; with a `meter` that behind the gear, less dry friction as the solver applied it and B θ'.
     """
     fleet = rollout.fleet
     recorder = _MotionRecorder(fleet, kd, velocity, steps, meter)
@@ -270,9 +260,8 @@ def _state(fleet: Fleet, velocity: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _forces(fleet: Fleet, quaternion: np.ndarray, kd: np.ndarray, change: np.ndarray) -> dict[str, np.ndarray]:
-    """Return torques, forces and contacts of the last physics step, shapes (N, ...).
+    """Return torques, forces and contacts of the last physics step, shapes (N, ...); change: of velocities, (N, 6 + J).
 
-    quaternion: orientation of the base at its start, shape (N, 4); change: of the velocities over it, shape (N, 6 + J).
     The simulator's own accelerations are not used: they leave out what its integrator does implicitly.
     """
     # MuJoCo's implicit integrator takes -kd θ' at the end of the step, unless the motor is at its limit, and reports
@@ -308,3 +297,29 @@ def measure_walk(truth: WalkLog, noise: LogNoiseCfg, generator: np.random.Genera
         quaternion=tilted(truth.quaternion, np.repeat(tilt, len(truth), axis=0)),
         specific_force=white(truth.specific_force, noise.specific_force) + bias,
     )
+
+
+class FrictionMeter:
+    """Measures the dry friction of the coming physics step by solving it once more, robot by robot: append it last."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        """Copy each robot's model as it is now; of it only dry friction may change later."""
+        self._copies = [fleet.simulation.materialize(env) for env in range(fleet.num_envs)]
+        self.torque = np.zeros((fleet.num_envs, fleet.spec.num_joints))
+        """Torque of dry friction on each joint, against its motion [N m], shape (N, J)."""
+
+    def __call__(self, fleet: Fleet) -> None:
+        """Solve the coming step of every robot and keep the forces of its friction rows."""
+        state = fleet.simulation.state()
+        for env, (model, data) in enumerate(self._copies):
+            for name, values in state.items():
+                if name == "time":
+                    data.time = float(np.ravel(values[env])[0])
+                else:
+                    field = getattr(data, name)
+                    field[...] = values[env].reshape(field.shape)
+            model.dof_frictionloss[BASE_DOFS:] = fleet.friction[env]
+            mujoco.mj_forward(model, data)
+            rows = data.efc_type == mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF
+            self.torque[env] = 0.0
+            self.torque[env, data.efc_id[rows] - BASE_DOFS] = data.efc_force[rows]

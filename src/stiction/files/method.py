@@ -78,8 +78,8 @@ class Method:
     """Raises `ConfigurationError` where a configuration cannot be trained."""
     preset: Callable[[TrainCfg], TrainCfg] = lambda cfg: cfg
     """Preset -> preset for this method; the method itself is not set."""
-    idle: Callable[[TrainCfg], Iterator[tuple[str, str]] | tuple[()]] = lambda cfg: ()
-    """Places of settings that have no effect, and why, as of `stiction.learning.effects`."""
+    unused: tuple[str, ...] = ()
+    """Paths of settings of other methods' trainings that have no effect in its own."""
     notes: Callable[[TrainCfg], Iterator[str] | tuple[()]] = lambda cfg: ()
     """Sentences that a user is told when a run begins."""
     policy: str = "the student of rapid motor adaptation"

@@ -37,8 +37,7 @@ from stiction.joints.net import (
 from stiction.learning.actuator_data import LoggedRun, check_runs, split_runs
 
 STD_FLOOR = 1e-6
-"""An input with a smaller standard deviation in the training runs is left out: scaled by so little, its first change in
-use would swamp the net."""
+"""Smallest standard deviation of an input that is used: scaled by less, its first change would swamp the net."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +49,7 @@ class Fit:
     training: tuple[float, ...]
     """Mean squared error of torque over limit on the training samples, while it was fitted, one entry an epoch [-]."""
     validation: tuple[float, ...]
-    """... on the validation samples after each epoch [-]. The last weights are used, not the best by this number: the
-    choice would bias it."""
+    """... on the validation samples after each epoch [-]; the last weights are used, whatever it says."""
 
 
 def fit_net(
@@ -61,11 +59,10 @@ def fit_net(
     seed: int,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Fit:
-    """Fit one net.
+    """Fit one net to inputs, (M, 2 (H + 1)), in the order of `windows`, and torques over their limits, (M,).
 
-    `training`: inputs, shape (M, 2 (H + 1)), in the order of `windows`, and torques over their limits, shape (M,);
-    `validation`: the same of held-out runs; `seed`: of weights and order, torch's own generator is left alone;
-    `progress`: called with the share of the epochs that is done.
+    `validation`: the same of held-out runs; `seed`: of weights and order; `progress`: called with the share that is
+    done.
     """
     inputs, torque = (torch.from_numpy(np.ascontiguousarray(part, np.float32)) for part in training)
     unseen, expected = (torch.from_numpy(np.ascontiguousarray(part, np.float32)) for part in validation)
@@ -146,15 +143,11 @@ class TrainedActuator:
 
 
 def train_actuator(
-    runs: Sequence[LoggedRun],
-    cfg: ActuatorCfg,
-    command: str,
-    progress: Progress = lambda name, share: None,
+    runs: Sequence[LoggedRun], cfg: ActuatorCfg, command: str, progress: Progress = lambda name, share: None
 ) -> TrainedActuator:
-    """Fit a net to runs of one kind of robot.
+    """Fit a net to runs of one kind of robot, of which a share is held out and measures it.
 
-    A share of the `runs` is held out and measures the net. `command`: the command line, for the record. Raises
-    `StictionError` where the runs do not agree with each other, or there are fewer than two.
+    `command`: the command line. Raises `StictionError` where runs do not agree, or there are fewer than two.
     """
     begun = time.perf_counter()
     check_runs(runs, cfg.history)
@@ -240,10 +233,7 @@ def _assemble(
 
 
 def _samples(runs: Sequence[LoggedRun], columns: list[int], cfg: ActuatorCfg) -> tuple[np.ndarray, np.ndarray]:
-    """Return the windows of some joints over all runs, (M, 2 (H + 1)), and their torques over the limits, (M,).
-
-    No window reaches from one run into the next.
-    """
+    """Return windows of some joints, (M, 2 (H + 1)), none across runs, and their torques over the limits, (M,)."""
     inputs, torque = [], []
     for run in runs:
         target, position, velocity = (signal[:, columns] for signal in run.signals)
@@ -256,10 +246,9 @@ def _samples(runs: Sequence[LoggedRun], columns: list[int], cfg: ActuatorCfg) ->
 def measure(
     net: ActuatorNet, baseline: Baseline, training: Sequence[LoggedRun], validation: Sequence[LoggedRun]
 ) -> dict[str, Any]:
-    """Return root mean square errors of the torque, net beside baseline, on the same samples.
+    """Return root mean square errors of the torque, net and baseline on the same samples.
 
-    `rmse`: part -> law -> error over the torque limit, all joints [-]; `joints`: joint -> what, in N m, with the
-    baseline's f, B and λ; `commands`: command -> part -> law -> error over the limit, runs of that command alone.
+    `rmse`: part -> law -> error over the limit [-]; `joints`: joint -> in N m, and the baseline's f, B, λ; `commands`.
     """
     parts = {"training": list(training), "validation": list(validation)}
     squares = {part: [_squares(net, baseline, run) for run in runs] for part, runs in parts.items()}

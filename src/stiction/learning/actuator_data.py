@@ -14,7 +14,6 @@ from stiction.files.walk import LARGEST_JITTER
 from stiction.identification.logs.opening import open_log
 
 UNNAMED = "unnamed"
-"""Robot of a log that names none."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +21,6 @@ class LoggedRun:
     """One run of one robot: T samples of J joints."""
 
     name: str
-    """Of the file."""
     sha256: str
     robot: str
     command: str
@@ -55,11 +53,7 @@ class LoggedRun:
 
 
 def read_run(path: Path) -> LoggedRun:
-    """Read a walking log, or a canonical log of joints with its sidecar.
-
-    Raises `StictionError` for what is no log, has no torque, velocity or target, or does not say on which side of the
-    joint's friction the torque was measured.
-    """
+    """Read a walking log, or a canonical log of joints with its sidecar. Raises `StictionError` where signals lack."""
     return _from_walk(path) if is_walk_log(path) else _from_joints(path)
 
 
@@ -172,11 +166,7 @@ def check_runs(runs: Sequence[LoggedRun], history: int) -> None:
 
 
 def split_runs(runs: Sequence[LoggedRun], share: float, seed: int) -> tuple[list[LoggedRun], list[LoggedRun]]:
-    """Return the runs to fit and those to keep out: a share of whole runs, at least one of either.
-
-    Windows of one run overlap, so a run is in one part with all of its samples. Raises `StictionError` for fewer than
-    two runs.
-    """
+    """Return the runs to fit and those held out: a share of whole runs, at least one of either."""
     if len(runs) < 2:
         raise LogError(f"{len(runs)} log: expected at least two runs, one of them to be kept out of the fit")
     # The split depends on names and seed, not on the order in which a shell listed the files.

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, make_dataclass, replace
+from dataclasses import dataclass, field, make_dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
-from stiction.core.errors import ConfigurationError
+from stiction.core.effects import needs
 from stiction.core.flags import FLAT
 from stiction.core.options import Given, read_given
 from stiction.files.method import installed_methods
 from stiction.learning.config import TrainCfg
-from stiction.learning.effects import check_effects, method_setting
-from stiction.learning.presets import PresetName, preset
+from stiction.learning.presets import PresetName, check_settings, preset
 
 DESCRIPTION = """Train a policy that walks on what the robot measures, with or without friction in its joints.
 
@@ -52,7 +51,6 @@ GROUPS = {
     "ground and physics": ("--terrain", "--physics", "--engine", "--symmetry"),
     "how it runs": ("--num-envs", "--device", "--resume", "--video-every", "--view", "--json"),
 }
-"""The options that people use."""
 
 
 @dataclass(frozen=True)
@@ -82,10 +80,7 @@ class Train:
 
 
 def parse(arguments: list[str]) -> Train:
-    """Return the options that `stiction train` has when it is given these arguments.
-
-    Raises `ConfigurationError` where one of them would have no effect.
-    """
+    """Return the options of `stiction train`. Raises `ConfigurationError` where one would have no effect."""
     return parse_given(arguments)[0]
 
 
@@ -101,29 +96,17 @@ def parse_given(arguments: list[str]) -> tuple[Train, TrainCfg, Given]:
 
     options, before, given = read_given(kind, arguments, "stiction train", DESCRIPTION, begin, GROUPS)
     base = kind() if before is None else before
-    for name in methods:
-        options = _with_settings(options, name, getattr(options, name))
-    check_effects(options.config, base.config)
+    if (name := options.config.method.name) in methods:
+        options = replace(options, config=replace(options.config, method_settings=getattr(options, name)))
+    check_settings(options.config, base.config)
     return options, base.config, given
 
 
 @cache
 def _options_with(methods: tuple[tuple[str, type[Any]], ...]) -> Any:
     """Return the class of the options with a group of settings for each method: one class, whose table is made once."""
-    groups = [(name, settings, field(default_factory=settings)) for name, settings in methods]
+    groups = [
+        (name, settings, field(default_factory=settings, metadata=needs(f"--method {name}")))
+        for name, settings in methods
+    ]
     return make_dataclass("Train", groups, bases=(Train,), frozen=True, namespace={"__doc__": Train.__doc__})
-
-
-def _with_settings(options: Train, name: str, settings: Any) -> Train:
-    """Return the options with the settings of a method in their configuration, if it is the method that is trained.
-
-    Raises `ConfigurationError` where it is not, and the settings have been changed.
-    """
-    if options.config.method.name == name:
-        return replace(options, config=replace(options.config, method_settings=settings))
-    usual = type(settings)()
-    for one in fields(settings):
-        if (value := getattr(settings, one.name)) != getattr(usual, one.name):
-            setting = method_setting(name, one.name, value)
-            raise ConfigurationError(f"{setting} has no effect without --method {name}; leave it out")
-    return options

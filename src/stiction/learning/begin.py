@@ -4,21 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from stiction.core.decode import from_plain
-from stiction.core.errors import ConfigurationError
+from stiction.core.errors import ConfigurationError, EngineError
 from stiction.core.files import digest_of
+from stiction.engines.batch import EngineBatch
+from stiction.engines.catalog import what_is_missing
 from stiction.files.joint_map import mapped, refuse_alone
 from stiction.files.joints import load_joints
 from stiction.joints.friction import has_coefficient
 from stiction.learning.config import TrainCfg
 from stiction.learning.ranks import ALONE, Ranks
 from stiction.learning.run import RunDirectory
-from stiction.learning.simulator import find_simulator, why_task_on_host
 from stiction.robots.catalog import find_robot
 from stiction.robots.mirror import RobotMirror, mirrored_kinds, robot_mirror
 from stiction.robots.model import Robot
@@ -28,9 +30,28 @@ from stiction.sim.fleet import Fleet
 from stiction.task.friction import FrictionCfg
 from stiction.task.load_law import load_warnings, take_coefficients
 from stiction.task.randomization import identified_joints
+from stiction.task.task_fleet import Device, find_device, why_on_host
+
+
+def why_task_on_host(cfg: TrainCfg) -> str | None:
+    """Return what keeps the task of a training on the host, see `why_on_host`; None where nothing does."""
+    return why_on_host(cfg.task, cfg.actuator is not None)
+
+
+def find_simulator(cfg: TrainCfg, gpu: int = 0) -> Device:
+    """Return the simulator of a training; `gpu`: number of the one to use, if any.
+
+    Raises `StictionError` without such a device or engine, `ModuleNotFoundError` without its extra.
+    """
+    if cfg.engine == "mujoco":
+        return find_device(cfg.device, cfg.contacts, gpu, on_host=why_task_on_host(cfg) is not None)
+    robot = find_robot(cfg.task.robot)
+    if why := what_is_missing(cfg.engine, robot):
+        raise EngineError(why)
+    return Device("cpu", partial(EngineBatch, cfg.engine, robot))
+
 
 Say = Callable[[str], None]
-"""Called with a sentence that the user must know."""
 
 
 def begin_run(
@@ -43,8 +64,7 @@ def begin_run(
 ) -> tuple[RunDirectory, TrainCfg]:
     """Make the folder of a new run; return it with the configuration that it trains.
 
-    command: by which the run was asked for; joint_map: RECORDED=JOINT pairs for `cfg.joints`; ranks: the processes that
-    will train it. Raises `StictionError` for whatever cannot be trained, before the folder is made.
+    joint_map: RECORDED=JOINT pairs for `cfg.joints`. Raises `StictionError`, before, for what cannot be trained.
     """
     _check_friction(cfg.task.friction)
     robot = find_robot(cfg.task.robot)
@@ -119,10 +139,7 @@ def with_friction(cfg: TrainCfg, training: Mapping[str, Any], where: str) -> Tra
 def nominal_of(
     file: str | None, robot: str, pairs: tuple[str, ...], friction: FrictionCfg, say: Say
 ) -> dict[str, Any] | None:
-    """Read the nominal joints of a robot from a `joints.json`, with its name and hash; say what is not used.
-
-    friction: what is trained with, which a load coefficient of the file may match or not.
-    """
+    """Return the nominal joints in a `joints.json`, with its name and hash; say what is not used with `friction`."""
     if file is None:
         return None
     path, spec = Path(file), find_robot(robot)
@@ -132,10 +149,8 @@ def nominal_of(
     values = {name: list(getattr(found, name)) for name in ("armature", "damping", "frictionloss")}
     header = {"file": path.name, "sha256": digest_of(path), "values": values}
     if friction.level is None and friction.has_friction and has_coefficient(friction.law):
-        taken = take_coefficients(records, spec, friction.law)
-        values["load_coefficient"] = list(taken.values)
-        header["load_coefficient"] = list(taken.how)
-        for line in taken.how:
+        values["load_coefficient"], header["load_coefficient"] = take_coefficients(records, spec, friction.law)
+        for line in header["load_coefficient"]:
             say(line)
         # With the coefficients taken over, what `load_warnings` would say of them does not hold.
         said = found.warnings
@@ -148,10 +163,9 @@ def nominal_of(
 
 
 def share_damping(values: dict[str, list[Any]], robot: Robot, mirror: RobotMirror, say: Say) -> None:
-    """Give both of a joint and its mirror image the mean of their viscous friction where one alone has any, in place.
+    """Give a joint and its mirror image their mean viscous friction where one has none, in place.
 
-    An estimate below zero counts as none, and a symmetric training draws multiples: of nothing there are none. values:
-    as of `nominal_of`, of which `damping` changes, one a joint, None: the robot's own.
+    An estimate below zero counts as none, and a symmetric training draws multiples. values: as of `nominal_of`.
     """
     known = np.array(values["damping"], float)
     damping = np.where(np.isnan(known), robot.joint_values("damping"), known)

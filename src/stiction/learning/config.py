@@ -8,6 +8,7 @@ from operator import attrgetter
 from typing import Annotated, Any, Literal, get_args
 
 from stiction.core.decode import from_plain
+from stiction.core.effects import all_of, excludes, needs
 from stiction.core.errors import ConfigurationError, FileError, unknown_name
 from stiction.core.flags import FIXED, FLAG, SETTING, flag
 from stiction.core.memory import check_memory
@@ -15,8 +16,7 @@ from stiction.core.records import check_numbers
 from stiction.files.method import Method, find_method
 from stiction.joints.friction import has_coefficient
 from stiction.robots.model import Robot
-from stiction.sim.protocol import DeviceName
-from stiction.task.config import RandomizationCfg, TaskCfg
+from stiction.task.config import UNEVEN, RandomizationCfg, TaskCfg
 
 MOST_COUNTS = {
     "num_envs": 131_072,
@@ -28,26 +28,24 @@ MOST_COUNTS = {
     "contacts": 1000,
     "alternate": 1_000_000,
 }
-"""Most of what is counted; of all else, widths of layers among it, 10,000. A training of the field has 4096 robots, 24
-steps, 5 passes and some thousand iterations: what is far above that is a mistake, and would take all memory or time."""
+"""Most of what is counted; of all else, widths of layers among it, 10,000."""
 
 MAY_BE_NONE = ("student.iterations", "teacher.quiet")
-"""Counts that may be 0."""
 
 LAYERS = ("actor", "critic", "privileged", "history", "estimator", "terrain")
 NETWORK_SIZES = ("history_frame", "estimator_frame", "terrain_latent", "latent")
-"""Fields of `NetworkCfg`: lists of layers, and single sizes."""
 
 MOST_LAYERS = 10
-"""Most hidden layers of a network."""
 
 TORCH, SIMULATED, COPIES, BESIDE = 350e6, 50e3, 4, 500
 """Memory of a training: of Python with torch [B], of a simulated robot [B]; of a sample of the rollout, copies of its
-history, in the rollout and in the update, and numbers beside it, single precision. From the peaks of one iteration with
-Saturn Lite: 376 MB (16 robots, 24 steps, 11 frames), 422 (512, 4, 11), 548 (512, 24, 11), 1011 (512, 24, 51)."""
+history, and numbers beside it, single precision. From measured peaks, 376 MB (16 robots) to 1011 MB (51 frames)."""
 
 STD_RANGE = (0.05, 2.0)
 """Bounds of the actions' standard deviation."""
+
+DeviceName = Literal["cpu", "cuda", "warp-cpu"]
+"""What computes: MuJoCo on the processor; MuJoCo Warp on a GPU, with torch there too; MuJoCo Warp on the processor."""
 
 EngineName = Literal["mujoco", "physx", "ode", "ode-webots"]
 """Engines in which a policy can be trained: the shipped ones, for a run's configuration names no code."""
@@ -63,7 +61,7 @@ class NetworkCfg:
     """Hidden layers of the actor."""
     critic: tuple[int, ...] = (256, 128)
     """Hidden layers of the critic."""
-    privileged: tuple[int, ...] = (64,)
+    privileged: tuple[int, ...] = field(default=(64,), metadata=needs("--teacher.latent alternate or groups"))
     """Hidden layers of f_ada of the teacher, privileged observation -> z."""
     history_frame: int = 24
     """Width to which every frame of the history is reduced first, by the same weights for all frames."""
@@ -76,9 +74,9 @@ class NetworkCfg:
     """As network.history_frame, for f_est."""
     estimator: tuple[int, ...] = (64,)
     """Hidden layers of f_est, after the frames."""
-    terrain: tuple[int, ...] = (64, 32)
-    """Hidden layers of the encoder of the elevation map; there is none on flat ground."""
-    terrain_latent: int = 16
+    terrain: tuple[int, ...] = field(default=(64, 32), metadata=needs(UNEVEN))
+    """Hidden layers of the encoder of the elevation map."""
+    terrain_latent: int = field(default=16, metadata=needs(UNEVEN))
     """Size of e_t*."""
     latent: int = 16
     """Size of z and z*."""
@@ -86,34 +84,27 @@ class NetworkCfg:
     """Standard deviation of the first actions."""
 
 
-LatentName = Literal["alternate", "groups", "history"]
-"""Where the latent of the policy that walks in the first phase comes from, see `TeacherCfg.latent`."""
-
-NoiseName = Literal["all", "half", "drawn", "none"]
-"""Which robots walk with exploration noise in distillation, see `StudentCfg.noise`."""
-
-
 @dataclass(frozen=True)
 class TeacherCfg:
     """The first phase: PPO, and the supervised losses of adaptation and estimator."""
 
-    latent: Annotated[LatentName, FLAG] = "alternate"
+    latent: Annotated[Literal["alternate", "groups", "history"], FLAG] = "alternate"
     """`alternate`: z of the privileged encoder, and z* in every `alternate`-th iteration, as in the paper. `groups`: a
-    share of the robots walks on z*, the rest on z, with one actor and one critic (concurrent teacher and student, Wang
-    et al. 2024). `history`: every robot walks on z*, and PPO's gradient trains its encoder: one phase, in which there
-    is no teacher, and the student needs no second phase."""
-    student_share: float = 0.25
-    """Share of the robots on z* with `groups`."""
+    share of the robots walks on z*, the rest on z (concurrent teacher and student, Wang et al. 2024). `history`: every
+    robot walks on z*, and PPO's gradient trains its encoder: one phase without a teacher."""
+    student_share: float = field(default=0.25, metadata=needs("--teacher.latent groups"))
+    """Share of the robots on z*."""
     both_ways: Annotated[bool, FLAG] = False
     """Whether L_ada trains the privileged encoder too, as the paper says: z then becomes what a history can tell."""
     final_std: float | None = None
-    """Bound of the actions' standard deviation in the last quarter of the phase, to which it falls on a straight line
-    from that of the first actions; by default free. A policy is deployed without noise, which shakes joints loose:
-    trained with more of it, it may stand still without."""
-    quiet: Annotated[int, FLAG] = 0
+    """Bound of the actions' standard deviation in the last quarter of the phase, to which it falls on a straight line;
+    by default free. Noise shakes joints loose: a policy trained with more of it may stand still without."""
+    quiet: Annotated[int, FLAG] = field(
+        default=0, metadata=needs("--teacher.iterations 4 or more", lambda cfg: cfg.iterations >= 4 or not cfg.quiet)
+    )
     """Last iterations of one phase, of all at most a quarter, in which robots walk without noise, as deployed, and the
-    policy stands still: the estimator alone learns, with twice the passes and a step that falls to zero. While the
-    policy changes the estimate of velocity lags behind it, and a robot that believes to be slower than it is runs."""
+    estimator alone learns, with twice the passes and a step that falls to zero: while the policy changes, the estimate
+    of velocity lags behind it."""
     iterations: Annotated[int, FLAG] = 700
     """Rollouts, each followed by an update."""
     steps: Annotated[int, FLAG] = 24
@@ -132,8 +123,8 @@ class TeacherCfg:
     """Discount."""
     gae_lambda: float = 0.95
     """λ of the advantage estimate."""
-    alternate: int = 4
-    """With `alternate`, z comes from the history (z*) in one iteration out of this many, else from the privileged
+    alternate: int = field(default=4, metadata=needs("--teacher.latent alternate"))
+    """z comes from the history (z*) in one iteration out of this many, else from the privileged
     encoder. The paper does not say how often; the public code it builds on uses 20."""
     adaptation_learning_rate: float = 1e-3
     """For L_ada, L_est and, where there is terrain, L_hist."""
@@ -142,13 +133,16 @@ class TeacherCfg:
     adaptation_passes: int = 1
     """Passes over the rollout."""
     velocity_weight: float = 1.0
-    """Weight of the three entries of L_est that are the base's velocity beside those that are contacts. A velocity's
-    variance is a tenth of a contact's."""
+    """Weight in L_est of the base's velocity, whose variance is a tenth of a contact's."""
 
     @property
     def quiet_from(self) -> int:
         """Iterations before the quiet ones."""
         return self.iterations - min(self.quiet, self.iterations // 4)
+
+
+DISTILLED = needs("--student.algorithm distill")
+"""Requirement of settings of distillation; PPO has those of the first phase."""
 
 
 @dataclass(frozen=True)
@@ -161,20 +155,20 @@ class StudentCfg:
     iterations: Annotated[int, FLAG] = 240
     """Rollouts of the student, each followed by an update. 0: the policy of the first phase, on its z*, is the
     student."""
-    noise: Annotated[NoiseName, FLAG] = "all"
-    """Who walks with exploration noise in distillation: every robot, every second one, each with a share drawn for it,
+    noise: Annotated[Literal["all", "half", "drawn", "none"], FLAG] = field(default="all", metadata=DISTILLED)
+    """Who walks with exploration noise: every robot, every second one, each with a share drawn for it,
     or none. What is deployed walks without."""
     steps: Annotated[int, FLAG] = 24
     """Control steps of one rollout."""
-    epochs: int = 2
-    """Passes of distillation over a rollout."""
-    mini_batches: Annotated[int, FLAG] = 4
+    epochs: int = field(default=2, metadata=DISTILLED)
+    """Passes over a rollout."""
+    mini_batches: Annotated[int, FLAG] = field(default=4, metadata=DISTILLED)
     """Parts of one pass."""
     learning_rate: float = 5e-4
     """Of distillation, fixed; the first one of PPO."""
-    adaptation_weight: float = 0.1
+    adaptation_weight: float = field(default=0.1, metadata=DISTILLED)
     """Weight beside L_clone of L_ada, and of L_hist where there is terrain."""
-    estimator_weight: float = 0.5
+    estimator_weight: float = field(default=0.5, metadata=DISTILLED)
     """Weight of L_est beside L_clone."""
 
 
@@ -182,9 +176,8 @@ class StudentCfg:
 class StopCfg:
     """When a phase has learned enough and ends before its last iteration. Off unless a tracking error is named.
 
-    All figures are those of training: noisy, pushed, randomised. Its tracking error is some 0.1 m/s above that of an
-    evaluation. Teacher and student each end by this rule, the teacher not before the last stage of friction has begun,
-    the noise is the least of the phase, and what its method brings in slowly is all there.
+    Figures are those of training: noisy, pushed, randomised, the tracking error some 0.1 m/s above that of an
+    evaluation. The teacher does not end before the last stage of friction has begun and the noise is the least.
     """
 
     tracking_error: Annotated[float | None, flag("--stop-at-tracking-error")] = None
@@ -194,8 +187,7 @@ class StopCfg:
     falls: float = 0.01
     """Most falls that count as none [1/s]: one in 100 s of walking with pushes."""
     terrain_level: float | None = None
-    """Mean terrain level that must be reached as well; by default any: a run on terrain may then end on its easiest
-    part."""
+    """Mean terrain level that must be reached as well; by default any."""
 
     def __post_init__(self) -> None:
         """Refuse targets out of range, and one without effect."""
@@ -210,10 +202,7 @@ class StopCfg:
 
 
 def check_counts(counts: Mapping[str, int], layers: Mapping[str, tuple[int, ...]]) -> None:
-    """Raise `ConfigurationError` where a count, or the number or size of layers of a network, is out of range.
-
-    counts, layers: by their places, such as `network.actor`.
-    """
+    """Raise `ConfigurationError` where a count, or number or size of layers, is out of range; both by their places."""
     counts = dict(counts)
     for name, sizes in layers.items():
         if not 1 <= len(sizes) <= MOST_LAYERS:
@@ -229,10 +218,15 @@ def check_counts(counts: Mapping[str, int], layers: Mapping[str, tuple[int, ...]
 class TrainCfg:
     """One training run: a first phase by PPO, and where it has iterations a second one that makes the student."""
 
-    task: TaskCfg = field(default_factory=TaskCfg)
+    task: TaskCfg = field(
+        default_factory=TaskCfg, metadata=needs("--engine mujoco", parts=("physics",), but=("physics.friction",))
+    )
     network: NetworkCfg = field(default_factory=NetworkCfg)
     teacher: TeacherCfg = field(default_factory=TeacherCfg)
-    student: StudentCfg = field(default_factory=StudentCfg)
+    student: StudentCfg = field(
+        default_factory=StudentCfg,
+        metadata=needs("--student.iterations 1 or more", lambda cfg: cfg.student.iterations > 0, but=("iterations",)),
+    )
     method_settings: Annotated[Any, FIXED] = None
     """Settings of the method, of `Method.settings`; by default, for a method that has some, their defaults."""
     num_envs: int = 512
@@ -240,27 +234,34 @@ class TrainCfg:
     seed: int = 0
     """Seed of everything random in the run."""
     symmetry: SymmetryName = "none"
-    """How learning uses that left and right are alike. `batches`: every sample of an update also as its mirror image,
-    at twice the update's cost. `half`: mirrored samples at no cost, PPO makes half as many passes. `network`: actor and
-    critic are symmetric by construction."""
+    """How learning uses that left and right are alike. `batches`: every sample also as its mirror image, at twice the
+    update's cost. `half`: at no cost, in half as many passes. `network`: networks symmetric by construction."""
     joints: str | None = None
     """A `joints.json` whose inertia, damping and friction become the robot's nominal ones."""
-    actuator: str | None = None
-    """Folder of `stiction train-actuator`, whose net replaces the joints' PD law."""
+    actuator: str | None = field(
+        default=None, metadata=excludes("--task.randomization.stiffness", "--task.randomization.action-delay")
+    )
+    """Folder of `stiction train-actuator`, whose net replaces the joints' PD law, its gains and its delay."""
     checkpoint_every: int = 50
     """Iterations between checkpoints."""
     device: DeviceName = "cpu"
     """What computes. `cpu`: MuJoCo on all cores. `cuda`: MuJoCo Warp and the networks on a GPU; wants thousands of
-    robots. `warp-cpu`: MuJoCo Warp on the processor, many times slower than `cpu`, to try it where there is no GPU."""
+    robots. `warp-cpu`: MuJoCo Warp on the processor, many times slower, to try it without a GPU."""
     engine: EngineName = "mujoco"
     """The physics engine of the training. All but `mujoco` take a robot at a time, ten times slower and more, on flat
     ground: `--num-envs 256`. A run that goes on there begins with its robots at rest where they were."""
-    contacts: Annotated[int, SETTING] = 32
+    contacts: Annotated[int, SETTING] = field(default=32, metadata=needs("--device cuda or warp-cpu"))
     """Contacts for which MuJoCo Warp has room, a robot. More than that stop the run."""
     video_every: int = 0
-    """Iterations between short clips of the policy, in `clips/`; 0: none. They are rendered by a process of their own
-    from a checkpoint and change nothing in the training; each takes some seven seconds of one core."""
-    stop: StopCfg = field(default_factory=StopCfg)
+    """Iterations between short clips of the policy, in `clips/`; 0: none. A process of its own renders each from a
+    checkpoint in some seven seconds."""
+    stop: StopCfg = field(
+        default_factory=StopCfg,
+        metadata=all_of(
+            needs("--stop-at-tracking-error", lambda cfg: cfg.stop.tracking_error is not None, but=("tracking_error",)),
+            needs("a longer phase, or fewer stop.iterations", lambda cfg: cfg.may_stop, parts=("tracking_error",)),
+        ),
+    )
 
     def __post_init__(self) -> None:
         """Refuse what cannot be run, before any folder is made."""
@@ -319,6 +320,12 @@ class TrainCfg:
     def name_of(self, phase: str) -> str:
         """Return what people are told that a phase is called: where there is one, it is the policy's."""
         return phase if self.student.iterations else "policy"
+
+    @property
+    def may_stop(self) -> bool:
+        """Whether a phase, with the friction of the last stage, is longer than what `stop` is judged over."""
+        last = round(self.task.friction.last.begin * self.teacher.iterations)
+        return self.stop.iterations < max(self.teacher.iterations - last, self.student.iterations)
 
     @property
     def method(self) -> Method:
@@ -472,10 +479,7 @@ and does nothing in a run of another."""
 
 
 def config_from(data: Any, where: str) -> TrainCfg:
-    """Return the configuration that `asdict` made plain data of, perhaps an older version's.
-
-    where: name of the file, for messages. Raises `StictionError` where it is none, or its method is not installed.
-    """
+    """Return the configuration in plain data, perhaps an older version's. Raises `StictionError`; where: its file."""
     if not isinstance(data, dict):
         raise FileError(f"{where} is {str(data)[:60]}; expected the fields of TrainCfg")
     plain = {name: value for name, value in data.items() if name not in (*FORMER_GROUPS, "method_settings")}

@@ -37,10 +37,9 @@ class RolloutFigures:
         self._ended = self._ended + dones.sum()
 
     def means(self) -> dict[str, float]:
-        """Return the mean of every name over the steps that had it.
+        """Return means over the steps that had each name.
 
-        `episode/length` [s] is the mean of the episodes that ended, and missing where none did; the first ones begin at
-        a random age.
+        `episode/length` [s] of episodes that ended, where any did.
         """
         figures = {name: float(total) / self._counts[name] for name, total in self._sums.items()}
         if "walk/blown_up" in figures:
@@ -52,12 +51,10 @@ class RolloutFigures:
 
 
 def adaptation_figures(actor: RMAActor, obs: TensorDict, feet: int) -> dict[str, float]:
-    """Return how well the history predicts the privileged quantities, over one step of all robots with `feet` feet.
+    """Return how well the history predicts privileged quantities, over one step of all robots with `feet` feet.
 
-    `latent/explained`: 1 - MSE(z, z*) / Var(z), both summed over the latent's entries; missing where z does not vary,
-    and where PPO trains z*. `estimator/velocity_error`: mean length of the velocity's error [m/s];
-    `estimator/contact_error`: share of feet whose contact is misjudged, and `estimator/friction_error`: mean size of
-    the error of the joints' friction [fraction of the torque limit], both where they are estimated.
+    `latent/explained`: 1 - MSE(z, z*) / Var(z), where z varies and PPO does not train z*; `estimator/velocity_error`
+    [m/s], `contact_error`: share of feet, `friction_error` [fraction of the torque limit], of those that are estimated.
     """
     figures = {}
     with torch.no_grad():
@@ -80,10 +77,7 @@ def adaptation_figures(actor: RMAActor, obs: TensorDict, feet: int) -> dict[str,
 
 
 def friction_figures(env: LocomotionEnv) -> dict[str, float]:
-    """Return the stage of the friction's schedule, its range, and the mean that the robots have drawn.
-
-    `friction/low`, `friction/high`, `friction/mean` are multipliers of the nominal friction [-].
-    """
+    """Return stage, range and drawn mean of the friction, multipliers of the nominal one [-]."""
     low, high = env.cfg.friction.schedule[env.stage].range
     mean = float(env.randomizer.draws.friction.mean())
     return {"friction/stage": float(env.stage), "friction/low": low, "friction/high": high, "friction/mean": mean}

@@ -1,7 +1,6 @@
 """Watches a training run: whether it has diverged, since when, what to try; and whether it has learned enough.
 
-A run that learns nothing has not diverged: a policy that stands still for good is a result of training with friction,
-and exploration that shrinks to its lower bound is how a long run ends.
+A policy that stands still, and exploration at its lower bound, are results of training with friction and no divergence.
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ from statistics import median
 from stiction.learning.config import STD_RANGE, StopCfg
 
 Row = Mapping[str, float]
-"""The figures of one iteration."""
 
 LOSSES = ("loss/value", "loss/clone", "loss/adaptation", "loss/estimator")
 """Losses that stay within a factor of ten in healthy runs; a hundredfold is an explosion."""
@@ -43,7 +41,6 @@ class Symptom:
     lasting: int
     """Iterations in a row that must show it."""
     advice: str
-    """What to try."""
     seen: Callable[[Row, Sequence[Row]], str]
     """What one iteration shows, given those before it that did not show it; empty where it is healthy."""
 
@@ -53,11 +50,8 @@ class Diagnosis:
     """A run has diverged."""
 
     what: str
-    """What was seen, in the last iteration."""
     since: int
-    """First iteration that showed it."""
     advice: str
-    """What to try."""
 
 
 def _not_finite(row: Row, _: Sequence[Row]) -> str:

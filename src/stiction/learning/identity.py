@@ -31,10 +31,7 @@ PLAIN = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ012345678
 
 
 def settings_of(cfg: TrainCfg) -> dict[str, Any]:
-    """Return what of a configuration is not the default, as plain JSON: numbers, texts, or lists of them.
-
-    `teacher.final-std` -> 0.2; in the order of the fields. Lists within lists are one, as a person types them.
-    """
+    """Return the settings that differ from defaults, as plain JSON, lists flat: `teacher.final-std` -> 0.2."""
     default = defaults()
     return {name: value for name, value in _flat(cfg) if name not in APART and value != default[name]}
 
@@ -158,7 +155,6 @@ def difference(one: Mapping[str, Any] | None, other: Mapping[str, Any] | None) -
 
 
 NAMED = 5
-"""Policies that a note names."""
 
 
 def unrecorded_note(names: Sequence[str]) -> list[str]:

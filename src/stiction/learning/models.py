@@ -24,15 +24,12 @@ VELOCITY = 3
 
 
 class HistoryEncoder(nn.Module):
-    """Reads o_H: every frame through one linear layer, then an MLP over all frames.
-
-    With `recurrent` a gated recurrent unit reads the frames in turn, oldest first, and the MLP reads its last state.
-    """
+    """Reads o_H: every frame through one linear layer, then an MLP over all or a recurrent unit over them in turn."""
 
     def __init__(
         self, history: int, frame: int, width: int, hidden: tuple[int, ...], output: int, recurrent: bool = False
     ) -> None:
-        """`history`: size of the flattened history; `frame`: of one frame; `width`: of a frame after its layer."""
+        """`history`: size of the flattened history; `frame`, `width`: size of a frame, before and after its layer."""
         super().__init__()
         self.frame = frame
         self.embed = nn.Sequential(nn.Linear(frame, width), nn.ELU())
@@ -54,15 +51,11 @@ class HistoryEncoder(nn.Module):
 class RMAActor(MLPModel):
     """π(o_exp*, o_prio, z or z*): the actor with its adaptation networks and its estimator.
 
-    `latent_source` is `privileged` (z = f_ada_tea(o_priv)), `history` (z* = f_ada_stu(o_H)), or `groups`: z* for the
-    robots that the group `walks_blind` marks, z for the others. The explicit state is always the estimate f_est(o_H).
-
-    PPO trains neither estimate nor z*, unless `adapts` (PPO trains z*) or `end_to_end` (the student's cloning loss
-    trains both). What is not trained stays the same over a rollout: it may be computed once, when the robot walks
-    (`remembered`), and be handed in with the observations.
-
-    On other than flat ground there is a second latent: the teacher encodes the elevation map e_t, the student (`blind`)
-    takes the same features from the history, by f_hist.
+    `latent_source`: `privileged` (z = f_ada_tea(o_priv)), `history` (z* = f_ada_stu(o_H)), or `groups`: z* where the
+    group `walks_blind` marks a robot. The explicit state is always the estimate f_est(o_H). PPO trains neither estimate
+    nor z*, unless `adapts` (z*) or `end_to_end` (both, by the cloning loss): they may be computed once and handed in
+    (`remembered`). On other than flat ground the teacher encodes the elevation map e_t, the student (`blind`) the same
+    from the history.
     """
 
     adapts = False
@@ -156,10 +149,10 @@ class RMAActor(MLPModel):
     def supervised_losses(
         self, obs: TensorDict, velocity_weight: float = 1.0, both_ways: bool = False
     ) -> dict[str, torch.Tensor]:
-        """Return L_ada where the latent is not PPO's, L_est, and, where there is terrain, L_hist.
+        """Return L_ada = MSE(z, z*) where PPO does not train z*, L_est, and on terrain L_hist = MSE(e_t*, f_hist(o_H)).
 
-        L_ada = MSE(z, z*); L_est = mean of w (o_exp* - o_exp)², w = `velocity_weight` for the base's velocity, else 1;
-        L_hist = MSE(e_t*, f_hist(o_H)). e_t* is held fixed, and z unless `both_ways`.
+        L_est = mean of w (o_exp* - o_exp)², w = `velocity_weight` for the velocity, else 1. e_t* and, unless
+        `both_ways`, z are held fixed.
         """
         losses = {}
         if not self.adapts:
@@ -185,10 +178,7 @@ class RMAActor(MLPModel):
         return StudentPolicy(self)
 
     def make_inputs_equivariant(self, rows: dict[str, Rows]) -> Rows | None:
-        """Make networks of an actor's own left-right symmetric; return the mirror of its input.
-
-        rows: mirror of each observation group. None: it has those of rapid motor adaptation, see `equivariant`.
-        """
+        """Make an actor's own networks symmetric; return the mirror of its input, None: those of `symmetry`."""
         return None
 
     @property

@@ -40,11 +40,7 @@ class Interrupted(TrainingError):
 
 @contextlib.contextmanager
 def one_torch_thread() -> Iterator[None]:
-    """Give torch one thread for a while, as rollouts do.
-
-    Their tensors are small, and torch's own threads, which wait actively after each operation, would take the cores
-    from the simulator's.
-    """
+    """Give torch one thread for a while: its idle threads would take the cores from the simulator in rollouts."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -54,10 +50,7 @@ def one_torch_thread() -> Iterator[None]:
 
 
 def check_moments(optimizer: torch.optim.Optimizer) -> None:
-    """Raise `TypeError` where what an optimizer was given for a parameter, from a file, is not of its shape.
-
-    torch takes whatever is there, and fails in the first step.
-    """
+    """Raise `TypeError` where an optimizer's moments, from a file, are not of the shape of their parameter."""
     for parameter, moments in optimizer.state.items():
         for name, value in moments.items():
             if not isinstance(value, torch.Tensor) or value.shape not in (parameter.shape, ()):
@@ -84,10 +77,8 @@ class PhaseRunner(OnPolicyRunner):
     board: Board
     progress: Progress = lambda *_: None
     interrupted: Callable[[], bool] = lambda: False
-    """Asked after every iteration: is the run to stop?"""
     film: Film = lambda *_: None
     ranks: Ranks = ALONE
-    """The processes of the training."""
     called: str = "teacher"
     """What people are told that the phase is called."""
     stopped: dict[str, float] | None = None
@@ -124,10 +115,7 @@ class PhaseRunner(OnPolicyRunner):
         return made >= self.iterations or (self.stopped is not None and not quiet)
 
     def learn(self, num_learning_iterations: int | None = None, init_at_random_ep_len: bool = False) -> None:
-        """Train to the end, from wherever the phase stands.
-
-        Raises `StictionError` where training has diverged, `Interrupted` where it was asked to stop.
-        """
+        """Train to the end. Raises `StictionError` where it diverges, `Interrupted` where it was asked to stop."""
         self.alg.train_mode()
         if init_at_random_ep_len and self.current_learning_iteration == 0:
             env = self.env
@@ -213,10 +201,7 @@ class PhaseRunner(OnPolicyRunner):
         self.progress(self.phase, it, self.iterations, figures)
 
     def _preserve(self) -> None:
-        """Write a checkpoint where one is due, but none of a run that seems to diverge in place of a good one.
-
-        Raises `Interrupted` after it where the run was asked to stop.
-        """
+        """Write a checkpoint where one is due and the run healthy. Raises `Interrupted` where it was asked to stop."""
         it, last, healthy = self.current_learning_iteration, self.finished, not self.health.suspicious
         # `any` comes first, since all ranks must take part in it. Asked to stop after its very last iteration, the run
         # ends as finished.
@@ -238,10 +223,7 @@ class PhaseRunner(OnPolicyRunner):
         return self.run.robots_of(self.ranks.number) / f"{self.phase}_{self.current_learning_iteration:06d}.safetensors"
 
     def save(self, path: str = "", infos: dict | None = None) -> None:
-        """Write a checkpoint that a resumed run continues from bit by bit.
-
-        Rank 0 writes its own when all others have theirs: where it is, they are.
-        """
+        """Write a checkpoint that a resumed run continues from bit by bit; rank 0 when all others have theirs."""
         tree = {
             "algorithm": self.alg.save(),
             "environment": self.env.state(),
@@ -268,10 +250,7 @@ class PhaseRunner(OnPolicyRunner):
         keep_newest(self.run.checkpoints, self.phase)
 
     def restore(self, path: Path) -> None:
-        """Continue from a checkpoint of this phase, or from this process's own beside it.
-
-        Raises `StictionError` where it holds another version's state.
-        """
+        """Continue from a checkpoint, of rank 0 or its own beside it. Raises `StictionError` for another version's."""
         path = self.run.robots_of(self.ranks.number) / path.name
         tree = load_checkpoint(path)
         try:

@@ -8,12 +8,12 @@ from types import MappingProxyType
 from typing import Any
 
 import torch
-from rsl_rl.algorithms import PPO
+from rsl_rl.algorithms import PPO, Distillation
 from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 from torch import nn
 
-from stiction.learning.config import STD_RANGE, TeacherCfg
+from stiction.learning.config import STD_RANGE, StudentCfg, TeacherCfg
 from stiction.learning.models import RMAActor
 from stiction.learning.quick import take_rows
 from stiction.learning.ranks import ALONE, Ranks
@@ -32,16 +32,13 @@ def evenly_spread(num: int, share: float) -> torch.Tensor:
 class AdaptationPPO(PPO):
     """PPO of an actor that walks on z, on z*, on both in turn, or on z* with a share of the robots.
 
-    The latent source changes only between an update and the next rollout, and what comes from networks that PPO does
-    not train is computed once, as the robot walks, and stored: so the ratio is 1 before the first gradient step.
+    What comes from networks that PPO does not train is computed once, as the robot walks: the first ratio is 1.
     """
 
     actor: RMAActor
     symmetry: MirroredBatches | None
-    """What mirrors samples, if anything does; `make_symmetric` sets it."""
 
     ranks: Ranks = ALONE
-    """The processes that take the same steps; the runner sets them."""
 
     targets: Mapping[str, str | None] = MappingProxyType({})
     """Stored groups that the supervised losses need beside the task's -> the group by whose rule each is mirrored, or
@@ -50,10 +47,9 @@ class AdaptationPPO(PPO):
     def __init__(
         self, *args: Any, settings: TeacherCfg, noise: tuple[float, float, int] | None = None, **kwargs: Any
     ) -> None:
-        """Add the supervised losses to `PPO`, whose other arguments are `args` and `kwargs`.
+        """Add the supervised losses to `PPO`, whose arguments are `args` and `kwargs`.
 
-        `settings`: of the phase; `noise`: bound of the actions' standard deviation at the start and at the end, and
-        the iterations in between.
+        `noise`: bound of the actions' standard deviation at the start and at the end, and the iterations in between.
         """
         super().__init__(*args, **kwargs)
         self.settings, self.noise = settings, noise
@@ -66,12 +62,9 @@ class AdaptationPPO(PPO):
             self.fixed["walks_blind"] = blind.float()[:, None].to(self.device)
         self.iteration = 0
         self.quiet_from = settings.quiet_from
-        """Iterations before the quiet ones, see `TeacherCfg.quiet`."""
         self.quiet_for = settings.iterations - settings.quiet_from
-        """How many of those there are."""
         self.kl = 0.0
         self.figures: dict[str, float] = {}
-        """Further figures of the last update, by name."""
         self.actor.adapts = settings.latent == "history"
         policy = chain(self.actor.policy_parameters(), self.critic.parameters())
         # In place of rsl_rl's, which trains the whole actor: estimator and adaptation have an optimizer of their own.
@@ -168,10 +161,7 @@ class AdaptationPPO(PPO):
             distribution.std_param.clamp_(*distribution.std_range)
 
     def _divergence(self) -> float:
-        """Return KL(policy that walked || policy after the update), mean over the robots' last step.
-
-        Nothing is sampled. Like `_supervise`, it reads the rollout that `PPO.update` has left in the storage.
-        """
+        """Return KL(policy that walked || policy now), mean over the last step of the rollout still in the storage."""
         with torch.no_grad():
             mean = self.actor(self.storage.observations[-1])
             before = tuple(parameter[-1] for parameter in self.storage.distribution_params)
@@ -184,10 +174,7 @@ class AdaptationPPO(PPO):
         return [*self.actor.supervised_parameters(), *privileged]
 
     def _supervise(self) -> dict[str, float]:
-        """Descend the supervised losses over the rollout just used; return their means.
-
-        `PPO.update` has rewound the storage's cursor; its contents stay until the next rollout overwrites them.
-        """
+        """Descend the supervised losses over the rollout still in the storage; return their means."""
         observations = self.storage.observations.flatten(0, 1)
         total: dict[str, float] = {}
         passes, batches = self.settings.adaptation_passes, self.settings.adaptation_batches
@@ -228,3 +215,72 @@ class AdaptationPPO(PPO):
         self.quiet_from = loaded_dict.get("quiet_from", self.quiet_from)
         self._prepare_rollout()
         return result
+
+
+class StudentDistillation(Distillation):
+    """Distillation with the paper's further losses, on terrain with L_hist; the cloning loss reaches the encoders too.
+
+    The student begins as a copy of the teacher that takes its latents from the history.
+    """
+
+    student: RMAActor
+    teacher: RMAActor
+    symmetry: MirroredBatches | None = None
+    ranks: Ranks = ALONE
+
+    def __init__(self, *args: Any, settings: StudentCfg, velocity_weight: float = 1.0, **kwargs: Any) -> None:
+        """Add the supervised losses to `Distillation`, whose arguments are `args` and `kwargs`."""
+        super().__init__(*args, **kwargs)
+        self.settings, self.velocity_weight = settings, velocity_weight
+        self.noise_share = self._draw_noise(self.storage.num_envs)
+        self.student.latent_source, self.teacher.latent_source = "history", "privileged"
+        self.student.end_to_end = self.student.blind = True
+
+    def _draw_noise(self, num: int) -> torch.Tensor:
+        """Return the share of the exploration noise with which each robot walks, (num, 1)."""
+        shares = {"all": torch.ones(num), "none": torch.zeros(num), "half": torch.arange(num) % 2.0}
+        share = torch.rand(num) if self.settings.noise == "drawn" else shares[self.settings.noise]
+        return share[:, None].to(self.device)
+
+    def act(self, obs: TensorDict) -> torch.Tensor:
+        """Let the student walk with each robot's share of the noise; store the teacher's actions."""
+        noisy = super().act(obs)
+        # Scaled after the draw: the stream of random numbers is the same for any share.
+        mean = self.student.output_mean.detach()
+        self.transition.actions = mean + self.noise_share * (noisy - mean)
+        return self.transition.actions
+
+    def warm_start(self, actor: dict[str, torch.Tensor], critic: dict[str, torch.Tensor]) -> None:
+        """Load the trained teacher's actor into teacher and student; there is no critic here."""
+        self.teacher.load_state_dict(actor)
+        self.student.load_state_dict(actor)
+        self.teacher_loaded = True
+
+    def update(self) -> dict[str, float]:
+        """Descend L_clone and the weighted supervised losses over the rollout; return their means."""
+        observations, settings = self.storage.observations.flatten(0, 1), self.settings
+        labels = self.storage.privileged_actions.flatten(0, 1)
+        total: dict[str, float] = {}
+        updates = settings.epochs * settings.mini_batches
+        for _ in range(settings.epochs):
+            for ids in torch.randperm(len(labels), device=self.device).chunk(settings.mini_batches):
+                batch, wanted = take_rows(observations, ids), labels[ids]
+                if self.symmetry is not None:
+                    batch, wanted = self.symmetry.supervised(batch, wanted)
+                losses = {"clone": self.loss_fn(self.student(batch), wanted)}
+                losses |= self.student.supervised_losses(batch, self.velocity_weight)
+                loss = losses["clone"] + settings.adaptation_weight * losses["adaptation"]
+                loss = loss + settings.estimator_weight * losses["estimator"]
+                if "terrain" in losses:
+                    loss = loss + settings.adaptation_weight * losses["terrain"]
+                self.optimizer.zero_grad()
+                loss.backward()
+                self.ranks.average(self.student.parameters())
+                if self.max_grad_norm is not None:
+                    nn.utils.clip_grad_norm_(self.student.parameters(), self.max_grad_norm)
+                self.optimizer.step()
+                for name, value in losses.items():
+                    total[name] = total.get(name, 0.0) + value.item() / updates
+        self.num_updates += 1
+        self.storage.clear()
+        return total

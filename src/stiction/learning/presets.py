@@ -1,10 +1,13 @@
-"""The presets of `stiction train`."""
+"""The presets of `stiction train`, and the settings that have no effect beside others."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from typing import Literal
 
+from stiction.core.effects import changed_options, check_effects, requirement
+from stiction.core.errors import ConfigurationError
+from stiction.core.flags import entries
 from stiction.files.method import find_method, method_names
 from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.robots.physics import EXACT, FAST
@@ -34,19 +37,15 @@ PRESETS = {
     ),
     "paper": replace(_SHOWN, task=TaskCfg(randomization=RandomizationCfg.literal())),
 }
-"""`full` and `quick` are one phase: what walks is what will be deployed, on its own z* and its own estimate of velocity
-and friction, with little noise in the end and at last with none, and on ground that is another for each robot.
-`two-phase` is the paper's teacher and student at the budget with which its claims were judged; `paper` has more of it,
-and draws the paper's table and the noise of sensors. All make clips. `two-phase` simulates joint friction by yielding
-springs, which is faster; the others by the solver's rows, by which everything is judged: a student that walked on
-springs alone is slower than it is told where friction is high, see results/student."""
+"""`full` and `quick` are one phase, with little noise in the end and none at last, on ground that is another for each
+robot. `two-phase` is the paper's teacher and student at the budget with which its claims were judged, on yielding
+springs, which are faster; `paper` has more of it, the paper's table and the noise of sensors. All make clips."""
 
 
 def preset(name: str, device: str = "cpu", method: str | None = None, engine: str = "mujoco") -> TrainCfg:
-    """Return a preset; off the processor and in other engines, where there are no sliders, with rows.
+    """Return a preset, as a method of another distribution makes of it; the method itself is not set.
 
-    Other engines have contacts of their own, whose softness nobody draws. For a method of another distribution, the
-    preset that it makes of this one; the method itself is not set.
+    Other engines have contacts of their own and, as other devices, no sliders.
     """
     cfg = PRESETS[name]
     if method in method_names():
@@ -56,3 +55,19 @@ def preset(name: str, device: str = "cpu", method: str | None = None, engine: st
         cfg = replace(cfg, task=replace(cfg.task, randomization=ground))
     # The yielding joints of `FAST` are MuJoCo's own, on the host alone.
     return cfg if (device, engine) == ("cpu", "mujoco") else replace(cfg, task=replace(cfg.task, physics=EXACT))
+
+
+def check_settings(cfg: TrainCfg, base: TrainCfg | None = None) -> None:
+    """Raise `ConfigurationError` for the first changed setting without effect: two runs that differ in it are the same.
+
+    base: the configuration before anybody changed it; by default the presets' values count as unchanged. A preset may
+    have such settings, and an older run: the configuration itself takes them.
+    """
+    method = cfg.task.friction.method
+    presets = (preset(name, cfg.device, method, cfg.engine) for name in PRESETS)
+    unchanged = (TrainCfg(), *presets) if base is None else (base,)
+    check_effects(cfg, *unchanged)
+    idle = {*cfg.method.unused} & {*changed_options(cfg, *unchanged)}
+    for entry in entries(TrainCfg):
+        if entry.path in idle:
+            raise ConfigurationError(requirement(entry.typed, f"another --method than {method}"))

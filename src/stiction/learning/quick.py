@@ -1,10 +1,7 @@
-"""Makes an update of the networks cheaper: mini-batches gathered once, and a quicker ELU.
+"""Makes an update of the networks cheaper: mini-batches gathered once for all epochs, bit for bit, and a quicker ELU.
 
-PPO passes over the same mini-batches in every epoch, and torch's indexing gathers them number by number each time. Here
-each is gathered once, row by row: the same numbers, bit for bit.
-
-torch's ELU takes `expm1` from one library and `exp` from another, which on the fast path (`core.gemm`) is many times
-faster. ELU(x) = max(x, exp(min(x, 0)) - 1) is off by 6e-8 at most.
+torch's ELU takes `expm1`; `exp` on the fast path (`core.gemm`) is many times faster. ELU(x) = max(x, exp(min(x, 0)) -
+1) is off by 6e-8 at most.
 """
 
 from __future__ import annotations
@@ -28,10 +25,7 @@ def take_rows(values: TensorDict, ids: torch.Tensor) -> TensorDict:
 
 
 def gathered_batches(storage: RolloutStorage, batches: int, epochs: int = 8) -> Iterator[RolloutStorage.Batch]:
-    """Yield what `RolloutStorage.mini_batch_generator` yields, gathered in the first epoch alone.
-
-    `batches`: mini-batches of an epoch. Each is handed out in a container of its own, for the algorithm changes that.
-    """
+    """Yield what `RolloutStorage.mini_batch_generator` yields, `batches` an epoch, each in a container of its own."""
     size = storage.num_envs * storage.num_transitions_per_env // batches
     ids = torch.randperm(batches * size, device=storage.device)
     observations = storage.observations.flatten(0, 1)

@@ -57,7 +57,6 @@ class Ranks:
     number: int = 0
     """Of this process."""
     size: int = 1
-    """How many there are."""
     local: int = 0
     """Number on this machine, and of its GPU."""
 
@@ -108,10 +107,7 @@ class Ranks:
         )
 
     def join(self, device: str) -> None:
-        """Meet the others, once, and part from them when this process ends; `device`: of the networks.
-
-        Raises `PeerGone` where they do not come.
-        """
+        """Meet the others, once, and part at the end of this process. Raises `PeerGone` where they do not come."""
         if self.alone or distributed.is_initialized():
             return
         if os.environ.get("MASTER_ADDR") in ("localhost", "127.0.0.1") and (names := _loopback()):
@@ -127,9 +123,9 @@ class Ranks:
         atexit.register(distributed.destroy_process_group)
 
     def _meeting(self) -> distributed.Store:
-        """Return the store over which the processes find each other, once its leader has opened it.
+        """Return the store over which processes meet, once its leader has opened it.
 
-        The search for it is ours: torch's own goes on three times, with pauses, after the time it is given.
+        Torch itself would search for longer.
         """
         place = os.environ["MASTER_ADDR"], int(os.environ["MASTER_PORT"])
         end = time.monotonic() + PATIENCE.total_seconds()
@@ -211,7 +207,6 @@ class Ranks:
 
 
 ALONE = Ranks()
-"""A training in one process."""
 
 
 def _loopback() -> str | None:
@@ -220,10 +215,7 @@ def _loopback() -> str | None:
 
 
 def named_ranks() -> Ranks:
-    """Return the processes that torchrun has started, this one alone without it.
-
-    Raises `StictionError` where the environment names none that there can be.
-    """
+    """Return the processes that torchrun has started, this one alone without it. Raises `StictionError`."""
     words = {name: os.environ.get(name, default) for name, default in (("RANK", "0"), ("WORLD_SIZE", "1"))}
     words["LOCAL_RANK"] = os.environ.get("LOCAL_RANK", words["RANK"])
     try:

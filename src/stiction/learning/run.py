@@ -32,10 +32,8 @@ from stiction.robots.catalog import find_robot, is_shipped, robot_in_file
 from stiction.robots.record import write_robot
 
 A_CONFIG = "that of a folder that `stiction train` made"
-"""What config.json is, for messages."""
 
 HEADER: dict[str, Any] = {"config": dict, "revision": str, "identified": dict | None}
-"""What config.json must have, and of which type."""
 
 ROBOT = "robot.json"
 """A run's copy of a robot that does not come with the package."""
@@ -82,10 +80,7 @@ def write_json(path: Path, data: Any) -> None:
 
 
 def save_checkpoint(path: Path, tree: dict[str, Any]) -> None:
-    """Write `tree` as `path` (.safetensors) and a .json beside it.
-
-    The JSON is written last and names what must be there: a checkpoint without it was cut off, and does not count.
-    """
+    """Write `tree` as `path` (.safetensors) and, last, a .json beside it: without that a checkpoint does not count."""
     tensors: dict[str, torch.Tensor] = {}
     rest = _split(tree, "", tensors)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -102,9 +97,9 @@ def _digest(tensors: bytes, rest: Any) -> str:
 
 
 def load_checkpoint(path: Path) -> dict[str, Any]:
-    """Read what `save_checkpoint` wrote. Raises `StictionError` where a file is missing, cut off or altered.
+    """Read a checkpoint. Raises `StictionError` where a file is missing, cut off or altered.
 
-    Checkpoints of before there were digests are read with a warning: a flipped bit in one of them does not show.
+    Old ones have no digest.
     """
     try:
         header = read_object(path.with_suffix(".json"), "that of a checkpoint")
@@ -181,8 +176,6 @@ class RunDirectory:
     ) -> RunDirectory:
         """Start a run in an empty or new folder, with copies of its Actuator Net and of a robot that is not shipped.
 
-        `processes`: among which its robots are shared.
-
         Raises `StictionError` where a run is there already, or the net cannot be read or does not fit the task.
         """
         if (path / "config.json").exists():
@@ -234,10 +227,7 @@ class RunDirectory:
         return self.checkpoints / f"rank{rank}" if rank else self.checkpoints
 
     def actuator(self) -> ActuatorNet | None:
-        """Return the run's Actuator Net, None where it has none.
-
-        Raises `StictionError` where the file is not the one that the run was started with.
-        """
+        """Return the run's Actuator Net, None where it has none. Raises `StictionError` where it was altered."""
         recorded = self.header().get("actuator")
         if recorded is None:
             return None
@@ -261,11 +251,10 @@ class RunDirectory:
         return data
 
     def config(self) -> TrainCfg:
-        """Return the configuration the run was started with, without reward terms of one's own.
+        """Return the configuration of the run, without reward terms of one's own; its copy of a robot of one's own.
 
-        They pay in training alone, see `config_to_train`. A robot of one's own is the run's copy of it. Raises
-        `StictionError` where there is no copy of a robot that is named as a module, see `adopt`, or friction was added
-        to the command in another way than today.
+        Raises `StictionError` where there is no copy of a robot that is named as a module, or friction was added
+        otherwise.
         """
         cfg = self._written()
         if self.header().get("compensation") != cfg.task.friction.compensation:
@@ -280,8 +269,8 @@ class RunDirectory:
     def config_to_train(self, named: tuple[tuple[str, float], ...] = ()) -> TrainCfg:
         """Return the configuration to go on training with.
 
-        named: the run's own reward terms, said again by the user: finding one runs its module, so that it is typed and
-        never read from a file. Raises `StictionError` where config.json has others, and as `config`.
+        named: the run's own reward terms, said again, since finding one runs its module. Raises `StictionError` for
+        others.
         """
         cfg, own = self.config(), self._written().task.rewards.own
         if named != own:
@@ -295,10 +284,7 @@ class RunDirectory:
         return replace(cfg, task=replace(cfg.task, rewards=replace(cfg.task.rewards, own=own)))
 
     def adopt(self, robot: str) -> None:
-        """Copy the robot that the user named into the run, in whose config.json it stands as a module.
-
-        Raises `StictionError` where the run is of another robot, or there is no such robot.
-        """
+        """Copy the robot that the user named into the run. Raises `StictionError` where the run is of another."""
         if robot != self._written().task.robot:
             raise TrainingError(
                 f"the run {self.path} is of the robot {self._written().task.robot!r}, not {robot!r}; leave --robot out"
@@ -335,11 +321,7 @@ class RunDirectory:
         return found
 
     def check_finished(self, phase: str) -> None:
-        """Raise `StictionError` unless a phase, `teacher` or `student`, has a checkpoint of its last iteration, whole.
-
-        The last one is the configuration's, or the one in which the phase reached its target. A half-trained policy
-        walks badly and looks like a result.
-        """
+        """Raise `StictionError` unless a phase, `teacher` or `student`, has a whole checkpoint of its last step."""
         newest = latest_checkpoint(self.checkpoints, phase)
         iterations = getattr(self.config(), phase).iterations
         iterations = self.summary().get("stopped", {}).get(phase, {}).get("iteration", iterations)
@@ -426,10 +408,7 @@ class RunDirectory:
                 self.check(load_checkpoint(newest), newest)
 
     def check_origin(self, checkpoint: str, origin: dict[str, Any]) -> None:
-        """Raise `StictionError` where a checkpoint is of other settings, or of other figures up to it.
-
-        Both decide what the run goes on to: the figures when it ends early.
-        """
+        """Raise `StictionError` where a checkpoint is of other settings or figures: both decide how the run goes on."""
         now, figures = self.origin(), origin["figures"]
         # The file has grown since; only what it held then can be compared.
         begin = self._figures()[: figures["bytes"]]
@@ -453,11 +432,7 @@ class RunDirectory:
         return digest_of(newest)
 
     def walks_by(self) -> dict[str, Any]:
-        """Return what decides how the run's policies walk beside their weights, for keys of a cache.
-
-        Configuration, identified joints, net and robot: with other gains, clips, histories or joints the same weights
-        are another policy. Raises `StictionError` as `header` and `config`.
-        """
+        """Return what decides how the run's policies walk beside their weights, for keys of a cache."""
         header = self.header()
         names = ("config", "identified", "actuator", "torque_source")
         return {name: header.get(name) for name in names} | {"robot": repr(find_robot(self.config().task.robot))}

@@ -14,14 +14,14 @@ from rsl_rl.utils import resolve_class
 
 from stiction.core.errors import TrainingError
 from stiction.core.provenance import num_threads, stream_seed
+from stiction.learning.begin import find_simulator
 from stiction.learning.config import STD_RANGE, TrainCfg
-from stiction.learning.equivariant import make_dense, make_equivariant
 from stiction.learning.figures import Board
 from stiction.learning.models import ELEVATION, GROUPS, RMAActor, StudentPolicy
 from stiction.learning.phase import Film, PhaseRunner, Progress
 from stiction.learning.ranks import ALONE, Ranks
 from stiction.learning.run import BROKEN, RunDirectory, identified_values, latest_checkpoint, load_checkpoint
-from stiction.learning.simulator import find_simulator
+from stiction.learning.symmetry import make_dense, make_equivariant
 from stiction.robots.catalog import find_robot
 from stiction.task.env import LocomotionEnv
 from stiction.task.symmetry import task_mirror
@@ -90,7 +90,7 @@ def student_cfg(cfg: TrainCfg) -> dict[str, Any]:
         "student": _actor(cfg, largest_std),
         "teacher": _actor(cfg, largest_std),
         "algorithm": {
-            "class_name": "stiction.learning.distillation:StudentDistillation",
+            "class_name": "stiction.learning.ppo:StudentDistillation",
             "settings": student,
             "gradient_length": student.steps,
             "max_grad_norm": 1.0,
@@ -109,12 +109,10 @@ def train(
     film: Film = lambda *_: None,
     ranks: Ranks = ALONE,
 ) -> dict[str, Any]:
-    """Train teacher and student in the run directory, from its newest checkpoint if it has any; return the summary.
+    """Train in the run directory, from its newest checkpoint if it has any; return the summary.
 
-    `identified`: nominal joints, see `nominal_joints`; `progress`, `film`: see their types; `interrupted`: asked after
-    every iteration whether to stop; `ranks`: the processes that train it together, which have met. Raises
-    `StictionError` where training has diverged, another process is gone, or the run's folder cannot be written, and
-    `Interrupted`, after a checkpoint, where it was asked to stop.
+    `identified`: see `nominal_joints`; `interrupted`: asked after every iteration; `ranks`: processes, which have met.
+    Raises `StictionError` where training diverges or cannot be written, `Interrupted` where it was asked to stop.
     """
     cfg.check_memory(find_robot(cfg.task.robot))
     run.check_processes(ranks.size)
@@ -143,10 +141,7 @@ def train(
 
 
 def _train_phases(run: RunDirectory, teacher: PhaseRunner, build_student: Callable[[], PhaseRunner]) -> PhaseRunner:
-    """Take teacher and student to their ends from wherever the run stands; return the student's runner.
-
-    The student is built after the teacher has learned: the order in which random numbers are drawn is part of a run.
-    """
+    """Take teacher and then student, which draws its random numbers after it, to their ends; return the student."""
     teacher_checkpoint = latest_checkpoint(run.checkpoints, "teacher")
     student_checkpoint = latest_checkpoint(run.checkpoints, "student")
     if teacher_checkpoint is not None:
@@ -199,10 +194,7 @@ def _summary(cfg: TrainCfg, run: RunDirectory, teacher: PhaseRunner, student: Ph
 
 
 def multiply_adds(teacher: PhaseRunner) -> dict[str, int]:
-    """Return the multiply-adds of one forward pass: actor with adaptation and estimator, and critic.
-
-    Decoders serve the loss alone and are not counted.
-    """
+    """Return the multiply-adds of a forward pass of actor and critic; decoders serve the loss and are not counted."""
     frames = teacher.env.layout.history_length
 
     def count(module: torch.nn.Module) -> int:
@@ -216,10 +208,7 @@ def multiply_adds(teacher: PhaseRunner) -> dict[str, int]:
 
 
 def load_actor(run: RunDirectory, phase: str, checkpoint: Path | None = None) -> RMAActor:
-    """Return the actor of a phase, `teacher` or `student`; the teacher's takes its latent from o_priv.
-
-    `checkpoint`: the file to read, by default the phase's newest. Raises `StictionError` where the run has none yet.
-    """
+    """Return the actor of a phase, from `checkpoint` or the newest. Raises `StictionError` where the run has none."""
     path = checkpoint or latest_checkpoint(run.checkpoints, phase)
     if path is None:
         raise TrainingError(f"{run.path} has no {phase} yet; finish it with `stiction train --resume {run.path}`")

@@ -203,7 +203,7 @@ def _add_joint_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
     """Add sensors of force [N] and torque [N m] between each joint's two links, joint by joint, three axes each.
 
     The torque is about the centre of mass of the link behind the joint: there PhysX takes it for its joint friction
-    (`stiction.sim.friction`).
+    (`stiction.sim.fleet`).
     """
     for name in robot.joint_names:
         link = spec.joint(name).parent

@@ -17,9 +17,10 @@ as its iterations are many: ten of PGS are not done, and do not even commute wit
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Literal, get_args
 
+from stiction.core.effects import needs
 from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.core.flags import FLAG, flag
 
@@ -56,11 +57,10 @@ class PhysicsCfg:
 
     friction: Annotated[FrictionPhysics, flag("--physics")] = "rows"
     """Joint friction as `rows` of the solver, or as a `plastic` slider, faster and for training only."""
-    impedance: float = FRICTION_D0
-    """Impedance d0 of the rows, below 1 [1]: the nearer, the less a held joint creeps; no meaning for `plastic`."""
-    stiffness: Annotated[float, FLAG] = 1000.0
-    """Stiffness k of the slider [N m/rad]; no meaning for `rows`. A training says where it is too
-    stiff for its step."""
+    impedance: float = field(default=FRICTION_D0, metadata=needs("--physics rows"))
+    """Impedance d0 of the rows, below 1 [1]: the nearer, the less a held joint creeps."""
+    stiffness: Annotated[float, FLAG] = field(default=1000.0, metadata=needs("--physics plastic"))
+    """Stiffness k of the slider [N m/rad]. A training says where it is too stiff for its step."""
     solver: Annotated[Solver | None, FLAG] = None
     """Of contacts, limits and rows; by default Newton for `rows`, and for `plastic` PGS, which on the few rows that are
     left is faster and as good."""

@@ -1,7 +1,6 @@
-"""Some robots of a fleet, as a tensor: their numbers, or a mask, which nobody has to wait for on a GPU. torch only.
+"""Some robots of a fleet, as a tensor: numbers (n,), with n rows of values, or a mask (N,), with N rows. torch only.
 
-Numbers, (n,) long, come with n rows of values. A mask, (N,) bool, comes with a row for every robot, and those of the
-others are left out: how many there are need not be known on the host.
+How many a mask has need not be known on the host: on a GPU nobody waits for it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""A fleet: many copies of one robot on one clock, with named views and per-robot joint physics. NumPy only.
+"""A fleet: copies of one robot on one clock, with named views, per-robot joint physics and dry friction.
 
-Training and evaluation drive robots through this one class, so that a policy meets the same joints in both.
+Training and evaluation drive robots through this one class, so that a policy meets the same joints in both. NumPy only.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ import numpy as np
 
 from stiction.core.errors import ConfigurationError
 from stiction.core.rotation import about, into_frames, yaws
+from stiction.joints.friction import Law, Signal
 from stiction.robots.mjcf import build_model, foot_geometries, standing_inertia
 from stiction.robots.model import DELAY_SAMPLES, Robot, leans_too_far, too_low
 from stiction.robots.physics import EXACT, SMALLEST_YIELD, PhysicsCfg
 from stiction.robots.terrain import Terrain
-from stiction.sim.native import NativeSimulation
-from stiction.sim.protocol import Simulation
+from stiction.sim.native import NativeSimulation, Simulation
 
 BASE_DOFS = 6
 """Degrees of freedom of the floating base, first in the velocity vector."""
@@ -32,14 +32,11 @@ HELD = 1e6
 class Fleet:
     """`num_envs` robots of one kind, each with its own joints, masses, ground friction and, if wanted, terrain.
 
-    All arrays are float64 and live: `base_*`, `joint_*` and `torque` are what the simulation holds now; `friction`,
-    `damping`, `armature` are written by the caller and act from the next step (armature, masses and centres of mass
-    after `set_const`). Functions in `before_step` are called with the fleet before every physics step (friction that
-    depends on load or speed, another motor than the PD law), those in `after_step` after it, with the ids of robots
-    that blew up in it, those in `after_reset` with the ids of robots that were reset. `ground` is the height of the
-    ground under each robot [m], written by the caller on other than flat ground. `torque`, `foot_force` and
-    `joint_load` lag one physics step; right after a reset they are those of the standing
-    pose.
+    All arrays are float64 and live: `friction`, `damping`, `armature` are written by the caller and act from the next
+    step (armature and masses after `set_const`). Functions in `before_step` are called with the fleet before every
+    physics step, those in `after_step` after it, with the ids of robots that blew up in it, those in `after_reset` with
+    reset ids. `ground` [m] is written by the caller on other than flat ground. `torque`, `foot_force`, `joint_load` lag
+    one step.
     """
 
     def __init__(
@@ -56,9 +53,8 @@ class Fleet:
     ) -> None:
         """Build the robots in their standing pose, without dry friction.
 
-        `timestep`: physics step [s]; `decimation`: physics steps in one control period; `backend`: makes the batched
-        simulation from model, number and threads; `terrain`: courses of the robots, flat ground without;
-        `joint_sensors`: measure `joint_load`; `physics`: how dry friction is simulated.
+        `decimation`: physics steps of `timestep` [s] in one control period; `backend`: makes the simulation from model,
+        number and threads; `terrain`: courses of the robots; `joint_sensors`: measure `joint_load`.
         """
         if num_envs < 1 or decimation < 1 or not 0 < timestep <= 0.02:
             raise ConfigurationError(
@@ -145,10 +141,7 @@ class Fleet:
 
     @property
     def joint_load(self) -> np.ndarray:
-        """Force [N] and torque [N m] that each joint transmits, shape (N, joints, 2, 3); with `joint_sensors` only.
-
-        The torque is about the centre of mass of the link behind the joint; both in that link's frame.
-        """
+        """Force [N] and torque about its link's centre of mass [N m] of each joint, link frame, (N, joints, 2, 3)."""
         return self._joint_wrench.reshape(self.num_envs, -1, 2, 3)
 
     def set_ground_friction(self, value: np.ndarray, ids: np.ndarray | slice = slice(None)) -> None:
@@ -173,8 +166,7 @@ class Fleet:
     def drive_by_torque(self) -> np.ndarray:
         """Make the actuators motors, without gains and delay; return their torques [N m], (N, joints), to be written.
 
-        They act from the next physics step, clipped to the limits. `targets` then do nothing by themselves: a function
-        in `before_step` turns them into torques.
+        A function in `before_step` turns `targets` into them; they are clipped to the limits.
         """
         command = self.targets
         self.targets = command.copy()
@@ -197,10 +189,10 @@ class Fleet:
         self.qvel[ids, :2] += velocity
 
     def disturb(self, force: np.ndarray | None = None, torque: np.ndarray | None = None) -> None:
-        """Push every robot throughout the next control period, and no longer, nor after a reset.
+        """Push every robot throughout the next control period.
 
-        `force`: on the base's centre of mass, in the world [N], shape (N, 3); `torque`: on each joint beside that of
-        its motor and not limited by it [N m], shape (N, joints). What is not given is left as it was.
+        `force`: on the base's centre of mass, in the world [N], (N, 3); `torque`: on each joint beside that of its
+        motor [N m], (N, joints). What is not given is left as it was.
         """
         if force is not None:
             self.simulation.bind("xfrc_applied")[:, self.model.body("base").id, :3] = force
@@ -215,10 +207,7 @@ class Fleet:
         self._disturbed = False
 
     def step(self) -> np.ndarray:
-        """Advance one control period; return the ids of robots that blew up, ascending, reset to standing and counted.
-
-        The caller ends their episode. The reset here keeps NaN from reaching any observation.
-        """
+        """Advance one control period; return the ids of robots that blew up, reset to standing and counted."""
         if self.before_step or self.after_step:
             unstable = np.zeros(self.num_envs, bool)
             for _ in range(self.decimation):
@@ -278,11 +267,10 @@ class Fleet:
         velocity: np.ndarray | None = None,
         position: np.ndarray | None = None,
     ) -> None:
-        """Stand the robots `ids` on level ground at the origin, delay lines filled with the standing pose.
+        """Stand the robots `ids` on level ground at the origin, or at `position` [m], delay lines filled.
 
-        `joint_position`: (len(ids), joints) [rad]; `heading`: (len(ids),) [rad]; `velocity`: initial velocity of the
-        base, (len(ids), 6), linear in the world and angular in the base frame; `position`: elsewhere than at the
-        origin, (len(ids), 2) [m].
+        `joint_position` [rad], `heading` [rad]; `velocity`: of the base, linear in the world and angular in the base
+        frame.
         """
         if not len(ids):
             return
@@ -318,10 +306,7 @@ class Fleet:
         self.simulation.expand("opt.gravity")[:] = gravity
 
     def clamp(self, held: np.ndarray, base: Sequence[int] = ()) -> None:
-        """Hold the joints marked in `held`, (N, joints) bool, by a huge inertia, `HELD`.
-
-        base: degrees of freedom of the base that are held too: 0 to 2 linear, 3 to 5 angular.
-        """
+        """Hold the joints in `held`, (N, joints) bool, and degrees of freedom of the base, 0 to 5, by huge inertias."""
         # The tolerance is relative to the mean inertia: the solver would stop far from the solution.
         self.simulation.expand("opt.tolerance")[:] = 0.0
         self.armature[held] = HELD
@@ -345,3 +330,103 @@ class Fleet:
         model, data = self.simulation.materialize(env)
         mujoco.mj_forward(model, data)
         return model, data
+
+
+def load_size(load: np.ndarray) -> np.ndarray:
+    """Return |F| + |T|, shape (N, joints), of `Fleet.joint_load`, shape (N, joints, 2, 3)."""
+    return np.sqrt(np.square(load).sum(axis=-1)).sum(axis=-1)
+
+
+SIGNALS: dict[Signal, Callable[[Fleet], np.ndarray]] = {
+    "velocity": lambda fleet: fleet.joint_velocity,
+    "load": lambda fleet: load_size(fleet.joint_load),
+    "torque": lambda fleet: fleet.torque,
+}
+"""What a law may read, shape (N, joints)."""
+
+
+class JointFriction:
+    """Dry friction of a fleet's joints under one law, or under several whose bounds add up: `Fleet.friction`.
+
+    The bound is the law's level, a torque [N m] or a coefficient, (N, joints), times a factor of what the law reads;
+    motor torque and transmitted load act one physics step late. `load` counts contacts, unlike the joint friction of
+    PhysX.
+    """
+
+    def __init__(self, fleet: Fleet, *laws: Law) -> None:
+        """Begin without friction. Raises `StictionError` for a load that nothing measures, or two sensed laws."""
+        sensed = [number for number, law in enumerate(laws) if law.spec.sensed]
+        if len(sensed) > 1:
+            raise ConfigurationError(
+                f"the friction laws {' and '.join(law.name for law in laws)} each read a sensor; give one of them"
+            )
+        for law in laws:
+            if law.spec.loaded and not fleet.joint_load.size:
+                raise ConfigurationError(
+                    f"the friction law {law.name!r} needs a fleet with joint sensors; make it with joint_sensors"
+                )
+        self.fleet, self.laws = fleet, laws
+        self.levels = [np.zeros_like(fleet.friction) for _ in laws]
+        self._bounds = [np.zeros_like(fleet.friction) for _ in laws]
+        self._sensed = sensed[0] if sensed else None
+        self._restored: np.ndarray | None = None
+        self._fresh = np.ones(fleet.num_envs, bool)
+        fleet.friction[:] = 0.0
+        if any(law.spec.reads for law in laws):
+            fleet.before_step.append(self.act)
+            fleet.after_reset.append(self.forget)
+
+    def set_level(self, *levels: np.ndarray, ids: np.ndarray | slice = slice(None)) -> None:
+        """Give the robots `ids` their level under each law, shape (len(ids), joints), and the bounds of now."""
+        for level, values in zip(self.levels, levels, strict=True):
+            level[ids] = values
+        self.forget(ids)
+
+    def forget(self, ids: np.ndarray | slice) -> None:
+        """Give the robots `ids`, which were just reset, the bounds of their present state."""
+        for law, level, bound in zip(self.laws, self.levels, self._bounds, strict=True):
+            now = level[ids] * self.factor(law, ids)
+            # Of a robot that blew up nothing is known before its reset.
+            bound[ids] = np.where(np.isfinite(now), now, bound[ids])
+        self._fresh[ids] = True
+        self.fleet.friction[ids] = sum(bound[ids] for bound in self._bounds)
+
+    def act(self, fleet: Fleet) -> None:
+        """Write the bounds of the coming step; those of a robot that blew up stay until its reset."""
+        for number, (law, level, last) in enumerate(zip(self.laws, self.levels, self._bounds, strict=True)):
+            # In the first step from a checkpoint the sensors have measured nothing; what they had is in the checkpoint.
+            known = self._restored is not None and number == self._sensed
+            bound = level * (self._restored if known else self.factor(law))
+            if law.spec.smoothing:
+                smoothing = np.where(self._fresh, 0.0, law.spec.smoothing)[:, None]
+                bound = smoothing * last + (1.0 - smoothing) * bound
+            np.copyto(last, bound, where=np.isfinite(bound))
+        self._restored = None
+        self._fresh[:] = False
+        fleet.friction[:] = sum(self._bounds)
+
+    def factor(self, law: Law, ids: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Return what the level of one law is multiplied by now, shape (len(ids), joints), or one number."""
+        return np.asarray(law.factor(**{name: SIGNALS[name](self.fleet)[ids] for name in law.spec.reads}))
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Return what the next step depends on beside the simulation's state and `levels`.
+
+        Of laws that read nothing none.
+        """
+        if not any(law.spec.reads for law in self.laws):
+            return {}
+        state = {"friction": self.fleet.friction.copy()}
+        if self._sensed is not None:
+            bound, measured = self._bounds[self._sensed], self.factor(self.laws[self._sensed])
+            state |= {"bound": bound.copy(), "measured": measured.copy(), "fresh": self._fresh.copy()}
+        return state
+
+    def load_state(self, state: dict[str, np.ndarray]) -> None:
+        """Restore what `state` returned; the next step is then bit-identical."""
+        self.forget(slice(None))
+        if self._sensed is not None and state:
+            self._bounds[self._sensed][:] = state["bound"]
+            self._restored, self._fresh = state["measured"].copy(), state["fresh"].copy()
+        # Older states are without it.
+        self.fleet.friction[:] = state.get("friction", sum(self._bounds))

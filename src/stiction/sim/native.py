@@ -3,22 +3,64 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any, Protocol
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from stiction.sim.protocol import Simulation
+STATE = (
+    *("time", "qpos", "qvel", "act", "history", "qacc_warmstart", "ctrl", "qfrc_applied", "xfrc_applied"),
+    "plastic",
+)
+"""The part of MuJoCo's integration state that is used here: what a checkpoint must hold."""
+
+
+class Simulation(Protocol):
+    """Many simulations of one model, stepped together."""
+
+    num: int
+
+    def bind(self, name: str) -> np.ndarray:
+        """Return a live (num, ...) array over a state field, or over a derived field, which is read-only."""
+        ...
+
+    def expand(self, name: str) -> np.ndarray:
+        """Give a model field per-simulation values and return them, live, shape (num, ...)."""
+        ...
+
+    def set_const(self, ids: np.ndarray) -> None:
+        """Recompute what derives from masses, inertias and armatures of the simulations `ids`."""
+        ...
+
+    def reset(self, ids: np.ndarray) -> None:
+        """Put the simulations `ids` into the standing keyframe, velocities, warm start and delay lines cleared."""
+        ...
+
+    def step(self, nstep: int) -> np.ndarray:
+        """Advance by `nstep` physics steps; return the ids of simulations that blew up, which the caller resets."""
+        ...
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Return a copy of everything the next step depends on, for a checkpoint."""
+        return {name: self.bind(name).copy() for name in STATE if self.bind(name).size}
+
+    def load_state(self, state: dict[str, np.ndarray]) -> None:
+        """Restore what `state` returned; on the processor the next step is then bit-identical."""
+        for name, value in state.items():
+            self.bind(name)[...] = value
+
+    def materialize(self, env: int) -> tuple[Any, Any]:
+        """Return one simulation as a MuJoCo model and data of its own, to render or to inspect."""
+        ...
+
 
 # MuJoCo would write every instability to a file in the current folder and to the terminal. `step` reports them instead.
 mujoco.set_mju_user_warning(lambda message: None)
 
 
 def out_of_bounds(fields: Iterable[np.ndarray]) -> np.ndarray:
-    """Return the ids of simulations with an entry that is not finite or above MuJoCo's bound, ascending.
-
-    `fields`: each (num, ...) with the same `num`.
-    """
+    """Return the ids of simulations with an entry that is not finite or above MuJoCo's bound; fields: (num, ...)."""
     # A sum is finite exactly where all entries are (or overflows, which is a blow-up too). The sum over all simulations
     # bounds that of each and is several times as fast.
     sizes = [np.abs(field) for field in fields]
@@ -32,10 +74,7 @@ class NativeSimulation(Simulation):
     """`Simulation` on `mujoco.batch.Batch`; bit-identical to a serial loop at any thread count."""
 
     def __init__(self, model: mujoco.MjModel, num: int, threads: int) -> None:
-        """Make `num` simulations of `model` on `threads` threads, all in keyframe 0.
-
-        Raises `ValueError` where the model resets itself on NaN: a result could then hide a blow-up.
-        """
+        """Make `num` simulations of a model, which must not reset itself on NaN (`ValueError`), in keyframe 0."""
         if not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_AUTORESET:
             raise ValueError("the model resets itself when a state turns NaN; set mjDSBL_AUTORESET in disableflags")
         self.num = num

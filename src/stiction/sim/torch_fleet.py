@@ -1,12 +1,12 @@
-"""A fleet whose every array is a torch tensor on the device of MuJoCo Warp: nothing passes through the host.
+"""A fleet whose every array is a torch tensor on the device of MuJoCo Warp, float32: nothing passes through the host.
 
-It does what training on flat ground asks of `sim.fleet.Fleet` under Coulomb's law, and no more: laws that read loads or
-speeds, courses, Actuator Nets and disturbances are that one's. The tensors are views of Warp's own arrays, float32.
+It does what training on flat ground asks of `sim.fleet.Fleet` under Coulomb's law, and no more.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import mujoco
 import torch
@@ -17,7 +17,7 @@ from stiction.robots.model import DELAY_SAMPLES, FALLEN_HEIGHT, FALLEN_UP, Robot
 from stiction.robots.physics import EXACT, PhysicsCfg
 from stiction.sim.chosen import masked, put
 from stiction.sim.fleet import BASE_DOFS, CONTACT_FORCE
-from stiction.sim.protocol import STATE
+from stiction.sim.native import STATE
 from stiction.sim.worlds import CONTACTS, Worlds
 
 LOOKED_AT = 32
@@ -27,11 +27,13 @@ READ = ("qacc", "actuator_force", "sensordata")
 """Derived fields that the task reads: right after a reset they are the nominal robot's in the standing pose."""
 
 
-class TorchFleet(Worlds):
-    """`num_envs` robots of one kind on a plane, each with its own joints, masses and ground friction.
+def _copied(view: Callable[[TorchFleet], torch.Tensor]) -> Any:
+    """Return the property that copies a view of a fleet, as of `HostFleet`."""
+    return property(lambda self: view(self).clone())
 
-    What is read is a copy; robots are chosen as `sim.chosen` says. `blown_up` counts the robots that blew up, (N,).
-    """
+
+class TorchFleet(Worlds):
+    """Robots of one kind on a plane. What is read is a copy; robots are chosen as `sim.chosen` says."""
 
     def __init__(
         self,
@@ -45,8 +47,8 @@ class TorchFleet(Worlds):
     ) -> None:
         """Build the robots in their standing pose, without dry friction.
 
-        `timestep`: physics step [s]; `decimation`: physics steps in one control period; `device`: of Warp, `cpu` or
-        `cuda:0`; `contacts`: room for them, a robot.
+        `decimation`: physics steps of `timestep` [s] in a control period; `device`: `cpu` or `cuda:0`; `contacts`: a
+        robot.
         """
         super().__init__(build_model(spec, timestep, physics=physics), num_envs, device, contacts)
         self.spec, self.num_envs, self.timestep, self.decimation = spec, num_envs, timestep, decimation
@@ -124,41 +126,18 @@ class TorchFleet(Worlds):
         self._keys.copy_(torch.where(mask, 0, -1))
         return mask
 
-    @property
-    def base_angular_velocity(self) -> torch.Tensor:
-        """Rates of the base in its own frame [rad/s], (N, 3)."""
-        return self._qvel[:, 3:6].clone()
+    base_angular_velocity = _copied(lambda fleet: fleet._qvel[:, 3:6])
+    base_quaternion = _copied(lambda fleet: fleet._qpos[:, 3:7])
+    height = _copied(lambda fleet: fleet._qpos[:, 2])
+    joint_position = _copied(lambda fleet: fleet._qpos[:, 7:])
+    joint_velocity = _copied(lambda fleet: fleet._qvel[:, BASE_DOFS:])
+    torque = _copied(lambda fleet: fleet._results["actuator_force"])
 
     @property
     def base_linear_velocity(self) -> torch.Tensor:
         """Velocity of the base's origin in the base frame [m/s], (N, 3)."""
         w, axis, velocity = self._qpos[:, 3:4], self._qpos[:, 4:7], self._qvel[:, :3]
         return velocity + 2.0 * torch.cross(axis, torch.cross(axis, velocity, dim=-1) - w * velocity, dim=-1)
-
-    @property
-    def base_quaternion(self) -> torch.Tensor:
-        """Orientation of the base, w, x, y, z, (N, 4)."""
-        return self._qpos[:, 3:7].clone()
-
-    @property
-    def height(self) -> torch.Tensor:
-        """Height of the base above the ground under it [m], (N,)."""
-        return self._qpos[:, 2].clone()
-
-    @property
-    def joint_position(self) -> torch.Tensor:
-        """Angles of the joints [rad], (N, joints)."""
-        return self._qpos[:, 7:].clone()
-
-    @property
-    def joint_velocity(self) -> torch.Tensor:
-        """Speeds of the joints [rad/s], (N, joints)."""
-        return self._qvel[:, BASE_DOFS:].clone()
-
-    @property
-    def torque(self) -> torch.Tensor:
-        """Torque of the motors [N m], (N, joints), one physics step old."""
-        return self._results["actuator_force"].clone()
 
     @property
     def foot_contact(self) -> torch.Tensor:
@@ -180,12 +159,7 @@ class TorchFleet(Worlds):
         put(self._qvel[:, :2], which, before + velocity)
 
     def give(self, values: Mapping[str, torch.Tensor], which: torch.Tensor) -> None:
-        """Give the robots `which` their parameters, and recompute what derives from them.
-
-        `values`: armature [kg m²], damping [N m s/rad], frictionloss [N m], kp, kd, all (len(which), joints); delay [s]
-        and ground_friction, (len(which), 1); base_mass [kg], (len(which),); base_com [m], (len(which), 3). May have
-        contact_time [s], (len(which), 1).
-        """
+        """Give the robots `which` parameters, as of `Randomizer.apply`, and recompute what derives from them."""
         for name, field in self._joints.items():
             put(field, which, values[name])
         put(self._gain[..., 0], which, values["kp"])
@@ -208,10 +182,9 @@ class TorchFleet(Worlds):
         heading: torch.Tensor | None = None,
         velocity: torch.Tensor | None = None,
     ) -> None:
-        """Stand the robots `which` on the plane at the origin, delay lines filled with the standing pose.
+        """Stand the robots `which` at the origin, `offset` [rad] from the standing pose, delay lines filled.
 
-        `offset`: of the joints from it [rad], (len(which), joints); `heading` [rad], (len(which),); `velocity`: initial
-        one of the base, (len(which), 6), linear in the world and angular in the base frame.
+        `heading` [rad], (len(which),); `velocity`: of the base, linear in the world and angular in the base frame.
         """
         mask = self._choose(which)
         self._run("reset", self._stand)
@@ -230,7 +203,7 @@ class TorchFleet(Worlds):
     def step(self) -> torch.Tensor:
         """Advance one control period; return which robots blew up, (N,) bool: counted, and reset to standing.
 
-        Raises `StictionError` where a robot had more contacts than there was room for, within `LOOKED_AT` steps.
+        Raises `StictionError` where a robot had more contacts than there was room for.
         """
         self._run(self.decimation, lambda: self._advance(self.decimation))
         self._lacking |= self._overflow

@@ -1,9 +1,7 @@
-"""The GPU backend: MuJoCo Warp, one world a robot, float32, without a loop over worlds.
+"""The GPU backend: MuJoCo Warp, one world a robot, float32, tested on Warp's own processor device.
 
-It also runs on Warp's own processor device, slower than `native`, which is how it is tested where there is no GPU. What
-differs from `native`: the numbers are float32; the solver's tolerance is 1e-6 at best; the reset robots' derived fields
-are those of the *nominal* robot in the standing pose; and on a GPU sums are taken in any order, so that runs are not
-reproducible bit by bit.
+The solver's tolerance is 1e-6 at best; derived fields of reset robots are those of the *nominal* robot; on a GPU sums
+are taken in any order, so that runs are not reproducible bit by bit.
 """
 
 from __future__ import annotations
@@ -16,19 +14,14 @@ import mujoco
 import numpy as np
 import warp as wp
 
-from stiction.sim.native import out_of_bounds
-from stiction.sim.protocol import STATE, Simulation
+from stiction.sim.native import STATE, Simulation, out_of_bounds
 from stiction.sim.worlds import CONTACTS, DERIVED, Worlds
 
 
 # Fields are written by whoever holds a view of them (fleets, friction laws, audits): a flag that each had to set would
 # be forgotten once, and the write then do nothing. To compare all fields with copies costs every step.
 class Flagged(np.ndarray):
-    """An array that notes when it, or a view of it, is written.
-
-    By `a[...] =`, `a += `, `out=`, `np.add.at`, `fill` and `np.copyto`: nothing else writes the fields of a simulation.
-    What is computed from it is a plain array.
-    """
+    """An array that notes when it, or a view of it, is written; what is computed from it is a plain array."""
 
     mirror: Mirror | None = None
 
@@ -74,10 +67,7 @@ def _plain(value: Any) -> Any:
 
 
 class Mirror:
-    """One device array and its host twin: float64 where the device has floats, else the device's own type.
-
-    A value that came from the device goes back as the same bits: float32 to float64 and back loses nothing.
-    """
+    """One device array and its host twin: float64 where the device has float32, which loses nothing on the way back."""
 
     def __init__(self, device: wp.array, shape: tuple[int, ...]) -> None:
         """Copy the device array. `shape`: of the host twin, (num, ...) as MuJoCo has it."""
@@ -87,7 +77,6 @@ class Mirror:
         # Callers write float64 everywhere, as native MuJoCo has it.
         self.values = values.astype(np.float64) if values.dtype == np.float32 else values.copy()
         self.written = False
-        """Whether the host was written since the two agreed."""
 
     @property
     def host(self) -> np.ndarray:
@@ -116,18 +105,12 @@ class Mirror:
 
 
 class WarpSimulation(Worlds, Simulation):
-    """`Simulation` on MuJoCo Warp. Fields are float64 on the host; `step` uploads what was written, then downloads.
-
-    `time` is on the host: that of the device begins anew with every `step`.
-    """
+    """`Simulation` on MuJoCo Warp, with fields on the host; `step` uploads what was written, then downloads."""
 
     def __init__(
         self, model: mujoco.MjModel, num: int, threads: int = 1, device: str = "cpu", contacts: int = CONTACTS
     ) -> None:
-        """Make `num` simulations of `model`, all in keyframe 0; `threads` is not used.
-
-        `device`: of Warp, `cpu` or `cuda:0`; `contacts`: room for them, a simulation.
-        """
+        """Make `num` simulations on Warp's `device`, `cpu` or `cuda:0`, with room for `contacts` each."""
         super().__init__(model, num, device, contacts)
         self.time = np.zeros(num)
         self._fresh = np.ones(num, bool)
@@ -172,10 +155,7 @@ class WarpSimulation(Worlds, Simulation):
         return self._results[name].view
 
     def expand(self, name: str) -> np.ndarray:
-        """Return the live per-simulation array of a model field, shape (num, ...).
-
-        Raises `StictionError` for a field that has not been seen to act.
-        """
+        """Return the live array of a model field, (num, ...). Raises `StictionError` for one not seen to act."""
         if name not in self._fields:
             own = self._differ(name)
             shape = np.shape(getattr(self._owner(self.model, name), name.removeprefix("opt.")))
@@ -204,10 +184,7 @@ class WarpSimulation(Worlds, Simulation):
             mirror.values[ids] = getattr(self._standing, name)
 
     def step(self, nstep: int) -> np.ndarray:
-        """Advance by `nstep` physics steps; return the ids whose state is not finite or out of MuJoCo's bounds.
-
-        Raises `StictionError` where a robot had more contacts than there was room for.
-        """
+        """Advance; return the ids that blew up. Raises `StictionError` where contacts had no room."""
         self._upload()
         self._launch(nstep, lambda: self._advance(nstep))
         for mirror in (*self._state.values(), *self._results.values()):

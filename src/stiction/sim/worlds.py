@@ -1,7 +1,4 @@
-"""Many worlds of MuJoCo Warp: the model and data on the device, and what is run there, on a GPU as graphs.
-
-What fills and reads them is another's: `sim.warp` by arrays on the host, `sim.torch_fleet` by tensors on the device.
-"""
+"""Many worlds of MuJoCo Warp, run on a GPU as graphs; `sim.warp` fills them from the host, `sim.torch_fleet` there."""
 
 from __future__ import annotations
 
@@ -108,9 +105,7 @@ FOREIGN = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET) | int(mujoco.mjtDisableBit.
 class Worlds(ABC):
     """`num` worlds of one model, all in keyframe 0.
 
-    Warp tells the samples of a delay line apart by time stamps, to a microsecond; after 16 s a float32 clock is coarser
-    than that, and a delay would be a step too long. So the device's clock and stamps count from the end of the last
-    `_advance`.
+    Samples of a delay line have time stamps, float32: the device's clock counts from the end of the last `_advance`.
     """
 
     def __init__(self, model: mujoco.MjModel, num: int, device: str, contacts: int) -> None:
@@ -157,7 +152,7 @@ class Worlds(ABC):
     def _differ(self, name: str) -> wp.array:
         """Give a model field values of each world's own; return them.
 
-        Raises `StictionError` for a field that has not been seen to act.
+        Raises `StictionError` for one not seen to act.
         """
         if name not in FIELDS:
             raise EngineError(

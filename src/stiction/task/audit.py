@@ -1,12 +1,8 @@
 """Measures that every randomised parameter changes the physics as its own formula says.
 
-Randomisation that silently does nothing is a recurring fault: a multiplier of a zero default, a derived constant that
-is not recomputed, a controller that overwrites the value. So for each parameter, robots with its two ends are
-simulated, and the *difference* of their motion is compared with the one that the formula gives:
-
-    share = <measured, expected> / <expected, expected>
-
-is 1 where the parameter acts as it should and 0 where it does nothing. Joints are judged one by one; the worst counts.
+For each, robots with its two ends are simulated, and the *difference* of their motion is compared with the formula's:
+share = <measured, expected> / <expected, expected> is 1 where the parameter acts as it should and 0 where it does
+nothing. Joints are judged one by one; the worst counts.
 """
 
 from __future__ import annotations
@@ -43,7 +39,6 @@ class AuditRow:
     parameter: str
     """Field of `RandomizationCfg`, or `friction`, or `load_coefficient` beside it, or a check of its own."""
     quantity: str
-    """What was measured."""
     share: float
     """Measured over expected effect, of the worst joint; NaN where the formula expects none."""
 
@@ -63,10 +58,7 @@ class AuditRow:
 
 
 def effect_share(measured: np.ndarray, expected: np.ndarray) -> float:
-    """Return <measured, expected> / <expected, expected> of the row that is furthest from 1, arrays (rows, samples).
-
-    NaN where a row expects nothing: then its parameter cannot act there.
-    """
+    """Return <measured, expected> / <expected, expected> of the row furthest from 1, NaN where one expects nothing."""
     measured, expected = np.atleast_2d(measured), np.atleast_2d(expected)
     norm = np.sum(expected * expected, axis=1)
     if (norm < 1e-18).any():
@@ -76,10 +68,7 @@ def effect_share(measured: np.ndarray, expected: np.ndarray) -> float:
 
 
 def audit_joints(stand: Stand) -> list[AuditRow]:
-    """Check what acts in a joint but for friction, by the step response of each.
-
-    Damping only where a joint's nominal one is known.
-    """
+    """Check what acts in a joint but for friction, by step responses; damping where a nominal one is known."""
     cfg = stand.cfg
     names = ("armature", "damping", "stiffness", "motor_strength", "action_delay")
     spans = {name: getattr(cfg.randomization, name) for name in names}
@@ -146,7 +135,7 @@ def audit_body(stand: Stand) -> list[AuditRow]:
 def sunk_at(time: float, depth: float, other: float) -> float:
     """Return how deep feet sink [m] at a time constant [s], from the `depth` that the same load has at `other`.
 
-    MuJoCo's contact holds a load N at r with N = c r d(r)^2 / ((1 - d(r)) T^2), d(r) its impedance.
+    A load N sinks r with N = c r d(r)^2 / ((1 - d(r)) T^2), d(r) MuJoCo's impedance.
     """
 
     def load(r: float) -> float:
@@ -236,11 +225,7 @@ def _range_of(cfg: TaskCfg, name: str) -> tuple[float, float]:
 
 
 def check_randomization(cfg: TaskCfg, spec: Robot, report: Callable[[str], None] = lambda _: None) -> list[AuditRow]:
-    """Return the audit of every randomised parameter of a task; `report` is called with what is measured next.
-
-    Without a friction level, friction is audited at `AUDIT_LEVEL`: that of a good motor moves a joint less than the
-    physics step's own error.
-    """
+    """Return the audit of every randomised parameter; friction without a level is audited at `AUDIT_LEVEL`."""
     if cfg.friction.level is None:
         cfg = replace(cfg, friction=replace(cfg.friction, level=AUDIT_LEVEL))
     stand = Stand(spec, cfg)

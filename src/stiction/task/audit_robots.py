@@ -1,9 +1,8 @@
 """A test stand for randomised robots: one joint at a time in the air, the whole robot hanging or sliding.
 
-Robots are randomised through the same `Randomizer` as in training; the formulas beside the measurements use only the
-draws and the specification. Joints hang in the air, the base and all other joints held. Where a friction law reads the
-load, gravity is along the joint's own axis, which bends the joint and does not turn it; where it reads the motor's
-torque, the motor is at its limit, against a torque from outside that balances it.
+Robots are randomised through the `Randomizer` of training; formulas use the draws and the specification alone. Where a
+friction law reads the load, gravity is along the joint's axis; where it reads the motor's torque, the motor is at its
+limit, against a torque from outside that balances it.
 """
 
 from __future__ import annotations
@@ -37,7 +36,6 @@ SETTLE = 20
 """Physics steps of a robot that hangs, and of a joint before its run, without a torque on it."""
 
 FREE = int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT)
-"""Flags that let a joint turn without end."""
 
 
 class Stand:
@@ -109,10 +107,7 @@ class Stand:
         return np.array(motion)
 
     def hanging(self, gravity: tuple[float, float, float], **draws: float | np.ndarray) -> np.ndarray:
-        """Return force [N] and moment about the base's origin [N m] of gravity on a robot held by its base, (6,).
-
-        Joints are held in the standing pose, and nothing is touched.
-        """
+        """Return force [N] and moment about the base's origin [N m] of gravity on a robot held by its base, (6,)."""
         fleet, _ = self.fleet(1, **draws)
         fleet.set_gravity(gravity)
         fleet.base_position[:, 2] += 1.0
@@ -137,10 +132,7 @@ class Stand:
         return float(self.spec.standing_height - fleet.base_position[0, 2])
 
     def slide(self, **draws: float) -> float:
-        """Return the deceleration [m/s²] of a robot that slides on its feet over half a second.
-
-        Free to turn, a tall robot would tip over.
-        """
+        """Return the deceleration [m/s²] of a robot that slides on its feet over half a second, kept from turning."""
         fleet = self.settled(0.5, **draws)
         half_second = round(0.5 / fleet.control_period)
         fleet.qvel[:, 0] = start = 3.0
@@ -193,10 +185,7 @@ class FrictionBench:
     """Runs in one batch: for each joint a search of break-away, a run below the bound, one above, one coasting."""
 
     def __init__(self, stand: Stand, multiplier: float, coefficient: float = 0.0) -> None:
-        """Prepare robots whose friction is `multiplier` times the nominal one.
-
-        `coefficient`: of the load, in place of that friction, where the task draws one beside its law.
-        """
+        """Prepare robots with `multiplier` times their friction, or in its place a `coefficient` of the load."""
         self.stand, self.law = stand, Law("load") if coefficient else stand.cfg.friction.joint_law
         self.joints, self.runs = stand.spec.num_joints, len(SHARES) + 3
         self.joint = np.repeat(np.arange(self.joints), self.runs)
@@ -271,7 +260,7 @@ class FrictionBench:
     def _formula(self, friction: float) -> np.ndarray:
         """Integrate I q'' + B q' = net - f, f the law's times `friction`; return the speeds.
 
-        Of a law that reads the load f is as in the simulator: of the load a physics step ago, and smoothed.
+        Load is late and smoothed.
         """
         known, joint, step = self.known, self.joint, self.fleet.timestep / FINE
         smoothing = self.law.spec.smoothing
@@ -321,8 +310,7 @@ def transmitted(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return force [N] and torque about the first link's centre of mass [N m] on the links behind, shape (n, 3).
 
-    M a_c = F + M g and L' = T - lever x F about their own centre of mass, which goes round the axis; without the links'
-    products of inertia, which are small.
+    M a_c = F + M g and L' = T - lever x F about their own centre of mass, without products of inertia.
     """
     axis, arm = known.axis[joint], known.arm[joint]
     turning = acceleration[:, None] * np.cross(axis, arm) - np.square(speed)[:, None] * arm

@@ -6,9 +6,11 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
+from stiction.core.effects import all_of, needs
 from stiction.core.errors import ConfigurationError
 from stiction.core.flags import FLAG, flag
 from stiction.files.observation import HISTORY_LENGTH, ObservationLayout, proprioception
+from stiction.joints.friction import has_coefficient
 from stiction.joints.net import ActuatorNet
 from stiction.robots.model import DELAY_SAMPLES, Robot
 from stiction.robots.physics import CONTACT_TIME, PhysicsCfg
@@ -16,8 +18,10 @@ from stiction.task.friction import FrictionCfg
 from stiction.task.rewards import RewardCfg
 from stiction.task.terrain import TerrainCfg
 
+UNEVEN = "--terrain slopes, rough, stairs or mixed"
+"""Required option of settings of the ground."""
+
 LONGEST_HISTORY = 200
-"""Most frames in o_H: 4 s at 50 Hz. The rollout storage holds every robot's history at every step."""
 
 SHORTEST_STEP, MOST_STEPS = 1e-5, 1000
 """Shortest physics step [s], and most of them in a control period: what is beyond simulates seconds in days."""
@@ -33,10 +37,7 @@ SLOWEST = 20.0
 
 
 def check_spans(owner: object, lowest: dict[str, float]) -> None:
-    """Refuse ranges whose ends are the wrong way round or below what has a meaning.
-
-    `lowest`: field name -> smallest value allowed. Raises `StictionError` naming the field.
-    """
+    """Raise `StictionError` for ranges with ends the wrong way round, or below what `lowest` has for the field."""
     for name, least in lowest.items():
         low, high = getattr(owner, name)
         if not least <= low <= high < float("inf"):
@@ -47,7 +48,6 @@ def check_spans(owner: object, lowest: dict[str, float]) -> None:
 
 
 NOT_NEGATIVE = ("damping", "ground_friction", "action_delay", "known_friction")
-"""Ranges of `RandomizationCfg` that begin at zero or above."""
 
 
 @dataclass(frozen=True)
@@ -70,10 +70,11 @@ class RandomizationCfg:
     payload: tuple[float, float] = (-2.0, 3.0)
     """Mass added to the trunk [kg], at its centre of mass."""
     center_of_mass: tuple[float, float] = (-0.25, 0.25)
-    """Shift of the trunk's centre of mass forward [m], of a trunk as long as that of the paper's robot. Sideways, up,
-    and on other trunks it is as much in proportion: 0.25 m sideways, or on a small robot, would lie outside the
-    trunk."""
-    push_interval: float = 8.0
+    """Shift of the trunk's centre of mass forward [m], of a trunk as long as that of the paper's robot; sideways, up,
+    and on other trunks as much in proportion."""
+    push_interval: float = field(
+        default=8.0, metadata=needs("--set task.randomization.push_velocity above 0", lambda cfg: cfg.push_velocity > 0)
+    )
     """Time between pushes [s]; 0 for none."""
     push_velocity: float = 1.0
     """Largest velocity added to the base by a push, in each horizontal direction [m/s]."""
@@ -84,9 +85,9 @@ class RandomizationCfg:
     standing_start: float = 0.0
     """Share of episodes that begin exactly in the standing pose and at rest, as a robot does; the others begin with an
     error of every angle and velocity. Not in the paper."""
-    known_friction: tuple[float, float] = (0.7, 1.3)
-    """Multiplier of the friction that a policy is given (--task.known-friction), one a kind of joint: the error of
-    its identification, and what it has changed since."""
+    known_friction: tuple[float, float] = field(default=(0.7, 1.3), metadata=needs("--task.known-friction"))
+    """Multiplier of the friction that a policy is given, one a kind of joint: the error of its identification, and what
+    it has changed since."""
 
     def __post_init__(self) -> None:
         """Refuse multipliers that turn physics around."""
@@ -109,10 +110,7 @@ class RandomizationCfg:
             )
 
     def with_net(self, holds_friction: bool) -> RandomizationCfg:
-        """Return what is left to randomise where an Actuator Net gives the torque: kp and the delay are in the net.
-
-        `holds_friction`: viscous friction is in the net too.
-        """
+        """Return what is left to randomise beside an Actuator Net, which may hold viscous friction."""
         one, none = (1.0, 1.0), (0.0, 0.0)
         return replace(self, stiffness=one, action_delay=none, damping=one if holds_friction else self.damping)
 
@@ -184,12 +182,28 @@ class TaskCfg:
     """Physics steps in one control period."""
     episode: float = 20.0
     """Length of an episode [s]."""
-    terrain: TerrainCfg = field(default_factory=TerrainCfg)
+    terrain: TerrainCfg = field(default_factory=TerrainCfg, metadata=needs(UNEVEN, but=("kind",)))
     friction: FrictionCfg = field(default_factory=FrictionCfg)
-    physics: PhysicsCfg = field(default_factory=PhysicsCfg)
-    randomization: RandomizationCfg = field(default_factory=RandomizationCfg)
+    physics: PhysicsCfg = field(
+        default_factory=PhysicsCfg,
+        metadata=needs("friction in training", lambda cfg: cfg.friction.has_friction, ("impedance", "stiffness")),
+    )
+    randomization: RandomizationCfg = field(
+        default_factory=RandomizationCfg,
+        metadata=all_of(
+            needs("pushes within an episode, by push_interval", lambda cfg: cfg.is_pushed, ("push_velocity",)),
+            needs(
+                "a control period or more, or 0",
+                lambda cfg: cfg.push_steps > 0 or cfg.randomization.push_interval == 0,
+                ("push_interval",),
+            ),
+        ),
+    )
     noise: NoiseCfg = field(default_factory=NoiseCfg)
-    commands: CommandCfg = field(default_factory=CommandCfg)
+    commands: CommandCfg = field(
+        default_factory=CommandCfg,
+        metadata=needs("a standing_share below 1", lambda cfg: cfg.is_commanded, but=("standing_share",)),
+    )
     rewards: RewardCfg = field(default_factory=RewardCfg)
     action_clip: float = 5.0
     """Bound of an action before scaling."""
@@ -199,7 +213,10 @@ class TaskCfg:
     estimated_friction: bool = False
     """Whether o_exp, which the policy estimates from its history, holds the dry friction of each kind of joint too, in
     units of 0.1 of the torque limit: supervised learning finds it long before a policy's reward would ask for it."""
-    known_friction: Annotated[bool, FLAG] = False
+    known_friction: Annotated[bool, FLAG] = field(
+        default=False,
+        metadata=needs("--friction-law coulomb or stribeck", lambda cfg: not has_coefficient(cfg.friction.law)),
+    )
     """Whether the policy is given f/τ_max of each kind of joint: in training that of the robot, with an error drawn for
     every episode (task.randomization.known_friction), on the robot what was identified (`export --joints`)."""
     first_side: bool = False
@@ -260,6 +277,21 @@ class TaskCfg:
         kinds = len(robot.joint_kinds) if self.known_friction else 0
         decay = None if self.slow_means is None else math.exp(-self.control_period / self.slow_means)
         return proprioception(robot.num_joints, self.history, kinds, decay, self.first_side)
+
+    @property
+    def push_steps(self) -> int:
+        """Control periods between two pushes; 0: never."""
+        return round(self.randomization.push_interval / self.control_period)
+
+    @property
+    def is_pushed(self) -> bool:
+        """Whether an episode has a push."""
+        return 0 < self.push_steps < round(self.episode / self.control_period)
+
+    @property
+    def is_commanded(self) -> bool:
+        """Whether any robot is commanded to move: on flat ground not where all are told to stand."""
+        return self.commands.standing_share < 1 or self.terrain.kind != "flat"
 
     @property
     def control_period(self) -> float:

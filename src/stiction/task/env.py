@@ -17,17 +17,51 @@ from stiction.robots.catalog import find_robot
 from stiction.robots.model import Robot
 from stiction.sim.chosen import put
 from stiction.sim.fleet import Fleet
-from stiction.sim.net_motors import NetMotors
 from stiction.task.config import SLOW, CommandCfg, TaskCfg
-from stiction.task.device import CPU, Device
-from stiction.task.events import INTERVALS, RESET
-from stiction.task.gait import UnsyncWindow, exactly_one_group, group_imbalance
+from stiction.task.events import INTERVALS, RESET, ended
 from stiction.task.observations import ESTIMATED, FRAME_TERMS, FrameBuilder, History, SlowMeans
 from stiction.task.randomization import Randomizer, friction_angle, nominal_joints
 from stiction.task.rewards import MEAN_TIME, TASK, Snapshot
-from stiction.task.task_fleet import HostFleet, TaskFleet, to_tensor
-from stiction.task.terminations import ended
+from stiction.task.task_fleet import CPU, Device, HostFleet, NetMotors, TaskFleet, to_tensor
 from stiction.task.terrain import SCAN_POINTS, UNDER, Curriculum
+
+UNSYNC_HORIZON = 100
+"""H of r_unsync in control steps (2 s at 50 Hz)."""
+
+
+def exactly_one_group(contact: torch.Tensor, group: torch.Tensor) -> torch.Tensor:
+    """Return r_trot, (N,) bool: the feet in contact, (N, legs), are exactly one of the groups, (legs,) 0 or 1."""
+    first = group == 0
+    return (contact == first).all(-1) | (contact == ~first).all(-1)
+
+
+def group_imbalance(contact: torch.Tensor, group: torch.Tensor) -> torch.Tensor:
+    """Return |C_0 ∩ C_t| - |C_1 ∩ C_t|, one step's summand of r_unsync, shape (N,). Arguments as above."""
+    sign = 1.0 - 2.0 * group.to(torch.float32)
+    return contact.to(torch.float32) @ sign
+
+
+class UnsyncWindow:
+    """Running sum of the imbalance over the last `horizon` steps: |sum| is r_unsync."""
+
+    def __init__(
+        self, num_envs: int, legs: int, horizon: int = UNSYNC_HORIZON, home: torch.device | None = None
+    ) -> None:
+        """Start with an empty window, at `home`."""
+        self.window = torch.zeros(horizon, num_envs, device=home)
+        self.cursor = 0
+        self.largest = horizon * (legs / 2)
+
+    def push(self, imbalance: torch.Tensor) -> torch.Tensor:
+        """Add one step's imbalance, shape (N,); return r_unsync as a share of its largest value, shape (N,)."""
+        self.window[self.cursor] = imbalance
+        self.cursor = (self.cursor + 1) % len(self.window)
+        return self.window.sum(0).abs() / self.largest
+
+    def reset(self, which: torch.Tensor) -> None:
+        """Forget the steps of the robots `which`, see `sim.chosen`."""
+        put(self.window.T, which, 0.0)
+
 
 RATIO_FROM = 0.3
 """Commanded speed from which on robots count for the figures of speed over command [m/s]."""
@@ -82,10 +116,9 @@ class CommandSampler:
 class LocomotionEnv(VecEnv):
     """Velocity tracking for any legged robot.
 
-    Observation groups, all float32 and fresh at every step: `proprioception` (o_prio), `history` (o_H, flattened,
-    oldest frame first), `privileged` (o_priv), `explicit` (o_exp: base velocity [m/s], foot contacts, and with
-    `estimated_friction` that of each kind of joint), and on other than flat ground `elevation` (e_t: how far the ground
-    lies below the standing height, in units of 0.2 m).
+    Observation groups, float32 and fresh at every step: `proprioception` (o_prio), `history` (o_H, flattened, oldest
+    frame first), `privileged` (o_priv), `explicit` (o_exp, see `ESTIMATED`), and on other than flat ground `elevation`
+    (e_t: how far the ground lies below the standing height, in units of 0.2 m).
     """
 
     def __init__(
@@ -101,9 +134,8 @@ class LocomotionEnv(VecEnv):
     ) -> None:
         """Build the fleet and reset every robot.
 
-        `identified`: see `nominal_joints`; `device`: simulator, and where observations, rewards and actions are;
-        `actuator`: gives the joints' torque in place of the PD law; `spec`: the robot in place of that of the name in
-        `cfg`, as a bundle has it. Raises `StictionError` where the net does not fit the robot, the physics step or the
+        `identified`: see `nominal_joints`; `actuator`: gives the joints' torque in place of the PD law; `spec`: the
+        robot in place of that in `cfg`. Raises `StictionError` where the net does not fit robot, physics step or
         friction.
         """
         self.cfg: Any = cfg

@@ -1,13 +1,14 @@
-"""What happens to robots: at the begin of an episode, and after every interval of it.
+"""What happens to robots at the begin of an episode and after every interval of it, and why it ends.
 
 An event is a function of the task and of the robots that it happens to, `which` as of `sim.chosen`. A new one is a
-function here and a line in `RESET` or `INTERVALS`; its settings are a field of the configuration beside it. Their order
-is that of the random numbers: a training that is resumed draws the same.
+function here and a line in `RESET` or `INTERVALS`, a new end one in `TERMINATIONS`. The order of events is that of the
+random numbers: a training that is resumed draws the same.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ import torch
 
 from stiction.sim.chosen import put
 from stiction.task.config import TaskCfg
+from stiction.task.rewards import Snapshot
 
 LocomotionEnv = Any
 """A `task.env.LocomotionEnv`, whose module imports this one."""
@@ -23,7 +25,6 @@ RESET_NOISE = (0.1, 0.3)
 """Half-width of the initial joint angles about standing [rad] and of the base's initial velocity [m/s, rad/s]."""
 
 Event = Callable[[LocomotionEnv, torch.Tensor], None]
-"""What happens to the robots `which`."""
 
 
 def draw_robot(env: LocomotionEnv, which: torch.Tensor) -> None:
@@ -79,10 +80,55 @@ def push(env: LocomotionEnv, which: torch.Tensor) -> None:
 
 
 RESET: tuple[Event, ...] = (draw_robot, place_robot, draw_command, draw_bench_error, draw_first_side, forget)
-"""Events at the begin of an episode, in their order."""
 
 INTERVALS: tuple[tuple[Event, Callable[[TaskCfg], float]], ...] = (
     (push, lambda cfg: cfg.randomization.push_interval),
     (draw_command, lambda cfg: cfg.commands.interval),
 )
 """Events that come again within an episode, and the time between two of them [s]; 0: never."""
+
+
+@dataclass(frozen=True)
+class Termination:
+    """One reason why an episode ends."""
+
+    ended: Callable[[LocomotionEnv, Snapshot], torch.Tensor]
+    """Return which robots' episodes end for it, (N,) bool."""
+    fails: bool
+    """True: the robot failed, and nothing is worth having after it. False: time ran out, and the value of what would
+    come next counts."""
+
+
+def fallen(env: LocomotionEnv, snapshot: Snapshot) -> torch.Tensor:
+    """The trunk touches the ground, or leans too far."""
+    return snapshot.fallen
+
+
+def blown_up(env: LocomotionEnv, snapshot: Snapshot) -> torch.Tensor:
+    """The simulation of the robot diverged."""
+    return snapshot.blown_up
+
+
+def timed_out(env: LocomotionEnv, snapshot: Snapshot) -> torch.Tensor:
+    """The episode is as long as `TaskCfg.episode`."""
+    return env.episode_length_buf >= env.max_episode_length
+
+
+def crossed(env: LocomotionEnv, snapshot: Snapshot) -> torch.Tensor:
+    """The robot reached the end of its course."""
+    if env.course is None:
+        return torch.zeros_like(snapshot.fallen)
+    return torch.from_numpy(env.course.crossed(env.fleet.base_position[:, :2]))
+
+
+TERMINATIONS = (
+    Termination(fallen, fails=True),
+    Termination(blown_up, fails=True),
+    Termination(timed_out, fails=False),
+    Termination(crossed, fails=False),
+)
+
+
+def ended(env: LocomotionEnv, snapshot: Snapshot, fails: bool) -> torch.Tensor:
+    """Return whose episodes end for a reason that is a failure, or for one that is not, (N,) bool."""
+    return torch.stack([reason.ended(env, snapshot) for reason in TERMINATIONS if reason.fails is fails]).any(0)

@@ -1,16 +1,16 @@
 """Dry friction during training: how much, by which law, and when. No torch, no mujoco.
 
-Every training method is one *schedule*: stages of the teacher's training, each with a distribution of the
-multiplier of the nominal friction. The student has that of the last stage.
+A method is a schedule: stages, each with a distribution of the multiplier of nominal friction. Students have the last.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated, Literal
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
+from stiction.core.effects import all_of, needs
 from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.core.flags import FLAG, Form, flag
 from stiction.files.method import Mixture, Stage, find_method, method_names
@@ -22,6 +22,24 @@ def law_flag(text: str, name: str = "") -> Form:
     """Return the form of an option that names a law: what `text` says, then every law of the table; name: its flag."""
     meanings = "; ".join(f"{law}: {LAWS[law].meaning}" for law in simulated_laws())
     return flag(name, f"{text} {meanings}.", simulated_laws)
+
+
+SCALED = needs("--friction-level above 0", lambda cfg: cfg.level != 0.0 or not cfg.draws_load)
+"""Requirement of a distribution: at level 0 friction is that of the load, and all multiples of the level are 0."""
+
+DRAWN = all_of(
+    SCALED, needs("friction in training, such as --task.friction.range 0 1.2", lambda cfg: cfg.last.range[1] > 0)
+)
+"""Requirement of what tells how multipliers are drawn. A level or a law has none: it is evaluated with."""
+
+
+STRIBECK = needs("--friction-law stribeck")
+
+
+def _scheduled(name: str) -> dict[str, Any]:
+    """Return the requirement of an argument of schedules."""
+    options = needs("a --method whose schedule has it", lambda cfg: name in find_method(cfg.method).schedule_options)
+    return all_of(DRAWN, options)
 
 
 @dataclass(frozen=True)
@@ -37,27 +55,36 @@ class FrictionCfg:
     load_coefficient of --joints, by the robot's model where that multiplies something else."""
     law: Annotated[str, law_flag("Law of the dry friction.", "--friction-law")] = "coulomb"
     """One of `simulated_laws`."""
-    per: Annotated[Literal["robot", "joint"], FLAG] = "robot"
+    per: Annotated[Literal["robot", "joint"], FLAG] = field(
+        default="robot", metadata=all_of(DRAWN, needs("multipliers that differ", lambda cfg: cfg.varies))
+    )
     """One multiplier for all joints of a robot, or one each. Per robot, some robots have nearly no friction anywhere:
     the paper's explanation of why its wide range works needs exactly those."""
-    spread: Annotated[tuple[float, float] | None, FLAG] = None
+    spread: Annotated[tuple[float, float] | None, FLAG] = field(
+        default=None, metadata=all_of(DRAWN, needs("factors other than 1", lambda cfg: cfg.spread != (1.0, 1.0)))
+    )
     """Factor of each joint on its robot's multiplier, drawn uniformly: `0.5 1.5`. Joints then differ, and some robots
     still have nearly no friction anywhere."""
-    load: Annotated[tuple[float, float] | None, FLAG] = None
+    load: Annotated[tuple[float, float] | None, FLAG] = field(
+        default=None, metadata=needs("a coefficient above 0", lambda cfg: cfg.load is None or cfg.draws_load)
+    )
     """Coefficient of friction that grows with what the joint transmits (the law `load`), drawn for each robot in every
     stage, on top of the law: `0 0.1`."""
-    range: Annotated[tuple[float, float] | None, FLAG] = None
+    range: Annotated[tuple[float, float] | None, FLAG] = field(default=None, metadata=SCALED)
     """Multiplier in the last stage, in place of the method's."""
-    mixture: Annotated[Mixture, FLAG] = ()
+    mixture: Annotated[Mixture, FLAG] = field(default=(), metadata=SCALED)
     """Any distribution of the multiplier in the last stage, as uniform ones side by side: weight, lower, upper end of
     each. `0.2 0 0 0.8 1 1`: one robot in five without friction, the rest with the nominal one."""
-    pretraining: float = 0.5
+    pretraining: float = field(default=0.5, metadata=_scheduled("pretraining"))
     """Share of the teacher's iterations without friction, of methods that begin so; it counts towards the budget."""
-    steps: int = 4
+    steps: int = field(default=4, metadata=_scheduled("steps"))
     """Equal steps in which friction grows, of methods that bring it in by steps."""
-    static_ratio: float = 1.5
+    static_ratio: float = field(default=1.5, metadata=STRIBECK)
     """Friction at rest over Coulomb friction, of the law `stribeck`."""
-    stribeck_velocity: float = 0.1
+    stribeck_velocity: float = field(
+        default=0.1,
+        metadata=all_of(STRIBECK, needs("a static_ratio other than 1", lambda cfg: cfg.static_ratio != 1.0)),
+    )
     """Speed at which 63 % of that excess is gone [rad/s], of the law `stribeck`."""
 
     def __post_init__(self) -> None:
@@ -122,10 +149,7 @@ class FrictionCfg:
 
     @property
     def asks(self) -> bool:
-        """Whether friction by the law is asked for: by the method, a range or a mixture.
-
-        It may still be none: see `draws_law`.
-        """
+        """True if method, range or mixture ask for friction by the law; it may still be none, see `draws_law`."""
         return find_method(self.method).friction_range != (0.0, 0.0) or self.range is not None or bool(self.mixture)
 
     @property
@@ -138,6 +162,11 @@ class FrictionCfg:
     def draws_load(self) -> bool:
         """Whether training draws a coefficient of load beside the law, above 0."""
         return self.load is not None and self.load[1] > 0.0
+
+    @property
+    def varies(self) -> bool:
+        """Whether multipliers differ at all."""
+        return len({end for _, low, high in self.last.mixture for end in (low, high)}) > 1
 
     @property
     def compensation(self) -> str | None:
@@ -185,10 +214,9 @@ class FrictionCfg:
 
 
 def friction_share(law: str, friction: np.ndarray, spec: Robot) -> np.ndarray:
-    """Return dry friction as a fraction of each joint's torque limit, shape (..., joints).
+    """Return friction, [N m] or coefficients, over each joint's torque limit, shape (..., joints).
 
-    `friction`: torque [N m], or coefficient, of each joint, shape (..., joints). A coefficient counts at the full
-    torque of the motor, and where the joint transmits an even share of the robot's weight and no torque.
+    A coefficient counts at the motor's full torque and an even share of the robot's weight.
     """
     limit = spec.joint_values("torque_limit")
     if not has_coefficient(law):

@@ -1,8 +1,7 @@
 """What becomes of an identified load coefficient in training: three laws go by that name, each of another load.
 
-A joint's own log tells c of |gravity torque|, a walk c of |motor torque|; training has `effort`, c |motor torque|,
-and `load`, c (|F| + |T|) of what the hinge transmits. At rest a motor's torque is the load about its axis, so `effort`
-takes either as it is. `load` takes c times |torque about the axis| / (|F| + |T|), which depends on how the robot
+A joint's own log tells c of |gravity torque|, a walk c of |motor torque|; `effort`, c |motor torque|, takes either as
+it is. `load`, c (|F| + |T|), takes c times |torque about the axis| / (|F| + |T|), which depends on how the robot
 stands: where that ratio holds over poses (`stance_loads`) it is a number, else a range, and nothing is trained with a
 range.
 """
@@ -26,8 +25,7 @@ AS_IT_IS = "effort"
 """The law of training that takes an identified load coefficient as it is."""
 
 LARGEST_SPREAD = 0.25
-"""Half of the range of a ratio of loads, 5th to 95th of a hundred poses, over its mean, up to which one number stands
-for it. A choice: twice that is what `deception` draws about its level."""
+"""Largest half range of a ratio of loads over its mean, 5th to 95th of a hundred poses, for which one number stands."""
 
 ENDS = (0.05, 0.95)
 """Quantiles of the poses between which a ratio is said to be."""
@@ -47,7 +45,6 @@ class Conversion:
     spread: float
     """Half of that range over its mean [1]; 0 where the regressors are one."""
     how: str
-    """By what, in words."""
 
     @property
     def stable(self) -> bool:
@@ -56,10 +53,7 @@ class Conversion:
 
 
 def converted(coefficient: Estimate, regressor: str, law: str, load: HingeLoad | None) -> Conversion | None:
-    """Return c' of `law` that gives the friction of c times its regressor; None where nothing tells it.
-
-    regressor: one of `LOAD_REGRESSORS`; load: of the joint on its robot, over poses, None where no foot loads it.
-    """
+    """Return c' of `law` that gives the friction of c times its regressor; None where nothing tells it."""
     if law == AS_IT_IS:
         same = "both multiply the motor's torque"
         rest = "at rest the motor's torque is the load about its axis; what accelerates the links is not in it"
@@ -84,21 +78,8 @@ def converted(coefficient: Estimate, regressor: str, law: str, load: HingeLoad |
     )
 
 
-@dataclass(frozen=True)
-class TakenCoefficients:
-    """A coefficient for every joint of a robot, from an identification."""
-
-    values: tuple[float, ...]
-    """c' of each joint [1]."""
-    how: tuple[str, ...]
-    """A sentence for each record."""
-
-
-def take_coefficients(file: JointsFile, robot: Robot, law: str) -> TakenCoefficients:
-    """Return the coefficient of a law for every joint, from the file's own by the robot's model, and how.
-
-    Raises `ConfigurationError` where a joint has none that may be used, or its ratio of loads does not hold over poses.
-    """
+def take_coefficients(file: JointsFile, robot: Robot, law: str) -> tuple[list[float], list[str]]:
+    """Return c' [1] of a law for every joint, and how in words. Raises `ConfigurationError` where one has none."""
     values: list[float] = []
     said: dict[str, str] = {}
     for number, name in enumerate(robot.joint_names):
@@ -124,14 +105,13 @@ def take_coefficients(file: JointsFile, robot: Robot, law: str) -> TakenCoeffici
             f"{_what(key, file.joints[key])}, is taken as {found.coefficient.value:.4g} ({low:.3g} to {high:.3g}) of "
             f"the law {law} on {robot.name}: {found.how}{_left_over(file.joints[key], number, robot)}",
         )
-    return TakenCoefficients(tuple(values), tuple(said.values()))
+    return values, [*said.values()]
 
 
 def load_warnings(file: JointsFile, robot: Robot, friction: FrictionCfg) -> tuple[str, ...]:
-    """Say what becomes of the load coefficients that were identified for a robot's joints beside a --friction-level.
+    """Say what becomes of load coefficients that were identified beside a --friction-level.
 
-    Raises `ConfigurationError` where the level is an identified coefficient and the law multiplies something else with
-    it.
+    Raises `ConfigurationError` where the level is one of them and the law multiplies something else with it.
     """
     found: dict[str, None] = {}
     numbers: dict[str, int] = {}

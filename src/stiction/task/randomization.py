@@ -1,7 +1,4 @@
-"""Domain randomisation: every row of the paper's Table II, drawn anew for a robot at each of its resets.
-
-Each draw is relative to the *nominal* value, never to the last one, so nothing drifts.
-"""
+"""Domain randomisation: the paper's Table II, drawn for a robot at each reset, relative to the *nominal* value."""
 
 from __future__ import annotations
 
@@ -44,18 +41,15 @@ def privileged_observation(
 ) -> torch.Tensor:
     """Return o_priv = {m_b, f_g, I_j, B_j, f_j}, shape (N, 2 + 3 joints), each entry near unit size.
 
-    `payload`: mass added to the trunk [kg], and `ground_friction`: multiplier, both (N, 1); `armature`, `damping`:
-    multipliers, and `friction`: as a fraction of the torque limit, see `friction_share`, all (N, joints).
+    Payload [kg] and multiplier of ground friction, (N, 1); multipliers, and friction over the torque limit, (N,
+    joints).
     """
     multipliers = [(value - 1.0) / MULTIPLIER_UNIT for value in (armature, damping)]
     return torch.cat((payload / PAYLOAD_UNIT, ground_friction - 1.0, *multipliers, friction / FRICTION_UNIT), -1)
 
 
 def nominal_privileged(friction: np.ndarray) -> torch.Tensor:
-    """Return o_priv of robots that are nominal in all but their joints' dry friction, shape (N, 2 + 3 joints), float32.
-
-    friction: as a fraction of the torque limit, see `friction_share`, shape (N, joints).
-    """
+    """Return o_priv, float32, of nominal robots with this friction over the torque limit, (N, joints)."""
     share = torch.from_numpy(np.asarray(friction, dtype=np.float32))
     one, column = torch.ones_like(share), torch.ones(len(share), 1)
     return privileged_observation(0.0 * column, column, one, one, share)
@@ -78,9 +72,8 @@ def nominal_joints(
 ) -> NominalJoints:
     """Return the robot's own joints, overridden by an identification, its friction overridden by the level.
 
-    Of the laws with a coefficient, every joint has the level, or without one its own. `identified`: `armature`,
-    `damping`, `frictionloss`, each (joints,), NaN where not identified; and `load_coefficient` where those are taken.
-    Raises `ConfigurationError` for friction by a coefficient that nobody gave.
+    `identified`: name -> (joints,), NaN where not identified. Raises `ConfigurationError` for a coefficient nobody
+    gave.
     """
     robot = fleet.spec
     values = {name: robot.joint_values(name) for name in ("armature", "damping", "frictionloss")}
@@ -99,10 +92,7 @@ def nominal_joints(
 
 
 def friction_angle(cfg: FrictionCfg, nominal: NominalJoints, robot: Robot) -> tuple[float, ...] | None:
-    """Return how far `compensation` moves each joint's target at most, its share of the nominal f, over kp [rad].
-
-    None of any other method.
-    """
+    """Return how far `compensation` moves each joint's target at most [rad]; None of another method."""
     if cfg.compensation is None:
         return None
     return tuple((BY_SPEED.share * nominal.frictionloss / robot.joint_values("kp")).tolist())
@@ -136,13 +126,7 @@ class Draws:
 class Randomizer:
     """Draws parameters and writes them into a fleet."""
 
-    def __init__(
-        self,
-        fleet: TaskFleet,
-        cfg: RandomizationCfg,
-        friction: FrictionCfg,
-        nominal: NominalJoints,
-    ) -> None:
+    def __init__(self, fleet: TaskFleet, cfg: RandomizationCfg, friction: FrictionCfg, nominal: NominalJoints) -> None:
         """Begin with all draws 0, before the first `draw`."""
         motors = fleet.motors if isinstance(fleet, HostFleet) else None
         if motors is not None:
@@ -245,10 +229,7 @@ class Randomizer:
         self.fleet.give(values, which)
 
     def friction_share(self) -> torch.Tensor:
-        """Return the dry friction of every joint as a fraction of its torque limit, shape (N, joints).
-
-        Friction that grows with load counts as in `friction_share`.
-        """
+        """Return friction over the torque limit, (N, joints); what grows with load as in `friction_share`."""
         return self.unloaded_share() + self.draws.load_coefficient * self.load_share
 
     def unloaded_share(self) -> torch.Tensor:
@@ -272,7 +253,6 @@ class IdentifiedJoints:
     frictionloss: tuple[float | None, ...]
     """Coulomb friction [N m]."""
     warnings: tuple[str, ...]
-    """What was not used, and why."""
 
 
 def identified_joints(
@@ -280,14 +260,10 @@ def identified_joints(
 ) -> IdentifiedJoints:
     """Read the nominal joints of a robot from an identification.
 
-    A record stands for the joint of its name, `FL_shank`, or for all of its kind, `shank`. The simulator adds the
-    links' inertia itself, so it is subtracted from what was measured on a leg in the air; the inertia of a loaded or
-    unstated test says nothing about the rotor, and is not used. Friction that is known in units of the command alone is
-    taken as a share of the robot's own torque limit.
-
-    `link_inertia`: of the links about each joint [kg m²], (joints,); `torque_limit` [N m], (joints,). Raises
-    `StictionError` where the file holds nothing that can be used for this robot, a linear axis, or an inertia smaller
-    than the links' own.
+    A record stands for the joint of its name or for all of its kind. The links' inertia [kg m²] is subtracted from what
+    was measured in the air; the inertia of a loaded or unstated test is not used. Friction in units of the command
+    counts as a share of the torque limit [N m]. Raises `StictionError` where nothing can be used, or an inertia is too
+    small.
     """
     rows: list[tuple[float | None, float | None, float | None]] = []
     warnings: dict[str, None] = {}

@@ -2,23 +2,17 @@
 
     o'_i = factor_i o_index_i + shift_i
 
-The mirror image of a robot with a worn left joint has a worn right one. Groups and terms each have a rule below; one
-without is an error.
-
-* What has a direction in the base follows the reflection y -> -y: positions and velocities (x, -y, z), rates of turn
-  (-x, y, -z), roll and pitch (-φ, ψ), commands (v_x, -v_y, -ω).
+* What has a direction in the base follows the reflection y -> -y: (x, -y, z), rates of turn (-x, y, -z), roll and pitch
+  (-φ, ψ), commands (v_x, -v_y, -ω).
 * Which side begins is turned around.
 * Angles, velocities and actions of joints are exchanged with those of the mirror image, with its sign.
-* Means of |e|, |θ'| and e θ', and friction, rotor inertia and damping, are exchanged without sign. The last two are
-  observed as multipliers of each joint's own nominal value: where that differs from its image's, the multiplier is
-  converted (factor and shift).
-* What belongs to a kind of joint is exchanged with that of the kind of its joints' images: a kind that both sides have
-  stays, `left_hip` and `right_hip` change places.
+* Means of |e|, |θ'| and e θ', friction, rotor inertia and damping are exchanged without sign. The last two multiply a
+  joint's own nominal value, and are converted where that differs from its image's (factor and shift).
+* What belongs to a kind of joint is exchanged with that of the kind of its joints' images.
 * The elevation map is looked up at (x, -y); a history is mirrored frame by frame.
 
-What a step makes of the mirrored robot is the mirror image of what it makes of the robot, to rounding, as far as the
-solver is done. Newton is. The sliders of `--physics plastic` have few sweeps of PGS, foot after foot, which are not:
-there the mirrored sample of a transition is as wrong as the transition itself is unfinished.
+A step of the mirrored robot is the mirror image of the robot's, to rounding, as far as the solver is done: Newton is,
+the few sweeps of PGS are not.
 """
 
 from __future__ import annotations
@@ -47,7 +41,6 @@ class Rows:
     index: np.ndarray
     factor: np.ndarray
     shift: np.ndarray | None = None
-    """None where nothing is ever shifted."""
 
     @classmethod
     def exchanged(cls, index: np.ndarray) -> Rows:
@@ -99,7 +92,6 @@ class TaskMirror(nn.Module):
         """`groups`: of every observation group; `action`: of the action."""
         super().__init__()
         self.rows = {**groups, "action": action}
-        """The rules themselves, for layers that are built of them."""
         self.groups = nn.ModuleDict({name: VectorMirror(rows) for name, rows in groups.items()})
         self.action = VectorMirror(action)
 
@@ -120,9 +112,8 @@ class TaskMirror(nn.Module):
 def task_mirror(env: LocomotionEnv) -> TaskMirror:
     """Return the mirror of a task.
 
-    Raises `StictionError` where the robot has no mirror image, where an observation group or term has no rule, where
-    the observed friction of kinds of joints has no image, or where an unobserved part of the task differs from left to
-    right: the nominal friction that `compensation` adds to the command, the groups of joints of an Actuator Net.
+    Raises `StictionError` where the robot has no mirror image, a group or term no rule, or an unobserved part of the
+    task differs from left to right: the friction that `compensation` adds, the groups of an Actuator Net.
     """
     mirror = robot_mirror(env.spec)
     _check_fixed_parts(env, mirror)
@@ -212,10 +203,7 @@ def _privileged(env: LocomotionEnv, mirror: RobotMirror) -> Rows:
 
 
 def _ratio(name: str, nominal: np.ndarray, joint_names: tuple[str, ...], mirror: RobotMirror) -> np.ndarray:
-    """Return the nominal value of each joint's mirror image over its own, shape (joints,); 1 where both are zero.
-
-    Raises `StictionError` where one of them is zero alone: no multiplier makes it what the other is.
-    """
+    """Return the nominal value of each joint's image over its own; raise `StictionError` where one alone is zero."""
     other = nominal[mirror.joints]
     alone = np.flatnonzero((nominal == 0.0) & (other != 0.0))
     if len(alone):
@@ -252,4 +240,3 @@ RULES: dict[str, Callable[[LocomotionEnv, RobotMirror], Rows]] = {
     "explicit": _explicit,
     "elevation": _elevation,
 }
-"""The rule of every observation group."""

@@ -1,22 +1,76 @@
-"""What the task asks of its robots, in torch; and the NumPy fleet, on the host, as such.
+"""Robots of the task, in torch: the NumPy fleet on the host, its motors, and which simulator a training computes with.
 
-`sim.torch_fleet` is the other one: it keeps everything on the device of MuJoCo Warp.
+The task asks the same of `HostFleet` and of `sim.torch_fleet.TorchFleet`, which keeps everything on the device of
+MuJoCo Warp. What is read is a copy; robots are chosen as `sim.chosen` says.
+
+Motors of an Actuator Net, in NumPy: gains and delays are the net's, and the simulator's own delay is off. A motor
+strength multiplies what the net gives. Its torque is held over a step, so that damping is explicit. Friction: a net of
+motor-side torque does not contain the joint's friction, the simulation keeps its own; a net of output-side torque
+contains dry and viscous friction, and the simulation's are zero. Rotor inertia is in neither.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Protocol
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any, TypeAlias
 
+import mujoco
 import numpy as np
 import torch
 
+from stiction.core.errors import EngineError
+from stiction.files.method import find_method
 from stiction.joints.friction import Law
-from stiction.robots.model import Robot
+from stiction.joints.net import ActuatorMemory, ActuatorNet
 from stiction.sim.chosen import numbered
-from stiction.sim.fleet import Fleet
-from stiction.sim.friction import JointFriction
-from stiction.sim.net_motors import NetMotors
+from stiction.sim.fleet import Fleet, JointFriction
+from stiction.sim.native import NativeSimulation, Simulation
+from stiction.task.config import TaskCfg
+
+if TYPE_CHECKING:
+    from stiction.sim.torch_fleet import TorchFleet
+
+TaskFleet: TypeAlias = "HostFleet | TorchFleet"
+
+
+class NetMotors:
+    """Motors of a fleet whose torque an Actuator Net gives, from targets that are held over the control period."""
+
+    def __init__(self, fleet: Fleet, net: ActuatorNet) -> None:
+        """Take over actuators and, where the net has it, friction. Raises `FileError` where the net does not fit."""
+        net.check_use(fleet.spec.name, fleet.spec.joint_names, fleet.torque_limit, fleet.timestep)
+        self.net, self.memory = net, ActuatorMemory(net, fleet.num_envs)
+        self.strength = np.ones((fleet.num_envs, fleet.spec.num_joints))
+        """Torque delivered over torque that the net gives, shape (N, J); the torque limit stays."""
+        self._command = fleet.drive_by_torque()
+        if self.holds_friction:
+            fleet.friction[:] = 0.0
+            fleet.damping[:] = 0.0
+        fleet.before_step.append(self._act)
+        fleet.after_reset.append(self.memory.forget)
+
+    @property
+    def holds_friction(self) -> bool:
+        """Whether the joints' dry and viscous friction are in the net: the simulation's own must then be zero."""
+        return self.net.torque_source == "output_side"
+
+    def _act(self, fleet: Fleet) -> None:
+        """Set the torques of the coming physics step; the simulator clips them to the limits."""
+        # A robot that blew up within the control period is reset at its end; until then its numbers are what they are.
+        with np.errstate(invalid="ignore", over="ignore"):
+            torque = self.memory.torque(fleet.targets, fleet.joint_position, fleet.joint_velocity)
+            np.multiply(torque, self.strength, out=self._command)
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Return what the next torque depends on beside the simulation and `strength`, copies, for a checkpoint."""
+        return {"past": self.memory.past.copy(), "fresh": self.memory.fresh.copy()}
+
+    def load_state(self, state: dict[str, np.ndarray]) -> None:
+        """Restore what `state` returned."""
+        self.memory.past[...] = state["past"]
+        self.memory.fresh[...] = state["fresh"]
 
 
 def to_tensor(array: np.ndarray) -> torch.Tensor:
@@ -24,110 +78,12 @@ def to_tensor(array: np.ndarray) -> torch.Tensor:
     return torch.from_numpy(array.astype(np.float32))
 
 
-class TaskFleet(Protocol):
-    """N robots on one clock. What is read is a copy; robots are chosen as `sim.chosen` says."""
-
-    spec: Robot
-    num_envs: int
-    timestep: float
-    standing: np.ndarray
-    torque_limit: np.ndarray
-    nominal_kp: np.ndarray
-    nominal_kd: np.ndarray
-    home: torch.device
-    """Where its tensors are."""
-    blown_up: Any
-    """How often each robot blew up, (N,)."""
-
-    @property
-    def base_angular_velocity(self) -> torch.Tensor:
-        """Rates of the base in its own frame [rad/s], (N, 3)."""
-        ...
-
-    @property
-    def base_linear_velocity(self) -> torch.Tensor:
-        """Velocity of the base's origin in the base frame [m/s], (N, 3)."""
-        ...
-
-    @property
-    def base_quaternion(self) -> torch.Tensor:
-        """Orientation of the base, w, x, y, z, (N, 4)."""
-        ...
-
-    @property
-    def height(self) -> torch.Tensor:
-        """Height of the base above the ground under it [m], (N,)."""
-        ...
-
-    @property
-    def joint_position(self) -> torch.Tensor:
-        """Angles of the joints [rad], (N, joints)."""
-        ...
-
-    @property
-    def joint_velocity(self) -> torch.Tensor:
-        """Speeds of the joints [rad/s], (N, joints)."""
-        ...
-
-    @property
-    def torque(self) -> torch.Tensor:
-        """Torque of the motors [N m], (N, joints)."""
-        ...
-
-    @property
-    def foot_contact(self) -> torch.Tensor:
-        """Whether each foot carries load, (N, feet) bool."""
-        ...
-
-    def fallen(self) -> torch.Tensor:
-        """Return whether each robot lies or is about to, (N,) bool."""
-        ...
-
-    def set_targets(self, targets: torch.Tensor) -> None:
-        """Set the joint targets of every robot [rad], (N, joints)."""
-        ...
-
-    def step(self) -> torch.Tensor:
-        """Advance one control period; return which robots blew up, (N,) bool, reset to standing."""
-        ...
-
-    def push(self, velocity: torch.Tensor, which: torch.Tensor) -> None:
-        """Add `velocity` [m/s] to the horizontal velocity of the bases `which` in the world, (len(which), 2)."""
-        ...
-
-    def give(self, values: Mapping[str, torch.Tensor], which: torch.Tensor) -> None:
-        """Give the robots `which` what `Randomizer.apply` has drawn, and recompute what derives from it."""
-        ...
-
-    def reset(
-        self,
-        which: torch.Tensor,
-        offset: torch.Tensor | None = None,
-        heading: torch.Tensor | None = None,
-        velocity: torch.Tensor | None = None,
-    ) -> None:
-        """Stand the robots `which` at their starts, `offset` [rad] from the standing pose, (len(which), joints).
-
-        `heading` [rad], (len(which),); `velocity`: of the base, (len(which), 6), linear in the world and angular in its
-        own frame.
-        """
-        ...
-
-    def state(self) -> dict[str, Any]:
-        """Return a copy of the simulation's state, for a checkpoint."""
-        ...
-
-    def load_state(self, state: Mapping[str, torch.Tensor]) -> None:
-        """Restore what `state` returned."""
-        ...
-
-
 def copied(name: str) -> Any:
     """Return the property that copies an array of `Fleet` into a tensor."""
     return property(lambda self: to_tensor(getattr(self.fleet, name)))
 
 
-class HostFleet(TaskFleet):
+class HostFleet:
     """`Fleet`, with the friction of its joints and what gives their torque."""
 
     def __init__(self, fleet: Fleet, laws: tuple[Law, ...], motors: NetMotors | None = None) -> None:
@@ -150,35 +106,35 @@ class HostFleet(TaskFleet):
 
     @property
     def height(self) -> torch.Tensor:
-        """See `TaskFleet`."""
+        """Height of the base above the ground under it [m], (N,)."""
         return to_tensor(self.fleet.base_position[:, 2] - self.fleet.ground)
 
     @property
     def foot_contact(self) -> torch.Tensor:
-        """See `TaskFleet`."""
+        """Whether each foot carries load, (N, feet) bool."""
         return torch.from_numpy(self.fleet.foot_contact)
 
     def fallen(self) -> torch.Tensor:
-        """See `TaskFleet`."""
+        """Return whether each robot lies or is about to, (N,) bool."""
         return torch.from_numpy(self.fleet.fallen())
 
     def set_targets(self, targets: torch.Tensor) -> None:
-        """See `TaskFleet`."""
+        """Set the joint targets of every robot [rad], (N, joints)."""
         self.fleet.set_targets(targets.numpy())
 
     def step(self) -> torch.Tensor:
-        """See `TaskFleet`."""
+        """Advance one control period; return which robots blew up, (N,) bool, reset to standing."""
         blown_up = torch.zeros(self.num_envs, dtype=torch.bool)
         blown_up[self.fleet.step()] = True
         return blown_up
 
     def push(self, velocity: torch.Tensor, which: torch.Tensor) -> None:
-        """See `TaskFleet`."""
+        """Add `velocity` [m/s] to the horizontal velocity of the bases `which` in the world, (len(which), 2)."""
         ids, velocity = numbered(which, velocity)
         self.fleet.push(velocity.double().numpy(), ids.numpy())
 
     def give(self, values: Mapping[str, torch.Tensor], which: torch.Tensor) -> None:
-        """See `TaskFleet`."""
+        """Give the robots `which` what `Randomizer.apply` has drawn, and recompute what derives from it."""
         names, fleet = list(values), self.fleet
         ids, *rows = numbered(which, *values.values())
         robots, given = ids.numpy(), {name: row.numpy() for name, row in zip(names, rows, strict=True)}
@@ -206,7 +162,10 @@ class HostFleet(TaskFleet):
         heading: torch.Tensor | None = None,
         velocity: torch.Tensor | None = None,
     ) -> None:
-        """See `TaskFleet`; `start` holds for this once."""
+        """Stand the robots `which` at their starts, `offset` [rad] from the standing pose, (len(which), joints).
+
+        `heading` [rad]; `velocity`: of the base, (len(which), 6), linear in the world and angular in its frame.
+        """
         values = {"joint_position": offset, "heading": heading, "velocity": velocity}
         known = {name: value for name, value in values.items() if value is not None}
         ids, *rows = numbered(which, *known.values())
@@ -217,9 +176,64 @@ class HostFleet(TaskFleet):
         self.fleet.reset(ids.numpy(), **given, position=start)
 
     def state(self) -> dict[str, Any]:
-        """See `TaskFleet`."""
+        """Return a copy of the simulation's state, for a checkpoint."""
         return self.fleet.simulation.state()
 
     def load_state(self, state: Mapping[str, torch.Tensor]) -> None:
-        """See `TaskFleet`."""
+        """Restore what `state` returned."""
         self.fleet.simulation.load_state({name: value.numpy() for name, value in state.items()})
+
+
+@dataclass(frozen=True)
+class Device:
+    """A simulator, and the torch device beside it."""
+
+    torch: str = "cpu"
+    """Where observations are handed out and actions come from."""
+    backend: Callable[[mujoco.MjModel, int, int], Simulation] = NativeSimulation
+    """Makes the batched simulation of a task on the host, from model, number and threads."""
+    fleet: Callable[..., TaskFleet] | None = None
+    """Makes the robots of a task on the device, from robot, number, physics step, decimation and `PhysicsCfg`; None:
+    the task is on the host."""
+
+
+CPU = Device()
+
+
+def why_on_host(task: TaskCfg, netted: bool = False) -> str | None:
+    """Return what of a task, or a net, keeps it on the host; None: nothing."""
+    method = find_method(task.friction.method)
+    lacking = {
+        f"terrain {task.terrain.kind!r}": task.terrain.kind != "flat",
+        f"the friction law {task.friction.law!r}": bool(task.friction.joint_law.spec.reads),
+        "friction that grows with load": task.friction.load is not None,
+        "an Actuator Net": netted,
+        f"the method {method.name!r}": method.acts_on_fleet,
+    }
+    return " and ".join(name for name, asked in lacking.items() if asked) or None
+
+
+def find_device(name: str, contacts: int, gpu: int = 0, on_host: bool = True) -> Device:
+    """Return a device by its name; `contacts`: room for them, a robot; `on_host`: only the simulator is on it.
+
+    Raises `StictionError` where this machine has no such device, `ModuleNotFoundError` without the extra `gpu`.
+    """
+    if name == "cpu":
+        return CPU
+    from stiction.sim.torch_fleet import TorchFleet
+    from stiction.sim.warp import WarpSimulation
+    from stiction.sim.worlds import cuda_device
+
+    def computing(where: str, device: str) -> Device:
+        fleet = None if on_host else partial(TorchFleet, device=device, contacts=contacts)
+        return Device(where, partial(WarpSimulation, device=device, contacts=contacts), fleet)
+
+    if name == "warp-cpu":
+        return computing("cpu", "cpu")
+    device = cuda_device(gpu)
+    if not torch.cuda.is_available():
+        raise EngineError(
+            f"torch {torch.__version__} finds no CUDA device, though MuJoCo Warp does; install a build of torch for "
+            "your driver (https://pytorch.org), or train with --device cpu"
+        )
+    return computing("cuda", device)

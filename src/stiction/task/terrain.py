@@ -118,10 +118,9 @@ class Curriculum:
         self.covered, self.asked = np.zeros(num), np.zeros(num)
 
     def begin(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Move the levels of the robots `ids` and start their next episode, facing along the course but for
-        `HEADING_ERROR`.
+        """Move the levels of the robots `ids` and start their next episode along the course but for `HEADING_ERROR`.
 
-        Returns difficulty (n,), random numbers for `Terrain.place` (n, SLABS, 4), start (n, 2) [m], heading (n,) [rad].
+        Returns difficulty (n,), numbers for `Terrain.place` (n, SLABS, 4), start (n, 2) [m], heading (n,) [rad].
         """
         cfg, num = self.cfg, len(ids)
         # At the very first beginning nothing has been asked yet.
@@ -147,10 +146,7 @@ class Curriculum:
         return difficulty, self.generator.random((num, SLABS, 4)), start, heading + askew
 
     def command(self, yaw: np.ndarray) -> np.ndarray:
-        """Return the command on a course: its speed, and a turn towards its heading; (N, 3) [m/s, rad/s].
-
-        yaw: current heading [rad], (N,).
-        """
+        """Return speed and turn towards the heading on a course, (N, 3) [m/s, rad/s]; yaw: current [rad], (N,)."""
         turn = hold_heading(self.heading - yaw, self.cfg.heading_gain)
         return np.stack((self.speed, np.zeros_like(turn), turn), -1)
 
@@ -164,10 +160,7 @@ class Curriculum:
         self.asked += self.speed * period
 
     def fall(self, fallen: np.ndarray, left: np.ndarray) -> None:
-        """Count the rest of the course as commanded for robots that fell, (N,) bool: else a good start would promote.
-
-        left: time to the end of each robot's episode [s], (N,).
-        """
+        """Count the rest of a course as commanded for robots that fell, (N,) bool; left: of their episodes [s]."""
         whole = np.minimum(self.asked + self.speed * left, LENGTH)
         self.asked = np.where(fallen, np.maximum(self.asked, whole), self.asked)
 

@@ -31,8 +31,8 @@ from stiction.joints.friction import MAX_LEVEL, Law, has_coefficient, level_text
 from stiction.robots.model import Robot
 from stiction.task.config import NoiseCfg
 from stiction.virtual.cases import DataSheet
+from stiction.virtual.drive import Noisy
 from stiction.virtual.hidden import Hidden
-from stiction.virtual.sensors import Noisy
 from stiction.virtual.trial import VirtualWalk, World
 
 LYING = 1.5

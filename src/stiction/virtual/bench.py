@@ -1,16 +1,9 @@
 """The bench: the robot is bolted to a stand, legs in the air, and its joints are moved, logged and identified.
 
-The log is what a person with this robot would record through its `Port`: encoder angles, the target that is then sent,
-and the motors' torque, mean over the period that follows. Nothing of the hidden truth is in it, nor in `joints.json`
-and `training.json`, which identification makes of it as `stiction identify` does.
-
-All joints of a kind move at once, one in every leg: on a stand no leg moves another. The motion is that of
-`stiction excite`: a slow triangle, where nearly all of the torque is dry friction, then a sum of sines, twice.
-
-Expected errors (`stiction study bench` measures them): torque that is held for 1 ms and logged over 2 is half a
-millisecond early, which lowers viscous friction; the standard values have no Stribeck curve, so that friction of that
-law comes out too high; in the gap of a gear a rotor has neither link nor friction; the motor's true strength k is in
-f/k; wrong link masses become a wrong rotor inertia.
+The log is what a person would record through its `Port`: encoder angles, the target that is then sent, and the motors'
+mean torque in the period after; nothing of the hidden truth. All joints of a kind move at once, one in every leg, as
+`stiction excite` does: a slow triangle, where nearly all of the torque is dry friction, then a sum of sines, twice.
+Expected errors are measured by `stiction study bench`.
 """
 
 from __future__ import annotations
@@ -80,10 +73,7 @@ class BenchCfg:
 
 
 def bench_log(port: Port, spec: Robot, cfg: BenchCfg | None = None) -> Log:
-    """Move every joint of a robot that is bolted to its bench and return the log, with its sidecar.
-
-    Raises `StictionError` where the robot is not that of the data sheet `spec`, or has no such kind of joints.
-    """
+    """Move every joint of a robot on its bench and return the log. Raises `StictionError` for another robot or kind."""
     cfg = cfg or BenchCfg()
     if port.joint_names != spec.joint_names:
         raise RobotError(f"the robot has the joints {port.joint_names}, its data sheet {spec.joint_names}")
@@ -125,7 +115,6 @@ def _play(port: Port, path: np.ndarray, kp: np.ndarray, kd: np.ndarray) -> list[
 
 
 JOINTS = "joints.json"
-"""Files of the folder."""
 
 BENCH_CODE = (
     *(
@@ -135,7 +124,7 @@ BENCH_CODE = (
         "joints/*.py",
         "robots/*.py",
         "robots/shipped/*.json",
-        "sim/friction.py",
+        "sim/fleet.py",
     ),
     *("engines/*.py", "engines/ode/*.py", "virtual/*.py", "deploy/control.py"),
     *(f"files/{name}.py" for name in ("advice", "following", "joints", "log")),
@@ -148,13 +137,9 @@ class Bench:
     """One robot on its bench."""
 
     engine: str
-    """Name in the catalogue of engines."""
     case: Case
-    """The robot."""
     spec: Robot
-    """Its data sheet."""
     cfg: BenchCfg = field(default_factory=BenchCfg)
-    """How its log is made."""
 
     @property
     def label(self) -> str:
@@ -173,11 +158,7 @@ class Bench:
 
 
 def identify_on_bench(bench: Bench, folder: Path, workers: int = 1) -> None:
-    """Put a robot on its bench and identify it: `folder` becomes the entry of `bench.key`, see `core.cache`.
-
-    workers: processes; they do not change the result. Where no joint can be identified, every record is empty and its
-    warning says why. Raises `StictionError` where the folder cannot be written.
-    """
+    """Identify a robot on its bench into `folder`, an entry of `core.cache`; records are empty where none can be."""
     log = bench_log(bench.robot().handle, bench.spec, bench.cfg)
     try:
         joints = identified(log, workers)
@@ -210,8 +191,7 @@ def walk_log(
 ) -> WalkLog:
     """Return the log of a walk, with nothing of the robot's hidden truth.
 
-    steps: of the pilot, T control periods, at least one; spec: the data sheet; recorded_in: name of the engine;
-    command: its label, where it did not change: `vx=0.5`; torque_source: as of the `World` that it walked in.
+    steps: of the pilot, at least one; spec: the data sheet; recorded_in: name of the engine; command: its label.
     """
     contract = bundle.contract
     each = len(steps[0].readings)

@@ -5,12 +5,9 @@
     rest        all but friction
     all         both
 
-Any other selection of groups is a cell too (`friction+delays`). A level scales dry friction and nothing else: the
-joints' mean f/τ_max, or the bench's value of each kind, and the load coefficient. At level 0 the cell `friction` is
-`nominal` and `all` is `rest`, so that four cells at L levels above 0 are 2 + 2 L robots. A seed gives the same robot in
-all cells and at all levels.
-
-A method that was tuned on a robot fits that robot: seeds below `FIRST_REPORTED` are for tuning, the others for results.
+Any selection of groups is a cell too (`friction+delays`). A level scales dry friction alone: the joints' mean f/τ_max,
+or the bench's value of each kind, and the load coefficient. A seed gives the same robot in all cells and at all levels;
+seeds below `FIRST_REPORTED` are for tuning, the others for results.
 """
 
 from __future__ import annotations
@@ -28,10 +25,8 @@ from stiction.robots.model import Robot
 from stiction.virtual.hidden import GROUPS, Hidden
 
 REST = tuple(name for name in GROUPS if name != "friction")
-"""All groups but friction."""
 
 CELLS: dict[str, tuple[str, ...]] = {"nominal": (), "friction": ("friction",), "rest": REST, "all": GROUPS}
-"""Name -> groups that are real."""
 
 BENCH = "bench"
 """A level: the friction of each kind of joint in the data sheet, as measured without load."""
@@ -71,10 +66,7 @@ class Level:
 
 
 def parse_level(text: str) -> Level:
-    """Return the level that a text names: a fraction of the torque limit or `bench`; after a `+` a load coefficient.
-
-    Raises `StictionError` where it names none.
-    """
+    """Return the level in a text: a share of the torque limit or `bench`; after a `+` a load coefficient."""
     base, plus, coefficient = text.strip().partition("+")
     try:
         share = None if base == BENCH else float(base)
@@ -101,7 +93,6 @@ class Case:
     """One robot of the experiment."""
 
     seed: int
-    """Of the robot."""
     cell: str
     """One of `CELLS`, or groups joined by `+`."""
     level: Level
@@ -146,8 +137,7 @@ class Case:
 def factorial(seeds: Sequence[int], levels: Sequence[str] = LEVELS, cells: Sequence[str] = tuple(CELLS)) -> list[Case]:
     """Return every robot of an experiment once: by seed, then by cell, then by level.
 
-    Cells without friction have level 0 alone; cells with friction and no other difference leave it out where a cell
-    without friction is among `cells`, for there they are the same robot.
+    Cells without friction have level 0 alone; those with it leave that out where it is another cell's.
     """
     parsed = parse_levels(levels)
     cases = []
@@ -170,7 +160,6 @@ class DataSheet:
     seed: int
     """Of start poses and sensor noise."""
     law: Law
-    """Of the friction."""
     level: float
     """Friction as a fraction of the torque limit, or its coefficient [-]."""
 

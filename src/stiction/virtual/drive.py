@@ -1,20 +1,23 @@
-"""The one driver of walks: `drive` takes whatever walks from control period to control period.
+"""The one driver of walks: `drive` takes whatever walks from control period to control period; noise of its sensors.
 
-What walks is a batch in the simulator of the training (`evaluation.rollout.Rollout`) or one virtual robot in any engine
-(`virtual.trial.VirtualWalk`). Who looks at a walk does so in the body of a loop over `drive`: recordings, logs, golden
-vectors and clips differ in nothing else.
+What walks is a batch (`evaluation.rollout.Rollout`) or one virtual robot (`virtual.trial.VirtualWalk`). Recordings,
+logs, golden vectors and clips are loops over `drive`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import DTypeLike
 
+from stiction.core.rotation import tilted
+from stiction.deploy.control import JointCommand, Port, Reading
+from stiction.deploy.observation import Sensors
 from stiction.files.walk import Recording
+from stiction.task.config import NoiseCfg
 
 Step = TypeVar("Step", covariant=True)
 
@@ -66,8 +69,7 @@ def drive(
 ) -> Iterator[Step]:
     """Advance a walker by `steps` control periods and yield each step when it is done; a caller may stop sooner.
 
-    commands: where they are a function, it is called before each step; progress: called after each with the share that
-    is done [-]. Raises whatever the walker's step does, such as `BlownUp`.
+    progress: called with the share that is done [-]. Raises whatever the walker's step does, such as `BlownUp`.
     """
     for number in range(steps):
         yield walker.step(commands(number) if callable(commands) else commands)
@@ -140,3 +142,47 @@ def record(
     for _ in drive(walker, commands, steps, progress):
         recorder.record()
     return recorder.recording()
+
+
+def disturbed(true: Sensors, noise: NoiseCfg, drawn: np.ndarray) -> Sensors:
+    """Return noisy measurements of N robots, but of velocity and heights; drawn: in [-1, 1), (N, `drawn_width`)."""
+    joints = true.joint_position.shape[-1]
+    # A quaternion of a small turn: (1, half of the angles).
+    tilt = np.hstack([np.ones((len(drawn), 1)), noise.roll_pitch / 2 * drawn[:, 3:5]])
+    return replace(
+        true,
+        quaternion=tilted(true.quaternion, tilt),
+        angular_velocity=true.angular_velocity + noise.angular_velocity * drawn[:, :3],
+        joint_position=true.joint_position + noise.joint_position * drawn[:, 5 : 5 + joints],
+        joint_velocity=true.joint_velocity + noise.joint_velocity * drawn[:, 5 + joints :],
+    )
+
+
+def drawn_width(joints: int) -> int:
+    """Return how many random numbers the noise of one robot's sensors takes."""
+    return 5 + 2 * joints
+
+
+INITIAL_ANGLE = 0.1
+"""Half-width of the initial joint angles about the standing pose [rad], as in training: the first entry of
+`task.events.RESET_NOISE`, a module that needs torch. A test compares the two."""
+
+
+class Noisy:
+    """A `Port` that adds the training's noise to another one; each `read` draws anew."""
+
+    def __init__(self, port: Port, noise: NoiseCfg, generator: np.random.Generator) -> None:
+        """Disturb what `port` reads."""
+        self._port, self._noise, self._generator = port, noise, generator
+        self.joint_names, self.period = port.joint_names, port.period
+
+    def read(self) -> Reading:
+        """Return what came last, with noise."""
+        reading = self._port.read()
+        drawn = self._generator.uniform(-1.0, 1.0, (1, drawn_width(len(self.joint_names))))
+        noisy = disturbed(reading.sensors.each(lambda value: value[None]), self._noise, drawn)
+        return replace(reading, sensors=noisy.each(lambda value: value[0]))
+
+    def exchange(self, command: JointCommand) -> Reading:
+        """Send a command; what comes back has no noise: joint controllers use it, no policy."""
+        return self._port.exchange(command)

@@ -31,29 +31,6 @@ from stiction.deploy.transports.link import RobotState, command_layout
 from stiction.deploy.transports.udp import LOOPBACK
 from stiction.files.velocity import AXES
 
-OF_ROBOT = {
-    "stale": "the robot says nothing any more",
-    "frozen": "it says the same numbers again and again",
-    "frozen-clock": "its time stands still",
-    "nan": "a joint's angle is no number",
-    "inf": "an angular velocity is infinite",
-    "degrees": "angles are in degrees",
-    "jump": "a joint's angle jumps by 1 rad",
-    "quaternion": "the orientation is no quaternion",
-    "xyzw": "the quaternion's order is x y z w",
-    "tilt": "it leans by 1.2 rad at once",
-    "tilting": "it tips over at 3 rad/s",
-    "joint-speed": "a joint moves at 60 rad/s",
-    "torque": "a motor gives twice its limit",
-    "temperature": "a motor has 120 °C",
-    "flailing": "all joints move at 15 rad/s",
-    "motor-lost": "the robot's own bus loses every message of a motor",
-    "motor-fault": "a motor says that something is wrong with it",
-    "drive-gains": "the drives act with other gains than they were given",
-    "second-robot": "states of a second robot come, from another address",
-}
-"""Faults of the robot and of its sensors."""
-
 OF_WAY = {"lost-commands": "three of ten commands are lost on the way"}
 """Faults of the way to the robot: they break no rule by themselves."""
 
@@ -63,7 +40,6 @@ SIGNALS = {
     **{f"sig{name}": signal.Signals[f"SIG{name.upper()}"] for name in ("term", "int", "hup", "quit", "tstp", "abrt")},
     **{f"sig{name}": signal.Signals[f"SIG{name.upper()}"] for name in ("usr1", "usr2", "alrm")},
 }
-"""Fault -> its signal, to the policy or to the supervisor."""
 
 OF_MACHINE = {
     "policy-kill": "the policy's process is killed (SIGKILL)",
@@ -75,7 +51,6 @@ OF_MACHINE = {
     "heartbeat": "the second machine falls silent",
     "command-loss": "velocity commands stop coming",
 }
-"""Faults of the machine and of those who operate it."""
 
 POLICY = {
     "policy-exception": "the policy raises an error",
@@ -83,10 +58,6 @@ POLICY = {
     "policy-hang": "it hangs",
     "policy-exit": "its process ends by itself",
 }
-"""Faults of the policy."""
-
-FAULTS = OF_ROBOT | OF_WAY | POLICY | OF_MACHINE
-"""Every fault that can be injected, and what it is."""
 
 WITH_POLICY = (*POLICY, "policy-kill", "policy-stop", "command-loss")
 """Faults that happen to a policy or to its command, and to nobody where a motion is played."""
@@ -116,7 +87,6 @@ class Fault:
     """One fault and its time."""
 
     name: str
-    """One of `FAULTS`."""
     second: float
     """Since the policy took over [s]."""
 
@@ -136,10 +106,7 @@ def parse_fault(text: str) -> Fault:
 
 
 def operated(operator: OperatorCfg, faults: Sequence[Fault], stop_file: Path) -> OperatorCfg:
-    """Return the operators of a run, with those added that the faults need.
-
-    stop_file: where a stop file may appear.
-    """
+    """Return the operators of a run with those that its faults need; stop_file: where one may appear."""
     needed = {fault.name for fault in faults}
     if "stop-file" in needed and operator.stop_file is None:
         operator = replace(operator, stop_file=stop_file)
@@ -188,10 +155,9 @@ class Faults(Injected):
     def __init__(
         self, faults: Sequence[Fault], robot: tuple[str, int], operator: OperatorCfg, joints: int, velocity: np.ndarray
     ) -> None:
-        """Take what is to happen, to a virtual robot at an address of a port on this machine.
+        """Take what is to happen to a virtual robot at an address of a port on this machine.
 
-        operator: see `operated`; joints: how many the robot has; velocity: commanded from elsewhere where a fault ends
-        that: forward, sideways [m/s], turn [rad/s], shape (3,).
+        operator: see `operated`; velocity: commanded from elsewhere where a fault ends that, (3,) [m/s, rad/s].
         """
         self._waiting = sorted(faults, key=lambda fault: fault.second)
         self._robot, self._stop_file, self._joints = robot, operator.stop_file, joints
@@ -263,7 +229,7 @@ class BrokenState:
 
     def __init__(self, name: str, state: RobotState) -> None:
         """`state`: the last good one."""
-        self._change = CHANGES[name]
+        self._change = OF_ROBOT[name][1]
         self._first, self._count = state, 0
 
     def __call__(self, state: RobotState) -> RobotState | None:
@@ -294,31 +260,52 @@ def _turned(state: RobotState, angle: float, rate: float) -> RobotState:
 Change = Callable[[RobotState, RobotState, int], "RobotState | None"]
 """State, the last good state, number of states since then -> what is said."""
 
-CHANGES: dict[str, Change] = {
-    "stale": lambda state, first, count: None,
-    "frozen": lambda state, first, count: _with(state, **first.sensors.arrays()),
-    "frozen-clock": lambda state, first, count: _with(state, time=first.time),
-    "nan": lambda state, first, count: _with(state, joint_position=_one(state.sensors.joint_position, np.nan)),
-    "inf": lambda state, first, count: _with(state, angular_velocity=np.array([np.inf, 0.0, 0.0])),
-    "degrees": lambda state, first, count: _with(state, joint_position=np.degrees(state.sensors.joint_position)),
-    "jump": lambda state, first, count: _with(
-        state, joint_position=_one(state.sensors.joint_position, state.sensors.joint_position[0] + 1.0)
+OF_ROBOT: dict[str, tuple[str, Change]] = {
+    "stale": ("the robot says nothing any more", lambda s, f, n: None),
+    "frozen": ("it says the same numbers again and again", lambda s, f, n: _with(s, **f.sensors.arrays())),
+    "frozen-clock": ("its time stands still", lambda s, f, n: _with(s, time=f.time)),
+    "nan": (
+        "a joint's angle is no number",
+        lambda s, f, n: _with(s, joint_position=_one(s.sensors.joint_position, np.nan)),
     ),
-    "quaternion": lambda state, first, count: _with(state, quaternion=np.zeros(4)),
-    "xyzw": lambda state, first, count: _with(state, quaternion=np.roll(state.sensors.quaternion, -1)),
-    "tilt": lambda state, first, count: _turned(state, 1.2, 0.0),
-    "tilting": lambda state, first, count: _turned(state, min(3.0 * 0.002 * count, 1.5), 3.0),
-    "joint-speed": lambda state, first, count: _with(state, joint_velocity=_one(state.sensors.joint_velocity, 60.0)),
-    "torque": lambda state, first, count: _with(
-        state, joint_torque=_one(state.joint_torque, 2 * state.torque_limit[0])
+    "inf": ("an angular velocity is infinite", lambda s, f, n: _with(s, angular_velocity=np.array([np.inf, 0.0, 0.0]))),
+    "degrees": ("angles are in degrees", lambda s, f, n: _with(s, joint_position=np.degrees(s.sensors.joint_position))),
+    "jump": (
+        "a joint's angle jumps by 1 rad",
+        lambda s, f, n: _with(s, joint_position=_one(s.sensors.joint_position, s.sensors.joint_position[0] + 1.0)),
     ),
-    "temperature": lambda state, first, count: _with(state, temperature=_one(state.temperature, 120.0)),
-    "flailing": lambda state, first, count: _with(
-        state, joint_velocity=15.0 * np.where(np.arange(len(state.kp)) % 2, 1.0, -1.0)
+    "quaternion": ("the orientation is no quaternion", lambda s, f, n: _with(s, quaternion=np.zeros(4))),
+    "xyzw": (
+        "the quaternion's order is x y z w",
+        lambda s, f, n: _with(s, quaternion=np.roll(s.sensors.quaternion, -1)),
     ),
-    "motor-lost": lambda state, first, count: _with(state, lost=_one(state.lost, count)),
-    "motor-fault": lambda state, first, count: _with(state, motor_fault=_one(state.motor_fault, 4.0)),
-    "drive-gains": lambda state, first, count: _with(state, kp=1.5 * state.kp),
-    "second-robot": lambda state, first, count: state,
+    "tilt": ("it leans by 1.2 rad at once", lambda s, f, n: _turned(s, 1.2, 0.0)),
+    "tilting": ("it tips over at 3 rad/s", lambda s, f, n: _turned(s, min(3.0 * 0.002 * n, 1.5), 3.0)),
+    "joint-speed": (
+        "a joint moves at 60 rad/s",
+        lambda s, f, n: _with(s, joint_velocity=_one(s.sensors.joint_velocity, 60.0)),
+    ),
+    "torque": (
+        "a motor gives twice its limit",
+        lambda s, f, n: _with(s, joint_torque=_one(s.joint_torque, 2 * s.torque_limit[0])),
+    ),
+    "temperature": ("a motor has 120 °C", lambda s, f, n: _with(s, temperature=_one(s.temperature, 120.0))),
+    "flailing": (
+        "all joints move at 15 rad/s",
+        lambda s, f, n: _with(s, joint_velocity=15.0 * np.where(np.arange(len(s.kp)) % 2, 1.0, -1.0)),
+    ),
+    "motor-lost": (
+        "the robot's own bus loses every message of a motor",
+        lambda s, f, n: _with(s, lost=_one(s.lost, n)),
+    ),
+    "motor-fault": (
+        "a motor says that something is wrong with it",
+        lambda s, f, n: _with(s, motor_fault=_one(s.motor_fault, 4.0)),
+    ),
+    "drive-gains": ("the drives act with other gains than they were given", lambda s, f, n: _with(s, kp=1.5 * s.kp)),
+    "second-robot": ("states of a second robot come, from another address", lambda s, f, n: s),
 }
-"""Fault of the robot -> what it says then."""
+"""Faults of the robot and of its sensors: what it is, and what the robot says then."""
+
+FAULTS = {name: text for name, (text, _) in OF_ROBOT.items()} | OF_WAY | POLICY | OF_MACHINE
+"""Every fault that can be injected, and what it is."""

@@ -1,7 +1,6 @@
 """The hidden truth of a virtual robot, group by group: no code that trains, identifies or drives may read it.
 
-Such code knows the robot by its data sheet (`Robot`), by the logs of its bench, and by its sensors through a
-`Port`. Only this folder, and code that computes metrics, hold a `Hidden`.
+Such code knows its data sheet (`Robot`), the logs of its bench, and its sensors through a `Port`.
 """
 
 from __future__ import annotations
@@ -15,8 +14,7 @@ from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.core.provenance import seed_streams
 from stiction.engines.engine import Body, JointFriction, Term
 from stiction.robots.model import Robot
-from stiction.virtual.motor import Motors
-from stiction.virtual.sensors import SensorErrors
+from stiction.virtual.hardware import Motors, SensorErrors
 
 
 @dataclass(frozen=True)
@@ -75,15 +73,11 @@ class Hidden:
     friction: FrictionShape
     """How dry friction differs from joint to joint; the level scales it."""
     motors: Motors
-    """Motors, rotors and battery."""
     delays: Delays
-    """Of commands and sensors."""
     gears: np.ndarray
     """Backlash of each joint: the whole width of its gap [rad], shape (J,)."""
     sensors: SensorErrors
-    """Errors of encoders, current sensors and IMU."""
     masses: Masses
-    """Of the links."""
 
     @classmethod
     def perfect(cls, num_joints: int) -> Hidden:
@@ -118,23 +112,12 @@ class Hidden:
 
 
 GROUPS = ("friction", "motors", "delays", "gears", "sensors", "masses")
-"""Names of the groups: the fields of `Hidden`."""
 
-FRICTION = {
-    "share": (0.5, 1.5),
-    "static_ratio": (1.1, 1.6),
-    "stribeck_velocity": (0.05, 0.3),
-    "load_share": (0.7, 1.3),
-}
+FRICTION = {"share": (0.5, 1.5), "static_ratio": (1.1, 1.6), "stribeck_velocity": (0.05, 0.3), "load_share": (0.7, 1.3)}
 """Legs of one robot differ in friction by a factor of two to three; seals and greased gears hold a tenth to a half more
 at rest than in motion."""
 
-MOTORS = {
-    "armature": (0.9, 1.1),
-    "damping": (0.7, 1.4),
-    "strength": (0.93, 1.07),
-    "no_load_speed": (20.0, 28.0),
-}
+MOTORS = {"armature": (0.9, 1.1), "damping": (0.7, 1.4), "strength": (0.93, 1.07), "no_load_speed": (20.0, 28.0)}
 """Torque constants are given to some per cent; viscous friction follows the grease's temperature; speeds of leg motors
 with 25 to 45 N m [rad/s]."""
 

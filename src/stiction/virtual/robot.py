@@ -32,12 +32,10 @@ from stiction.deploy.observation import Sensors
 from stiction.engines.engine import Engine, FrictionSensing, JointFriction, Motion
 from stiction.joints.compensation import FrictionController
 from stiction.joints.net import TorqueSource
+from stiction.virtual.hardware import Drive, Encoders, Gears, Imu, commanded_torque
 from stiction.virtual.hidden import Hidden
-from stiction.virtual.motor import Drive, Gears, commanded_torque
-from stiction.virtual.sensors import Encoders, Imu
 
 Signal = TypeVar("Signal")
-"""What travels."""
 
 
 class DelayLine(Generic[Signal]):
@@ -117,7 +115,6 @@ class GroundTruth:
     time: float
     """Since the robot was put in place [s]."""
     motion: Motion
-    """Of the body."""
     torque: np.ndarray
     """That the motors gave [N m], shape (J,)."""
     friction: np.ndarray
@@ -125,7 +122,7 @@ class GroundTruth:
 
 
 class RobotHandle:
-    """`Port` of a virtual robot; it exposes nothing of the robot that could be read by accident."""
+    """`Port` of a virtual robot; nothing hidden can be read from it by accident."""
 
     __slots__ = ("_exchange", "_read", "joint_names", "period")
 
@@ -162,23 +159,12 @@ class VirtualRobot:
         loads: bool = True,
         torque_source: TorqueSource = "motor_side",
     ) -> None:
-        """Build the robot around an engine.
+        """Build the robot around an engine, made with `hidden.body(...)`.
 
-        Args:
-            engine: made with `hidden.body(...)`.
-            hidden: what the robot is.
-            friction: of its joints, at some level.
-            generator: of the noise of its sensors.
-            period: between two readings [s], whole physics steps.
-            wear: how friction changes from when the robot is put in place.
-            torque_source: where its joints' torque is measured: at the motor, or behind the gear, where dry and viscous
-                friction are in it and the rotor's inertia is put back, as in the logs of the training's simulator.
-            loads: whether the ground truth says what joints transmit, even where their friction does not depend on it.
-
-        Raises:
-            StictionError: the period is not made of whole physics steps, a joint that wears does not exist, or the
-                engine does not say what friction did and the torque is to be measured behind the gear.
-
+        generator: of the noise of its sensors; period: between two readings [s], whole physics steps; torque_source:
+        torque is measured at the motor, or behind the gear, with friction in it and the rotor's inertia put back;
+        loads: the ground truth says what joints transmit. Raises `StictionError` for other periods, joints that do not
+        exist, and engines that do not say what friction did.
         """
         self._steps = whole_steps(period, engine.timestep)
         if self._steps < 1 or abs(self._steps * engine.timestep - period) > 1e-9:
@@ -207,15 +193,11 @@ class VirtualRobot:
         self._reported: deque[np.ndarray] = deque(maxlen=self._steps)
         self._compensation: FrictionController | None = None
         self.handle = RobotHandle(self._names, period, lambda: self._reading, self._exchange)
-        """For what drives the robot."""
         standing = spec.joint_values("default_position")
         self.place(standing, np.array([0.0, 0.0, spec.standing_height]), UPRIGHT)
 
     def program(self, compensation: FrictionController | None) -> None:
-        """Let the motor controllers feed friction forward by themselves, from their own encoders; None: they do not.
-
-        Their period is the engine's physics step.
-        """
+        """Let the motor controllers feed friction forward from their own encoders, at the physics step; None: not."""
         self._compensation = compensation
 
     def place(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
@@ -279,8 +261,7 @@ class VirtualRobot:
     def _measure(self, reported: np.ndarray) -> Reading:
         """Return what is sent to the computer now, before noise; reported: torque of the last step [N m], shape (J,).
 
-        The torque is a mean over the last period, as current sensors give it: it jumps with every target and then falls
-        back, so that its value at the end of each period would be too low.
+        The torque is a mean over the period, as current sensors give it: it jumps with every target.
         """
         # The line holds one period: the oldest step drops out by itself.
         self._reported.append(reported)

@@ -1,33 +1,36 @@
-"""The virtual robot as a process of its own, in real time behind UDP on loopback: what `deploy` drives for want of one.
+"""The virtual robot as a process of its own, in real time behind UDP on loopback, and the link to it.
 
-It sends a state every 2 ms to whoever asked for it last, and acts on every command that comes, from whomever, as motors
-on a bus do. Where it cannot keep up with the clock it runs slower than real time, and says so at its end. Started as a
-module; prints one line of JSON when it is there:
-
-    python -m stiction.virtual.serve BUNDLE SETTINGS
+It sends a state every 2 ms to whoever asked last, and acts on every command that comes. Where it cannot keep up it runs
+slower than real time, and says so at its end. `python -m stiction.virtual.serve BUNDLE SETTINGS` prints a line of JSON.
 """
 
 from __future__ import annotations
 
 import json
+import select
 import socket
+import subprocess
 import sys
 import time
-from contextlib import suppress
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
 from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from stiction.core.decode import from_plain
-from stiction.core.errors import EngineError, StictionError
-from stiction.core.lifeline import follow_parent
+from stiction.core.errors import EngineError, RobotError, StictionError
+from stiction.core.isolation import isolated_environment, python_module
+from stiction.core.lifeline import follow_parent, tied
 from stiction.core.provenance import limit_library_threads, seed_streams, stream_seed
 from stiction.core.rotation import cross, into_frame
 from stiction.deploy.control import JointCommand, Reading
 from stiction.deploy.runtime.ticker import Ticker
 from stiction.deploy.transports.link import RobotState, command_layout, command_of, state_layout, state_vectors
-from stiction.deploy.transports.udp import HELLO, LOOPBACK
+from stiction.deploy.transports.udp import HELLO, LOOPBACK, UdpLink
 from stiction.engines.catalog import find_engine, make_engine
 from stiction.engines.engine import BlownUp
 from stiction.files.bundle import read_bundle
@@ -43,10 +46,8 @@ ROOM_TEMPERATURE = 30.0
 """Of motors that were not modelled [°C]."""
 
 NOISE = "deployed, sensors"
-"""Name of the random stream of its sensors' noise."""
 
 LOST = "deployed, lost commands"
-"""Name of the random stream of what is lost on the way to it."""
 
 LOSS = 0.3
 """Share of the commands that are lost on the way, by the fault of that name."""
@@ -135,7 +136,7 @@ class RobotProcess:
         """Take one datagram."""
         if data == HELLO:
             self._peer = sender
-        elif data.startswith(ASK) and (name := data[len(ASK) :].decode(errors="replace")) in OF_ROBOT | OF_WAY:
+        elif data.startswith(ASK) and (name := data[len(ASK) :].decode(errors="replace")) in (*OF_ROBOT, *OF_WAY):
             self._begin_fault(name)
         elif self._loss and self._chance.random() < self._loss:
             pass
@@ -223,3 +224,63 @@ def main(path: str, settings: str) -> int:
 
 if __name__ == "__main__":
     sys.exit(main(*sys.argv[1:3]))
+
+
+LAST_LINE = 1.0
+"""Time to wait for what it says of a run [s]."""
+
+
+class VirtualProcess:
+    """A virtual robot in a process of its own."""
+
+    def __init__(self, bundle: Path, cfg: VirtualCfg) -> None:
+        """Start it for the robot of a bundle; raise `RobotError` where it does not come up."""
+        command = python_module("stiction.virtual.serve", [bundle, json.dumps(asdict(cfg))])
+        # What it writes on its standard error is for people, and goes where ours does.
+        # Ctrl-C is for the supervisor: a robot does not end by it.
+        tie = tied(isolated_environment()) | {"start_new_session": True}
+        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, **tie)
+        assert self._process.stdout is not None
+        said = self._read()
+        if said is None or "error" in said:
+            self.close()
+            why = "it ended at once" if said is None else said["error"]
+            raise RobotError(f"the virtual robot could not be started: {why}")
+        self.address = (LOOPBACK, int(said["port"]))
+        self.link = UdpLink(self.address, said["joints"], said["feet"], said["period"])
+        # The robot sends its states to whoever greeted it last.
+        self.link.hello()
+
+    def said(self) -> dict[str, Any]:
+        """Return what the robot saw of a run that ended in damping; empty where there was none.
+
+        `damped`, `last_good`: first damping frame, last true state [s, monotonic]; `slow`: periods behind; `moved` [m]
+        in so many `seconds`; `upright`.
+        """
+        assert self._process.stdout is not None
+        ready, _, _ = select.select([self._process.stdout], [], [], LAST_LINE)
+        return (self._read() or {}) if ready else {}
+
+    def _read(self) -> dict[str, Any] | None:
+        """Return the next line that it says, None where it has ended."""
+        assert self._process.stdout is not None
+        line = self._process.stdout.readline()
+        return json.loads(line) if line else None
+
+    def close(self) -> None:
+        """End it."""
+        self._process.kill()
+        self._process.wait()
+        if self._process.stdout is not None:
+            self._process.stdout.close()
+
+
+@contextmanager
+def virtual_robot(bundle: Path, cfg: VirtualCfg) -> Iterator[VirtualProcess]:
+    """Start a virtual robot, and end it."""
+    process = VirtualProcess(bundle, cfg)
+    try:
+        yield process
+    finally:
+        process.link.close()
+        process.close()

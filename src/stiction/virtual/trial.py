@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from stiction.core.provenance import seed_streams
 from stiction.core.rotation import UPRIGHT, about
 from stiction.deploy.control import ControlStep, Pilot
 from stiction.deploy.policy import load_policy
-from stiction.engines.engine import BlownUp, JointFriction, Make, Motion
+from stiction.engines.engine import BlownUp, Make, Motion
 from stiction.engines.ground import Ground, flat
 from stiction.files.bundle import Bundle
 from stiction.files.contract import robot_of
@@ -21,30 +20,19 @@ from stiction.joints.compensation import BY_ERROR, Compensation
 from stiction.joints.net import TorqueSource
 from stiction.robots.model import Robot, leans_too_far, too_low
 from stiction.task.config import NoiseCfg
-from stiction.virtual.drive import Recorder, Truth, drive
-from stiction.virtual.hidden import Hidden, draw
+from stiction.virtual.cases import Case, DataSheet
+from stiction.virtual.drive import INITIAL_ANGLE, Noisy, Recorder, Truth, drive
+from stiction.virtual.hidden import draw
 from stiction.virtual.robot import PERIOD, GroundTruth, VirtualRobot, Wear
-from stiction.virtual.sensors import INITIAL_ANGLE, Noisy
 
 TIMESTEP = 0.001
 """Physics step of virtual robots [s]: motor controllers run at 1 kHz and more."""
 
+RobotCase = Case | DataSheet
+"""Robot to build; its seed is of start poses and sensor noise too."""
+
 CommandSource = Callable[[int, Motion], np.ndarray]
 """Number of the control step, motion -> commanded velocity: forward, sideways [m/s], turn [rad/s], shape (3,)."""
-
-
-class RobotCase(Protocol):
-    """Which robot is built: a `Case` of the factorial, or a `DataSheet`."""
-
-    @property
-    def seed(self) -> int:
-        """Of the robot, of its start poses and of its sensors' noise."""
-
-    def robot(self, hidden: Hidden) -> Hidden:
-        """Return what of a robot is real."""
-
-    def friction(self, hidden: Hidden, spec: Robot, timestep: float) -> JointFriction:
-        """Return the dry friction of its joints; `timestep`: of the physics [s]."""
 
 
 @dataclass(frozen=True)
@@ -52,9 +40,7 @@ class World:
     """The engine, the ground and the start of a robot."""
 
     make: Make
-    """The engine."""
     ground: Ground = field(default_factory=flat)
-    """What the robot walks on."""
     start: tuple[float, float] = (0.0, 0.0)
     """Its position, x and y [m]."""
     heading: float = 0.0
@@ -91,10 +77,7 @@ class World:
         wear: Wear | None = None,
         fixed: bool = False,
     ) -> VirtualRobot:
-        """Build a robot in its own engine.
-
-        spec: the data sheet; generator: of its sensors' noise; wear: of its joints; fixed: bolted to a stand.
-        """
+        """Build a robot in its own engine. generator: of its sensors' noise; fixed: bolted to a stand."""
         hidden = draw(spec, case.seed)
         real = case.robot(hidden)
         engine = self.make(real.body(spec, fixed), self.ground, self.timestep)
@@ -170,25 +153,10 @@ def walk(
 ) -> Trial:
     """Let a bundle walk on a virtual robot for `steps` control periods, or until it falls or blows up, which is a fall.
 
-    Args:
-        bundle: the policy.
-        case: the robot.
-        world: where it walks.
-        commands: see `CommandSource`.
-        steps: control periods.
-        episode: number of the start pose and of the sensors' noise, the same in all cells, at all levels, and in the
-            training's simulator (`Rollout`) under the case's seed.
-        wear: of the robot's joints.
-        spec: the robot, by default the shipped one that the bundle names.
-        friction: what is fed forward, see `Pilot`.
-        seed: 0, or of other episodes of the same robot.
-        known: friction given to a policy that observes it, see `ObservationBuilder`; by default the contract's.
-        compensation: how friction is fed forward, by the computer or by the motors; see `Pilot`.
-        load: what is fed forward beside `friction` per torque of the motor [1], (J,); see `Pilot`.
-
-    Raises:
-        StictionError: the bundle does not fit the robot, or friction is to be fed forward to one that compensates it.
-
+    episode: number of start pose and noise, the same in all cells and in `Rollout` under the case's seed; seed: 0, or
+    of other episodes; friction, load: fed forward by the computer or the motors as `compensation` says, see `Pilot`;
+    known: friction given to a policy that observes it, by default the contract's. Raises `StictionError` where the
+    bundle does not fit, or compensates friction itself.
     """
     contract = bundle.contract
     spec = spec or robot_of(contract)

@@ -14,9 +14,8 @@ from bundles import make_bundle, make_contract, make_network
 from stiction.cli.main import main
 from stiction.evaluation.benches import fed_at_level, forward_walks
 from stiction.evaluation.evaluate import EvaluationCfg
-from stiction.evaluation.grid import GridCfg, Unit
+from stiction.evaluation.grid import GridCfg, Unit, walk_unit
 from stiction.evaluation.metrics import combine
-from stiction.evaluation.walks import walk_unit
 from stiction.files.bundle import Bundle, read_bundle
 from stiction.joints.compensation import parse_compensation
 from stiction_experiments.compensation import walking

@@ -10,15 +10,15 @@ import pytest
 
 from stiction.core import cache
 from stiction.core.errors import StictionError
-from stiction.evaluation import trained as run_evaluation
-from stiction.evaluation.code import RUN_WALK_CODE, WALK_CODE
-from stiction.evaluation.methods import method_of, method_texts
+from stiction.evaluation.evaluate import RUN_WALK_CODE, WALK_CODE
+from stiction.evaluation.policies import method_of, method_texts
 from stiction.files.bundle import read_bundle, write_bundle
 from stiction.learning.arguments import parse
 from stiction.learning.identity import settings_of
 from stiction_experiments.friction.evaluation import BASE, LEVELS, Task, evaluate_tasks, settings_for, tasks_for
 from stiction_experiments.friction.manifest import Condition, Run
 from stiction_experiments.friction.planned import PlannedRun, unrecorded
+from stiction_experiments.lab import trained as run_evaluation
 from stiction_experiments.lab.files import cached
 from stiction_experiments.methods import CODE
 from stiction_experiments.methods.friction import BY_ERROR

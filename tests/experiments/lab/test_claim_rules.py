@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stiction.core.statistics import t_interval
-from stiction.evaluation.samples import Condition, Evidence, Measurement, Rate
+from stiction.evaluation.samples import Condition, Rate
 from stiction.files.results import DIRECTIONS
 from stiction_experiments.lab.claims import (
     Finding,
@@ -19,6 +19,7 @@ from stiction_experiments.lab.claims import (
     rate_within,
     within,
 )
+from stiction_experiments.lab.evidence import Evidence, Measurement
 
 HOLDS, FAILS = Finding("reproduces", "yes"), Finding("does not", "no")
 OPEN, NONE = Finding("undecided", "perhaps"), Finding("not tested", "nothing")

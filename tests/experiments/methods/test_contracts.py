@@ -13,7 +13,7 @@ from method_entries import without_methods
 from stiction.core.errors import BundleError, ConfigurationError
 from stiction.deploy.check import check_bundle
 from stiction.evaluation.export import write_card
-from stiction.evaluation.methods import method_of, method_texts
+from stiction.evaluation.policies import method_of, method_texts
 from stiction.files.contract import read_contract
 from stiction.files.method import EXPERIMENTAL, find_method, installed_methods
 from stiction_experiments.methods import dreamwaq, friction, hinf

@@ -16,8 +16,8 @@ from rollouts import phase_runner, rollout
 from stiction.core.errors import ConfigurationError
 from stiction.deploy.policy import Network
 from stiction.evaluation.export import contract_of, export_network, export_run, write_card
-from stiction.evaluation.methods import method_of, method_texts
 from stiction.evaluation.newest import LatentPolicy
+from stiction.evaluation.policies import method_of, method_texts
 from stiction.learning.arguments import parse
 from stiction.learning.begin import begin_run
 from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
@@ -252,10 +252,10 @@ def test_the_method_alone_makes_a_run(tmp_path: Path) -> None:
     [
         ("--method dreamwaq --preset two-phase", "learns in one phase.*--preset full or quick"),
         ("--method dreamwaq --student.iterations 5", "learns in one phase"),
-        ("--method dreamwaq --set network.latent=8", "--set network.latent=8 has no effect with --method dreamwaq"),
-        ("--method dreamwaq --set task.estimated_friction=true", "--set task.estimated_friction=true has no effect"),
-        ("--method dreamwaq --set teacher.velocity_weight=3", "--set teacher.velocity_weight=3.0 has no effect"),
-        ("--method deception --set dreamwaq.beta=1", "--set dreamwaq.beta=1.0 has no effect without --method dreamwaq"),
+        ("--method dreamwaq --set network.latent=8", "--set network.latent requires another --method"),
+        ("--method dreamwaq --set task.estimated_friction=true", "--set task.estimated_friction requires another"),
+        ("--method dreamwaq --set teacher.velocity_weight=3", "--set teacher.velocity_weight requires another"),
+        ("--method deception --set dreamwaq.beta=1", "--set dreamwaq.beta requires --method dreamwaq"),
         ("--method dreamwaq --set dreamwaq.beta=-1", "dreamwaq.beta is -1.0; expected at least 0"),
         ("--method dreamwaq --set dreamwaq.code=0", "dreamwaq.code is 0; expected at least 1"),
         ("--method dreamwaq --task.known-friction", "known_friction with the method 'dreamwaq'"),

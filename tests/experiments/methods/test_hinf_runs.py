@@ -14,14 +14,13 @@ import torch
 from stiction.core.errors import ConfigurationError, StictionError
 from stiction.deploy.policy import Network
 from stiction.evaluation.export import contract_of, export_run
-from stiction.evaluation.methods import method_of, method_texts
+from stiction.evaluation.policies import method_of, method_texts
 from stiction.learning.arguments import parse
-from stiction.learning.begin import begin_run
+from stiction.learning.begin import begin_run, why_task_on_host
 from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.learning.phase import Interrupted
 from stiction.learning.run import RunDirectory, latest_checkpoint, load_checkpoint, save_checkpoint
 from stiction.learning.runner import load_student, train
-from stiction.learning.simulator import why_task_on_host
 from stiction.task.config import TaskCfg
 from stiction.task.env import LocomotionEnv
 from stiction.task.friction import FrictionCfg
@@ -199,18 +198,18 @@ def test_the_method_alone_makes_a_run(tmp_path: Path) -> None:
         ("--method hinf --preset two-phase", "'hinf' learns in one phase.*--preset full or quick"),
         ("--method hinf --student.iterations 5", "learns in one phase"),
         ("--method hinf --terrain stairs", "on flat ground alone, not on 'stairs'"),
-        ("--method deception --set hinf.eta=1", "--set hinf.eta=1.0 has no effect without --method hinf"),
+        ("--method deception --set hinf.eta=1", "--set hinf.eta requires --method hinf"),
         ("--method hinf --set hinf.limit=0.6", "of up to 0.6: expected a share of the robot's weight from 0 to 0.5"),
         ("--method hinf --set hinf.disturber=friction", "bounded by the joints' friction, and there is none"),
         (
             "--method hinf --set hinf.disturber=none --set hinf.eta=1",
-            "--set hinf.eta=1.0 has no effect: with --set hinf.disturber=none",
+            "--set hinf.eta requires a --set hinf.disturber with a limit",
         ),
-        ("--method hinf --set hinf.disturber=none --set hinf.limit=0.1", "--set hinf.limit=0.1 has no effect"),
-        ("--method hinf --set hinf.limit=0 --set hinf.curriculum=0.5", "--set hinf.curriculum=0.5 has no effect"),
-        ("--method hinf --set hinf.disturber=random --set hinf.eta=1", "--set hinf.disturber=random does not learn"),
-        ("--method hinf --set hinf.hold=1", "--set hinf.hold=1.0 has no effect: a disturber that learns acts anew"),
-        ("--method hinf --set hinf.eta=0 --set hinf.tightening=0.9", "there is nothing to tighten"),
+        ("--method hinf --set hinf.disturber=none --set hinf.limit=0.1", "hinf.limit requires a --set hinf.disturber"),
+        ("--method hinf --set hinf.limit=0 --set hinf.curriculum=0.5", "hinf.curriculum requires a --set hinf.dist"),
+        ("--method hinf --set hinf.disturber=random --set hinf.eta=1", "hinf.eta requires --set hinf.disturber=force"),
+        ("--method hinf --set hinf.hold=1", "--set hinf.hold requires --set hinf.disturber=random"),
+        ("--method hinf --set hinf.eta=0 --set hinf.tightening=0.9", "hinf.tightening requires --set hinf.eta above"),
         ("--method hinf --set hinf.tightening=0", "hinf.tightening is 0.0; expected more than 0 and at most 1"),
         ("--method hinf --set hinf.eta=-1", "hinf.eta is -1.0; expected 0 to 1000"),
         ("--method hinf --set hinf.actor=[0]", r"hinf.actor\[0\] is 0; expected at least 1"),

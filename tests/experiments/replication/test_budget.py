@@ -2,8 +2,9 @@
 
 import pytest
 
-from stiction.evaluation.samples import Evidence, Row
+from stiction.evaluation.samples import Row
 from stiction.robots.catalog import find_robot
+from stiction_experiments.lab.evidence import Evidence
 from stiction_experiments.replication.budget import beside_forward, budget, onsets
 
 SPEC = find_robot("saturn_lite")

@@ -9,7 +9,7 @@ import pytest
 
 from bundles import make_bundle, make_contract
 from stiction.core.errors import StictionError
-from stiction.evaluation.methods import method_of
+from stiction.evaluation.policies import method_of
 from stiction.files.bundle import Bundle, read_bundle
 from stiction.learning.run import RunDirectory
 from stiction.robots.catalog import find_robot

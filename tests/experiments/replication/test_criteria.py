@@ -5,10 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stiction.evaluation.methods import BEHIND_GEAR
-from stiction.evaluation.samples import Condition, Evidence, Row
+from stiction.evaluation.policies import BEHIND_GEAR
+from stiction.evaluation.samples import Condition, Row
 from stiction.files.results import DIRECTIONS
 from stiction_experiments.lab.claims import Finding
+from stiction_experiments.lab.evidence import Evidence
 from stiction_experiments.replication import criteria
 from stiction_experiments.replication.claims import CLAIMS, judge_all
 from stiction_experiments.replication.criteria import elsewhere, on_robot, together_over_axes

@@ -9,14 +9,14 @@ import pytest
 from bundles import make_bundle, make_contract
 from stiction.core.statistics import wilson
 from stiction.evaluation.grid import Walk, plan
-from stiction.evaluation.methods import FED_BY
 from stiction.evaluation.metrics import Metrics
-from stiction.evaluation.samples import Evidence
+from stiction.evaluation.policies import FED_BY
 from stiction.evaluation.table import rows_of
 from stiction.files.bundle import Bundle, read_bundle
 from stiction_experiments.friction.claims import STATIONARY
 from stiction_experiments.friction.manifest import Run
 from stiction_experiments.lab.claims import STABLE
+from stiction_experiments.lab.evidence import Evidence
 from stiction_experiments.replication.claims import judge_all
 from stiction_experiments.replication.criteria import HALF
 from stiction_experiments.replication.plan import (

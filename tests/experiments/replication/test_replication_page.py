@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from stiction.core.records import read_rows
-from stiction.evaluation.methods import FED
+from stiction.evaluation.policies import FED
 from stiction.evaluation.table import BOTH, Sample
 from stiction.files.results import ResultRow, read_results
 from stiction.files.straight import Following, following

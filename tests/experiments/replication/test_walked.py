@@ -12,7 +12,7 @@ from stiction.evaluation.evaluate import EvaluationCfg
 from stiction.evaluation.grid import GridCfg, plan, plan_forward
 from stiction.evaluation.metrics import Metrics
 from stiction.evaluation.run import WalkLedger
-from stiction.evaluation.samples import Evidence, samples
+from stiction.evaluation.samples import samples
 from stiction.evaluation.table import rows_of
 from stiction.files.bundle import Bundle, read_bundle
 from stiction.files.joints import Estimate, JointRecord, JointsFile
@@ -20,6 +20,7 @@ from stiction.files.observation import proprioception
 from stiction.files.results import write_summary
 from stiction.robots.catalog import find_robot
 from stiction.virtual.bench import Bench
+from stiction_experiments.lab.evidence import Evidence
 from stiction_experiments.replication import run as walked
 from stiction_experiments.replication.page import run_blocks, warnings
 from stiction_experiments.replication.plan import Part, Size, parts_of

@@ -37,7 +37,7 @@ from stiction.deploy.check import check_bundle
 from stiction.deploy.control import ControlLoop
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import Policy, load_policy
-from stiction.evaluation.command import SETTLE
+from stiction.evaluation.course import SETTLE
 from stiction.files.bundle import Bundle
 from stiction.files.contract import Contract
 from stiction.files.velocity import Command, parse_command

@@ -30,6 +30,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stiction.core.rotation import tilted
+
 LOWEST_VOLTAGE = 0.5
 """Lowest battery voltage over its nominal one [1]; the sag ends there."""
 
@@ -77,10 +79,9 @@ def commanded_torque(
 def within_limits(
     torque: np.ndarray, speed: np.ndarray, limit: np.ndarray, no_load_speed: np.ndarray, knee: float
 ) -> np.ndarray:
-    """Return the torque that a motor reaches at a speed [N m], shape (J,).
+    """Return the torque that a motor reaches at a speed φ' [rad/s] of a commanded one [N m], shape (J,).
 
-    Driving, the largest torque is the limit up to `knee` of the no-load speed, and falls linearly to zero from there;
-    braking, it is the limit. torque: commanded [N m]; speed: φ' [rad/s]; no_load_speed: at the present voltage [rad/s].
+    Driving, the limit falls linearly to zero from `knee` of the no-load speed on; braking, it stays.
     """
     # In units of what is left above the knee: 1 at the knee, 0 at the no-load speed.
     share = np.minimum(np.maximum((1.0 - np.abs(speed) / no_load_speed) / (1.0 - knee), 0.0), 1.0)
@@ -108,9 +109,9 @@ class Drive:
         """Of the battery, over its nominal one [1]."""
 
     def torque(self, commanded: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return delivered and reported torques of one step [N m], shape (J,); the battery sags accordingly.
+        """Return delivered and reported torques of one step [N m], (J,), at rotor speeds φ' [rad/s].
 
-        commanded: by the controller [N m]; speed: φ', of the rotors [rad/s].
+        The battery sags.
         """
         motors = self._motors
         reported = within_limits(commanded, speed, self._limit, motors.no_load_speed * self.voltage, motors.knee)
@@ -125,11 +126,7 @@ class Gears:
     """The rotors of J joints. Arrays have shape (J,)."""
 
     def __init__(self, gap: np.ndarray, inertia: np.ndarray, timestep: float) -> None:
-        """Make the rotors.
-
-        gap: whole width, in angles of the joint [rad]; where it is zero rotor and joint are one. inertia: I, the
-        engine's armature [kg m²]; timestep: of the physics [s].
-        """
+        """Make the rotors: `gap`: whole width at the joint [rad], 0 where it is rigid; inertia: I [kg m²]."""
         self._half, self._inertia, self._timestep = 0.5 * gap, inertia, timestep
         self._rigid = not gap.any()
         self.reset(np.zeros_like(gap))
@@ -161,10 +158,7 @@ class Gears:
         return np.where(self.engaged, torque + impact, self._inertia * coasting)
 
     def follow(self, torque: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> None:
-        """Move the rotors through the step that the engine has taken under the motors' torques [N m].
-
-        position, velocity: of the engine's joints after it [rad], [rad/s].
-        """
+        """Move the rotors through the step that the engine has taken under the motors' torques [N m]."""
         if self._rigid:
             self.angle, self.velocity = position.copy(), velocity.copy()
             return
@@ -186,3 +180,90 @@ class Gears:
         self.side = np.where(parted, 0, side)
         self._link_acceleration = (velocity - self._link_velocity) / step
         self._link_velocity = velocity.copy()
+
+
+WANDERING = 1.0
+"""Correlation time of the orientation filter's error [s]."""
+
+
+@dataclass(frozen=True)
+class SensorErrors:
+    """Errors of the sensors of one robot. White noise has a standard deviation, per reading."""
+
+    encoder_step: float
+    """Step of the measured rotor angle, at the joint [rad]; 0 for none."""
+    encoder_offset: np.ndarray
+    """Measured less true rotor angle [rad], shape (J,): the zero was set by hand."""
+    velocity_filter: float
+    """Time constant with which the motor controller smooths differences of the angle [s]; 0: it knows φ' exactly."""
+    torque_noise: float
+    """White noise of the reported torque over the motor's limit [1]."""
+    torque_zero: np.ndarray
+    """Constant error of the reported torque over the limit [1], shape (J,)."""
+    gyroscope_noise: float
+    """White noise [rad/s]."""
+    gyroscope_bias: np.ndarray
+    """Constant error, base frame [rad/s], shape (3,)."""
+    tilt_bias: np.ndarray
+    """Constant error of the estimated roll and pitch [rad], shape (2,): how the IMU was mounted."""
+    tilt_wander: float
+    """Standard deviation of what the orientation filter adds, correlated over `WANDERING` [rad]."""
+
+    @classmethod
+    def perfect(cls, num_joints: int) -> SensorErrors:
+        """Return sensors without errors."""
+        zero = np.zeros(num_joints)
+        return cls(0.0, zero, 0.0, 0.0, zero, 0.0, np.zeros(3), np.zeros(2), 0.0)
+
+
+class Encoders:
+    """Rotor angles and velocities as the motor controllers measure them, at every physics step. Shapes (J,)."""
+
+    def __init__(self, errors: SensorErrors, timestep: float) -> None:
+        """timestep: of the physics, at which the controllers run [s]."""
+        self._errors, self._timestep = errors, timestep
+
+    def reset(self, angle: np.ndarray) -> None:
+        """Begin with rotors at rest at an angle [rad]."""
+        self.angle, self.velocity = self._measured(angle), np.zeros_like(angle)
+        """Measured, [rad] and [rad/s]."""
+
+    def follow(self, angle: np.ndarray, velocity: np.ndarray) -> None:
+        """Measure the rotors after a step: true angles φ [rad], velocities φ' [rad/s]."""
+        before, self.angle = self.angle, self._measured(angle)
+        if self._errors.velocity_filter:
+            fresh = 1.0 - np.exp(-self._timestep / self._errors.velocity_filter)
+            # Of counted angles: the steps of the encoder are in the velocity, as on a motor controller.
+            self.velocity = self.velocity + fresh * ((self.angle - before) / self._timestep - self.velocity)
+        else:
+            self.velocity = velocity.copy()
+
+    def _measured(self, angle: np.ndarray) -> np.ndarray:
+        """Return angles as the encoder counts them [rad]."""
+        shifted = angle + self._errors.encoder_offset
+        step = self._errors.encoder_step
+        return np.round(shifted / step) * step if step else shifted
+
+
+class Imu:
+    """Gyroscope and orientation filter."""
+
+    def __init__(self, errors: SensorErrors, period: float, generator: np.random.Generator) -> None:
+        """period: between two readings [s]; generator: of the noise."""
+        self._errors, self._generator = errors, generator
+        self._decay = float(np.exp(-period / WANDERING))
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin with the stationary distribution of the filter's error."""
+        self._wander = self._errors.tilt_wander * self._generator.standard_normal(2)
+
+    def read(self, quaternion: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return orientation and angular velocity as measured, from the true ones; shapes (4,) and (3,) [rad/s]."""
+        errors, draw = self._errors, self._generator.standard_normal
+        # So that its variance stays that of the start, whatever the period.
+        fresh = errors.tilt_wander * np.sqrt(1.0 - self._decay**2)
+        self._wander = self._decay * self._wander + fresh * draw(2)
+        half = 0.5 * (errors.tilt_bias + self._wander)
+        turned = tilted(quaternion[None], np.array([[1.0, *half]]))[0]
+        return turned, rate + errors.gyroscope_bias + errors.gyroscope_noise * draw(3)

@@ -6,27 +6,23 @@ constant of each robot.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
 import torch
-from torch import nn
 
 from stiction.core.errors import ConfigurationError
 from stiction.evaluation.evaluate import Evaluation, EvaluationCfg, drive, judge
 from stiction.evaluation.export import TrainedPolicy, contract_of
-from stiction.evaluation.known_friction import known_to, parse_source
+from stiction.evaluation.newest import LatentPolicy, privileged_of
+from stiction.evaluation.policies import known_to, parse_source
 from stiction.evaluation.rollout import friction_at
-from stiction.files.contract import Contract, robot_of
-from stiction.learning.models import RMAActor, StudentPolicy
+from stiction.files.contract import robot_of
 from stiction.learning.run import RunDirectory
 from stiction.learning.runner import load_actor
-from stiction.robots.model import Robot
-from stiction.task.friction import FrictionCfg, friction_share
-from stiction.task.randomization import nominal_privileged
+from stiction.task.friction import friction_share
 
 Latent = Literal["own", "mean", "swapped", "peer"]
 """Where the latent comes from: the robot's own; frozen at its mean over robots and time; that of a robot with another
@@ -77,51 +73,6 @@ class LatentMean:
 
 Who = Literal["teacher", "student"]
 """Which of a run's two policies: the teacher walks on z = f_ada_tea(o_priv), the student on z* = f_ada_stu(o_H)."""
-
-
-class LatentPolicy(nn.Module):
-    """The mean action of an actor: observations (N, size), flattened histories, to actions (N, joints)."""
-
-    def __init__(
-        self,
-        actor: RMAActor,
-        privileged: torch.Tensor | None = None,
-        sources: torch.Tensor | None = None,
-        frozen: torch.Tensor | None = None,
-        watch: Callable[[torch.Tensor], None] = lambda latent: None,
-    ) -> None:
-        """Choose where the latent comes from.
-
-        Args:
-            actor: teacher or student.
-            privileged: o_priv of each robot, (N, size): the latent is z. None: it is z*, from the history.
-            sources: robot whose latent each robot is given, (N,); None: its own.
-            frozen: one latent for all robots and all time, (latent,), in place of z or z*.
-            watch: called with z or z* of every robot at every step, (N, latent), before it is replaced.
-
-        """
-        super().__init__()
-        self.policy, self.sources, self.frozen, self.watch = StudentPolicy(actor), sources, frozen, watch
-        self.constant = None if privileged is None else actor.privileged_encoder(privileged).detach()
-
-    def forward(self, observation: torch.Tensor) -> torch.Tensor:
-        """Return the mean actions, (N, joints)."""
-        return self.with_velocity(observation)[0]
-
-    def with_velocity(self, observation: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return the mean actions, (N, joints), and the velocity of the base, as of `StudentPolicy.with_velocity`."""
-        latent = self.policy.adaptation(observation) if self.constant is None else self.constant
-        if len(latent) != len(observation):
-            raise ConfigurationError(
-                f"o_priv of {len(latent)} robots for {len(observation)} observations; expected as many"
-            )
-        self.watch(latent)
-        if self.frozen is not None:
-            latent = self.frozen.expand_as(latent)
-        elif self.sources is not None:
-            latent = latent[self.sources]
-        estimate = self.policy.estimator(observation)
-        return self.policy.act(observation, latent, estimate), estimate[:, :2]
 
 
 CALIBRATION_SEED = 1_000_003
@@ -179,38 +130,3 @@ def walk_run(
         return walk(frozen, name, cfg)
     sources = latent_sources(latent, len(cfg.friction_levels), len(cfg.commands), cfg.episodes)
     return walk(LatentPolicy(actor, privileged, torch.from_numpy(sources)), name, cfg)
-
-
-def privileged_of(
-    run: RunDirectory, teacher: RMAActor, contract: Contract, robot: Robot, present: np.ndarray | None = None
-) -> torch.Tensor:
-    """Return o_priv of the robots that a teacher drives, (N, size): nominal, but for the friction of their joints.
-
-    present: that friction as fractions of the torque limit, shape (N, joints); None: one robot, its friction nominal.
-    Raises `ConfigurationError` for a teacher that sees the ground, which no evaluation tells it.
-    """
-    if teacher.sees_terrain:
-        raise ConfigurationError(
-            f"{run.path}: its teacher sees the ground, which is not told to it here; take its student"
-        )
-    nominal = friction_share(contract.friction_law, contract.array("friction"), robot)
-    present = nominal[None] if present is None else present
-    return nominal_privileged(observed_friction(run.config().task.friction, nominal, present))
-
-
-def observed_friction(friction: FrictionCfg, nominal: np.ndarray, present: np.ndarray) -> np.ndarray:
-    """Return the friction in o_priv of a teacher, fractions of the torque limit, shape (N, joints).
-
-    It is the true one, unless training never varied it (`none`, or a range without width): weights of an entry that
-    never moved are those of initialisation, so the entry then stays at its value in training.
-
-    Args:
-        friction: friction in the run's training.
-        nominal: nominal friction of its joints, fractions of the torque limit, shape (joints,).
-        present: friction of the robots to evaluate, in the same unit, shape (N, joints).
-
-    """
-    ends = [end for stage in friction.schedule for end in stage.range]
-    if min(ends) == max(ends):
-        return np.tile(ends[0] * nominal, (len(present), 1))
-    return present
