@@ -360,12 +360,12 @@ def old(corpus: Corpus) -> None:
         corpus.run(f"verify-{name.replace('/', '-')}", f"verify {name}")
     corpus.run("evaluate-walker", "evaluate tests/data/walker --friction-levels 0 --commands vx=0.5 --seconds 3 "
                "--episodes 2 --jobs 1 --out walker")  # fmt: skip
-    corpus.run("replicate-judge-again", "replicate --judge-again --no-clips --out results/replication")
+    corpus.run("replicate-judge-again", "replicate --judge-again --out results/replication")
 
 
 def replication(corpus: Corpus) -> None:
     """Run the quick replication, some ten minutes of a core."""
-    corpus.run("quick", "replicate --preset quick --jobs 1 --no-clips --out replication")
+    corpus.run("quick", "replicate --preset quick --jobs 1 --out replication")
 
 
 PARTS = {

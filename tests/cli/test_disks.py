@@ -54,7 +54,7 @@ VERBS = {
     "evaluate-log": ("evaluate", POLICY, *WALK, "--log", "{out}/logs", "--log-seconds", "1", "--out", "{out}"),
     "replicate": (
         "replicate",
-        *["--policies", "{in}/toy", "--parts", "load", "--no-clips", "--jobs", "1", "--out", "{out}"],
+        *["--policies", "{in}/toy", "--parts", "load", "--jobs", "1", "--out", "{out}"],
     ),
     "study": ("study", "wear", POLICY, *WEAR, "--no-control", "--out", "{out}"),
     "export": ("export", "{in}/run", "--out", "{out}/bundle"),

@@ -94,7 +94,7 @@ def test_tables_of_other_policies_are_refused(table: str, message: str, tmp_path
 def test_the_comparison_is_judged_from_its_summary_alone(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """The same rows and means come out, byte for byte; the tables have each tested level; the advice is written."""
     out = copy("replication", "summary.json", out=tmp_path / "comparison")
-    words = ["replicate", "--judge-again", "--no-clips", "--out", str(out), "--advice", str(tmp_path / "advice.json")]
+    words = ["replicate", "--judge-again", "--out", str(out), "--advice", str(tmp_path / "advice.json")]
     assert main(words) == 0
     assert "no training follows everywhere with every seed" in capsys.readouterr().out
     for name in ("results.csv", "methods.csv", "budget.csv", "onsets.csv", "following.csv"):

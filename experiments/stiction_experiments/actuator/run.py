@@ -141,7 +141,6 @@ class ActuatorLoop:
         return read_bundle(folder)
 
     def _logs(self, variant: str, policy: Bundle) -> list[LoggedRun]:
-        """Return the runs of a data set."""
         folder = self.out / "logs" / variant
         key = key_of([self.options, policy.digest])
         if not has_entry(folder, key):

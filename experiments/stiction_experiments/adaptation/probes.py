@@ -145,7 +145,6 @@ class Ridge:
     weights: np.ndarray
     """Shape (features, targets)."""
     intercept: np.ndarray
-    """Shape (targets,)."""
     guess: np.ndarray
     """Mean of each target, the prediction without any feature, shape (targets,)."""
     penalty: float
@@ -203,11 +202,8 @@ class Determination:
     each: np.ndarray
     """1 - squared error over that of the training robots' mean, shape (targets,); below 0 that mean is better."""
     each_interval: np.ndarray
-    """Shape (2, targets)."""
     mean: float
-    """Mean over the targets."""
     mean_interval: tuple[float, float]
-    """95 % interval of it."""
 
 
 def determination(targets: np.ndarray, predicted: np.ndarray, robot: np.ndarray, guess: np.ndarray) -> Determination:

@@ -44,7 +44,7 @@ def report(
     settings: Mapping[str, Any],
     warnings: Sequence[str] = (),
 ) -> Report:
-    """Return the report of the study; bench.csv is there already.
+    """Return the report of the study.
 
     next_steps: robot -> the command that trains with what was found of it, or why there is none; settings: `failed` is
     robot -> why it could not be identified, and more for summary.json.
@@ -56,6 +56,7 @@ def report(
     return Report(
         title="Virtual robots on the bench",
         lead=answer,
+        tables={"bench": rows},
         sections=(
             Section("Found over true", (picture(figure_uri(figure), CAPTION), paragraph(SHOWN))),
             Section("Each robot", (robots_table(rows),)),

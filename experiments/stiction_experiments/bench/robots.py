@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
-from itertools import chain
 from pathlib import Path
 from statistics import median
 
@@ -20,7 +19,7 @@ from stiction.core.decode import from_plain
 from stiction.core.errors import EngineError, StictionError, UnwrittenError
 from stiction.core.files import write_text
 from stiction.core.parallel import spread
-from stiction.core.records import column, read_rows, write_rows
+from stiction.core.records import column
 from stiction.deploy.control import JointCommand, Reading
 from stiction.engines.catalog import what_is_missing
 from stiction.files.joints import JointsFile
@@ -37,15 +36,12 @@ class IdentifiedFriction:
     robot: str
     """Name of the robot's folder: `saturn_lite--physx--all--0.1--1000`."""
     engine: str
-    """Engine that the robot is in."""
     cell: str
     """What of the robot is real."""
     level: str
     """Its dry friction, as people type it: `0.1`, `bench+0.02`."""
     seed: int
-    """Of the robot."""
     joint: str = field(metadata=column("joint"))
-    """Name of the joint."""
     friction: float = field(metadata=column("f", "N m", ".4g"))
     """Truth: Coulomb friction without load, f [N m]."""
     load: float = field(metadata=column("load", "N m"))
@@ -57,7 +53,6 @@ class IdentifiedFriction:
     low: float | None = field(metadata=column("from", "N m", ".4g"))
     """Lower end of its 95 % interval [N m]."""
     high: float | None = field(metadata=column("to", "N m", ".4g"))
-    """Upper end."""
 
     @property
     def shown(self) -> float:
@@ -78,7 +73,6 @@ class Score:
     """How well the friction of some joints was found."""
 
     joints: int = field(metadata=column("joints"))
-    """Number of joints."""
     identified: int = field(metadata=column("identified"))
     """... that were not refused."""
     held: int = field(metadata=column("hold (f + load)/k", "joints"))
@@ -115,8 +109,8 @@ def score(rows: Sequence[IdentifiedFriction]) -> Score:
     )
 
 
-LOG, TABLE = "bench.npz", "bench.csv"
-"""Name of a robot's log, and of the table of truths."""
+LOG = "bench.npz"
+"""Name of a robot's log."""
 
 MOVING = 0.1
 """Speed from which a joint counts as moving [rad/s]; the slow part of the bench's motion has 0.35."""
@@ -208,54 +202,33 @@ def study_benches(
 ) -> tuple[list[IdentifiedFriction], dict[str, str]]:
     """Put robots on their benches, those of which `out` has nothing yet; return rows, and robot -> why it has none.
 
-    benches: of different robots. out: folder of the results; it exists. `bench.csv` there grows robot by robot, and its
-    rows of other robots stay. jobs: processes at once, which do not change the result.
+    benches: of different robots. out: folder of the results; it exists. jobs: processes at once, which do not change
+    the result.
 
     Raises:
-        StictionError: an engine is not installed, `bench.csv` is not one or cannot be written, or a process was killed.
+        StictionError: an engine is not installed, a file cannot be written, or a process was killed.
 
     """
     for bench in benches:
         if why := what_is_missing(bench.engine, bench.spec):
             raise EngineError(why)
-    table = out / TABLE
-    rows: dict[str, list[IdentifiedFriction]] = {}
-    for row in read_rows(table, IdentifiedFriction, optional=True):
-        rows.setdefault(row.robot, []).append(row)
-    failed: dict[str, str] = {}
-    # From where digests vouch for them: the table of all is for people, and may be edited.
-    there = {
-        bench.label: stored["rows"]
-        for bench in benches
-        if has_entry(out / bench.label, bench.key) and (stored := read_entry(_judged(out, bench), bench.key))
-    }
-    rows |= {label: [from_plain(IdentifiedFriction, row, label) for row in found] for label, found in there.items()}
-    new = [bench for bench in benches if bench.label not in there]
-    if there:
-        _write(table, list(chain.from_iterable(rows.values())))
+    # Not in the robots' own folders, in which nothing but what was found may be.
+    files = {bench.label: out / "judged" / f"{bench.label}.json" for bench in benches}
+    rows, failed = dict[str, list[IdentifiedFriction]](), dict[str, str]()
+    for bench in benches:
+        label = bench.label
+        if has_entry(out / label, bench.key) and (stored := read_entry(files[label], bench.key)):
+            rows[label] = [from_plain(IdentifiedFriction, row, label) for row in stored["rows"]]
+    new = [bench for bench in benches if bench.label not in rows]
     workers = max(1, jobs // max(1, len(new)))
     tasks = [(bench, out / bench.label, workers) for bench in new]
     for left, (number, found) in zip(reversed(range(len(new))), spread(judge_bench, tasks, jobs), strict=True):
         label = new[number].label
         if isinstance(found, str):
-            rows[label], failed[label] = [], found
+            failed[label] = found
         else:
             rows[label] = found
             entry = sealed({"key": new[number].key, "rows": [asdict(row) for row in found]})
-            write_text(_judged(out, new[number]), json.dumps(entry) + "\n")
-            _write(table, list(chain.from_iterable(rows.values())))
+            write_text(files[label], json.dumps(entry) + "\n")
         progress("benches", 1.0 - left / len(benches))
-    # From the file, whose numbers have nine digits: the same command again gives the same.
-    done = read_rows(table, IdentifiedFriction, optional=True)
-    identified_robots = [bench.label for bench in benches if bench.label not in failed]
-    return [row for label in identified_robots for row in done if row.robot == label], failed
-
-
-def _judged(out: Path, bench: Bench) -> Path:
-    """Return the file of a robot's rows: not in its own folder, which nothing but what was found may be in."""
-    return out / "judged" / f"{bench.label}.json"
-
-
-def _write(table: Path, rows: Sequence[IdentifiedFriction]) -> None:
-    """Write the table so that an interruption leaves the old one."""
-    write_rows(table, rows)
+    return [row for bench in benches for row in rows.get(bench.label, ())], failed

@@ -127,5 +127,4 @@ def _where(rows: Sequence[Followed]) -> str:
 
 
 def _level(row: Followed) -> str:
-    """Return the friction of a row in words."""
     return level_text(row.friction_law, row.friction_level)

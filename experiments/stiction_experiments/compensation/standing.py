@@ -34,9 +34,7 @@ class Standing:
     """How a robot stood; a row of standing.csv. On the page the first four are in words."""
 
     engine: str
-    """Engine and what of the robot is real."""
     robot: int
-    """Seed of the virtual robot."""
     friction_level: str
     """Of its joints, as `parse_level` reads it."""
     fed: str

@@ -51,7 +51,6 @@ class Followed:
     jitter: float | None = field(metadata=column("joint jitter told to stand [rad/s²]", form=".0f"))
     """Root mean square joint acceleration under the command to stand; None where that was not given."""
     friction_law: str = field(default="coulomb", metadata=LATER)
-    """Law of the friction."""
 
 
 def followed(rows: Sequence[ResultRow]) -> list[Followed]:

@@ -67,7 +67,6 @@ class SwapRow:
     """One joint with and without a swap at equal B + k kd, in one case."""
 
     robot: str
-    """Whose joint."""
     case: str
     """One of `LEVELS`."""
     level: float
@@ -87,7 +86,6 @@ class SwapRow:
     growth: float | None
     """Factor by which the sampled loop without limit and friction grows a period, before the swap: unstable above 1."""
     growth_swapped: float | None
-    """The same after it."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +93,6 @@ class NetRow:
     """A linear Actuator Net in a simulation with some viscous friction, against the joint that it was logged on."""
 
     robot: str = field(metadata=column("logged joint"))
-    """Whose joint."""
     friction_level: float = field(metadata=column("friction", "of τ_max", ".2%"))
     """Dry friction of the logged joint over its torque limit [-]."""
     log: str = field(metadata=column("torque"))
@@ -117,11 +114,9 @@ class DrawRow:
     """Joints with drawn damping, in one situation."""
 
     robot: str = field(metadata=column("joint"))
-    """Whose joint."""
     situation: str = field(metadata=column("situation"))
     """`free`, `torque limit` or `sampled`."""
     drawn: str = field(metadata=column("drawn", was="way"))
-    """What was drawn."""
     damping_std: float = field(metadata=column("std of B + k·kd", "N m s/rad", ".4f"))
     """Standard deviation of B + k kd over the draws [N m s/rad]."""
     spread: float = field(metadata=column("spread", "rad", ".6f"))

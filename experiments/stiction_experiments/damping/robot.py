@@ -181,7 +181,6 @@ class _Recorder:
         fleet.before_step.append(self._count)
 
     def _count(self, fleet: Fleet) -> None:
-        """Count the motors at their limit."""
         self.share += (np.abs(fleet.torque) >= self.limit).mean(axis=1) / fleet.decimation
 
     def record(self) -> None:

@@ -150,9 +150,7 @@ class Difference:
     """How far two motions of a joint are apart, at the sample where they are furthest."""
 
     position: float
-    """[rad]."""
     velocity: float
-    """[rad/s]."""
     torque: float
     """Of the motor [N m]; a swap always changes it, by `moved` times the speed."""
 

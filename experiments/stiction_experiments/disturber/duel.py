@@ -49,26 +49,16 @@ RANDOM: dict[str, DisturberName] = {"force": "random", "friction": "random-frict
 
 @dataclass(frozen=True)
 class DuelCfg:
-    """What a policy is put through."""
+    """What a policy is put through; fields as of `DisturberOptions`."""
 
     disturber: Literal["force", "friction"] = "force"
-    """`force`: pushes the base. `friction`: a torque on each joint, bounded by its friction."""
     limit: float | None = None
-    """Largest disturbance, a share of the robot's weight or of each joint's friction [1]; by default half of the
-    weight, all of the friction."""
     friction_level: float = 0.0
-    """Dry friction of every joint, a fraction of its torque limit [-]; `friction` needs some."""
     command: str = "vx=0.5"
-    """Commanded velocity, forward or sideways."""
     iterations: int = 100
-    """Rollouts from which the disturber learns."""
     steps: int = 24
-    """Control steps of one rollout."""
     num_envs: int = 256
-    """Robots side by side."""
     seconds: float = 20.0
-    """Time for which robots are judged [s], without time-outs; its first 2 s do not count. A robot that falls stands up
-    anew, and its way back to speed counts."""
 
     def __post_init__(self) -> None:
         """Refuse what is no duel."""
@@ -104,9 +94,7 @@ class DuelRow:
     """How robots walked; a row of duels.csv."""
 
     policy: str = field(metadata=column("policy"))
-    """Name of the bundle."""
     method: str = field(metadata=column("method"))
-    """Its training method."""
     seed: int = field(metadata=column("seed"))
     """Of the disturber and of the robots."""
     disturbed_by: Who = field(metadata=column("disturbed by"))
@@ -167,7 +155,6 @@ class SteadyEnv(LocomotionEnv):
     """Of what is drawn where a robot begins anew, once all have begun."""
 
     def _reset(self, which: torch.Tensor) -> None:
-        """Start new episodes."""
         with self._own_draws():
             super()._reset(which)
 
@@ -178,7 +165,6 @@ class SteadyEnv(LocomotionEnv):
 
     @contextmanager
     def _own_draws(self) -> Iterator[None]:
-        """Draw from a generator of its own within."""
         if self._anew is None:
             self._anew = torch.Generator(self.home).manual_seed(self.generator.initial_seed() ^ 1)
         everyone, self.generator = self.generator, self._anew

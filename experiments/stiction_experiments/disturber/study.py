@@ -66,11 +66,9 @@ class Gain:
     """What the disturbances cost a policy; a row of gains.csv."""
 
     policy: str = field(metadata={"label": "policy"})
-    """Name of the bundle."""
     disturbed_by: str = field(metadata={"label": "disturbed by"})
     """Draws, or the disturber that learned."""
     seeds: int = field(metadata={"label": "seeds"})
-    """How many."""
     falls: float = field(metadata={"label": "more falls [1/s]", "form": "+.4f"})
     """Falls above those with nobody, mean over seeds [1/s]."""
     speed_ratio: float = field(metadata={"label": "speed ratio", "form": "+.3f"})
@@ -103,7 +101,6 @@ def gains(rows: Sequence[DuelRow]) -> list[Gain]:
 
 
 def _part(fight: Callable[..., list[dict[str, Any]]], *arguments: Any) -> dict[str, Any]:
-    """Return what is kept of one duel."""
     return {"rows": fight(*arguments)}
 
 

@@ -198,7 +198,6 @@ def walk_table(rows: Sequence[WalkRow], cell: Callable[[WalkRow], str], caption:
 
 
 def _speeds(row: WalkRow) -> str:
-    """Return speed and ratio with their intervals."""
     text = f"{row.speed_ratio:.2f}{_interval(row.speed_low, row.speed_high)}"
     if row.to_training is None:
         return text
@@ -249,13 +248,10 @@ class EnginesResult:
     """All that a study of engines found."""
 
     conformance: Sequence[FigureRow]
-    """Figures of the conformance suite."""
     pace: Sequence[PaceRow]
-    """How fast the engines step."""
     walks: Sequence[WalkRow]
     """How policies walked; none where they were left out."""
     episodes: Sequence[EpisodeRow]
-    """Each of their walks."""
     motions: Traces | Path
     """To be drawn; or the file of what was drawn before."""
     missing: dict[str, str]

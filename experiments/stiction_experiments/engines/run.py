@@ -29,21 +29,15 @@ class FigureRow:
     """One figure of the conformance suite in one engine."""
 
     engine: str
-    """Name of the engine."""
     timestep: float
-    """Physics step [s]."""
     check: str
-    """Name of the check."""
     figure: str
-    """What was measured."""
     value: float | None
     """What came out, zero were perfect; None where it is not a number."""
     unit: str
     """Its unit, `1` for a ratio."""
     bound: float
-    """Largest magnitude that passes."""
     passed: bool
-    """Whether it does."""
 
 
 @dataclass(frozen=True)
@@ -51,9 +45,7 @@ class PaceRow:
     """How fast one engine steps, all engines side by side in one run."""
 
     engine: str = field(metadata=column("engine"))
-    """Name of the engine."""
     timestep: float = field(metadata=column("step", "ms", lambda step: f"{1000 * step:g}"))
-    """Physics step [s]."""
     steps_per_second: float = field(metadata=column("pace", "steps/s", form=",.0f"))
     """Steps per second of processor time, median over rounds [1/s]."""
     share: float = field(metadata=column("share", "1", form=".2f"))

@@ -47,15 +47,12 @@ class WalkRow:
     """How one policy walked in one simulator at one friction level and command."""
 
     policy: str
-    """Name of the bundle."""
     simulator: str
     """`TRAINING`, `FINE_TRAINING`, `COARSE`, `STIFF`, or the name of an engine."""
     timestep: float
-    """Physics step [s]."""
     friction_level: float
     """Dry friction in every joint as a fraction of its torque limit [-]."""
     command: str
-    """Commanded velocity: `vx=0.5`."""
     episodes: int
     """Number of walks, each from other joint angles."""
     speed_ratio: float
@@ -63,19 +60,16 @@ class WalkRow:
     speed_low: float | None
     """Lower end of the 95 % t-interval of that mean over episodes; None for one episode."""
     speed_high: float | None
-    """Its upper end."""
     falls: int
     """Episodes with a fall."""
     fall_low: float
     """Lower end of Wilson's 95 % interval of the share of falls."""
     fall_high: float
-    """Its upper end."""
     to_training: float | None
     """Speed over that in `TRAINING` [-]; None there, and where that is zero."""
     to_training_low: float | None
     """Lower end of its 95 % interval (the delta method); None where there is none."""
     to_training_high: float | None
-    """Its upper end."""
 
 
 @dataclass(frozen=True)
@@ -83,19 +77,13 @@ class EpisodeRow:
     """One walk behind a `WalkRow`."""
 
     policy: str
-    """Name of the bundle."""
     simulator: str
-    """As in `WalkRow`."""
     friction_level: float
-    """As in `WalkRow`."""
     command: str
-    """As in `WalkRow`."""
     episode: int
-    """Its number."""
     speed_ratio: float
     """Mean speed along the command over the commanded speed, zero after a fall [-]."""
     fell: bool
-    """Whether the robot fell."""
 
 
 FINE = 0.001
@@ -113,7 +101,6 @@ class Simulator:
     """What a policy walks in."""
 
     name: str
-    """As in `WalkRow`."""
     make: Make | None
     """Makes the engine; None for the training's simulator."""
     timestep: float | None
@@ -197,7 +184,6 @@ def walk_cell(bundle: Bundle, simulator: Simulator, asked: EvaluationCfg, folder
 
 
 def _episodes(bundle: Bundle, simulator: Simulator, asked: EvaluationCfg) -> list[EpisodeRow]:
-    """Let a policy walk."""
     (level,), (command,) = asked.friction_levels, asked.parsed_commands
     timestep, cell = timestep_of(bundle, simulator), (bundle.name, simulator.name, level, command.label)
     measured: Sequence[Metrics]

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 from stiction.files.log import LogSetup
 from stiction.identification.setup import IdentifySetup
@@ -16,13 +17,13 @@ from stiction_experiments.flags.cases import (
     Case,
     Given,
     all_right,
-    case,
+    cases,
     clipped,
     emps,
     flags,
-    other_sign,
     scale,
     stamps,
+    times,
     torque_of,
     unchecked,
     without_gravity,
@@ -54,9 +55,8 @@ def servo(mass: float = 0.0) -> Given:
     return Given(log, setup, SERVO.coulomb)
 
 
-def swinging() -> Given:
-    """Return the servo with its pendulum, and no word of it."""
-    return servo(MASS)
+swinging = partial(servo, MASS)
+"""The servo with its pendulum, and no word of it."""
 
 
 def weighed() -> Given:
@@ -67,31 +67,6 @@ def weighed() -> Given:
 def weighed_alone() -> Given:
     """Return the servo with its pendulum, of whose motor nothing is known."""
     return weighed().flags(kt=None, resistance=None)
-
-
-def in_amperes(folder: Path) -> Given:
-    """Return the EMPS drive, whose column is a current command, with its constant as kt."""
-    return emps(folder).flags(torque_scale=None, torque_column="current", kt=EMPS_VOLT)
-
-
-def positions(factor: float) -> Callable[[Given], Given]:
-    """Return the mistake of angles that are so many times the joint's: those of the motor, say."""
-
-    def mistaken(given: Given) -> Given:
-        assert given.signals.position is not None
-        return given.changed(position=factor * given.signals.position)
-
-    return mistaken
-
-
-def column(factor: float) -> Callable[[Given], Given]:
-    """Return the mistake of a column in another unit: percent, counts."""
-
-    def mistaken(given: Given) -> Given:
-        assert given.signals.torque is not None
-        return given.changed(torque=factor * given.signals.torque)
-
-    return mistaken
 
 
 def holding(what: str, declared: str) -> Callable[[Given], Given]:
@@ -108,97 +83,55 @@ def holding(what: str, declared: str) -> Callable[[Given], Given]:
 
 def drive_cases(folder: Path) -> list[Case]:
     """Return mistakes with servos, simulated, and with the measured EMPS drive. folder: of the measured records."""
-    drive = partial(in_amperes, folder)
-    names: dict[str, Callable[[], Given]] = {
-        "servo": servo,
-        "pendulum": weighed,
-        "pendulum alone": weighed_alone,
-        "EMPS by current": drive,
-    }
-    right = [case(RIGHT, name, record, all_right) for name, record in names.items()]
-    return [*right, *_motor_cases(drive), *_angle_cases()]
-
-
-def _motor_cases(drive: Callable[[], Given]) -> list[Case]:
-    """Return mistakes about a motor's constants and its column. drive: the measured record, in amperes."""
+    # The drive's column is a current command, with its constant as kt.
+    amperes = flags(torque_scale=None, torque_column="current", kt=EMPS_VOLT)
+    measured = {"EMPS by current": lambda: amperes(emps(folder))}
+    records: dict[str, Callable[[], Any]] = {"servo": servo, "pendulum": weighed, "pendulum alone": weighed_alone}
+    add = partial(cases, records | measured)
     kt, ohm, supply = SERVO.kt, SERVO.resistance, SERVO.supply
     as_torque = {"torque_column": None, "duty_voltage": None, "kt": None, "resistance": None, "torque_limit": None}
-    return [
-        case("kt twice as large", "servo", servo, flags(kt=2 * kt)),
-        case("kt half as large", "servo", servo, flags(kt=kt / 2), ONE_SCALE, "--kt"),
-        case("kt of the motor, without its gear", "servo", servo, flags(kt=kt / GEAR), ONE_SCALE, "--kt"),
-        case("kt of the motor, without its gear", "pendulum", weighed, flags(kt=kt / GEAR)),
-        case("kt twice as large", "EMPS by current", drive, flags(kt=2 * EMPS_VOLT)),
-        case("kt a fifth too large", "EMPS by current", drive, flags(kt=1.2 * EMPS_VOLT)),
-        case(
-            "kt twice as large, no gains",
-            "EMPS by current",
-            drive,
-            lambda given: unchecked(given).flags(kt=2 * EMPS_VOLT),
-            ONE_SCALE,
-            "--kt",
-        ),
-        case("R twice as large", "servo", servo, flags(resistance=2 * ohm), ONE_SCALE, "--resistance"),
-        case("R half as large", "servo", servo, flags(resistance=ohm / 2), ONE_SCALE, "--resistance"),
-        case("R half as large", "pendulum", weighed, flags(resistance=ohm / 2)),
-        case("supply of 24 V for 12", "servo", servo, flags(duty_voltage=2 * supply), ONE_SCALE, "--duty-voltage"),
-        case("supply of 7.4 V for 12", "servo", servo, flags(duty_voltage=7.4), ONE_SCALE, "--duty-voltage"),
-        case("supply of 24 V for 12", "pendulum", weighed, flags(duty_voltage=2 * supply)),
-        case("supply of 24 V for 12", "pendulum alone", weighed_alone, flags(duty_voltage=2 * supply)),
-        case("sign of the duty", "servo", servo, other_sign),
-        case("sign of the duty", "pendulum", weighed, other_sign),
-        case("duty in percent", "servo", servo, column(100.0)),
-        case("share taken for percent", "servo", servo, scale(0.01)),
-        case("duty taken for torque", "servo", servo, flags(**as_torque), "without any unit", "--torque-scale"),
-        case("amperes taken for volts", "servo", servo, holding("current", "voltage")),
-        case("volts taken for amperes", "servo", servo, holding("voltage", "current"), ONE_SCALE, "--torque-column"),
-        case(
-            "volts taken for torque, kt/R as scale", "servo", servo, flags(**as_torque, torque_scale=kt / ohm * supply)
-        ),
-        case("ke half as large", "servo", servo, flags(ke=kt / 2)),
-        case("ke twice as large", "servo", servo, flags(ke=2 * kt)),
-    ]
+    twice, half = flags(pendulum_mass=2 * MASS), flags(pendulum_length=LENGTH / 2)
 
+    def no_gains(given: Given) -> Given:
+        return unchecked(given).flags(kt=2 * EMPS_VOLT)
 
-def _angle_cases() -> list[Case]:
-    """Return mistakes about a servo's angles, its weight and its time."""
     weight = "the motor's constants are not known, and the weight alone tells the scale"
     return [
-        case("degrees", "servo", servo, positions(DEGREES)),
-        case("degrees", "pendulum", weighed, positions(DEGREES)),
-        case("angle of the motor, not of the joint", "servo", servo, positions(GEAR)),
-        case("angle of the motor, not of the joint", "pendulum", weighed, positions(GEAR)),
-        case("gear ratio divided out twice", "servo", servo, positions(1 / GEAR)),
-        case("gear ratio divided out twice", "pendulum", weighed, positions(1 / GEAR)),
-        case("pendulum's mass twice as large", "pendulum", weighed, flags(pendulum_mass=2 * MASS)),
-        case("pendulum's mass a third too large", "pendulum", weighed, flags(pendulum_mass=4 / 3 * MASS)),
-        case(
-            "pendulum's mass twice as large",
-            "pendulum alone",
-            weighed_alone,
-            flags(pendulum_mass=2 * MASS),
-            weight,
-            "--pendulum-mass",
-        ),
-        case(
-            "pendulum's length half",
-            "pendulum alone",
-            weighed_alone,
-            flags(pendulum_length=LENGTH / 2),
-            weight,
-            "--pendulum-length",
-        ),
-        case("pendulum said to hang half a radian off", "pendulum", weighed, flags(pendulum_angle=HANGS + 0.5)),
-        case(
-            "pendulum said to hang half a radian off",
-            "pendulum alone",
-            weighed_alone,
-            flags(pendulum_angle=HANGS + 0.5),
-        ),
-        case("pendulum not said, bare motor", "pendulum", swinging, without_gravity),
-        case("pendulum said where there is none", "servo", servo, flags(pendulum_mass=MASS, pendulum_length=LENGTH)),
-        case("duty cut off at half", "servo", servo, clipped(0.5)),
-        case("duty of another joint", "servo", servo, torque_of(swinging)),
-        case("half the rate", "servo", servo, stamps(2.0)),
-        case("twice the rate", "pendulum", weighed, stamps(0.5)),
+        *add(RIGHT, "servo; pendulum; pendulum alone; EMPS by current", all_right),
+        *add("kt twice as large", "servo", flags(kt=2 * kt)),
+        *add("kt half as large", "servo", flags(kt=kt / 2), ONE_SCALE, "--kt"),
+        *add("kt of the motor, without its gear", "servo", flags(kt=kt / GEAR), ONE_SCALE, "--kt"),
+        *add("kt of the motor, without its gear", "pendulum", flags(kt=kt / GEAR)),
+        *add("kt twice as large", "EMPS by current", flags(kt=2 * EMPS_VOLT)),
+        *add("kt a fifth too large", "EMPS by current", flags(kt=1.2 * EMPS_VOLT)),
+        *add("kt twice as large, no gains", "EMPS by current", no_gains, ONE_SCALE, "--kt"),
+        *add("R twice as large", "servo", flags(resistance=2 * ohm), ONE_SCALE, "--resistance"),
+        *add("R half as large", "servo", flags(resistance=ohm / 2), ONE_SCALE, "--resistance"),
+        *add("R half as large", "pendulum", flags(resistance=ohm / 2)),
+        *add("supply of 24 V for 12", "servo", flags(duty_voltage=2 * supply), ONE_SCALE, "--duty-voltage"),
+        *add("supply of 7.4 V for 12", "servo", flags(duty_voltage=7.4), ONE_SCALE, "--duty-voltage"),
+        *add("supply of 24 V for 12", "pendulum; pendulum alone", flags(duty_voltage=2 * supply)),
+        *add("sign of the duty", "servo; pendulum", scale(-1.0)),
+        *add("duty in percent", "servo", times(100.0, "torque")),
+        *add("share taken for percent", "servo", scale(0.01)),
+        *add("duty taken for torque", "servo", flags(**as_torque), "without any unit", "--torque-scale"),
+        *add("amperes taken for volts", "servo", holding("current", "voltage")),
+        *add("volts taken for amperes", "servo", holding("voltage", "current"), ONE_SCALE, "--torque-column"),
+        *add("volts taken for torque, kt/R as scale", "servo", flags(**as_torque, torque_scale=kt / ohm * supply)),
+        *add("ke half as large", "servo", flags(ke=kt / 2)),
+        *add("ke twice as large", "servo", flags(ke=2 * kt)),
+        *add("degrees", "servo; pendulum", times(DEGREES, "position")),
+        *add("angle of the motor, not of the joint", "servo; pendulum", times(GEAR, "position")),
+        *add("gear ratio divided out twice", "servo; pendulum", times(1 / GEAR, "position")),
+        *add("pendulum's mass twice as large", "pendulum", twice),
+        *add("pendulum's mass a third too large", "pendulum", flags(pendulum_mass=4 / 3 * MASS)),
+        *add("pendulum's mass twice as large", "pendulum alone", twice, weight, "--pendulum-mass"),
+        *add("pendulum's length half", "pendulum alone", half, weight, "--pendulum-length"),
+        *add("pendulum said to hang half a radian off", "pendulum; pendulum alone", flags(pendulum_angle=HANGS + 0.5)),
+        *cases({"pendulum": swinging}, "pendulum not said, bare motor", "pendulum", without_gravity),
+        *add("pendulum said where there is none", "servo", flags(pendulum_mass=MASS, pendulum_length=LENGTH)),
+        *add("duty cut off at half", "servo", clipped(0.5)),
+        *add("duty of another joint", "servo", torque_of(swinging)),
+        *add("half the rate", "servo", stamps(2.0)),
+        *add("twice the rate", "pendulum", stamps(0.5)),
     ]

@@ -25,12 +25,11 @@ from stiction_experiments.flags import RIGHT
 from stiction_experiments.flags.cases import (
     DEGREES,
     GO2,
-    KINDS,
-    LEGS,
+    GO2_JOINTS,
     POSITIONS_ALONE,
     Case,
     all_right,
-    case,
+    cases,
     flags,
     record_file,
     stamps,
@@ -63,15 +62,11 @@ class GivenLimb:
     """The log of a limb, and the model and flags that somebody gives with it."""
 
     log: Log
-    """Of all joints that moved."""
     mechanism: Mechanism
-    """The model."""
     friction: dict[str, float]
     """Joint -> its dry friction [N m]."""
     declared: IdentifySetup = field(default_factory=IdentifySetup)
-    """The flags."""
     setup: LimbSetup = field(default_factory=LimbSetup)
-    """Those of the limb."""
 
     @property
     def level(self) -> float:
@@ -125,9 +120,8 @@ def leg(by_voltage: bool = False) -> GivenLimb:
     return GivenLimb(log, mechanism, dict(zip(names, FRICTION, strict=True)), IdentifySetup(**motor))  # type: ignore[arg-type]
 
 
-def voltage_leg() -> GivenLimb:
-    """Return the leg with volts in its log."""
-    return leg(True)
+voltage_leg = partial(leg, True)
+"""The leg with volts in its log."""
 
 
 @cache
@@ -139,7 +133,7 @@ def measured(folder: Path) -> GivenLimb:
     from stiction.identification.logs import open_log
     from stiction.robots.catalog import find_mechanism
 
-    log = open_log(record_file(folder, GO2), names=tuple(f"{one}_{kind}" for one in LEGS for kind in KINDS))
+    log = open_log(record_file(folder, GO2), names=GO2_JOINTS)
     declared = IdentifySetup(kp=20.0, kd=1.5, torque_limit=23.7, motor_strength=1.0)
     given = GivenLimb(log, find_mechanism(ROBOT), {}, declared)
     records = identify_limb(log, given.mechanism, declared).joints.joints
@@ -157,29 +151,20 @@ def heavier(factor: float) -> Callable[[GivenLimb], GivenLimb]:
     return mistaken
 
 
-def torques(factor: float, joints: tuple[int, ...] = (0, 1, 2)) -> Callable[[GivenLimb], GivenLimb]:
-    """Return the mistake of torque columns in other units, or of another sign."""
-
-    def scaled(one: JointSignals) -> JointSignals:
-        assert one.torque is not None
-        return replace(one, torque=factor * one.torque)
-
-    return lambda given: given.signals(scaled, joints)
+def signals(
+    name: str, factor: float, shift: float = 0.0, joints: tuple[int, ...] = (0, 1, 2)
+) -> Callable[[GivenLimb], GivenLimb]:
+    """Return the mistake of a signal in other units, of another sign, or from another zero."""
+    return lambda given: given.signals(lambda one: replace(one, **{name: factor * getattr(one, name) + shift}), joints)
 
 
-def angles(factor: float, shift: float = 0.0, joints: tuple[int, ...] = (0, 1, 2)) -> Callable[[GivenLimb], GivenLimb]:
-    """Return the mistake of angles in other units, of another sign, or from another zero [rad]."""
-
-    def moved(one: JointSignals) -> JointSignals:
-        assert one.position is not None
-        return replace(one, position=factor * one.position + shift)
-
-    return lambda given: given.signals(moved, joints)
+torques, angles = partial(signals, "torque"), partial(signals, "position")
+"""The same of torques [N m] and of angles [rad]."""
 
 
 def turned(given: GivenLimb) -> GivenLimb:
     """Log the thigh, angle and torque, the other way round than the model has it."""
-    return torques(-1.0, (1,))(angles(-1.0, joints=(1,))(given))
+    return torques(-1.0, joints=(1,))(angles(-1.0, joints=(1,))(given))
 
 
 def swapped(given: GivenLimb) -> GivenLimb:
@@ -196,49 +181,36 @@ def other_torque(given: GivenLimb) -> GivenLimb:
     return given.signals(lambda one: replace(one, torque=calf), (1,))
 
 
-def upside_down(given: GivenLimb) -> GivenLimb:
-    """Say that the robot hung the other way up."""
-    return replace(given, setup=LimbSetup(up=(0.0, 0.0, -1.0)))
-
-
-def on_its_side(given: GivenLimb) -> GivenLimb:
-    """Say that the robot lay on its side."""
-    return replace(given, setup=LimbSetup(up=(0.0, 1.0, 0.0)))
-
-
 def limb_cases(folder: Path) -> list[Case]:
     """Return mistakes with limbs, simulated and measured. folder: of the measured records."""
-    go2 = partial(measured, folder)
+    records: dict[str, Callable[[], GivenLimb]] = {"limb": leg, "limb by voltage": voltage_leg}
+    add = partial(cases, records | {"Go2 limb": partial(measured, folder)})
+    as_torque = flags(torque_column=None, kt=None, resistance=None)
     return [
-        *(case(RIGHT, *one, all_right) for one in (("limb", leg), ("limb by voltage", voltage_leg), ("Go2 limb", go2))),
-        case("links twice as heavy in the model", "limb", leg, heavier(2.0)),
-        case("links a third heavier in the model", "limb", leg, heavier(4 / 3)),
-        case("links half as heavy in the model", "limb", leg, heavier(0.5)),
-        case("torque twice as large", "limb", leg, torques(2.0)),
-        case("torque a fifth too large", "limb", leg, torques(1.2), BY_LINKS, "--torque-scale"),
-        case("torque half as large", "limb", leg, torques(0.5)),
-        case("sign of the torque", "limb", leg, torques(-1.0)),
-        case("sign of one torque", "limb", leg, torques(-1.0, (1,))),
-        case("one joint the other way round", "limb", leg, turned),
-        case("zero of the calf off by half a radian", "limb", leg, angles(1.0, 0.5, (2,))),
-        case("degrees", "limb", leg, angles(DEGREES)),
-        case("two joints exchanged", "limb", leg, swapped),
-        case("torque of another joint", "limb", leg, other_torque),
-        case("upside down", "limb", leg, upside_down),
-        case("on its side", "limb", leg, on_its_side),
-        case("half the rate", "limb", leg, stamps(2.0)),
-        case("twice the rate", "limb", leg, stamps(0.5)),
-        case("kt twice as large", "limb by voltage", voltage_leg, flags(kt=2 * KT)),
-        case("kt half as large", "limb by voltage", voltage_leg, flags(kt=KT / 2)),
-        case("R twice as large", "limb by voltage", voltage_leg, flags(resistance=2 * RESISTANCE)),
-        case("R half as large", "limb by voltage", voltage_leg, flags(resistance=RESISTANCE / 2)),
-        case("sign of the voltage", "limb by voltage", voltage_leg, flags(torque_scale=-1.0)),
-        case(
-            "volts taken for torque",
-            "limb by voltage",
-            voltage_leg,
-            flags(torque_column=None, kt=None, resistance=None),
-        ),
-        case("kp and kd twice as large", "Go2 limb", go2, flags(kp=40.0, kd=3.0), POSITIONS_ALONE, "--kp"),
-        case("kp half as large", "Go2 limb", go2, flags(kp=10.0), "but for less viscous friction", "--kp"),
+        *add(RIGHT, "limb; limb by voltage; Go2 limb", all_right),
+        *add("links twice as heavy in the model", "limb", heavier(2.0)),
+        *add("links a third heavier in the model", "limb", heavier(4 / 3)),
+        *add("links half as heavy in the model", "limb", heavier(0.5)),
+        *add("torque twice as large", "limb", torques(2.0)),
+        *add("torque a fifth too large", "limb", torques(1.2), BY_LINKS, "--torque-scale"),
+        *add("torque half as large", "limb", torques(0.5)),
+        *add("sign of the torque", "limb", torques(-1.0)),
+        *add("sign of one torque", "limb", torques(-1.0, joints=(1,))),
+        *add("one joint the other way round", "limb", turned),
+        *add("zero of the calf off by half a radian", "limb", angles(1.0, 0.5, (2,))),
+        *add("degrees", "limb", angles(DEGREES)),
+        *add("two joints exchanged", "limb", swapped),
+        *add("torque of another joint", "limb", other_torque),
+        *add("upside down", "limb", lambda given: replace(given, setup=LimbSetup(up=(0.0, 0.0, -1.0)))),
+        *add("on its side", "limb", lambda given: replace(given, setup=LimbSetup(up=(0.0, 1.0, 0.0)))),
+        *add("half the rate", "limb", stamps(2.0)),
+        *add("twice the rate", "limb", stamps(0.5)),
+        *add("kt twice as large", "limb by voltage", flags(kt=2 * KT)),
+        *add("kt half as large", "limb by voltage", flags(kt=KT / 2)),
+        *add("R twice as large", "limb by voltage", flags(resistance=2 * RESISTANCE)),
+        *add("R half as large", "limb by voltage", flags(resistance=RESISTANCE / 2)),
+        *add("sign of the voltage", "limb by voltage", flags(torque_scale=-1.0)),
+        *add("volts taken for torque", "limb by voltage", as_torque),
+        *add("kp and kd twice as large", "Go2 limb", flags(kp=40.0, kd=3.0), POSITIONS_ALONE, "--kp"),
+        *add("kp half as large", "Go2 limb", flags(kp=10.0), "but for less viscous friction", "--kp"),
     ]

@@ -40,17 +40,13 @@ class MistakeRow:
     """What identification said after a mistake; of several joints, of the one of which it said most that is wrong."""
 
     mistake: str = field(metadata=column("mistake"))
-    """What was done wrong."""
     record: str = field(metadata=column("record"))
-    """To which record."""
     right: float = field(metadata=column("right", "N m", ".4g"))
     """Dry friction with the right flags [N m, or N]."""
     found: float | None = field(metadata=column("found", "N m", ".4g"))
     """Dry friction that came out; None where the log was refused [N m, or N]."""
     low: float | None = field(metadata=column("from", "N m", ".4g"))
-    """Lower end of its interval."""
     high: float | None = field(metadata=column("to", "N m", ".4g"))
-    """Upper end."""
     caught: str = field(metadata=column("caught by"))
     """`refused`, or the reasons of the objections; empty where the friction is stated."""
     assumes: str = field(metadata=column("stated if"))
@@ -98,7 +94,6 @@ def outcome(case: Case) -> MistakeRow:
 
 
 def _joint_outcome(case: Case, name: str, right: float, record: JointRecord) -> MistakeRow:
-    """Return what was said of one joint."""
     friction = record.coulomb_friction or record.combinations.get("f/k")
     if friction is None:
         return _outcome(case, name, right, None, "refused", record.warnings[0])

@@ -23,7 +23,7 @@ from stiction.identification.walking.setup import RobotLogSetup
 from stiction.robots.catalog import find_robot
 from stiction.robots.model import Robot
 from stiction_experiments.flags import RIGHT
-from stiction_experiments.flags.cases import Case, all_right, case
+from stiction_experiments.flags.cases import DEGREES, Case, all_right, cases
 from stiction_experiments.flags.trot import ARMATURE, DAMPING, IMU, KD, KP, ROBOT, limits, opened, sampled, trot
 
 SHARES = (0.04, 0.035, 0.04)
@@ -52,9 +52,7 @@ class GivenTrot:
     raw: Raw
     """The signals, and `time`; a signal that was not logged is missing."""
     spec: Robot
-    """The robot."""
     declared: IdentifySetup = field(default_factory=lambda: IdentifySetup(torque_source="motor_side", kp=KP, kd=KD))
-    """The flags."""
 
     @property
     def level(self) -> float:
@@ -86,9 +84,7 @@ class GivenLog:
     """A walking log of our own form."""
 
     log: WalkLog
-    """The log."""
     spec: Robot
-    """The robot."""
     friction: np.ndarray
     """[N m], shape (J,)."""
 
@@ -177,13 +173,8 @@ def scaled(name: str, factor: float, joints: slice = slice(None)) -> Callable[[G
 
 def angles(factor: float, joints: slice = slice(None)) -> Callable[[GivenTrot], GivenTrot]:
     """Return the mistake of angles, velocities and targets in other units."""
-
-    def mistaken(given: GivenTrot) -> GivenTrot:
-        for name in ("position", "velocity", "target"):
-            given = scaled(name, factor, joints)(given)
-        return given
-
-    return mistaken
+    position, velocity, target = (scaled(name, factor, joints) for name in ("position", "velocity", "target"))
+    return lambda given: target(velocity(position(given)))
 
 
 def turned(given: GivenTrot) -> GivenTrot:
@@ -239,11 +230,6 @@ def heavier(factor: float) -> Callable[[GivenTrot], GivenTrot]:
     return mistaken
 
 
-def of_robot(name: str) -> Callable[[GivenTrot], GivenTrot]:
-    """Return the mistake of another robot whose joints have the same names."""
-    return lambda given: replace(given, spec=find_robot(name))
-
-
 def gains(factor: float) -> Callable[[GivenTrot], GivenTrot]:
     """Return the mistake of gains that are so many times the true ones."""
     return lambda given: replace(given, declared=replace(given.declared, kp=factor * KP, kd=factor * KD))
@@ -268,86 +254,70 @@ def on_output_side(given: GivenTrot) -> GivenTrot:
     return given.changed(torque=given.raw["torque"] - own - friction_of_trot() * np.sign(rate))
 
 
-# Mistakes with a log of our own form
+EXCHANGED = [joint for leg in range(4) for joint in (3 * leg, 3 * leg + 2, 3 * leg + 1)]
+"""Joints with thighs and calves exchanged."""
 
-
-def contacts(change: Callable[[np.ndarray], np.ndarray]) -> Callable[[GivenLog], GivenLog]:
-    """Return the mistake of contacts that are other ones."""
-
-    def mistaken(given: GivenLog) -> GivenLog:
-        assert given.log.foot_contact is not None
-        return given.changed(foot_contact=change(given.log.foot_contact))
-
-    return mistaken
+OTHER_SIDE = legs(1, 0, 3, 2)
+"""Joints with left and right exchanged."""
 
 
 def walk_cases() -> list[Case]:
-    """Return mistakes with walks, all simulated."""
-    right: tuple[tuple[str, Callable[[], Any], Callable[[Any], Any]], ...] = (
-        ("trot", trotting, all_right),
-        ("trot, no feet", without_feet, all_right),
-        ("trot by targets", by_targets, all_right),
-        ("trot, no orientation", without_orientation, all_right),
-        ("hexapod", hexapod, all_right),
-    )
-    return [*(case(RIGHT, *one) for one in right), *_model_cases(), *_torque_cases(), *_time_cases(), *_foot_cases()]
+    """Return the right flags of walks, all simulated, and mistakes about robot, torques, gains, time and contact."""
+    records: dict[str, Callable[[], Any]] = {
+        "trot": trotting,
+        "trot, no feet": without_feet,
+        "trot by targets": by_targets,
+        "trot, no orientation": without_orientation,
+        "hexapod": hexapod,
+    }
+    add = partial(cases, records)
+    return [*add(RIGHT, "; ".join(records), all_right), *_model_cases(add), *_torque_cases(add), *_time_cases(add)]
 
 
-def _model_cases() -> list[Case]:
+Add = Callable[..., list[Case]]
+"""`cases` of these records."""
+
+
+def _model_cases(add: Add) -> list[Case]:
     """Return mistakes about the robot, its masses, and the order and signs of its joints."""
-    trot_, feet = ("trot", trotting), ("trot, no feet", without_feet)
-    degrees = angles(float(np.rad2deg(1.0)))
-    swapped = [joint for leg in range(4) for joint in (3 * leg, 3 * leg + 2, 3 * leg + 1)]
+    both, other = "trot; trot, no feet", find_robot("go1")
     return [
-        case("masses twice as large in the model", *trot_, heavier(2.0)),
-        case("masses half as large in the model", *trot_, heavier(0.5)),
-        case("masses a third larger in the model", *trot_, heavier(4 / 3)),
-        case("masses a fifth smaller in the model", *trot_, heavier(0.8)),
-        case("a Go1 for a Go2", *trot_, of_robot("go1")),
-        case("a Go1 for a Go2", *feet, of_robot("go1")),
-        case("degrees", *trot_, degrees),
-        case("degrees", *feet, degrees),
-        case("target in degrees", "trot by targets", by_targets, scaled("target", float(np.rad2deg(1.0)))),
-        case("one joint the other way round", *trot_, turned),
-        case("one joint the other way round", *feet, turned),
-        case("zero of the calves off by half a radian", *trot_, moved_zero),
-        case("zero of the calves off by half a radian", *feet, moved_zero),
-        case("thigh and calf exchanged", *trot_, ordered(swapped)),
-        case("thigh and calf exchanged", *feet, ordered(swapped)),
-        case("left and right exchanged", *trot_, ordered(legs(1, 0, 3, 2))),
-        case("left and right exchanged", *feet, ordered(legs(1, 0, 3, 2))),
-        case("front and rear exchanged", *feet, ordered(legs(2, 3, 0, 1))),
-        case("IMU turned round", *trot_, imu_turned),
-        case("IMU turned round", *feet, imu_turned),
+        *add("masses twice as large in the model", "trot", heavier(2.0)),
+        *add("masses half as large in the model", "trot", heavier(0.5)),
+        *add("masses a third larger in the model", "trot", heavier(4 / 3)),
+        *add("masses a fifth smaller in the model", "trot", heavier(0.8)),
+        *add("a Go1 for a Go2", both, lambda given: replace(given, spec=other)),
+        *add("degrees", both, angles(DEGREES)),
+        *add("target in degrees", "trot by targets", scaled("target", DEGREES)),
+        *add("one joint the other way round", both, turned),
+        *add("zero of the calves off by half a radian", both, moved_zero),
+        *add("thigh and calf exchanged", both, ordered(EXCHANGED)),
+        *add("left and right exchanged", both, ordered(OTHER_SIDE)),
+        *add("front and rear exchanged", "trot, no feet", ordered(legs(2, 3, 0, 1))),
+        *add("IMU turned round", both, imu_turned),
     ]
 
 
-def _torque_cases() -> list[Case]:
-    """Return mistakes about torques and gains."""
-    trot_, targets = ("trot", trotting), ("trot by targets", by_targets)
-    mirrored, single = ordered(legs(1, 0, 3, 2), "torque"), (BY_WEIGHT, "--torque-scale")
-    swapped = [joint for leg in range(4) for joint in (3 * leg, 3 * leg + 2, 3 * leg + 1)]
+def _torque_cases(add: Add) -> list[Case]:
+    single = BY_WEIGHT, "--torque-scale"
     return [
-        *(case(f"torque {said}", *trot_, scaled("torque", factor)) for said, factor in FACTORS.items()),
-        case("sign of the torque", *trot_, scaled("torque", -1.0)),
-        case("sign of one torque", *trot_, scaled("torque", -1.0, slice(1, 2))),
-        case("torque of one hip half as large again", *trot_, scaled("torque", 1.5, slice(0, 1)), *single),
-        case("torque of one calf half as large", *trot_, scaled("torque", 0.5, slice(2, 3)), *single),
-        case("torque of the hips twice as large", *trot_, scaled("torque", 2.0, slice(0, None, 3)), *single),
-        case("torque of the calves twice as large", *trot_, scaled("torque", 2.0, slice(2, None, 3))),
-        case("torque of the other side", *trot_, mirrored),
-        case("torque of the other side", "trot, no feet", without_feet, mirrored),
-        case("torque of thigh for calf", *trot_, ordered(swapped, "torque")),
-        case("torque cut off at half", *trot_, clipped),
-        case("torque behind the gear", *trot_, on_output_side),
-        case("torque 20 ms late", *trot_, late("torque", 0.02)),
-        case("torque 6 ms late", *trot_, late("torque", 0.006)),
-        case("target 20 ms late", *trot_, late("target", 0.02)),
-        case("target 20 ms late", *targets, late("target", 0.02)),
-        case("kp and kd twice as large", *trot_, gains(2.0)),
-        case("kp and kd twice as large", *targets, gains(2.0)),
-        case("kp and kd half as large", *targets, gains(0.5)),
-        case("kp and kd a third too large", *targets, gains(4 / 3), BY_TARGETS, "--kp"),
+        *(one for said, factor in FACTORS.items() for one in add(f"torque {said}", "trot", scaled("torque", factor))),
+        *add("sign of the torque", "trot", scaled("torque", -1.0)),
+        *add("sign of one torque", "trot", scaled("torque", -1.0, slice(1, 2))),
+        *add("torque of one hip half as large again", "trot", scaled("torque", 1.5, slice(0, 1)), *single),
+        *add("torque of one calf half as large", "trot", scaled("torque", 0.5, slice(2, 3)), *single),
+        *add("torque of the hips twice as large", "trot", scaled("torque", 2.0, slice(0, None, 3)), *single),
+        *add("torque of the calves twice as large", "trot", scaled("torque", 2.0, slice(2, None, 3))),
+        *add("torque of the other side", "trot; trot, no feet", ordered(OTHER_SIDE, "torque")),
+        *add("torque of thigh for calf", "trot", ordered(EXCHANGED, "torque")),
+        *add("torque cut off at half", "trot", clipped),
+        *add("torque behind the gear", "trot", on_output_side),
+        *add("torque 20 ms late", "trot", late("torque", 0.02)),
+        *add("torque 6 ms late", "trot", late("torque", 0.006)),
+        *add("target 20 ms late", "trot; trot by targets", late("target", 0.02)),
+        *add("kp and kd twice as large", "trot; trot by targets", gains(2.0)),
+        *add("kp and kd half as large", "trot by targets", gains(0.5)),
+        *add("kp and kd a third too large", "trot by targets", gains(4 / 3), BY_TARGETS, "--kp"),
     ]
 
 
@@ -361,33 +331,30 @@ FACTORS = {
 """Mistake of the torque's scale -> its factor."""
 
 
-def _time_cases() -> list[Case]:
-    """Return mistakes about time, and about the IMU's units."""
-    trot_, no_orientation = ("trot", trotting), ("trot, no orientation", without_orientation)
-    return [
-        case("half the rate", *trot_, stamps(2.0)),
-        case("twice the rate", *trot_, stamps(0.5)),
-        case("half the rate", *no_orientation, stamps(2.0)),
-        case("twice the rate", *no_orientation, stamps(0.5)),
-        case("gyroscope in degrees", *trot_, scaled("gyroscope", float(np.rad2deg(1.0)))),
-        case("gyroscope in degrees", *no_orientation, scaled("gyroscope", float(np.rad2deg(1.0)))),
-        case("gyroscope half as large", *no_orientation, scaled("gyroscope", 0.5)),
-        case("no accelerometer", *trot_, lambda given: given.without("accelerometer")),
-        case("no IMU", *trot_, lambda given: given.without("quaternion", "gyroscope", "accelerometer")),
-    ]
+def _time_cases(add: Add) -> list[Case]:
+    """Return mistakes about time, the IMU's units, and contact."""
 
+    def contacts(change: Callable[[Any], np.ndarray]) -> Callable[[GivenLog], GivenLog]:
+        return lambda given: given.changed(foot_contact=change(given.log.foot_contact))
 
-def _foot_cases() -> list[Case]:
-    """Return mistakes about contact."""
-    trot_ = ("trot", trotting)
-    in_log = partial(case, record="hexapod", right=hexapod)
     return [
-        case("feet in another order", *trot_, lambda given: given.changed(foot_force=given.raw["foot_force"][:, ::-1])),
-        case("contact 60 ms late", *trot_, late("foot_force", 0.06)),
-        case("contact 30 ms late", *trot_, late("foot_force", 0.03)),
-        in_log("contact never", change=contacts(np.zeros_like)),
-        in_log("contact where there is none", change=contacts(np.logical_not)),
-        in_log("feet in another order", change=contacts(lambda down: down[:, ::-1])),
-        in_log("contact 60 ms late", change=contacts(lambda down: np.roll(down, 12, axis=0))),
-        in_log("contact not logged", change=lambda given: given.changed(foot_contact=None)),
+        *add("half the rate", "trot", stamps(2.0)),
+        *add("twice the rate", "trot", stamps(0.5)),
+        *add("half the rate", "trot, no orientation", stamps(2.0)),
+        *add("twice the rate", "trot, no orientation", stamps(0.5)),
+        *add("gyroscope in degrees", "trot; trot, no orientation", scaled("gyroscope", DEGREES)),
+        *add("gyroscope half as large", "trot, no orientation", scaled("gyroscope", 0.5)),
+        *add("no accelerometer", "trot", lambda given: given.without("accelerometer")),
+        *add("no IMU", "trot", lambda given: given.without("quaternion", "gyroscope", "accelerometer")),
+        *add(
+            *("feet in another order", "trot"),
+            lambda given: given.changed(foot_force=given.raw["foot_force"][:, ::-1]),
+        ),
+        *add("contact 60 ms late", "trot", late("foot_force", 0.06)),
+        *add("contact 30 ms late", "trot", late("foot_force", 0.03)),
+        *add("contact never", "hexapod", contacts(np.zeros_like)),
+        *add("contact where there is none", "hexapod", contacts(np.logical_not)),
+        *add("feet in another order", "hexapod", contacts(lambda down: down[:, ::-1])),
+        *add("contact 60 ms late", "hexapod", contacts(lambda down: np.roll(down, 12, axis=0))),
+        *add("contact not logged", "hexapod", lambda given: given.changed(foot_contact=None)),
     ]

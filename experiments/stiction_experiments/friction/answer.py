@@ -61,7 +61,6 @@ def lead(experiment: Experiment) -> str:
 
 
 def _is_first(experiment: Experiment) -> bool:
-    """Return whether the experiment compares the methods of the first part."""
     return any(condition.part == "1" for condition in experiment.conditions)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from stiction.core.decode import from_plain
-from stiction.core.errors import ConfigurationError, FileError, TrainingError
+from stiction.core.errors import ConfigurationError, FileError
 from stiction.core.records import part_of, read_rows
 from stiction.evaluation.evaluate import EvaluationCfg
 from stiction.files.advice import SHARES, Source, TrainedWith
@@ -49,9 +49,6 @@ ADVISED = {"none": NONE, "direct": DIRECT, "deception": DECEPTION}
 
 WHOLE = "+all"
 """How the name of a virtual robot's engine ends where all of the robot is real: nobody has one that is so in part."""
-
-FEWEST_SEEDS = 3
-"""A median of fewer seeds is none."""
 
 
 def _condition_and_policy(row: ResultRow) -> str:
@@ -284,7 +281,6 @@ def curves_by_run(points: Iterable[CurvePoint]) -> dict[str, list[CurvePoint]]:
 
 
 def _judged(experiment: Experiment) -> Experiment:
-    """Return an experiment with what follows from its rows and curves."""
     evidence = TrainingEvidence.of_runs(experiment.rows, curves_by_run(experiment.curves))
     return replace(
         experiment,
@@ -310,7 +306,6 @@ def judge_again(out: Path, provenance: dict[str, Any]) -> Experiment:
 
 
 def _condition(planned: PlannedRun) -> ConditionRecord:
-    """Return the record of the condition that a run belongs to."""
     condition, friction = planned.run.condition, planned.cfg.task.friction
     return part_of(
         ConditionRecord,
@@ -324,7 +319,6 @@ def _condition(planned: PlannedRun) -> ConditionRecord:
 
 
 def _record(planned: PlannedRun) -> RunRecord:
-    """Return the record of one run."""
     state, run = planned.state(), planned.run
     revision, minutes = "", None
     if state == "exported":
@@ -335,36 +329,3 @@ def _record(planned: PlannedRun) -> RunRecord:
         rows = read_metrics(planned.path / "metrics.jsonl")
         minutes = round(sum(row["seconds"] for row in rows) / 60, 1)
     return RunRecord(run.name, run.condition.name, run.seed, state, revision, minutes)
-
-
-def ship(planned: Sequence[PlannedRun], rows: Iterable[ResultRow], out: Path) -> list[Path]:
-    """Export the median seed of every condition of `ADVISED` as a policy bundle into `out`; return their folders.
-
-    Raises:
-        StictionError: a condition has too few finished seeds, or its folder exists; nothing was exported then.
-
-    """
-    from stiction.evaluation.export import export_run
-
-    rows, chosen = list(rows), []
-    for condition in ADVISED.values():
-        finished = [run for run in planned if run.run.condition.name == condition and run.state() == "finished"]
-        if len(finished) < FEWEST_SEEDS:
-            raise TrainingError(
-                f"{condition} has {len(finished)} finished seeds, its median needs at least {FEWEST_SEEDS}; train more "
-                "with --train, or leave --ship out"
-            )
-        seed = median_seed(rows, condition)
-        run = next((run for run in finished if run.run.seed == seed), None)
-        if run is None:
-            raise ConfigurationError(
-                f"{condition} was not evaluated, so that it has no median seed; see the failures above"
-            )
-        friction = run.cfg.task.friction
-        chosen.append((run.path, out / f"{run.cfg.task.robot}-flat-{friction.method}-{friction.level:g}"))
-    for _, folder in chosen:
-        if folder.exists():
-            raise FileError(f"{folder} exists already; remove it first, or name another folder with --ship")
-    for path, folder in chosen:
-        export_run(path, folder)
-    return [folder for _, folder in chosen]

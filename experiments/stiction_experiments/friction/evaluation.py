@@ -90,11 +90,9 @@ class Task:
     """One policy to evaluate."""
 
     run: PlannedRun
-    """Its run."""
     who: Who
     settings: EvaluationCfg
     cache: Path
-    """Folder of its rows."""
     exported: bool
     """Whether the run's exported policy walks, and not the network in its folder."""
 
@@ -310,7 +308,6 @@ def onsets(
 
 
 def _has_onset(condition: str) -> bool:
-    """Return whether a condition is one of those whose onsets are compared."""
     return any(condition == f"coulomb20-{method}{end}" for method, endings in CANDIDATES.items() for end in endings)
 
 

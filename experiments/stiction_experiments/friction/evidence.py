@@ -28,7 +28,6 @@ class TrainingEvidence(Evidence):
     """Rows by cell, and learning curves. The method is the condition for students, `CONDITION/teacher` for teachers."""
 
     curves: Mapping[str, Sequence[CurvePoint]] = field(default_factory=dict)
-    """Run -> its learning curve."""
 
     @classmethod
     def of_runs(cls, rows: Iterable[ResultRow], curves: Mapping[str, Sequence[CurvePoint]] | None = None) -> Self:

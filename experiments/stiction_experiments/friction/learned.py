@@ -71,5 +71,4 @@ def learned_sheets(learned: Sequence[LearnedFigure]) -> dict[str, Sheet]:
 
 
 def _text(values: Sequence[float]) -> str:
-    """Return the mean of values as it is read."""
     return f"{np.mean(values):.3g}" if values else "–"

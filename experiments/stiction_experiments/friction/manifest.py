@@ -73,11 +73,9 @@ class Condition:
     part: str
     """One of `PARTS`."""
     purpose: str
-    """Why it is there."""
     options: tuple[str, ...]
     """Words for `stiction train`, without preset, seed and folder."""
     seeds: tuple[int, ...] = (0,)
-    """Seeds of its runs."""
 
     @property
     def runs(self) -> tuple[Run, ...]:
@@ -91,11 +89,8 @@ class Run:
     """One training run."""
 
     condition: Condition
-    """What it is a sample of."""
     seed: int
-    """Seed of everything random in it."""
     preset: str = TWO_PHASE
-    """Preset of its training."""
 
     @property
     def name(self) -> str:
@@ -132,13 +127,11 @@ def condition_of(run: str) -> tuple[str, int]:
 def _coulomb(
     name: str, part: str, purpose: str, method: str, *options: str, seeds: int = 1, level: float = LEVEL
 ) -> Condition:
-    """Return a condition with Coulomb friction."""
     words = ("--method", method, "--friction-level", f"{level:g}", *options)
     return Condition(f"coulomb20-{name}", part, purpose, words, tuple(range(seeds)))
 
 
 def _robots(name: str, robot: str, level: float = LEVEL) -> list[Condition]:
-    """Return conditions with another robot at the same friction in N m."""
     purpose, words = f"{robot}, the same friction in N m", ("--robot", robot)
     return [_coulomb(f"{m}-{name}", "4", purpose, m, *words, level=level) for m in ("direct", "deception")]
 

@@ -15,7 +15,6 @@ from stiction.files.velocity import parse_command
 from stiction.joints.friction import level_axis, level_number
 from stiction.report.following import shade_following
 from stiction.report.page import (
-    COLORS,
     INK,
     Section,
     Sheet,
@@ -24,7 +23,6 @@ from stiction.report.page import (
     label_ends,
     legend,
     line_look,
-    mark_look,
     new_figure,
     paragraph,
     picture,
@@ -75,7 +73,7 @@ def means_of(experiment: Experiment, condition: str, who: str = STUDENT) -> list
     return sorted(own, key=lambda m: m.friction_level)
 
 
-def draw_budget(experiment: Experiment, conditions: Sequence[str], law: str = "coulomb") -> Figure:
+def draw_budget(experiment: Experiment, conditions: Sequence[str]) -> Figure:
     """Return speed ratio over friction level: panels for student and teacher, forward and backward.
 
     A thin line is a seed, a thick one their mean, the band around it the 95 % t-interval.
@@ -88,14 +86,14 @@ def draw_budget(experiment: Experiment, conditions: Sequence[str], law: str = "c
         for condition in conditions:
             look = line_look(condition, conditions)
             means = [m for m in means_of(experiment, condition, who) if m.command == command]
-            _draw_mean(axis, means, look, short_name(condition), law)
-            _draw_interval(axis, means, look, law)
+            _draw_mean(axis, means, look, short_name(condition))
+            _draw_interval(axis, means, look)
             rows = rows_of(experiment, condition, who)
-            _draw_seeds(axis, [row for row in rows if row.command == command], look, law)
+            _draw_seeds(axis, [row for row in rows if row.command == command], look)
         speed = abs(parse_command(command).velocity[0])
         axis.set(title=f"{who}, {WORDS[command]}, {speed:g} m/s", ylabel="speed reached / commanded")
     for axis in axes[-2:]:
-        axis.set_xlabel(level_axis(law))
+        axis.set_xlabel(level_axis("coulomb"))
     same_scale(axes)
     for axis in axes[1::2]:
         label_ends(axis)
@@ -103,31 +101,31 @@ def draw_budget(experiment: Experiment, conditions: Sequence[str], law: str = "c
     return figure
 
 
-def _draw_seeds(axis: Axes, rows: Sequence[ResultRow], look: Mapping[str, Any], law: str) -> None:
+def _draw_seeds(axis: Axes, rows: Sequence[ResultRow], look: Mapping[str, Any]) -> None:
     """Draw a thin line a seed over levels. look: of `line_look`."""
     seeds: dict[int, list[tuple[float, float]]] = {}
     for row in rows:
         if row.speed_ratio is not None:
-            seeds.setdefault(row.seed, []).append((level_number(law, row.friction_level), row.speed_ratio))
+            seeds.setdefault(row.seed, []).append((level_number("coulomb", row.friction_level), row.speed_ratio))
     for points in map(sorted, seeds.values()):
         axis.plot(*zip(*points, strict=True), linewidth=0.6, alpha=0.6, marker=".", markersize=3, **look)
 
 
-def _draw_mean(axis: Axes, means: Sequence[SeedMean], look: Mapping[str, Any], label: str, law: str) -> None:
+def _draw_mean(axis: Axes, means: Sequence[SeedMean], look: Mapping[str, Any], label: str) -> None:
     """Draw the mean over levels. look: of `line_look`."""
-    levels = [level_number(law, m.friction_level) for m in means]
+    levels = [level_number("coulomb", m.friction_level) for m in means]
     axis.plot(levels, [m.mean for m in means], linewidth=2, label=label, **look)
 
 
-def _draw_interval(axis: Axes, means: Sequence[SeedMean], look: Mapping[str, Any], law: str) -> None:
+def _draw_interval(axis: Axes, means: Sequence[SeedMean], look: Mapping[str, Any]) -> None:
     """Draw the interval of the mean over levels. Of two seeds it would be wider than the figure: both are lines."""
-    points = [(level_number(law, m.friction_level), m) for m in means]
+    points = [(level_number("coulomb", m.friction_level), m) for m in means]
     if known := [(at, m.low, m.high) for at, m in points if m.low is not None and m.seeds > 2]:
         levels, low, high = zip(*known, strict=True)
         axis.fill_between(levels, low, high, color=look["color"], alpha=0.15, linewidth=0)
 
 
-def draw_each(experiment: Experiment, conditions: Sequence[str], law: str = "coulomb") -> Figure:
+def draw_each(experiment: Experiment, conditions: Sequence[str]) -> Figure:
     """Return speed ratio over friction level, a panel for each condition and policy.
 
     A thin line is a seed, a thick one their mean.
@@ -141,8 +139,8 @@ def draw_each(experiment: Experiment, conditions: Sequence[str], law: str = "cou
         means, walked = means_of(experiment, name, who), rows_of(experiment, name, who)
         for command in commands:
             look = line_look(command, commands)
-            _draw_seeds(axis, [row for row in walked if row.command == command], look, law)
-            _draw_mean(axis, [m for m in means if m.command == command], look, WORDS[command], law)
+            _draw_seeds(axis, [row for row in walked if row.command == command], look)
+            _draw_mean(axis, [m for m in means if m.command == command], look, WORDS[command])
         seeds = len({row.seed for row in walked})
         own = short_name(name) if who == STUDENT else f"{short_name(name)}, {who}"
         axis.set_title(f"{own}, {seeds} seed{'s' * (seeds > 1)}", fontsize=9)
@@ -153,7 +151,7 @@ def draw_each(experiment: Experiment, conditions: Sequence[str], law: str = "cou
     for axis in used[::ACROSS]:
         axis.set_ylabel("reached / commanded")
     for axis in used[-ACROSS:]:
-        axis.set_xlabel(level_axis(law))
+        axis.set_xlabel(level_axis("coulomb"))
     legend(used[0])
     return figure
 
@@ -182,66 +180,8 @@ def draw_learning(experiment: Experiment, conditions: Sequence[str]) -> Figure:
     return figure
 
 
-def draw_conditions(experiment: Experiment, conditions: Sequence[str]) -> Figure:
-    """Return the students of many conditions, a line each: without friction, and at each one's nominal level.
-
-    A triangle is a seed, to the right forward, to the left backward; a bar is the 95 % t-interval of a mean over seeds.
-    """
-    figure, axes = new_figure(1, 2, size=(9.6, 0.9 + 0.32 * max(3, len(conditions))))
-    nominal = {condition.name: condition.nominal for condition in experiment.conditions}
-    styles = dict(zip(DIRECTIONS, ((">", COLORS[0], -0.12), ("<", COLORS[1], 0.12)), strict=True))
-    for axis, title in zip(axes, ("without friction", "at the nominal friction"), strict=True):
-        shade_following(axis, "x")
-        axis.axvline(0.0, color=INK, linewidth=0.8)
-        for line, condition in enumerate(conditions):
-            level = 0.0 if axis is axes[0] else nominal[condition]
-            for row in rows_of(experiment, condition):
-                if _is_at(row, level) and row.speed_ratio is not None:
-                    marker, color, shift = styles[row.command]
-                    axis.plot(row.speed_ratio, line + shift, marker=marker, color=color, markersize=4, linewidth=0)
-            for m in means_of(experiment, condition):
-                if _is_at(m, level) and m.low is not None and m.high is not None:
-                    _, color, shift = styles[m.command]
-                    axis.plot([m.low, m.high], [line + shift] * 2, color=color, linewidth=1.5, alpha=0.6)
-        axis.set_yticks(range(len(conditions)), [short_name(name) for name in conditions])
-        axis.set(title=title, xlabel="speed reached / commanded")
-        axis.set_ylim(len(conditions) - 0.5, -0.5)
-    axes[1].set_yticklabels([])
-    return figure
-
-
 def _is_at(row: ResultRow | SeedMean, level: float) -> bool:
     return abs(row.friction_level - level) < 1e-6
-
-
-def draw_collapse(experiment: Experiment) -> Figure:
-    """Return the slower direction's speed ratio over friction on each candidate axis; where curves agree, it predicts.
-
-    One row a method, one panel an axis; logarithmic, so that a factor is a shift.
-    """
-    methods = list(dict.fromkeys(onset.method for onset in experiment.onsets))
-    groups = {method: [onset for onset in experiment.onsets if onset.method == method] for method in methods}
-    names = list(experiment.onsets[0].scales)
-    figure, axes = new_figure(len(methods), len(names), size=(3.6 * len(names), 3.0 * len(methods)))
-    for axis, (method, name) in zip(axes, [(m, n) for m in methods for n in names], strict=True):
-        _band(axis)
-        shown = [onset.condition for onset in groups[method]]
-        for onset in groups[method]:
-            slower: dict[float, float] = {}
-            for m in means_of(experiment, onset.condition):
-                if m.friction_level > 0:
-                    slower[m.friction_level] = min(slower.get(m.friction_level, m.mean), m.mean)
-            places = [level * onset.scales[name] for level in slower]
-            look = line_look(onset.condition, shown) | {"marker": mark_look(onset.condition, shown), "markersize": 4}
-            axis.plot(places, [*slower.values()], label=short_name(onset.condition), **look)
-        axis.set_xscale("log")
-        axis.set(title=method, xlabel=name)
-    axes[0].set_ylabel("speed reached / commanded")
-    for axis in axes[:: len(names)]:
-        legend(axis)
-    for axis in axes[len(names) - 1 :: len(names)]:
-        label_ends(axis)
-    return figure
 
 
 def mean_text(mean: SeedMean | None) -> str:
@@ -305,7 +245,6 @@ def part_sheet(experiment: Experiment, part: str) -> Sheet:
 
 
 def _condition_row(experiment: Experiment, condition: ConditionRecord, who: str) -> tuple[str, ...]:
-    """Return one policy of one condition."""
     cells = []
     for level in (0.0, condition.training_mean, condition.nominal):
         found = {m.command: m for m in means_of(experiment, condition.name, who) if _is_at(m, level)}
@@ -366,19 +305,6 @@ FIGURES = {
         "How fast they learn",
         "Speed in training, randomised, noisy and pushed, under each method's own friction; all seeds, mean.",
     ),
-    "conditions": (
-        "Every training method, side by side",
-        "Students. A triangle is a seed and points where it is commanded to walk. A bar: the t-interval.",
-    ),
-    "collapse": (
-        "Which number predicts the onset",
-        "Friction of the shank on three axes. The axis on which curves agree is the one that predicts.",
-    ),
-    "load": (
-        "Friction that grows with load",
-        "Trained at several coefficients of the force and torque that a joint transmits.",
-    ),
-    "go1": ("A robot that can fall", "The same three training methods, on a quadruped."),
 }
 """Figure -> heading of its section, and what to see in it."""
 
@@ -406,25 +332,15 @@ def report(experiment: Experiment) -> study.Report:
 def draw_figures(experiment: Experiment) -> dict[str, Figure]:
     """Return the figures that the results so far have something to show in."""
     known = {mean.condition for mean in experiment.means}
-    parts = {
-        part: [c.name for c in experiment.conditions if c.part == part and c.name in known] for part in experiment.parts
-    }
+    first = [c.name for c in experiment.conditions if c.part == "1" and c.name in known]
     figures = {}
     if side_by_side := [name for name in compared(experiment) if name in known]:
         if len(side_by_side) <= MOST_TOGETHER:
             figures["budget"] = draw_budget(experiment, side_by_side)
         else:
             figures["each"] = draw_each(experiment, side_by_side)
-    if parts["1"]:
-        figures["learning"] = draw_learning(experiment, parts["1"])
-    if walked := [name for part in ("1", "2", "3", "gait", "history") for name in parts[part]]:
-        figures["conditions"] = draw_conditions(experiment, walked)
-    if experiment.onsets:
-        figures["collapse"] = draw_collapse(experiment)
-    if parts["5"]:
-        figures["load"] = draw_budget(experiment, parts["5"], "load")
-    if parts["6"]:
-        figures["go1"] = draw_budget(experiment, parts["6"])
+    if first:
+        figures["learning"] = draw_learning(experiment, first)
     return figures
 
 

@@ -6,7 +6,6 @@ import shlex
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
-from math import prod
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -21,10 +20,8 @@ from stiction.joints.net import ActuatorNet
 from stiction.learning.config import TrainCfg
 from stiction.learning.identity import difference, settings_of
 from stiction.learning.run import RunDirectory, latest_checkpoint
-from stiction.task.config import TaskCfg
 from stiction_experiments.friction.manifest import Run
 from stiction_experiments.methods.friction import BY_ERROR
-from stiction_experiments.methods.hinf import HinfCfg
 
 State = Literal["missing", "interrupted", "exported", "finished"]
 """`exported`: its folder is elsewhere, its policy is here."""
@@ -35,41 +32,8 @@ EVALUATED: tuple[State, ...] = ("exported", "finished")
 
 STEP_SECONDS = {"rows": 2.42e-4, "sliders": 1.79e-4, "physx": 1.2e-3}
 """Processor time of a training in one phase for each control step of each robot [s], with friction as rows and as
-sliders: 2.97 and 2.20 s an iteration of 512 robots and 24 steps (results/speed, an AMD core; machines differ by two).
-In PhysX, a robot at a time, 15 s."""
-
-DEARER_BY = {
-    "teacher": 0.88,
-    "mirrored": 1.5,
-    "recurrent": 1.45,
-    "dreamwaq": 1.03,
-    "hinf": 1.27,
-    "drawn pushes": 1.13,
-    "law on rows": 1.35,
-    "law on sliders": 1.11,
-    "go1 on rows": 0.88,
-    "go1 on sliders": 0.81,
-    "stairs on rows": 1.12,
-    "stairs on sliders": 1.16,
-    "net on rows": 0.84,
-    "net on sliders": 1.15,
-    "history 21": 1.11,
-    "history 51": 1.57,
-    "half step on sliders": 1.52,
-}
-"""What an iteration takes over one of the presets of one phase [1]: one of a teacher, whose encoder PPO's gradient does
-not reach, or its student, 2.63 s on rows and 1.90 on sliders (results/speed); mirrored samples, 1,089 to 1,118 s for
-333 where 440 take 940 to 1,000, and a recurrent encoder, 3.2 s where others take 2.2 (results/student); DreamWaQ,
-1,074 and 1,082 s, and H∞ beside a disturber that learns, 1,307 to 1,369 s, where one phase takes 1,050, and random
-pushes, 1,104 s where the same machine takes 975 (results/methods); a friction law that reads load or torque, by
-`load` at 0.2, the dearer of the two, 3.57 s where a torque takes 2.64 and 2.11 where it takes 1.90; the smaller
-robot go1, 2.32 and 1.54 s; stairs, 3.20 and 2.35 s, and an Actuator Net in place of the friction, 2.41 and 2.33 s,
-where flat ground and 20 % of friction take 2.86 and 2.02; a history of 21 and of 51 steps, 33.2 and 46.8 s for
-twelve iterations of a teacher and two of its student where 11 take 29.9 (results/speed); half the physics step,
-28.8 s for twelve of one phase where the whole one takes 19.0."""
-
-PASS = 0.087 / 2.20
-"""What each further supervised pass over a rollout takes of such an iteration [1] (results/speed)."""
+sliders: 2.97 and 2.20 s an iteration of 512 robots and 24 steps (results/speed, an AMD core). In PhysX, a robot at a
+time, 15 s. Machines differ by two; methods, robots and encoders take 0.8 to 1.6 of it (results/student, methods)."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +44,6 @@ class PlannedRun:
     cfg: TrainCfg
     path: Path
     policy: Path | None = None
-    """Its exported policy, where there is one."""
 
     @classmethod
     def of(cls, run: Run, runs: Path, policies: Sequence[Path] = ()) -> Self:
@@ -103,51 +66,12 @@ class PlannedRun:
         before = self.cfg.teacher.iterations if rows[-1]["phase"] == "student" else 0
         return before + int(rows[-1]["iteration"])
 
-    def minutes(self) -> float | None:
-        """Return the processor time that its training takes from the beginning, by `STEP_SECONDS` and `DEARER_BY`
-        [min]; None where nothing like it was measured.
-        """
+    def minutes(self) -> float:
+        """Return the processor time that its training takes from the beginning, by `STEP_SECONDS` [min]."""
         cfg = self.cfg
         physics = ("sliders" if cfg.task.physics.plastic else "rows") if cfg.engine == "mujoco" else cfg.engine
-        factor = self._factor(physics)
-        if factor is None or physics not in STEP_SECONDS or (physics == "physx" and factor != 1.0):
-            return None
         steps = cfg.num_envs * sum(phase.iterations * phase.steps for phase in (cfg.teacher, cfg.student))
-        return steps * factor * STEP_SECONDS[physics] / 60.0
-
-    def _factor(self, physics: str) -> float | None:
-        """Return what its iterations take over those that `STEP_SECONDS` is of [1]; None where that is not measured.
-
-        physics: a name of `STEP_SECONDS`.
-        """
-        cfg, usual = self.cfg, TaskCfg()
-        task = cfg.task
-        hinf = cfg.method_settings if isinstance(cfg.method_settings, HinfCfg) else HinfCfg("none")
-        step, halved = (task.timestep, task.decimation), (usual.timestep / 2, 2 * usual.decimation)
-        robot = task.robot.partition("@")[0]
-        measured = (
-            step in ((usual.timestep, usual.decimation), halved)
-            and robot in (usual.robot, "go1")
-            and task.terrain.kind in ("flat", "stairs")
-        )
-        has = {
-            "teacher": cfg.teacher.latent == "alternate" and cfg.engine == "mujoco",
-            "mirrored": cfg.symmetry == "batches",
-            "recurrent": cfg.network.recurrent,
-            "dreamwaq": cfg.method.name == "dreamwaq",
-            "hinf": hinf.learns,
-            "drawn pushes": hinf.disturbs and not hinf.learns,
-            f"law on {physics}": any(law.spec.reads for law in task.friction.laws),
-            f"go1 on {physics}": robot == "go1",
-            f"stairs on {physics}": task.terrain.kind == "stairs",
-            f"net on {physics}": cfg.actuator is not None,
-            f"history {task.history}": task.history != usual.history,
-            f"half step on {physics}": step == halved,
-        }
-        dearer = [name for name, there in has.items() if there]
-        if not measured or not DEARER_BY.keys() >= {*dearer}:
-            return None
-        return (1.0 + PASS * (cfg.teacher.adaptation_passes - 1)) * prod(DEARER_BY[name] for name in dearer)
+        return steps * STEP_SECONDS[physics] / 60.0
 
     def state(self) -> State:
         """Return where the run stands.
@@ -265,24 +189,19 @@ def plan_lines(planned: Sequence[PlannedRun], states: Sequence[State]) -> list[s
     """Return a line for each run, with its state, its cost and the command that trains it by hand; then one that says
     what is missing in all. states: `PlannedRun.state` of each.
     """
-    lines, left, unknown = [], 0.0, 0
+    lines, left = [], 0.0
     for run, state in zip(planned, states, strict=True):
-        minutes, there = run.minutes(), state in EVALUATED
         # Of a run that is elsewhere nothing is left to train.
-        share = 1.0 if there else run.done() / run.iterations
-        if not there:
-            left += (1.0 - share) * (minutes or 0.0)
-            unknown += minutes is None
+        share = 1.0 if state in EVALUATED else run.done() / run.iterations
+        left += (1.0 - share) * run.minutes()
         words = shlex.join(run.run.arguments)
-        cost = "not measured" if minutes is None else f"{minutes:.0f} min"
-        lines.append(f"{state:<12}{share:>5.0%}{cost:>14}  stiction train {words} --out {run.path}")
+        lines.append(f"{state:<12}{share:>5.0%}{run.minutes():>9.0f} min  stiction train {words} --out {run.path}")
     missing = sum(state not in EVALUATED for state in states)
     seeds = len({run.run.seed for run in planned})
-    others = f", and {unknown} runs whose cost was not measured" if unknown else ""
     return [
         *lines,
-        f"{len(planned)} runs, of up to {seeds} seeds; {missing} are missing, some {left / 60.0:.1f} hours of one core"
-        f"{others} (by results/speed, student and methods; machines differ by a factor of two)",
+        f"{len(planned)} runs, of up to {seeds} seeds; {missing} are missing, some {left / 60.0:.1f} hours of one core "
+        "(by results/speed; machines differ by a factor of two, methods by up to 1.6)",
     ]
 
 

@@ -31,7 +31,6 @@ class ConditionRecord:
     """Name of its runs without the seed."""
     part: str
     purpose: str
-    """Why it is there."""
     arguments: str
     """Words for `stiction train`, without preset, seed and folder."""
     robot: str
@@ -64,13 +63,11 @@ class SeedMean:
 
     condition: str
     who: str
-    """`teacher` or `student`."""
     friction_law: str
     friction_level: float
     """Level of the evaluation [-]."""
     command: str
     seeds: int
-    """Number of seeds."""
     mean: float
     """Mean speed ratio over seeds [-]."""
     low: float | None
@@ -84,7 +81,6 @@ class CurvePoint:
 
     run: str
     phase: str
-    """`teacher` or `student`."""
     iteration: int
     """Iteration of the phase, the last of those averaged."""
     forward_ratio: float
@@ -133,7 +129,6 @@ class Collapse:
     axis: str | None
     """The axis on which the onsets agree best; None where that is not decided."""
     reason: str
-    """Why, or why not."""
 
 
 @dataclass(frozen=True)
@@ -148,9 +143,7 @@ class Experiment:
     onsets: Sequence[Onset]
     """One a condition of the fourth part."""
     collapses: Sequence[Collapse]
-    """One a method."""
     parts: dict[str, str]
-    """Part -> title."""
     summary: dict[str, Any]
     """What was run, on what, and the settings of the evaluation."""
     means: Sequence[SeedMean] = ()

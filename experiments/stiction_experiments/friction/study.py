@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
@@ -41,7 +40,7 @@ class FrictionOptions(ParallelOptions, RedrawnOptions):
     add: bool = False
     """Add to what --out has: results of runs that are not in --runs, but were in --runs when --out was written, stay.
     Trainings on several machines, or over several days, then make one experiment."""
-    free: ClassVar[tuple[str, ...]] = ("train", "add", "ship", "plan", "parts", "cache", "elsewhere")
+    free: ClassVar[tuple[str, ...]] = ("train", "add", "plan", "parts", "cache", "elsewhere")
     """Options that do more of the same, or say where from."""
     out: Path = Path("results/friction-training")
     """Folder of results.csv, intervals.csv, following.csv, curves.csv, learned.csv, summary.json, tables.md, figures,
@@ -62,8 +61,6 @@ class FrictionOptions(ParallelOptions, RedrawnOptions):
     elsewhere: tuple[Path, ...] = field(default=(), metadata=needs("--advice"))
     """With --advice: tables of `stiction evaluate` in --out, of the same policies in other engines and on virtual
     robots. Without them the advice says that these have not walked there."""
-    ship: Path | None = None
-    """Export the median seed of each training method of the first part into this folder."""
     plan: bool = field(default=False, metadata=excludes(but=("--preset", "--runs", "--policies", "--parts")))
     """Only say what the experiment is made of: runs, seeds, where each stands, its cost in minutes of one core, and
     what is missing in all."""
@@ -79,14 +76,7 @@ class FrictionOptions(ParallelOptions, RedrawnOptions):
 def run(options: FrictionOptions, work: Work) -> Report | int:
     """Train, evaluate and judge; the exit status is 1 if a run could not be trained or evaluated."""
     from stiction.learning.identity import unrecorded_note
-    from stiction_experiments.friction.assemble import (
-        assemble,
-        judge_again,
-        read_earlier,
-        read_elsewhere,
-        ship,
-        unwalked,
-    )
+    from stiction_experiments.friction.assemble import assemble, judge_again, read_earlier, read_elsewhere, unwalked
     from stiction_experiments.friction.evaluation import BASE, evaluate_tasks, tasks_for
     from stiction_experiments.friction.manifest import TWO_PHASE, runs_of
     from stiction_experiments.friction.planned import EVALUATED, PlannedRun, unrecorded
@@ -124,18 +114,13 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
     failed |= unevaluated
     for name, reason in failed.items():
         work.say(f"{name}: {reason}")
-
-    def write_bundles() -> None:
-        for folder in ship(planned, rows, options.ship) if options.ship else []:
-            work.say(f"shipped {folder}")
-
     origin = work.provenance | {"failed": failed, "preset": preset}
-    report = report_of(options, assemble(planned, rows, base, origin, before), write_bundles)
+    report = report_of(options, assemble(planned, rows, base, origin, before))
     return replace(report, status=1 if failed else 0)
 
 
-def report_of(options: FrictionOptions, experiment: Experiment, further: Callable[[], None] = lambda: None) -> Report:
-    """Return the report of the experiment; with it its part of the advice is written if asked for, then `further`."""
+def report_of(options: FrictionOptions, experiment: Experiment) -> Report:
+    """Return the report of the experiment; with it its part of the advice is written if asked for."""
     from stiction.files.advice import TRAINING
     from stiction_experiments.friction.assemble import read_elsewhere, source_of
     from stiction_experiments.friction.page import report
@@ -149,7 +134,6 @@ def report_of(options: FrictionOptions, experiment: Experiment, further: Callabl
     def write_files(_: Path) -> None:
         if options.advice is not None and source is not None:
             write_source(options.advice, TRAINING, source)
-        further()
 
     return replace(report(experiment), files=write_files)
 
@@ -191,6 +175,6 @@ STUDY = Study(
     run,
     results=(
         *("results.csv", "intervals.csv", "following.csv", "curves.csv", "learned.csv"),
-        *("budget.png", "each.png", "learning.png", "conditions.png", "collapse.png", "load.png", "go1.png"),
+        *("budget.png", "each.png", "learning.png"),
     ),
 )

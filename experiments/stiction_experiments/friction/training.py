@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -156,7 +156,8 @@ def train_missing(
 
     """
     waiting = [run for run in planned if run.state() not in EVALUATED]
-    shares = Shares(waiting, progress)
+    before = sum(run.done() for run in waiting)
+    every = list(waiting)
     running: list[Job] = []
     failed: dict[str, str] = {}
     try:
@@ -170,7 +171,11 @@ def train_missing(
                 running.remove(job)
                 if job.run.state() != "finished":
                     failed[job.run.run.name] = f"{job.last_line()} (see {job.run.path / LOG})"
-            shares.report(trained, failed)
+            for one in trained:
+                progress(one.run.name, one.done() / one.iterations)
+            gained = sum(one.done() for one in every) - before
+            left = sum(one.iterations - one.done() for one in every if one.run.name not in failed)
+            progress(ALL, gained / max(1, gained + left))
     finally:
         stop(running)
     return failed
@@ -197,28 +202,3 @@ def stop(running: Sequence[Job]) -> None:
         except subprocess.TimeoutExpired:
             job.process.kill()
             job.process.wait()
-
-
-class Shares:
-    """How far the runs are, each and together, by iterations; what was done before does not count as progress."""
-
-    def __init__(self, runs: Sequence[PlannedRun], progress: Progress) -> None:
-        """Remember where every run stands."""
-        self.length = {run.run.name: run.iterations for run in runs}
-        self.done = {run.run.name: run.done() for run in runs}
-        self.before = sum(self.done.values())
-        self.progress = progress
-        self.reported: dict[str, float] = {}
-
-    def report(self, trained: Sequence[PlannedRun], failed: Collection[str]) -> None:
-        """Report the shares that have changed: a run that failed has nothing left to do."""
-        self.done |= {run.run.name: run.done() for run in trained}
-        shares = {run.run.name: self.done[run.run.name] / run.iterations for run in trained}
-        left = sum(length - self.done[name] for name, length in self.length.items() if name not in failed)
-        gained = sum(self.done.values()) - self.before
-        if gained + left:
-            shares[ALL] = gained / (gained + left)
-        for name, share in shares.items():
-            if self.reported.get(name) != share:
-                self.reported[name] = share
-                self.progress(name, share)

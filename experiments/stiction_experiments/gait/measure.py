@@ -196,13 +196,10 @@ class GaitRow:
     """How one policy walked under one command; shares are of moving steps, None where there are none."""
 
     policy: str = field(metadata=column("policy"))
-    """Name of the bundle."""
     variant: str = field(metadata=column("rewards"))
     """One of `VARIANTS`."""
     seed: int
-    """Seed of the training run."""
     command: str = field(metadata=column("command"))
-    """Commanded velocity: `vx=0.5`."""
     gait: str = field(metadata=column("gait"))
     """What the criteria of `Gait.name` call it."""
     speed_ratio: float | None = field(metadata=column("speed ratio", "1", form=".2f"))
@@ -236,9 +233,7 @@ class FootRow:
     """One foot of one policy under one command."""
 
     policy: str
-    """Name of the bundle."""
     command: str
-    """Commanded velocity."""
     foot: str
     """Name of the leg: `FL`."""
     group: int
@@ -299,7 +294,6 @@ class Walked:
     """One policy under one command."""
 
     row: GaitRow
-    """Its gait."""
     feet: tuple[FootRow, ...]
     """Its feet, left ones from front to rear, then right ones."""
     contact: np.ndarray
@@ -331,7 +325,6 @@ def walk_gaits(
 
 
 def _measure(bundle: Bundle, variant: str, spec: Robot, command: Command, part: Recording) -> Walked:
-    """Return the gait of one command that asks for motion."""
     moving = moving_steps(part, command)
     assert moving is not None
     # Left legs before right ones, each side from front to rear.

@@ -94,14 +94,11 @@ class Verdict:
     """What became of one sentence; a row of claims.csv or verdicts.csv, and an entry of summary.json."""
 
     id: str
-    """Section and number."""
     sentence: str
-    """The sentence, shortened."""
     criterion: str
     """What must hold for it to reproduce."""
     outcome: Outcome
     evidence: str
-    """The numbers."""
 
 
 Results = TypeVar("Results")
@@ -249,7 +246,6 @@ def confirmed(found: Finding, sample: str, interval: Interval, low: float, high:
 
 
 def _text(interval: Interval) -> str:
-    """Return an interval as text."""
     return f"[{interval[0]:.2f}, {interval[1]:.2f}]"
 
 
@@ -333,5 +329,4 @@ def over_levels(findings: Sequence[tuple[float, Finding]]) -> Finding:
 
 
 def _levels(findings: Sequence[tuple[float, Finding]], outcome: Outcome) -> str:
-    """Return the levels of an outcome as text."""
     return ", ".join(f"{level:g}" for level, finding in findings if finding.outcome == outcome)

@@ -249,5 +249,4 @@ def _checked(nodes: Sequence[dict[str, Any]], code: str, folder: Path) -> list[d
 
 
 def _alive(node: dict[str, Any]) -> bool:
-    """Say whether the head node still counts a node as alive."""
     return any(other["NodeID"] == node["NodeID"] and other["Alive"] for other in _ray().nodes())

@@ -265,11 +265,9 @@ class Study(Generic[Chosen]):
     """An experiment that is one command and one page."""
 
     question: str
-    """What it answers, in a line."""
     description: str
     """What `--help` says."""
     options: type[Chosen]
-    """Dataclass of its options."""
     run: Callable[[Chosen, Work], Report | int]
     """Does it; returns an exit status where there is nothing to write."""
     groups: Groups | None = None

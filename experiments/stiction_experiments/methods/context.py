@@ -118,7 +118,6 @@ class ContextActor(RMAActor):
         self.latent_dim = size["proprioception"] + VELOCITY + self.cfg.code
 
     def _build(self, size: dict[str, int], network: NetworkCfg) -> None:
-        """Make the context-aided estimator."""
         self.context = ContextEstimator(size["history"], size["proprioception"], self.cfg)
 
     @property

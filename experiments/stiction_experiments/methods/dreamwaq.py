@@ -51,17 +51,14 @@ class DreamWaQCfg:
 
 
 def _actor(cfg: TrainCfg) -> dict[str, Any]:
-    """Return rsl_rl's configuration of the actor."""
     return {"class_name": "stiction_experiments.methods.context:ContextActor", "context": cfg.method_settings}
 
 
 def _algorithm(cfg: TrainCfg) -> dict[str, Any]:
-    """Return rsl_rl's configuration of the algorithm."""
     return {"class_name": "stiction_experiments.methods.context_ppo:ContextPPO"}
 
 
 def _even(cfg: TrainCfg) -> dict[str, int]:
-    """Return the sizes that symmetric networks split into left and right."""
     settings = cfg.method_settings
     sizes = {f"dreamwaq.{name}": getattr(settings, name) for name in SIZES}
     lists = {name: enumerate(getattr(settings, name)) for name in LAYERS}
@@ -77,7 +74,6 @@ def _preset(cfg: TrainCfg) -> TrainCfg:
 
 
 def _notes(cfg: TrainCfg) -> Iterator[str]:
-    """Yield what surprises users."""
     if not cfg.task.friction.has_friction:
         yield "dreamwaq trains without dry friction, as in its paper; with: --task.friction.range 0 1.2"
 

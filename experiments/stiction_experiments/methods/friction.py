@@ -14,7 +14,6 @@ BY_ERROR = "compensation-error"
 
 
 def _called(contract: Contract) -> str:
-    """Return the name in results."""
     by_error = contract.compensation is not None and contract.compensation_speeds is None
     return BY_ERROR if by_error else COMPENSATION.name
 

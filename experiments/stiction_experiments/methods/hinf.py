@@ -123,7 +123,6 @@ class HinfCfg:
 
 
 def _algorithm(cfg: TrainCfg) -> dict[str, Any]:
-    """Return rsl_rl's configuration of the algorithm."""
     found = {"class_name": "stiction_experiments.methods.hinf_ppo:HinfPPO", "hinf": cfg.method_settings}
     return found | {"iterations": cfg.teacher.iterations, "seed": stream_seed(cfg.seed, "disturber")}
 
@@ -149,7 +148,6 @@ def _preset(cfg: TrainCfg) -> TrainCfg:
 
 
 def _notes(cfg: TrainCfg) -> Iterator[str]:
-    """Yield what surprises users."""
     settings = cfg.method_settings
     if not cfg.task.friction.has_friction:
         yield "hinf trains without dry friction; with: --task.friction.range 0 1.2"

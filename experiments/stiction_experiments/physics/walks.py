@@ -50,7 +50,6 @@ class PhysicsRow:
     physics: str
     """Name in `SETTINGS`."""
     policy: str
-    """Name of the bundle."""
     level: float
     """Dry friction as a fraction of the torque limit [-]."""
     direction: str

@@ -77,7 +77,6 @@ def elsewhere(method: str, judge: JudgeAt, level: float = 0.0) -> Judge:
 
 
 def _located(engine: str, found: Finding) -> Finding:
-    """Return a finding that says in which engine it was made."""
     return Finding(found.outcome, f"{engine}: {found.evidence}")
 
 
@@ -245,7 +244,6 @@ def climbs_not(e: Evidence, method: str, c: Condition) -> Finding:
 
 
 def _crossings(e: Evidence, method: str, c: Condition, low: float, high: float) -> Finding:
-    """Judge the share of crossings at each height."""
     walked = {terrain for name, engine, *_, terrain, _ in e.cells if (name, engine) == (method, c.engine)}
     rates = {terrain: e.rate(method, c, (STAIRS_COMMAND,), "crossed", terrain) for terrain in sorted(walked - {"flat"})}
     if not rates:

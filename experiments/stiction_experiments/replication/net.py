@@ -48,7 +48,6 @@ class WalkedNet:
     engine: str
     """Name in the catalogue of engines."""
     case: Case
-    """The robot."""
     spec: Robot
     policy: Bundle
     """f0, which walks."""

@@ -35,7 +35,6 @@ from stiction.robots.terrain import STEPS, TREAD
 from stiction_experiments.lab import study
 from stiction_experiments.lab.claims import JUDGED, said_of
 from stiction_experiments.lab.following import changes_sheet, places_sheet, recommended_sentence, recommended_sheet
-from stiction_experiments.replication.clips import ClipPair, clip_sections
 from stiction_experiments.replication.plan import STAIRS_COMMAND
 from stiction_experiments.replication.records import (
     FEWEST_LEVELS,
@@ -213,20 +212,6 @@ def stairs_sheet(samples: Sequence[Sample]) -> Sheet | None:
     return Sheet("Stairs", header, tuple(rows), note) if rows else None
 
 
-COUNTERPARTS = (
-    ("Fig. 1, the robot on stairs", "clips of `stiction study stairs`; the table of stairs on this page"),
-    ("Figs. teacher and student", "ARCHITECTURE.md of the project; curves in every run of `stiction train`"),
-    ("Fig. Actuator Net", "`stiction study actuator`, which runs f0, log, net, f1"),
-    ("Fig. Sim2Sim and Sim2Real", "the tables of methods on this page: other engines, and the virtual robot"),
-    ("Table robot parameters", "`saturn_lite` and `go1` in the package's robots"),
-    ("Table of randomisation", "`stiction train --help`, and `stiction doctor --randomization`, which measures each"),
-    ("Table shank motors", "`stiction identify`, and its table of references"),
-    ("Section V, B and k_d", "`stiction study damping`"),
-    ("Gait rewards", "`stiction study gait`"),
-)
-"""What the paper shows, and where its counterpart is."""
-
-
 VERDICT_NOTE = (
     f"{JUDGED} Shares of the torque limit and of the load are axes of their own: "
     "the evidence says on which one x is, and on the others the sentence holds throughout, or nowhere. A rate "
@@ -309,7 +294,6 @@ def forward_sheet(points: Sequence[ForwardPoint], virtual: bool) -> Sheet | None
 
 
 def _ratio_text(point: BudgetPoint | None) -> str:
-    """Return a speed ratio with its interval and number of seeds."""
     if point is None:
         return "–"
     spread = "" if point.high is None else f" ± {point.high - point.ratio:.2f}"
@@ -330,14 +314,14 @@ REMEDY = (
 """What to do about a single seed."""
 
 
-def report(result: Replication, clips: Sequence[ClipPair]) -> study.Report:
-    """Return the report of the comparison. clips: of some policies."""
+def report(result: Replication) -> study.Report:
+    """Return the report of the comparison."""
     figures, sheets = draw_figures(result), sheets_of(result)
     return study.Report(
         title=TITLE,
         lead=lead(result),
         tables=result.tables,
-        sections=sections(result, figures, sheets, clips),
+        sections=sections(result, figures, sheets),
         run=run_blocks(result),
         summary=result.plain,
         notes=warnings(result),
@@ -374,9 +358,7 @@ def sheets_of(result: Replication) -> dict[str, Sheet]:
     return {name: sheet for name, sheet in (named | engines).items() if sheet is not None}
 
 
-def sections(
-    result: Replication, figures: Mapping[str, Figure], sheets: Mapping[str, Sheet], clips: Sequence[ClipPair]
-) -> list[Section]:
+def sections(result: Replication, figures: Mapping[str, Figure], sheets: Mapping[str, Sheet]) -> list[Section]:
     """Return the sections of the page: what a robot builder needs, the verdicts, then all the rest folded."""
 
     def shown(name: str) -> tuple[Markup, ...]:
@@ -398,11 +380,9 @@ def sections(
         caption = f"Slower of forward and backward. Points: training seeds; band: 95 % t-interval; green: {BAND}."
         image = picture(figure_uri(figures["budget"]), caption)
         levels = image, *folded("onsets", f"Where each method slows under {SLOW}, in numbers")
-    counterparts = Sheet("The paper's figures and tables, and ours", ("in the paper", "here"), COUNTERPARTS)
     page = [
         Section("Which training does my joint need?", needs),
         Section("The friction budget", levels),
-        *clip_sections(clips),
         Section("Is it enough to feed friction forward?", (*shown("forward"), *folded("forward-exact"))),
         Section(
             "What became of the paper's sentences",
@@ -410,13 +390,11 @@ def sections(
         ),
         Section("Stairs", shown("stairs")),
         Section("Every method, place by place", tuple(f for n in sheets if n.startswith("engine-") for f in folded(n))),
-        Section("Where the paper's figures are", counterparts.blocks()),
     ]
     return [section for section in page if section.blocks]
 
 
 def _brief(verdicts: Sheet) -> Sheet:
-    """Return the verdicts without their evidence."""
     keep = [index for index, title in enumerate(verdicts.header) if title != "evidence"]
     rows = tuple(tuple(cells[index] for index in keep) for cells in verdicts.rows)
     return replace(verdicts, header=tuple(verdicts.header[index] for index in keep), rows=rows)
@@ -484,8 +462,6 @@ def warnings(result: Replication) -> list[str]:
     single, several = single_and_several(result)
     if single and several:
         found.append(f"One training seed, a number and no verdict: {', '.join(single)}. {REMEDY}")
-    if earlier := [f"{part.title} ({part.earlier})" for part in result.parts if part.earlier]:
-        found.append(f"Not walked by this command: {'; '.join(earlier)}.")
     found += [f"{part.title}. {warning}" for part in result.parts for warning in part.warnings]
     if missing := [method for method in ("none", BEHIND_GEAR, "deception") if method not in result.methods]:
         found.append(f"Of the paper's three methods there is no policy here for: {', '.join(missing)}.")

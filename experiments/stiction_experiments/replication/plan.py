@@ -66,9 +66,7 @@ class Part:
     """One grid of the comparison."""
 
     name: str
-    """Name of its folder."""
     title: str
-    """What it asks."""
     grid: GridCfg
     """What the policies are put through."""
     methods: tuple[str, ...] = ()

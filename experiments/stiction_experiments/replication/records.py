@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
-from stiction.core.errors import FileError
 from stiction.evaluation.policies import MethodCell
 from stiction.evaluation.table import Sample
 from stiction.files.advice import SHARES
@@ -52,7 +49,6 @@ class BudgetPoint:
     friction_level: float
     """Friction over the torque limit, or a coefficient [-]."""
     seeds: int
-    """Number of training seeds."""
     ratio: float
     """Mean over the seeds [-]."""
     low: float | None
@@ -83,7 +79,6 @@ class Onset:
     engine: str
     friction_law: str
     seeds: int
-    """Number of training seeds."""
     level: float | None
     """Level at which the slower direction becomes too slow, mean over the seeds [-]: 0 where it is from the start, None
     where no seed is at any level it was tested at. A seed that never is counts with its highest."""
@@ -103,13 +98,9 @@ class PartRecord:
     """One grid of the comparison."""
 
     name: str
-    """Name of its folder."""
     title: str
-    """What it asks."""
     details: Sequence[dict[str, Any]]
     """Its rows with intervals of the rates, as in summary.json."""
-    earlier: str = ""
-    """Of a part that was not asked for: what of it was there from before."""
     warnings: Sequence[str] = ()
     """What could not be walked, and why: sentences."""
 
@@ -137,7 +128,6 @@ class Replication:
     methods: dict[str, str]
     """Training method -> what it is."""
     summary: dict[str, Any]
-    """What was run, on what."""
 
     @property
     def needs(self) -> tuple[Following, ...]:
@@ -164,21 +154,3 @@ class Replication:
         parts = {part.name: {"title": part.title, "rows": list(part.details)} for part in self.parts}
         verdicts = [asdict(verdict) for verdict in self.verdicts]
         return self.summary | {"ways": self.methods, "verdicts": verdicts, "parts": parts}
-
-
-def read_parts(path: Path) -> dict[str, list[dict[str, Any]]]:
-    """Return the rows of every part in a summary.json of a comparison; none where there is no such file.
-
-    Raises:
-        StictionError: the file cannot be read, or is no summary of a comparison.
-
-    """
-    if not path.exists():
-        return {}
-    try:
-        parts = json.loads(path.read_text(encoding="utf-8"))["parts"]
-        return {name: list(part["rows"]) for name, part in parts.items()}
-    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-        raise FileError(
-            f"{path} is no summary of `stiction replicate` ({error!r}); move it away, or give another --out"
-        ) from error

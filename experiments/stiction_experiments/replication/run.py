@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -12,21 +12,13 @@ from typing import Any
 from stiction.core.errors import ConfigurationError, EngineError, FileError
 from stiction.core.records import make_folder
 from stiction.engines.catalog import what_is_missing
-from stiction.evaluation.benches import (
-    all_identified,
-    bench_of,
-    benches_of,
-    forward_notes,
-    forward_walks,
-    unidentified_notes,
-    with_known_friction,
-)
-from stiction.evaluation.grid import GridCfg, Walk, plan, plan_forward
+from stiction.evaluation.benches import forward_notes, unidentified_notes
+from stiction.evaluation.grid import GridCfg
 from stiction.evaluation.policies import FED_BY, method_of, method_texts
-from stiction.evaluation.run import BENCHES, LEDGER, WalkLedger, walk_grid
+from stiction.evaluation.run import BENCHES, walk_grid
 from stiction.evaluation.samples import samples
 from stiction.evaluation.summary import check_names, describe
-from stiction.evaluation.table import law_label, number, rows_of
+from stiction.evaluation.table import rows_of
 from stiction.files.advice import Source, TrainedWith
 from stiction.files.bundle import Bundle
 from stiction.files.contract import Contract, robot_of
@@ -40,7 +32,7 @@ from stiction_experiments.lab.evidence import Evidence
 from stiction_experiments.replication.budget import beside_forward, budget, friction_effects, onsets
 from stiction_experiments.replication.claims import judge_all
 from stiction_experiments.replication.plan import Part, conventional
-from stiction_experiments.replication.records import SUMMARY, PartRecord, Replication, read_parts
+from stiction_experiments.replication.records import SUMMARY, PartRecord, Replication
 
 Progress = Callable[[str, float], None]
 """Called with part and engine, and the share of its walks that is done."""
@@ -55,81 +47,15 @@ def walk_part(part: Part, bundles: Sequence[Bundle], out: Path, jobs: int, progr
     grid = _grid(part, bundles)
     done = walk_grid(bundles, grid, out, jobs, None, lambda name, share: progress(f"{part.name}, {name}", share))
     _, details = rows_of(done, bundles)
-    return PartRecord(part.name, part.title, details, warnings=_unidentified(done, bundles, grid, out))
-
-
-def part_from_ledger(part: Part, bundles: Sequence[Bundle], out: Path) -> PartRecord | None:
-    """Return the rows of a grid that were walked before, those all of whose walks are in its ledger; walk nothing.
-
-    None where there are none. Arguments as of `walk_part`; raises as `WalkLedger`.
-    """
-    if not bundles or not (out / LEDGER).exists():
-        return None
-    grid = _grid(part, bundles)
-    ledger = WalkLedger(out / LEDGER, grid, {bundle.name: bundle.digest for bundle in bundles})
-    walks = _planned(grid, bundles, out)
-    done = {walk: found for walk in walks if (found := ledger.find(walk)) is not None}
-    missing = {walk.cell for walk in walks if walk not in done}
-    whole = {walk: found for walk, found in done.items() if walk.cell not in missing}
-    _, details = rows_of(whole, bundles)
-    earlier = f"not asked for: {len(details)} of {len({walk.cell for walk in walks})} rows, from walks that were there"
-    notes = _unidentified(walks, bundles, grid, out)
-    return PartRecord(part.name, part.title, details, earlier, notes) if details else None
-
-
-def check_nothing_lost(now: Sequence[Mapping[Key, int]], report: Path, asked: Collection[str]) -> None:
-    """Raise `StictionError` where a report has rows, or more walks in a row, that would not be written in their place.
-
-    They are of another preset, of other policies or robots, or of a part that is not walked anew, by other code.
-
-    Args:
-        now: row -> walks that will be in it, of every part in their order; the first part that has a row counts.
-        report: the report's summary.json.
-        asked: names of the parts that are walked anew.
-
-    """
-    walks: dict[Key, int] = {}
-    for rows in reversed(now):
-        walks |= rows
-    for name, before in read_parts(report).items():
-        if lost := sum(row["episodes"] > walks.get(key_of(row), 0) for row in before):
-            add = "" if name in asked else f"add {name} to --parts, or "
-            raise ConfigurationError(
-                f"{report.parent}: the report there has {lost} rows of the part {name!r} that this preset, these "
-                f"policies and this code do not have, and would be replaced; {add}give another --out"
-            )
-
-
-def planned_rows(part: Part, bundles: Sequence[Bundle]) -> dict[Key, int]:
-    """Return the rows that walking a part comes to, and how many walks are in each. Arguments as of `walk_part`."""
-    if not bundles:
-        return {}
-    grid = _grid(part, bundles)
-    # Fed with nothing yet: a row is named by the way in which friction is fed forward, and not by its values.
-    fed = [replace(walk, forward=()) for walk in plan_forward(grid)]
-    walks = [*plan([bundle.name for bundle in bundles], grid), *fed]
-    counts = Counter(walk.cell for walk in walks)
-    cells = {walk.cell: walk for walk in walks}
-    contracts = {bundle.name: bundle.contract for bundle in bundles}
-    return {row_key(walk, contracts[walk.policy]): counts[cell] for cell, walk in cells.items()}
-
-
-def rows_in(details: Iterable[Mapping[str, Any]]) -> dict[Key, int]:
-    """Return rows of summary.json, and how many walks are in each."""
-    return {key_of(row): row["episodes"] for row in details}
+    benches = out / BENCHES
+    notes = [*forward_notes(bundles, grid, benches), *unidentified_notes(done, bundles, grid, benches)]
+    return PartRecord(part.name, part.title, details, notes)
 
 
 def key_of(row: Mapping[str, Any]) -> Key:
     """Return by what a row of summary.json is known: one of every policy in every cell."""
     columns = ("policy", "engine", "friction_law", "friction_level", "terrain", "command")
     return tuple(row[name] for name in columns)
-
-
-def row_key(walk: Walk, contract: Contract) -> Key:
-    """Return the same of the row that a walk will be in. contract: its policy's."""
-    law = walk.law if walk.robot is None else law_label(walk)
-    level = number(walk, contract.array("torque_limit"), robot_of(contract))
-    return walk.name, walk.simulator.label, law, level, walk.terrain, walk.command
 
 
 TOLD = (
@@ -152,24 +78,6 @@ def _grid(part: Part, bundles: Sequence[Bundle]) -> GridCfg:
     return replace(grid, forward=fed, forward_by=tuple(FED_BY))
 
 
-def _planned(grid: GridCfg, bundles: Sequence[Bundle], out: Path) -> list[Walk]:
-    """Return every walk of a grid; those with friction fed forward only where every robot was on its bench."""
-    specs = {bundle.name: robot_of(bundle.contract) for bundle in bundles}
-    walks = plan(list(specs), grid)
-    benches = [bench for walk in plan_forward(grid) if (bench := bench_of(walk, specs[walk.policy])) is not None]
-    if all_identified(benches, out / BENCHES):
-        walks += forward_walks(bundles, grid, out / BENCHES)
-    if all_identified(benches_of(walks, bundles, grid), out / BENCHES):
-        return with_known_friction(walks, bundles, grid, out / BENCHES)
-    return walks
-
-
-def _unidentified(walks: Collection[Walk], bundles: Sequence[Bundle], grid: GridCfg, out: Path) -> list[str]:
-    """Return sentences for friction that the benches did not identify: it is not fed forward, or given otherwise."""
-    benches = out / BENCHES
-    return [*forward_notes(bundles, grid, benches), *unidentified_notes(walks, bundles, grid, benches)]
-
-
 def replicate(
     bundles: Sequence[Bundle],
     parts: Sequence[Part],
@@ -177,7 +85,6 @@ def replicate(
     jobs: int = 1,
     progress: Progress = lambda name, share: None,
     summary: dict[str, Any] | None = None,
-    asked: Collection[str] | None = None,
 ) -> Replication:
     """Walk every part that has policies, resumable, and judge the paper's sentences.
 
@@ -188,11 +95,10 @@ def replicate(
         jobs: processes at once.
         progress: see `Progress`.
         summary: what the summary begins with: the command, and what `Origin` says.
-        asked: names of the parts to walk, by default all; of the others what was walked before in `out` is judged too.
 
     Raises:
-        StictionError: two bundles have one name, they are of several robots, none fits a part, as `walk_grid`, as
-            `check_methods`, or as `check_nothing_lost`.
+        StictionError: two bundles have one name, they are of several robots, none fits a part, `out` has a report of
+            other parts too, as `walk_grid`, or as `check_methods`.
 
     """
     check_names([bundle.name for bundle in bundles])
@@ -201,12 +107,25 @@ def replicate(
             f"policies of {len(robots)} robots ({', '.join(sorted(robots))}); expected those of one"
         )
     check_methods(bundles)
-    asked = [part.name for part in parts] if asked is None else asked
-    check_engines([part for part in parts if part.name in asked], robot_of(bundles[0].contract))
-    start = time.perf_counter()
-    records = _records(bundles, parts, out, jobs, progress, asked)
-    by_name = {part.name: part for part in parts}
     spec = robot_of(bundles[0].contract)
+    check_engines(parts, spec)
+    by_name = {part.name: part for part in parts}
+    if (out / SUMMARY).exists():
+        before = read_summary(out / SUMMARY).get("parts", {})
+        if lost := ", ".join(name for name in before if name not in by_name):
+            raise ConfigurationError(
+                f"{out}: the report there also has the parts {lost}, and would be replaced; add them to --parts, walks "
+                "that are there are not walked again, or give another --out"
+            )
+    takes = {part.name: [bundle for bundle in bundles if part.takes(bundle.contract)] for part in parts}
+    if not any(takes.values()):
+        raise ConfigurationError(
+            "no policy fits any part of the comparison; give policies for flat ground or for stairs"
+        )
+    start = time.perf_counter()
+    records = _once(
+        [walk_part(part, takes[part.name], out / part.name, jobs, progress) for part in parts if takes[part.name]]
+    )
     found = {
         **(summary or {}),
         "dead_band": spec.dead_band,
@@ -234,30 +153,6 @@ def judged(records: Sequence[PartRecord], spec: Robot, summary: dict[str, Any]) 
         {method: text for method, text in method_texts().items() if method in evidence.methods()},
         summary,
     )
-
-
-def _records(
-    bundles: Sequence[Bundle], parts: Sequence[Part], out: Path, jobs: int, progress: Progress, asked: Collection[str]
-) -> list[PartRecord]:
-    """Return the parts that have rows, those that are not asked for as they were; arguments as of `replicate`."""
-    takes = {part.name: [bundle for bundle in bundles if part.takes(bundle.contract)] for part in parts}
-    if not any(takes[part.name] for part in parts if part.name in asked):
-        raise ConfigurationError(
-            "no policy fits any part of the comparison; give policies for flat ground or for stairs"
-        )
-    found: dict[str, PartRecord | None] = {}
-    planned: list[dict[Key, int]] = []
-    for part in parts:
-        if part.name in asked:
-            planned.append(planned_rows(part, takes[part.name]))
-        else:
-            found[part.name] = record = part_from_ledger(part, takes[part.name], out / part.name)
-            planned.append(rows_in(record.details) if record else {})
-    check_nothing_lost(planned, out / SUMMARY, asked)
-    for part in parts:
-        if part.name in asked and takes[part.name]:
-            found[part.name] = walk_part(part, takes[part.name], out / part.name, jobs, progress)
-    return _once([record for part in parts if (record := found.get(part.name)) is not None])
 
 
 def _once(records: Sequence[PartRecord]) -> list[PartRecord]:
@@ -340,7 +235,6 @@ def _settings(part: Part, record: PartRecord) -> dict[str, Any]:
     asked = ("friction_levels", "friction_law", "commands", "episodes", "seconds", "seed")
     return {
         "title": part.title,
-        **({"kept": record.earlier} if record.earlier else {}),
         **({"warnings": list(record.warnings)} if record.warnings else {}),
         "engines": list(grid.engines),
         "terrains": list(grid.terrains),
@@ -395,7 +289,6 @@ def judge_again(out: Path, provenance: dict[str, Any]) -> Replication:
 
 
 def _record(name: str, part: dict[str, Any], grid: dict[str, Any]) -> PartRecord:
-    """Return one part as it was walked."""
-    record = PartRecord(name, part["title"], part["rows"], grid.get("kept", ""), grid.get("warnings", ()))
+    record = PartRecord(name, part["title"], part["rows"], grid.get("warnings", ()))
     _ = record.rows  # Raises `KeyError` here, where the file is named, if a row lacks a column.
     return record

@@ -60,19 +60,15 @@ class ReplicateOptions(ParallelOptions, RedrawnOptions):
     """Folder of the training runs of the preset `full`, as `stiction study friction` has it."""
     parts: tuple[str, ...] = ()
     """Parts to walk: training, engines, robot, standing, causes, forward, stairs, stairs-robot, load, effort; by
-    default all. Of the others, what --out has from before is judged too; where preset, policies or code are others,
-    that is refused."""
+    default all. Where --out has a report of more parts, that is refused."""
     num_robots: int | None = None
     """How many virtual robots, seeds from 1000; by default 2 (quick) or 8 (full), over stairs 16."""
-    clips: bool = True
-    """Render clips: of five methods one each in the simulator of the training, and one on a virtual robot. With
-    --judge-again: of those --policies that walked."""
-    free: ClassVar[tuple[str, ...]] = ("parts", "clips")
+    free: ClassVar[tuple[str, ...]] = ("parts",)
     """Options that do more of the same."""
     out: Path | None = None  # type: ignore[assignment]
     """By default stiction-replication-quick, or -full. Folder of results.csv, methods.csv, budget.csv, forward.csv,
-    onsets.csv, following.csv, verdicts.csv, evidence.csv, summary.json, tables.md, figures, clips, report.html, and a
-    folder for each part, by which an interrupted command goes on."""
+    onsets.csv, following.csv, verdicts.csv, evidence.csv, summary.json, tables.md, figures, report.html, and a folder
+    for each part, by which an interrupted command goes on."""
     advice: Path | None = None
     """Also write who follows into this file of what `stiction identify` advises by."""
     plan: bool = field(default=False, metadata=needs("--preset full") | excludes(but=("--preset", "--runs")))
@@ -101,7 +97,6 @@ def run(options: ReplicateOptions, work: Work) -> Report | int:
     from stiction.learning.identity import unrecorded_note
     from stiction.robots.catalog import find_robot
     from stiction_experiments.lab.files import write_source
-    from stiction_experiments.replication.clips import render
     from stiction_experiments.replication.page import report, warnings
     from stiction_experiments.replication.plan import parts_of
     from stiction_experiments.replication.run import check_engines, judge_again, replicate, source_of, unrecorded
@@ -110,38 +105,38 @@ def run(options: ReplicateOptions, work: Work) -> Report | int:
     names = [part.name for part in parts]
     if unknown := [name for name in options.parts if name not in names]:
         raise ConfigurationError(unknown_name("part", unknown[0], names))
-    asked = options.parts or names
+    parts = tuple(part for part in parts if part.name in (options.parts or names))
     if not options.judge_again:
-        check_engines([part for part in parts if part.name in asked], find_robot(ROBOT))
+        check_engines(parts, find_robot(ROBOT))
     out = work.begin()
-    bundles, folders, failed = find_policies(options, work)
+    failed: dict[str, str] = {}
     if options.judge_again:
         result = judge_again(out, work.provenance)
     else:
+        bundles, failed = find_policies(options, work)
         origin = work.provenance | {"preset": options.preset, "failed": failed}
-        result = replicate(bundles, parts, out, work.jobs, work.progress, origin, asked)
+        result = replicate(bundles, parts, out, work.jobs, work.progress, origin)
+        for note in unrecorded_note(unrecorded(bundles)):
+            work.say(note)
 
     def write_advice(_: Path) -> None:
         if options.advice is not None:
             write_source(options.advice, TRANSFER, source_of(result))
 
-    walked = result.summary["policies"]
-    bundles = [one for one in bundles if walked.get(one.name, {}).get("digest") == one.digest]
-    clips = render(bundles, folders, out, find_robot(ROBOT), work.say) if options.clips else []
-    for note in (*unrecorded_note(unrecorded(bundles)), *warnings(result)):
+    for note in warnings(result):
         work.say(note)
-    return replace(report(result, clips), files=write_advice, status=1 if failed else 0)
+    return replace(report(result), files=write_advice, status=1 if failed else 0)
 
 
-def find_policies(options: ReplicateOptions, work: Work) -> tuple[list[Bundle], dict[str, Path], dict[str, str]]:
-    """Return the checked policies, the folder of each, and why others could not be trained."""
+def find_policies(options: ReplicateOptions, work: Work) -> tuple[list[Bundle], dict[str, str]]:
+    """Return the checked policies, and why others could not be trained."""
     from stiction.core.parallel import spread
     from stiction.deploy.check import check_for_simulation, record_notes
     from stiction.files.bundle import find_bundle, shipped_bundles
 
     folders = [find_bundle(path) for path in options.policies] or list(shipped_bundles().values())
     failed: dict[str, str] = {}
-    if options.preset == "full" and not options.policies and not options.judge_again:
+    if options.preset == "full" and not options.policies:
         folders, failed = train_all(options, work.jobs, work.progress, work.say)
     runs = [number for number, path in enumerate(folders) if (path / "checkpoints").is_dir()]
     tasks = [(folders[number], work.out) for number in runs]
@@ -151,7 +146,7 @@ def find_policies(options: ReplicateOptions, work: Work) -> tuple[list[Bundle], 
     bundles = [check_for_simulation(folder) for folder in folders]
     for note in record_notes(bundles):
         work.say(note)
-    return bundles, {bundle.name: folder for bundle, folder in zip(bundles, folders, strict=True)}, failed
+    return bundles, failed
 
 
 def exported(run: Path, out: Path) -> Path:

@@ -33,13 +33,11 @@ class Climb:
     """What a policy reached at one height and level."""
 
     policy: str = field(metadata=column("policy"))
-    """Name of the bundle."""
     friction_level: float = field(metadata=column("friction", "of τ_max", lambda level: f"{100 * level:g} %"))
     """Dry friction as a fraction of each joint's torque limit [-]."""
     step_height: float = field(metadata=column("step height", "cm", lambda height: f"{100 * height:g}"))
     """[m]."""
     trials: int = field(metadata=column("trials"))
-    """Number of robots."""
     successes: int = field(metadata=column("succeed", "trials"))
     """... that went over the landing and left the last step behind."""
     falls: int = field(metadata=column("fell", "trials"))
@@ -101,7 +99,6 @@ def climb(
 
 
 def _judge(policy: str, level: float, height: float, recording: Recording) -> Climb:
-    """Return what the trials of one height and level came to."""
     up, down = steps_passed(recording.position, recording.upright)
     over = crossed(recording.position, recording.upright, stairs=True)
     success = over.any(axis=0)

@@ -89,7 +89,6 @@ def _height(rows: Sequence[Climb]) -> str:
 
 
 def _friction(level: float) -> str:
-    """Return friction as the end of a sentence."""
     return f"with {100 * level:g} % joint friction" if level else "without joint friction"
 
 

@@ -69,7 +69,6 @@ class Timing:
 
 
 def _native(env: LocomotionEnv) -> NativeSimulation:
-    """Return the simulation of a task that runs on MuJoCo's Batch."""
     simulation = env.fleet.simulation
     if not isinstance(simulation, NativeSimulation):
         raise TypeError(f"the bare simulator is MuJoCo's Batch; the task runs on {type(simulation).__name__}")
@@ -178,12 +177,6 @@ def measure_runtime(bundle: Path) -> dict[str, float]:
         spent.append(1e3 * (time.perf_counter() - start))
     warm = np.array(spent[100:])
     return {"p50": float(np.median(warm)), "p99": float(np.percentile(warm, 99)), "max": float(warm.max())}
-
-
-def bench_cfg(cfg: TrainCfg, method: str, level: float) -> TrainCfg:
-    """Return `cfg` with the friction that the bench runs under."""
-    friction = replace(cfg.task.friction, method=method, level=level)
-    return replace(cfg, task=replace(cfg.task, friction=friction))
 
 
 STEP = 0.10

@@ -80,14 +80,14 @@ def main(arguments: list[str]) -> int:
     from stiction.files.actuator import read_actuator
     from stiction.report.terminal import Terminal
     from stiction.robots.catalog import find_robot
-    from stiction_experiments.throughput.measure import bench_cfg, measure_parts, measure_training, parts_summary
+    from stiction_experiments.throughput.measure import measure_parts, measure_training, parts_summary
 
     # Refused before anything is measured.
     spec = find_robot(options.robot)
     note, origin = Terminal(stderr=True, quiet=options.json), Origin.now()
-    base = replace(preset(options.preset, options.device), num_envs=options.num_envs)
-    cfg = bench_cfg(base, options.method, options.friction_level)
-    friction = replace(cfg.task.friction, law=options.friction_law)
+    cfg = replace(preset(options.preset, options.device), num_envs=options.num_envs)
+    level, law = options.friction_level, options.friction_law
+    friction = replace(cfg.task.friction, method=options.method, level=level, law=law)
     terrain = replace(cfg.task.terrain, kind=options.terrain)
     # The rewards that a training of this robot has: one without contact groups is not paid for a trot.
     rewards = cfg.task.rewards.for_robot(spec)
@@ -170,7 +170,6 @@ def _identification() -> float:
 
 
 def _show(summary: dict) -> None:
-    """Print the figures as a table."""
     from rich.table import Table
 
     from stiction.report.terminal import Terminal

@@ -58,11 +58,9 @@ class Walk:
     """Which walk a row is about."""
 
     policy: str = field(metadata=column("policy"))
-    """Name of the bundle."""
     friction_level: str = field(metadata=column("level", "of τ_max"))
     """Level that wear multiplies, as it was typed: `0.1`, `bench+0.02`."""
     robot: int = field(metadata=column("robot"))
-    """Seed of the virtual robot."""
     steady: float | None
     """Wear at which the friction stayed, of a control walk, in which nothing grew [1]; None: it grew."""
     command: str = field(default="", kw_only=True, metadata={**column("command"), "later": True})
@@ -108,9 +106,7 @@ class Lifetime(Walk):
     """What became of one robot; a row of lives.csv."""
 
     method: str
-    """How the policy was trained."""
     engine: str
-    """Physics engine."""
     first_ratio: float | None = field(metadata=column("speed ratio, first", "1", form=ratio_text))
     """Speed ratio of the first window [-], of the command that it follows worst; None where the robot fell before."""
     last_ratio: float | None = field(metadata=column("last", "1", form=ratio_text))
@@ -118,21 +114,17 @@ class Lifetime(Walk):
     begin: float | None = field(metadata=column("follows from wear", "1", form=factor_text))
     """Wear at which it first follows [1]; None where it does in the first window, or never."""
     end: End = field(metadata=column("end"))
-    """How it ended."""
     factor: float | None = field(metadata=column("at wear", "1", form=factor_text))
     """Wear at which the lifetime ended [1]; None where it did not, or where there was none."""
     time: float | None
     """When that was known [s]."""
     monitored: bool = field(metadata=column("monitor"))
-    """Whether the bundle has a wear monitor."""
     unusual_factor: float | None = field(metadata=column("unusual reading at wear", "1", form=factor_text))
     """Wear at the monitor's first unusual reading [1]; None without one."""
     unusual: Notice = field(metadata=column("which is"))
-    """When that came."""
     grown_factor: float | None = field(metadata=column("growth detected at wear", "1", form=factor_text))
     """Wear at the first reading whose interval lies wholly above the first reading's [1]; None without one."""
     grown: Notice = field(metadata=column("which is"))
-    """When that came."""
     held: float | None
     """Share of the readings whose interval held the truth [-]; None where there was no estimate."""
 
@@ -178,9 +170,7 @@ class Seen:
     """What was seen of one walk."""
 
     windows: Sequence[Window]
-    """In order of time."""
     readings: Sequence[Reading]
-    """In order of time."""
     fell: tuple[float, float] | None = None
     """Time [s] and wear [1] of a fall."""
 

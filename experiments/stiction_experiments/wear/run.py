@@ -37,27 +37,20 @@ WEARING = (*WALK_CODE, "files/wear.py", "stiction_experiments:wear/run.py", "sti
 
 @dataclass(frozen=True)
 class WearCfg:
-    """What every policy is put through."""
+    """What every policy is put through; fields as of `WearOptions`."""
 
     engine: str = "physx"
-    """Physics engine; one that the policies were not trained in."""
     levels: tuple[str, ...] = ("0.1",)
-    """Levels of dry friction that wear multiplies: of the torque limit, or `bench`; see `parse_level`."""
     cell: str = "all"
-    """What is real about the robots; see `Case`."""
     robots: tuple[int, ...] = reported(5)
-    """Seeds of the virtual robots."""
     wear: Wear = field(default_factory=lambda: Wear(seconds=120.0))
     """Which joints wear, how far, and in which time. The robot then walks on for a window, so that one is all at the
     greatest wear."""
     control: bool = True
-    """Whether every robot also walks with friction that stays, see `steady`."""
     commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
-    """What is commanded all the time, in a walk each; a robot follows where it follows all of them."""
     settle: float = SETTLE
     """Time after the start that is not measured [s]."""
     window: float = 10.0
-    """Time over which the speed is averaged [s]: that of the monitor's window."""
     every: float = 1.0
     """Time from one such window to the next [s]."""
 
@@ -98,15 +91,12 @@ class WearWalk:
     bundle: Path
     """Directory of the policy's bundle."""
     level: str
-    """Of its friction."""
     seed: int
-    """Of the robot."""
     steady: float | None
     """Wear at which its friction stays [1]; None: it grows."""
     command: str
     """What is commanded, one of the labels."""
     cfg: WearCfg
-    """All else."""
     out: Path
     """Folder for the files of walks."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -91,7 +91,6 @@ def run(options: WearOptions, work: Work) -> Report:
 
 def judge_recorded(out: Path, work: Work) -> Report:
     """Judge the walks of a folder anew, by the speeds and readings in its files."""
-    from stiction.files.velocity import parse_command
     from stiction_experiments.wear.lifetimes import Reading, Window, groups, judge_again, over_seeds
     from stiction_experiments.wear.page import report
 
@@ -99,12 +98,6 @@ def judge_recorded(out: Path, work: Work) -> Report:
     windows = read_rows(out / "windows.csv", Window)
     readings = read_rows(out / "readings.csv", Reading, optional=True)
     try:
-        if "command" in before["settings"]:
-            # Of before robots walked under several: the files do not say which it was.
-            command = parse_command(before["settings"].pop("command")).label
-            before["settings"]["commands"] = [command]
-            windows = [replace(row, command=command) for row in windows]
-            readings = [replace(row, command=command) for row in readings]
         lifetimes = judge_again(before["lives"], windows, readings)
         tried = before["settings"]["wear"]["start"], before["settings"]["wear"]["end"]
         methods = {policy: method["way"] for method in before["ways"] for policy in method["policies"]}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from stiction_experiments.adaptation.page import answers, draw_effects, draw_probes, effect_text, report
+from stiction_experiments.adaptation.page import answers, effect_text, report
 from stiction_experiments.lab.study import write_report
 
 
@@ -77,35 +77,6 @@ def test_the_page_holds_every_table(tmp_path: Path) -> None:
     ):
         assert text in page
     assert {file.name for file in tmp_path.iterdir()} >= {"summary.json", "latents.png", "probes.png"}
-
-
-def test_the_figures_show_every_seed_and_no_shuffled_probe() -> None:
-    """Two inputs, two targets, two seeds: four rows of dots, each with a bar; one change of speed, each seed a line."""
-    methods = make_summary()["methods"]
-    inputs = {"latent": "z*", "moments": "moments"}
-    figure = draw_probes(methods, inputs, {"joint": "each joint", "robot": "a robot"})
-    dots = [line for axis in figure.axes for line in axis.lines if line.get_marker() == "o"]
-    bars = [line for axis in figure.axes for line in axis.lines if line.get_linewidth() == 3]
-    assert [list(line.get_xdata()) for line in dots] == [[0.6, 0.64]] * 4
-    assert [list(line.get_xdata()) for line in bars] == [[0.52, 0.72]] * 4
-    lines = draw_effects(methods, {"swapped": "swapped"}).axes[0].lines
-    assert [list(line.get_ydata()) for line in lines[:3]] == [[-0.3], [-0.3], [-0.3]]
-
-
-def test_a_history_has_its_row_although_it_is_never_averaged() -> None:
-    """The control for what z* could tell was an empty row: histories are read at one step, not over a walk."""
-    methods = make_summary()["methods"]
-    probes = methods["direct"]["probes"]
-    probes += [probe | {"input": "history 11", "row": "step", "each": [0.4, 0.5]} for probe in probes[:2]]
-    inputs = {"latent": "z*", "history 11": "history, H = 10"}
-    axis = draw_probes(methods, inputs | {"moments": "moments"}, {"joint": "each joint", "robot": "a robot"}).axes[0]
-    assert [text.get_text() for text in axis.get_yticklabels()] == [
-        "z*, whole walk",
-        "history, H = 10, one step",
-        "moments, whole walk",
-    ]
-    dots = [line for line in axis.lines if line.get_marker() == "o" and round(line.get_ydata()[0]) == 1]
-    assert [list(line.get_xdata()) for line in dots] == [[0.4, 0.5]]
 
 
 def test_the_first_sentence_says_what_another_latent_does() -> None:

@@ -14,7 +14,7 @@ from stiction.evaluation.export import export_run
 from stiction.learning.config import StudentCfg, TrainCfg
 from stiction.learning.run import RunDirectory, save_checkpoint
 from stiction.task.friction import FrictionCfg
-from stiction_experiments.adaptation.monitor import WINDOW, over_seeds, per_episode
+from stiction_experiments.adaptation.monitor import over_seeds, per_episode
 from stiction_experiments.adaptation.probes import WalkCfg, probe_task
 from stiction_experiments.adaptation.run import AdaptationCfg, same_but_for_seed, study, study_run
 from synthetic import place, write_run
@@ -74,13 +74,6 @@ def test_only_runs_that_differ_in_nothing_but_the_seed_are_seeds_of_one_training
     runs = [("direct", first), ("none", first), ("direct", replace(first, seed=1)), ("direct", long)]
     runs[1] = ("none", replace(first, task=replace(first.task, friction=FrictionCfg(method="none"))))
     assert same_but_for_seed(runs) == {"direct 1": [0, 2], "none": [1], "direct 2": [3]}
-
-
-def test_a_walk_fills_whole_windows_of_the_monitor() -> None:
-    """Features need the frame before: a walk of exactly two windows would hold one, and waste the other."""
-    walk, period = WalkCfg(), TrainCfg().task.control_period
-    pairs = round(walk.seconds / period) - round(walk.settle / period) - 1
-    assert pairs // WINDOW == 2
 
 
 @pytest.mark.parametrize("method", ["none", "deception", "compensation"])

@@ -15,7 +15,6 @@ from stiction_experiments.adaptation.probes import (
     probe_walk,
     windows,
 )
-from stiction_experiments.lab.statistics import conformal_bound
 
 STEPS, ROBOTS, JOINTS = 120, 200, 3
 
@@ -53,12 +52,6 @@ def test_a_latent_that_encodes_friction_is_found_and_shuffled_labels_are_not() -
     assert 0.2 < short < long
 
 
-def test_per_robot_there_is_one_target() -> None:
-    """Eighteen copies of one number would make eighteen equal rows of a table."""
-    walk = make_walk(2, "robot")
-    assert len(probe(windows(walk.latent, STEPS), walk.friction[:, :1])["each"]) == 1
-
-
 def test_no_test_robot_is_fitted_on() -> None:
     """A probe whose test robots have labels of their own kind must fail on them: they share no row with the others."""
     generator = np.random.default_rng(0)
@@ -77,13 +70,6 @@ def test_windows_and_histories_by_hand() -> None:
     assert eleven.shape == (1, 1, 22)
     assert eleven[0, 0, -2:].tolist() == [max(HISTORIES) - 1, 100 + max(HISTORIES) - 1]
     assert eleven[0, 0, 0] == max(HISTORIES) - 11
-
-
-def test_the_reach_of_an_interval_by_hand() -> None:
-    """Of 1..19, 95 % of 20 is the 19th; of 1..99 the 95th; too few for it: the largest."""
-    assert conformal_bound(np.arange(1.0, 20.0)[:, None], 0.95).tolist() == [19.0]
-    assert conformal_bound(np.arange(1.0, 100.0)[::-1, None], 0.95).tolist() == [95.0]
-    assert conformal_bound(np.array([[1.0], [2.0]]), 0.95).tolist() == [2.0]
 
 
 def test_the_monitors_intervals_hold_on_robots_it_never_met() -> None:

@@ -40,12 +40,6 @@ def test_a_score_counts_and_names_the_worst() -> None:
     assert found.worst_joint == "r c"
 
 
-def test_without_friction_there_is_no_relative_error() -> None:
-    """An interval around zero still holds it."""
-    found = score([row("a", 0.01, friction=0.0)])
-    assert (found.held, found.median_error, found.worst_error, found.worst_joint) == (1, None, None, "")
-
-
 def test_rows_are_read_as_they_were_written(tmp_path: Path) -> None:
     """What an interrupted study had done must mean the same afterwards: a level is text, an empty cell is None."""
     rows = [row("a", 2.02), row("b", None, strength=0.97)]

@@ -19,9 +19,7 @@ from stiction.evaluation.metrics import combine
 from stiction.files.bundle import Bundle, read_bundle
 from stiction.joints.compensation import parse_compensation
 from stiction_experiments.compensation import walking
-from stiction_experiments.compensation.page import answer, level_table
-from stiction_experiments.compensation.walking import followed, walk_by
-from synthetic import row
+from stiction_experiments.compensation.walking import walk_by
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
@@ -86,13 +84,6 @@ def test_a_policy_walks_as_stiction_evaluate_walks_it(still: Bundle, tmp_path: P
     assert found["speed_ratio"] != pytest.approx(alone["speed_ratio"], rel=1e-3)
 
 
-def test_a_coefficient_is_called_so_on_the_page() -> None:
-    """A level of 0.2 is c = 0.2, and no 20 % of the torque limit."""
-    rows = followed([row("a-s0", 0.2, command, 0.9, friction_law="effort") for command in ("vx=0.5", "vx=-0.5")])
-    assert answer(rows) == ["a-s0 follows at c = 0.2 as it is."]
-    assert "c = 0.2 friction" in level_table(rows) and "%" not in level_table(rows)
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -109,12 +100,3 @@ def test_a_law_that_a_way_cannot_feed_is_refused_in_one_line(
     assert main(["study", "compensation", "no-such-bundle", "--friction-law", *words, "--out", str(out)]) == 1
     printed = capsys.readouterr().err
     assert said in printed and printed.count("\n") == 1 and not out.exists()
-
-
-@pytest.mark.parametrize("words", [["--ways", "measured", "measured"], ["--robots", "1000", "1000"]])
-def test_a_way_and_a_robot_count_once(words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """What was walked twice is one sample, and stood twice in the tables."""
-    out = tmp_path / "out"
-    assert main(["study", "compensation", "saturn_lite-flat-none-0.2", *words, "--out", str(out)]) == 1
-    assert capsys.readouterr().err.endswith(f"{words[0][2:]} {words[1]} {words[1]}: expected each once\n")
-    assert not out.exists()

@@ -55,13 +55,6 @@ def test_at_the_torque_limit_the_derivative_gain_is_cut_and_viscous_friction_is_
     np.testing.assert_allclose(moved.velocity, 2.0 * -np.expm1(-2.5 / 0.0145 * time), rtol=1e-9, atol=1e-12)
 
 
-def test_the_difference_is_that_of_the_worst_sample() -> None:
-    """A mean would hide a short departure."""
-    zero, other = np.zeros(3), np.array([0.0, -2.0, 1.0])
-    found = largest_difference(Trajectory(zero, zero, zero), Trajectory(other, 2 * other, 3 * other))
-    assert (found.position, found.velocity, found.torque) == (2.0, 4.0, 6.0)
-
-
 def test_a_net_learns_kd_from_the_motor_and_the_sum_from_the_output() -> None:
     """Motor-side logs teach k kp and k kd, output-side logs k kp and B + k kd: the log decides."""
     joint = Joint(0.0145, 0.0704, Coulomb(0.0))

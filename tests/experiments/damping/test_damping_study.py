@@ -12,7 +12,6 @@ from stiction.core.errors import StictionError
 from stiction.deploy.check import check_bundle
 from stiction.robots.catalog import find_robot
 from stiction_experiments.damping.joint import (
-    EFFORT,
     FRICTION,
     LATE,
     LIMIT,
@@ -59,19 +58,6 @@ def test_a_sampled_controllers_difference_is_in_proportion_to_its_period(rows: l
     assert sharp[0.002].position_difference == pytest.approx(2 * sharp[0.001].position_difference, rel=0.1)
     late = pick(rows, LATE)
     assert late[0.001].position_difference == pytest.approx(3 * sharp[0.001].position_difference, rel=0.15)
-
-
-def test_a_late_derivative_gain_goes_unstable_where_viscous_friction_does_not(rows: list[SwapRow]) -> None:
-    """Kd T/I is 1.7 at 10 ms, over the bound of 1 for a velocity that is a period late."""
-    row = pick(rows, LATE, "all of k·kd to B")[0.01]
-    assert row.growth is not None and row.growth_swapped is not None
-    assert row.growth > 1.0 > row.growth_swapped
-
-
-def test_friction_by_effort_feels_the_swap(rows: list[SwapRow]) -> None:
-    """Friction that follows the drive torque follows kd, which is in it."""
-    effort = pick(rows, EFFORT)
-    assert effort[0.2].position_difference > 10 * effort[0.0].position_difference
 
 
 def test_a_net_needs_the_viscous_friction_of_its_side() -> None:

@@ -55,20 +55,6 @@ def test_a_late_derivative_gain_takes_inertia_off() -> None:
     assert gap < 0.15 * naive
 
 
-@pytest.mark.parametrize(("late", "largest"), [(0, 2.0), (1, 1.0)])
-def test_a_derivative_gain_is_stable_up_to_a_period_that_viscous_friction_does_not_have(
-    late: int, largest: float
-) -> None:
-    """θ'ₖ₊₁ = θ'ₖ − (kd T/I) θ'ₖ diverges beyond kd T/I = 2, a period late beyond 1; all of it as B never does."""
-    inertia, derivative = 0.0145, 2.5
-    weak = 1e-9
-    for share, stable in ((0.98, True), (1.02, False)):
-        sampling = Sampling(share * largest * inertia / derivative, late)
-        factor = growth(Joint(inertia, 0.0, Coulomb(0.0)), PDGains(weak, derivative), sampling)
-        assert (factor <= 1.0 + 1e-6) is stable
-        assert growth(Joint(inertia, derivative, Coulomb(0.0)), PDGains(weak, 0.0), sampling) <= 1.0 + 1e-6
-
-
 def test_growth_is_what_the_simulation_does() -> None:
     """The radius that is computed is the factor by which the simulated loop, filtered and late, runs away."""
     joint, gains = Joint(0.0145, 0.0, Coulomb(0.0)), PDGains(100.0, 2.5)

@@ -1,7 +1,7 @@
 """Evaluation of runs: what is asked of each, what is kept, and what is read again."""
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,7 +10,6 @@ import pytest
 
 from stiction.core import cache
 from stiction.core.errors import StictionError
-from stiction.evaluation.evaluate import RUN_WALK_CODE, WALK_CODE
 from stiction.evaluation.policies import method_of, method_texts
 from stiction.files.bundle import read_bundle, write_bundle
 from stiction.learning.arguments import parse
@@ -19,8 +18,6 @@ from stiction_experiments.friction.evaluation import BASE, LEVELS, Task, evaluat
 from stiction_experiments.friction.manifest import Condition, Run
 from stiction_experiments.friction.planned import PlannedRun, unrecorded
 from stiction_experiments.lab import trained as run_evaluation
-from stiction_experiments.lab.files import cached
-from stiction_experiments.methods import CODE
 from stiction_experiments.methods.friction import BY_ERROR
 from synthetic import place, row, write_run
 
@@ -65,17 +62,6 @@ def test_an_evaluation_is_done_once_and_again_when_what_it_depends_on_changes(
     assert len(walked) == 4
 
 
-def test_a_run_under_another_name_is_called_as_the_manifest_calls_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A link to a folder elsewhere: its rows would count for a training that the manifest does not know."""
-    task = tasks(tmp_path)[0]
-    walks = SimpleNamespace(rows=[row("elsewhere-s0/student", 0.1, "vx=0.5", 1.0)])
-    monkeypatch.setattr(run_evaluation, "walk_run", lambda *_: walks)
-    for _ in range(2):
-        assert [one.policy for one in evaluate_tasks([task], 1)[0]] == ["toy-s0/student"]
-
-
 def edited(task: Task, **changes: object) -> str:
     """The key of a task after config.json of its run was edited, which is put back."""
     file = task.run.path / "config.json"
@@ -94,21 +80,6 @@ def edited(task: Task, **changes: object) -> str:
     return key
 
 
-def test_an_evaluation_of_before_the_slowest_walk_is_read(tmp_path: Path, walked: list) -> None:
-    """What took hours is not walked again for a column, nor refused for the lack of one."""
-    task = tasks(tmp_path)[0]
-    old = [
-        {
-            name: value
-            for name, value in asdict(row("toy-s0/student", 0.2, "vx=0.5", 0.9)).items()
-            if "slowest" not in name
-        }
-    ]
-    cached(task.cache, task.who, task.key, lambda: {"rows": old})
-    (found,), failed = evaluate_tasks([task], 1)
-    assert (found.speed_ratio, found.slowest_walk, failed, walked) == (0.9, None, {}, [])
-
-
 def test_runs_with_the_same_weights_that_walk_differently_have_different_keys(tmp_path: Path) -> None:
     """A run's network meets the joints, gains, clip and histories of its configuration: others are another walk."""
     (task,) = tasks(tmp_path)
@@ -124,16 +95,6 @@ def test_runs_with_the_same_weights_that_walk_differently_have_different_keys(tm
         replace(task, settings=replace(task.settings, friction_law="stribeck")).key,
     ]
     assert len({*keys}) == len(keys) and task.key == keys[0]
-
-
-def test_an_exported_policy_counts_by_the_code_that_deploys_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its observations, network and actions are those of the runtime, which no run's walk needs."""
-    seen: list[tuple[str, ...]] = []
-    monkeypatch.setattr(cache, "fingerprint", lambda *code: seen.append(code))
-    at = exported(tmp_path, read_bundle(SHIPPED).contract.seed)
-    for task in (*tasks_for([at], BASE, tmp_path / "cache"), *tasks(tmp_path)):
-        _ = task.key
-    assert seen == [WALK_CODE, (*RUN_WALK_CODE, CODE)]
 
 
 def test_a_finished_run_walks_by_the_policy_that_was_exported_of_it(tmp_path: Path) -> None:
@@ -278,13 +239,6 @@ def test_a_policy_is_evaluated_under_its_own_law() -> None:
     """Trained with 0.1 (|F| + |T|), U(0, 1.2): its coefficients, and the mean 0.06; nothing in torque limits."""
     found = settings_for(parse(["--preset", "two-phase", "--friction-law", "load", "--friction-level", "0.1"]).config)
     assert found.friction_law == "load" and found.friction_levels == (0.0, 0.02, 0.05, 0.06, 0.1, 0.2, 0.3, 0.442)
-
-
-def test_a_policy_that_is_told_friction_is_told_what_each_robot_has() -> None:
-    """Told the nominal 20 % on every robot, it ran at 1.37 of its command where there was none."""
-    quick = ["--preset", "quick", "--friction-level", "0.2"]
-    assert settings_for(parse([*quick, "--task.known-friction"]).config).known_friction == "true"
-    assert settings_for(parse(quick).config).known_friction == BASE.known_friction == "contract"
 
 
 def test_a_run_with_the_robots_own_friction_is_refused() -> None:

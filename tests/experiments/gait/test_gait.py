@@ -66,15 +66,6 @@ def test_a_hop_on_one_group() -> None:
     assert gait.one_sidedness == 1.0
 
 
-def test_hops_on_different_sides_do_not_cancel() -> None:
-    """One robot on group 0, one on group 1: on average even, each of them one-sided."""
-    silent = np.zeros(200, bool)
-    contact = np.concatenate([walk(wave(10), silent), walk(silent, wave(10))], axis=1)
-    gait = measure(contact)
-    assert (gait.first_group_share, gait.second_group_share) == (0.25, 0.25)
-    assert gait.one_sidedness == 1.0
-
-
 def test_one_sidedness_by_hand() -> None:
     """Three quarters against one quarter is 0.5; windows in which sides change do not cancel either."""
     contact = walk(np.array([1, 1, 1, 0] * 4, bool), np.array([0, 0, 0, 1] * 4, bool))
@@ -102,13 +93,6 @@ def test_together_means_all_feet_within_the_window() -> None:
     assert together_share([found], moving, 2) == 1.0
     assert together_share([found], moving, 1) == pytest.approx(1 / 3)
     assert together_share([found, np.zeros_like(found)], ~moving, 2) is None
-
-
-def test_two_kinds_of_event_do_not_mix() -> None:
-    """Three feet that land as three lift off are a tripod's change of legs, not a pronk."""
-    land, lift = np.zeros((9, 1, 2), bool), np.zeros((9, 1, 2), bool)
-    land[4, 0, 0], lift[4, 0, 1] = True, True
-    assert together_share([land, lift], np.ones((9, 1), bool), 3) == 0.0
 
 
 def test_correlations_by_hand() -> None:

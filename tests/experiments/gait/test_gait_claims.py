@@ -36,12 +36,6 @@ def test_the_interval_decides() -> None:
     assert outcomes(rows(neither=[(0.1, 0.0), (0.1, 0.0)]))[0] == "does not"
 
 
-def test_the_threshold_itself_is_the_gait() -> None:
-    """Exactly 0.5 together is a pronk: shown without r_trot, and not prevented by it."""
-    made = rows(neither=[(0.5, 0.0)] * 2, both=[(0.5, 0.0)] * 2, no_trot=[(0.9, 0.0)] * 2)
-    assert outcomes(made)[:2] == ["reproduces", "does not"]
-
-
 def test_the_papers_story_reproduces() -> None:
     """Pronk without both and without r_trot, hop without r_unsync, none of it with both, in three seeds each."""
     made = rows(
@@ -51,19 +45,6 @@ def test_the_papers_story_reproduces() -> None:
         neither=[(0.9, 0.2)] * 3,
     )
     assert outcomes(made) == ["reproduces"] * 3
-
-
-def test_nothing_to_prevent_is_not_prevention() -> None:
-    """Where the gait does not appear without the reward, the reward prevents nothing."""
-    made = rows(both=[(0.0, 0.1)] * 2, no_trot=[(0.0, 0.1)] * 2, no_unsync=[(0.0, 0.2)] * 2, neither=[(0.1, 0.2)] * 2)
-    assert outcomes(made) == ["does not"] * 3
-    assert "nothing to prevent" in judge(made)[1].evidence
-
-
-def test_a_reward_that_does_not_prevent_is_told() -> None:
-    """A pronk with and without r_trot."""
-    made = rows(both=[(0.9, 0.0)] * 2, no_trot=[(0.9, 0.0)] * 2)
-    assert outcomes(made)[1] == "does not"
 
 
 def test_one_seed_decides_nothing_and_no_seed_is_not_tested() -> None:

@@ -16,7 +16,7 @@ import cluster_tasks
 from stiction.core.errors import StictionError
 from stiction.core.parallel import spread
 from stiction_experiments.lab import cluster as module
-from stiction_experiments.lab.cluster import ClusterError, use_cluster
+from stiction_experiments.lab.cluster import Cluster, ClusterError, use_cluster
 
 pytestmark = [
     pytest.mark.slow,
@@ -28,65 +28,60 @@ TESTS = Path(__file__).parents[2] / "helpers"
 
 
 @pytest.fixture(scope="module")
-def cluster() -> Iterator[Any]:
-    """A head that does no work, and one node that does."""
+def nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Any, Cluster]]:
+    """A head that does no work, one node that does, and the connection to them, which takes longest of all."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", os.pathsep.join((str(TESTS), str(TESTS.parents[1] / "src"))))
         patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
-        from ray.cluster_utils import Cluster
+        from ray.cluster_utils import Cluster as Started
 
         small = {"object_store_memory": 80 * 2**20, "include_dashboard": False}
         try:
-            found = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, **small})
+            found = Started(initialize_head=True, head_node_args={"num_cpus": 0, **small})
         except Exception as error:  # whatever a machine forbids: ports, shared memory, processes
             pytest.skip(f"Ray cannot start a cluster here: {error}")
+        folder = tmp_path_factory.mktemp("cluster")
         try:
             found.add_node(num_cpus=1, object_store_memory=80 * 2**20)
-            yield found
+            with use_cluster(found.address, folder) as used:
+                assert used is not None and used.processors == 1
+                assert not list(folder.glob(".cluster-*"))
+                yield found, used
+            assert module.current_cluster() is None
         finally:
             found.shutdown()
 
 
-def test_a_lost_node_costs_its_tasks_and_no_result(cluster: Any, tmp_path: Path) -> None:
-    """Each task is done at least once and told once; what was on the lost node is done again elsewhere."""
-    lost = cluster.add_node(num_cpus=1, object_store_memory=80 * 2**20)
-    with use_cluster(cluster.address, tmp_path) as used:
-        assert used is not None and used.processors == 2
-        tasks = [(number, str(tmp_path)) for number in range(12)]
-        found = []
-        for number, result in spread(cluster_tasks.square, tasks, used.processors):
-            found.append((number, result))
-            if len(found) == 3:
-                cluster.remove_node(lost, allow_graceful=False)
-        assert sorted(found) == [(number, number**2) for number in range(12)]
-        begun = sorted(path.name.partition("-")[0] for path in tmp_path.glob("*-begun-*"))
-        assert set(begun) == {str(number) for number in range(12)}
-        # Who begins now finds the lost node among those that the head node still counts.
-        gone = {"NodeID": lost.node_id, "NodeManagerAddress": "a node that was lost"}
-        with pytest.raises(ClusterError, match="no node with a processor"):
-            module._checked([gone], used.code, tmp_path)
-    assert module.current_cluster() is None and not list(tmp_path.glob(".cluster-*"))
-
-
-def test_what_a_task_raises_comes_home(cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_a_task_raises_comes_home(nodes: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As it is, and not a second time; relative paths are those of who asked."""
     monkeypatch.chdir(tmp_path)
-    with use_cluster(cluster.address, tmp_path) as used:
-        assert used is not None
-        with pytest.raises(StictionError, match="no walk of 3"):
-            list(spread(cluster_tasks.refuse, [(3,)], 1))
-        assert Path("refused-3").read_text() == "x"
-        task = used.start(cluster_tasks.wait_for_the_end, "stopped")
-        while not Path("waiting").exists():
-            time.sleep(0.05)
-        assert not used.finished(task)
-        used.cancel(task)
-        while not used.finished(task):
-            time.sleep(0.05)
-        assert Path("stopped").read_text() == "asked"
+    _, used = nodes
+    with pytest.raises(StictionError, match="no walk of 3"):
+        list(spread(cluster_tasks.refuse, [(3,)], 1))
+    assert Path("refused-3").read_text() == "x"
+    task = used.start(cluster_tasks.wait_for_the_end, "stopped")
+    while not Path("waiting").exists():
+        time.sleep(0.05)
+    assert not used.finished(task)
+    used.cancel(task)
+    while not used.finished(task):
+        time.sleep(0.05)
+    assert Path("stopped").read_text() == "asked"
 
 
-def test_a_training_is_a_task(cluster: Any, tmp_path: Path) -> None:
+def test_a_node_with_other_code_is_refused(nodes: Any, tmp_path: Path) -> None:
+    """Its results would stand beside those of this one as if they were the same; one that comes later is found too."""
+    started, used = nodes
+    with pytest.raises(ClusterError, match="has other code"):
+        list(replace(used, code="0" * 64).spread(cluster_tasks.square, [(1, str(tmp_path))], 1))
+    (node,) = started.worker_nodes
+    there = {"NodeID": node.node_id, "NodeManagerAddress": "a node"}
+    with pytest.raises(ClusterError, match=r"has other code of stiction; install the same"):
+        module._checked([there], "0" * 64, tmp_path)
+    assert module._look("x", tmp_path / "nothing", str(tmp_path)) == (False, False)
+
+
+def test_a_training_is_a_task(nodes: Any, tmp_path: Path) -> None:
     """`study friction --train --cluster`: the node trains in the run's own folder, and says how it ended."""
     pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed for training")
     from stiction_experiments.friction.manifest import Condition, Run
@@ -98,32 +93,31 @@ def test_a_training_is_a_task(cluster: Any, tmp_path: Path) -> None:
         *("--teacher.iterations", "1", "--teacher.steps", "4", "--teacher.mini-batches", "2"),
         *("--student.iterations", "1", "--student.steps", "4", "--student.mini-batches", "2"),
     )
-    bad = ("--robot", "nosuch")
     runs = [
         PlannedRun.of(Run(Condition(name, "1", "a test", words), 0), tmp_path / "runs")
-        for name, words in (("good", small), ("bad", bad))
+        for name, words in (("good", small), ("bad", ("--robot", "nosuch")))
     ]
-    with use_cluster(cluster.address, tmp_path) as used:
-        assert used is not None
-        failed = train_missing(runs, used.processors, poll=0.1)
+    failed = train_missing(runs, 2, poll=0.1)
     assert [run.state() for run in runs] == ["finished", "missing"]
     assert list(failed) == ["bad-s0"] and "nosuch" in failed["bad-s0"]
 
 
-def test_a_node_with_other_code_is_refused(cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its results would stand beside those of this one as if they were the same; one that comes later is found too."""
-    with use_cluster(cluster.address, tmp_path) as used:
-        assert used is not None
-        other = replace(used, code="0" * 64)
-        with pytest.raises(ClusterError, match="has other code"):
-            list(other.spread(cluster_tasks.square, [(1, str(tmp_path))], 1))
-    monkeypatch.setattr(module, "code_digest", lambda: "0" * 64)
-    with (
-        pytest.raises(ClusterError, match=r"has other code of stiction; install the same"),
-        use_cluster(cluster.address, tmp_path),
-    ):
-        pass
-    assert module._look("x", tmp_path / "nothing", str(tmp_path)) == (False, False)
+def test_a_lost_node_costs_its_tasks_and_no_result(nodes: Any, tmp_path: Path) -> None:
+    """Each task is done at least once and told once; what was on the lost node is done again elsewhere."""
+    started, used = nodes
+    lost = started.add_node(num_cpus=1, object_store_memory=80 * 2**20)
+    found = []
+    for number, result in spread(cluster_tasks.square, [(number, str(tmp_path)) for number in range(12)], 2):
+        found.append((number, result))
+        if len(found) == 3:
+            started.remove_node(lost, allow_graceful=False)
+    assert sorted(found) == [(number, number**2) for number in range(12)]
+    begun = sorted(path.name.partition("-")[0] for path in tmp_path.glob("*-begun-*"))
+    assert set(begun) == {str(number) for number in range(12)}
+    # Who begins now finds the lost node among those that the head node still counts.
+    gone = {"NodeID": lost.node_id, "NodeManagerAddress": "a node that was lost"}
+    with pytest.raises(ClusterError, match="no node with a processor"):
+        module._checked([gone], used.code, tmp_path)
 
 
 def test_no_cluster_is_one_line(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from stiction.learning.phase import PhaseRunner
 from stiction.task.config import NoiseCfg, TaskCfg
 from stiction.task.env import LocomotionEnv
 from stiction.task.friction import FrictionCfg
-from stiction_experiments.methods.context import Context, ContextActor, code_loss, divergence, masked_mean
+from stiction_experiments.methods.context import Context, ContextActor, code_loss, divergence
 from stiction_experiments.methods.context_ppo import (
     EpisodeReturns,
     bootstrapping_probability,
@@ -61,22 +61,6 @@ def test_free_bits_by_hand() -> None:
     assert code_loss(kl, counts, 0.0).item() == pytest.approx(0.165)
 
 
-def test_below_the_free_bits_nothing_is_pulled() -> None:
-    """A dimension at 0.02 has no gradient, one at 0.5 has: 1/2 of dimensions, times dKL/dmu = mu = 1."""
-    mean = torch.tensor([[0.2, 1.0]], requires_grad=True)
-    context = Context(torch.zeros(1, 3), mean, torch.zeros(1, 2))
-    code_loss(divergence(context), torch.tensor([True]), 0.05).backward()
-    assert mean.grad is not None
-    torch.testing.assert_close(mean.grad, torch.tensor([[0.0, 0.5]]))
-
-
-def test_nothing_counts_where_every_robot_fell() -> None:
-    """The mean over no sample is 0 with a gradient of 0, not NaN."""
-    values = torch.ones(2, 3, requires_grad=True)
-    masked_mean(values, torch.zeros(2, dtype=torch.bool)).sum().backward()
-    assert values.grad is not None and not values.grad.any()
-
-
 def test_the_parts_of_the_loss_by_hand(runner: PhaseRunner, monkeypatch: pytest.MonkeyPatch) -> None:
     """Means over entries and samples, beta on the code; a fallen robot trains the velocity alone, whatever is there."""
     obs, actor = batch_of(runner).clone(), runner.alg.actor
@@ -95,13 +79,6 @@ def test_the_parts_of_the_loss_by_hand(runner: PhaseRunner, monkeypatch: pytest.
     torch.testing.assert_close(losses["code"], 0.7 * kl[kept].mean())
     torch.testing.assert_close(losses["estimator"], ((velocity - obs["explicit"][:, :3]) ** 2).mean())
     assert losses.keys() == {"estimator", "reconstruction", "code"}
-
-
-def test_no_beta_costs_nothing(runner: PhaseRunner) -> None:
-    """The ablation's 0 is an autoencoder with noise of its own choice."""
-    obs, actor = batch_of(runner), runner.alg.actor
-    actor.cfg = replace(actor.cfg, beta=0.0)
-    assert actor.supervised_losses(obs)["code"].item() == 0.0
 
 
 def test_the_decoder_does_not_bend_the_velocity(runner: PhaseRunner) -> None:
@@ -152,17 +129,6 @@ def test_the_ratio_is_one_before_the_first_step(runner: PhaseRunner) -> None:
                 torch.testing.assert_close(ratio, torch.ones(8), atol=1e-6, rtol=0)
         check_ratio(runner)
         alg.update()
-
-
-def test_a_new_draw_would_not_do(runner: PhaseRunner) -> None:
-    """The test above is one of the code: with another draw of it the ratio is not 1."""
-    rollout(runner)
-    storage, actor = runner.alg.storage, runner.alg.actor
-    obs = storage.observations[0].clone()
-    obs["guess"] = actor.context(obs["history"]).code(torch.randn_like(obs["noise"])).detach()
-    actor(obs, stochastic_output=True)
-    ratio = (actor.get_output_log_prob(storage.actions[0]) - storage.actions_log_prob[0, :, 0]).exp()
-    assert (ratio - 1.0).abs().max() > 1e-3
 
 
 def test_the_stored_code_is_the_mean_and_its_noise(runner: PhaseRunner) -> None:
@@ -248,14 +214,6 @@ def test_the_probe_finds_what_is_there() -> None:
     friction = torch.stack((code[..., 0] - 2.0 * code[..., 3], torch.randn(6, 200), torch.ones(6, 200)), -1)
     told = friction_probe(code, friction)
     assert told[0] > 0.999 and told[1].abs() < 0.05 and told[2].isnan()
-
-
-def test_the_probe_judges_robots_that_it_has_not_seen() -> None:
-    """A code that names each robot, and says nothing of its friction, explains the fitted half alone."""
-    torch.manual_seed(0)
-    code = torch.randn(1, 24, 16).expand(50, 24, 16)
-    friction = torch.rand(1, 24, 1).expand(50, 24, 1)
-    assert friction_probe(code, friction)[0] < 0.3
 
 
 def test_what_is_said_of_a_code_by_hand() -> None:

@@ -15,13 +15,12 @@ from tensordict import TensorDict
 from rollouts import phase_runner, rollout
 from stiction.core.errors import ConfigurationError
 from stiction.deploy.policy import Network
-from stiction.evaluation.export import contract_of, export_network, export_run, write_card
+from stiction.evaluation.export import contract_of, export_run, write_card
 from stiction.evaluation.newest import LatentPolicy
 from stiction.evaluation.policies import method_of, method_texts
 from stiction.learning.arguments import parse
 from stiction.learning.begin import begin_run
 from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
-from stiction.learning.identity import differing, settings_of
 from stiction.learning.phase import Interrupted
 from stiction.learning.run import RunDirectory, latest_checkpoint, load_checkpoint
 from stiction.learning.runner import load_actor, load_student, train
@@ -30,10 +29,7 @@ from stiction.task.env import LocomotionEnv
 from stiction.task.friction import FrictionCfg
 from stiction.task.rewards import RewardCfg
 from stiction.task.symmetry import task_mirror
-from stiction.task.terrain import TerrainCfg
 from stiction.view.simulation import plain_name
-from stiction_experiments.methods.context import ContextActor
-from stiction_experiments.methods.context_ppo import ContextPPO
 from stiction_experiments.methods.dreamwaq import DreamWaQCfg
 
 CFG = TrainCfg(
@@ -105,14 +101,6 @@ def test_what_a_run_says_of_its_code(whole: RunDirectory) -> None:
     assert {row["bootstrap/share"] for row in whole.rows()} != {0.0}
 
 
-def test_without_friction_there_is_nothing_to_probe(tmp_path: Path) -> None:
-    """The figures are missing, not NaN: NaN would end the run."""
-    runner = phase_runner(FRICTIONLESS, tmp_path)
-    figures = runner.iterate()
-    assert "code/kl" in figures and not [name for name in figures if name.startswith("code/friction")]
-    assert figures["friction/high"] == 0.0
-
-
 def test_the_exported_network_is_the_trained_one(tmp_path: Path, whole: RunDirectory) -> None:
     """To 1e-6, on what the robot observes: the code's mean and the estimated velocity, and no draw."""
     check = export_run(whole.path, tmp_path / "bundle")
@@ -151,20 +139,6 @@ def test_the_symmetric_context_is_mirrored(tmp_path: Path) -> None:
     guesses = [actor.context.predict(one.velocity, one.mean) for one in (seen, other)]
     torch.testing.assert_close(guesses[1], mirror.group("proprioception")(guesses[0]), atol=1e-6, rtol=0)
     torch.testing.assert_close(actor(image), mirror.action(actor(obs)), atol=1e-6, rtol=0)
-
-
-def test_a_symmetric_run_is_exported(tmp_path: Path) -> None:
-    """With ordinary layers of the averaged weights, and mirrored actions to 1e-6."""
-    cfg = replace(CFG, symmetry="network", teacher=replace(CFG.teacher, iterations=1))
-    run = start(tmp_path / "run", cfg)
-    train(cfg, run)
-    student, env = load_student(run), LocomotionEnv(cfg.task, 8, 0)
-    mirror, history = task_mirror(env), env.step(torch.randn(8, 12))[0]["history"]
-    network = Network(export_network(student, history.shape[1]), history.shape[1], 12)
-    acted = torch.from_numpy(network(history.numpy()))
-    torch.testing.assert_close(acted, student(history).detach(), atol=1e-6, rtol=0)
-    image = torch.from_numpy(network(mirror.group("history")(history).numpy()))
-    torch.testing.assert_close(image, mirror.action(acted), atol=1e-6, rtol=0)
 
 
 @pytest.mark.parametrize(
@@ -221,19 +195,6 @@ def test_images_walk_on_their_own_context(symmetry: str, tmp_path: Path, monkeyp
     assert np.isfinite(list(runner.alg.update().values())).all()
 
 
-def test_on_terrain_the_actor_is_blind(tmp_path: Path) -> None:
-    """The method is one for terrain: the critic sees the ground, the actor's context has to tell it."""
-    task = replace(CFG.task, terrain=TerrainCfg(kind="stairs"))
-    runner = phase_runner(replace(CFG, task=task), tmp_path)
-    figures = runner.iterate()
-    obs = runner.env.get_observations()
-    other = obs.clone()
-    other["elevation"] = other["elevation"] + 1.0
-    assert torch.equal(runner.alg.actor(obs), runner.alg.actor(other))
-    assert not torch.equal(runner.alg.critic(obs), runner.alg.critic(other))
-    assert "terrain/level" in figures
-
-
 def test_the_method_alone_makes_a_run(tmp_path: Path) -> None:
     """`--method dreamwaq` is all that has to be said: the preset leaves out what its context takes the place of."""
     cfg = parse(["--method", "dreamwaq", "--friction-level", "0.2", "--preset", "quick"]).config
@@ -267,13 +228,6 @@ def test_options_that_contradict_the_method_are_refused(words: str, said: str) -
         parse(words.split())
 
 
-def test_friction_without_a_level_is_refused(tmp_path: Path) -> None:
-    """A range of nothing is no friction, by whatever name."""
-    cfg = parse(["--method", "dreamwaq", "--friction-level", "0", "--task.friction.range", "0", "1.2"]).config
-    with pytest.raises(ConfigurationError, match="trains without friction"):
-        begin_run(tmp_path / "run", cfg, "stiction train")
-
-
 def test_its_name_says_whether_it_met_friction() -> None:
     """Two methods in every table: as in its paper, and with friction, which is no method of its paper."""
     plain, aware = (contract_of(cfg, HEADER) for cfg in (FRICTIONLESS, CFG))
@@ -282,16 +236,6 @@ def test_its_name_says_whether_it_met_friction() -> None:
     assert plain_name(plain) == "dreamwaq: trained without friction"
     assert plain_name(aware) == "dreamwaq: trained at 0 to 24 % friction"
     assert "0 to 0.24 of the torque limit" in write_card(aware)
-
-
-def test_older_runs_have_no_such_settings(tmp_path: Path) -> None:
-    """A config.json from before there was the method is read as it was."""
-    run = start(tmp_path / "run")
-    file = run.path / "config.json"
-    header = json.loads(file.read_text())
-    del header["config"]["method_settings"]
-    file.write_text(json.dumps(header))
-    assert run.config().method_settings == DreamWaQCfg()
 
 
 def test_a_run_from_before_methods_were_installed_is_read(tmp_path: Path) -> None:
@@ -306,20 +250,3 @@ def test_a_run_from_before_methods_were_installed_is_read(tmp_path: Path) -> Non
     header["config"]["task"]["friction"] |= {"method": "deception"}
     file.write_text(json.dumps(header))
     assert run.config().method_settings is None
-
-
-def test_its_settings_are_named_after_it() -> None:
-    """In contracts and on command lines, by names that contracts of before methods were installed have too."""
-    cfg = replace(CFG, method_settings=DreamWaQCfg(beta=1.0))
-    assert settings_of(cfg)["dreamwaq.beta"] == 1.0 and "method-settings" not in settings_of(cfg)
-    assert differing({"dreamwaq.beta": 0.35}, {"dreamwaq.beta": 1}) == ["dreamwaq.beta"]
-    assert differing({}, {"dreamwaq.beta": 0.35}) == []
-    assert "dreamwaq.beta 1," in write_card(contract_of(cfg, HEADER))
-
-
-def test_the_trainer_is_the_one_trainer(tmp_path: Path) -> None:
-    """The method is a configuration: RMA's loop, rollout, divergence and checkpoints are not written again."""
-    runner = phase_runner(CFG, tmp_path)
-    assert isinstance(runner.alg, ContextPPO) and isinstance(runner.alg.actor, ContextActor)
-    for name in ("_supervise", "_divergence", "_prepare_rollout", "warm_start"):
-        assert name not in vars(ContextPPO)

@@ -25,7 +25,7 @@ from stiction.task.config import TaskCfg
 from stiction.task.env import LocomotionEnv
 from stiction.task.friction import FrictionCfg
 from stiction.view.simulation import plain_name
-from stiction_experiments.methods.hinf import DisturberName, HinfCfg
+from stiction_experiments.methods.hinf import HinfCfg
 
 CFG = TrainCfg(
     task=TaskCfg(
@@ -45,11 +45,6 @@ CLOCKED = ("seconds", "rollout_seconds", "env_steps_per_second")
 def one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     """Bits depend on the number of threads."""
     monkeypatch.setenv("STICTION_THREADS", "1")
-
-
-def with_disturber(kind: DisturberName) -> TrainCfg:
-    """The configuration with another disturber."""
-    return replace(CFG, method_settings=replace(CFG.method_settings, disturber=kind))
 
 
 def start(folder: Path, cfg: TrainCfg) -> RunDirectory:
@@ -90,19 +85,6 @@ def test_a_run_that_is_stopped_everywhere_is_the_same_run(tmp_path: Path, whole:
     kept = [load_checkpoint(latest_checkpoint(run.checkpoints, "teacher"))["algorithm"] for run in (whole, cut)]
     assert {"lambda", "eta", "network", "optimizer", "generator"} <= kept[0]["hinf"].keys()
     assert equal(*kept) and rows_of(cut) == rows_of(whole)
-
-
-def test_random_disturbances_go_on_where_they_were(tmp_path: Path) -> None:
-    """What a robot was being pushed with is in the checkpoint too."""
-    cfg = replace(CFG, method_settings=HinfCfg(disturber="random"), teacher=replace(CFG.teacher, iterations=2))
-    runs = [start(tmp_path / name, cfg) for name in ("whole", "cut")]
-    train(cfg, runs[0])
-    while not runs[1].finished:
-        with contextlib.suppress(Interrupted):
-            train(cfg, runs[1], interrupted=lambda: True)
-    kept = [load_checkpoint(latest_checkpoint(run.checkpoints, "teacher"))["algorithm"] for run in runs]
-    assert equal(*kept) and rows_of(runs[0]) == rows_of(runs[1])
-    assert kept[0]["hinf"]["values"].shape == (8, 3) and kept[0]["hinf"]["lambda"] == 0.0
 
 
 @pytest.mark.parametrize("part", ["network", "optimizer", "eta"])
@@ -226,12 +208,6 @@ def test_who_disturbs_keeps_the_task_on_the_host() -> None:
     """A fleet on a device has nobody who pushes: the run would be another one, without a word."""
     task = replace(CFG.task, friction=FrictionCfg("hinf", level=0.2, range=(0.0, 1.2)))
     assert why_task_on_host(replace(CFG, task=task, device="warp-cpu")) == "the method 'hinf'"
-
-
-def test_unknown_disturbers_are_refused() -> None:
-    """With those that there are."""
-    with pytest.raises(ConfigurationError, match="disturber 'wind'"):
-        HinfCfg(disturber="wind")  # type: ignore[arg-type]
 
 
 def test_settings_of_older_runs_are_read(tmp_path: Path) -> None:

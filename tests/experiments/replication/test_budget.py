@@ -84,28 +84,3 @@ def test_a_virtual_robot_begins_with_the_cell_that_has_all_but_friction() -> Non
     found = {onset.engine: onset for onset in onsets(Evidence.of(rows), SPEC)}
     assert list(found) == ["physx+all"]
     assert found["physx+all"].level == pytest.approx(0.1)
-
-
-def test_a_coefficient_has_no_dead_band() -> None:
-    """It is no torque."""
-    rows = curve("none", 0, {0.0: 1.1, 0.1: 0.8, 0.2: 0.4}, "mujoco", "load")
-    assert onsets(Evidence.of(rows), SPEC)[0].dead_band is None
-
-
-def test_a_curve_has_a_point_for_every_level() -> None:
-    """Mean of two seeds, the slower direction: (1.0 + 0.9) / 2."""
-    rows = curve("none", 0, {0.0: 1.1, 0.1: 0.8}) + curve("none", 1, {0.0: 1.0, 0.1: 0.8})
-    points = budget(Evidence.of(rows))
-    assert [(point.friction_level, point.seeds) for point in points] == [(0.0, 2), (0.1, 2)]
-    assert points[0].ratio == pytest.approx(0.95)
-    assert points[0].each == "1 0.9"
-
-
-def test_a_seed_that_stays_above_ends_where_it_was_tested_itself() -> None:
-    """One was walked up to 0.2 and one up to 0.3: 0.2 and 0.3, not twice 0.3; all of them were tested up to 0.2."""
-    rows = curve("none", 0, dict.fromkeys((0.0, 0.1, 0.2), 1.1))
-    rows += curve("none", 1, dict.fromkeys((0.0, 0.1, 0.2, 0.3), 1.1))
-    rows += curve("none", 2, {0.0: 1.1, 0.1: 1.1, 0.2: 0.7})
-    (onset,) = onsets(Evidence.of(rows), SPEC)
-    assert (onset.each, onset.tested) == (">0.2 >0.3 0.15", 0.2)
-    assert onset.level == pytest.approx((0.2 + 0.3 + 0.15) / 3)

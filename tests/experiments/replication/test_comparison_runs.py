@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
 
 import pytest
@@ -14,11 +13,8 @@ from stiction.files.bundle import Bundle, read_bundle
 from stiction.learning.run import RunDirectory
 from stiction.robots.catalog import find_robot
 from stiction_experiments.replication.plan import (
-    ACTUATOR_RUNS,
     LOOP_SEEDS,
-    actuator_run,
     comparison_runs,
-    first_policy,
     known_bench,
     parts_of,
 )
@@ -45,14 +41,6 @@ def test_every_way_has_seeds_enough_for_a_verdict() -> None:
     assert all(own >= {0, 1, 2} for own in seeds.values())
     assert [run.seed for run in runs] == sorted(run.seed for run in runs)
     assert {"coulomb20-none-s4", "coulomb20-iterative-s2", "stairs-deception-s2"} <= {run.name for run in runs}
-
-
-def test_the_second_policy_of_the_loop_is_trained_as_the_first_was() -> None:
-    """Another seed or preset would be a difference that the net is not to blame for."""
-    runs = {run.name: run for run in comparison_runs(Path("joints.json"))}
-    for seed, side in product(LOOP_SEEDS, ACTUATOR_RUNS):
-        second, first = actuator_run(Path("net"), seed, side), runs[first_policy(seed)]
-        assert set(second.arguments) - set(first.arguments) == {"--actuator", "net"}
 
 
 def test_training_knows_a_robot_by_its_bench_and_none_that_is_reported() -> None:

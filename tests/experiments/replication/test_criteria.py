@@ -65,12 +65,6 @@ def test_the_slower_direction_is_that_of_each_seed() -> None:
     assert evidence.error("none", PHYSX).seeds[1] == pytest.approx((0.1 + 0.5) / 2)
 
 
-def test_two_policies_of_one_seed_are_one_sample() -> None:
-    """Their mean: 0.6 of 0.5 and 0.7."""
-    both = rows("none", PHYSX, 0.5, seeds=(1,)) + rows("none", PHYSX, 0.7, seeds=(1,))
-    assert Evidence.of(both).mean("none", PHYSX, "speed_ratio", "vx=0.5").seeds == {1: pytest.approx(0.6)}
-
-
 def test_all_other_engines_must_agree() -> None:
     """An Actuator Net that fails in one engine and walks in the other did not fail elsewhere."""
     fails = elsewhere("actuator", criteria.fails)
@@ -78,12 +72,6 @@ def test_all_other_engines_must_agree() -> None:
     found = judged(fails, rows("actuator", PHYSX, 0.0), rows("actuator", ODE, 0.9))
     assert found.outcome == "does not"
     assert "ode-webots: actuator, slower direction 0.90" in found.evidence
-
-
-def test_one_seed_carries_no_verdict() -> None:
-    """Its number is given."""
-    found = judged(elsewhere("actuator", criteria.fails), rows("actuator", PHYSX, 0.0, seeds=(1,)))
-    assert (found.outcome, "0.00 (one seed)" in found.evidence) == ("not tested", True)
 
 
 def test_who_is_best_without_friction() -> None:
@@ -114,14 +102,6 @@ def test_the_virtual_robot_is_judged_level_by_level() -> None:
     assert judged(walks).outcome == "not tested"
 
 
-def test_falls_are_counted_in_the_direction_that_the_sentence_names() -> None:
-    """Half of the walks forward."""
-    falls = on_robot("none", criteria.falls("vx=0.5"))
-    for rate, outcome in ((0.9, "reproduces"), (0.1, "does not")):
-        parts = [rows("none", condition, 0.5, fall_rate=rate) for condition in REAL]
-        assert judged(falls, *parts).outcome == outcome
-
-
 def test_one_seed_that_does_not_follow_refutes_that_a_way_follows() -> None:
     """The mean of three is within the band; one is over it, or falls, or is slow in one direction: that is named."""
     follows = criteria.follows_on_robot("none+forward")
@@ -139,16 +119,6 @@ def test_one_seed_that_does_not_follow_refutes_that_a_way_follows() -> None:
     )
 
 
-def test_stable_is_both_ways_and_upright() -> None:
-    """One direction at 1.4, or a fall in two, is not stable."""
-    stable = criteria.follows_on_robot("deception")
-    assert judged(stable, *(rows("deception", condition, 1.0) for condition in REAL)).outcome == "reproduces"
-    assert judged(stable, *(rows("deception", condition, 1.0, 1.4) for condition in REAL)).outcome == "does not"
-    assert (
-        judged(stable, *(rows("deception", condition, 1.0, fall_rate=0.5) for condition in REAL)).outcome == "does not"
-    )
-
-
 def test_friction_is_the_cause_where_it_costs_more_than_the_rest() -> None:
     """From 1.0: friction leaves 0.5, all else 0.9."""
     nominal, rest = rows("none", Condition("physx+nominal", 0.0), 1.0), rows("none", Condition("physx+rest", 0.0), 0.9)
@@ -156,17 +126,6 @@ def test_friction_is_the_cause_where_it_costs_more_than_the_rest() -> None:
     cause = criteria.friction_is_the_cause
     assert judged(cause, nominal, rest, rows("none", friction, 0.5)).outcome == "reproduces"
     assert judged(cause, nominal, rest, rows("none", friction, 0.98)).outcome == "does not"
-
-
-def test_every_height_must_be_crossed() -> None:
-    """9 of 10 on steps of 6 cm and none on steps of 10 cm is no navigation of stairs."""
-    climbs = criteria.under("deception", PHYSX, criteria.climbs)
-
-    def crossings(terrain: str, share: float) -> list[Row]:
-        return rows("deception", PHYSX, 0.8, terrain=terrain, crossed=share, command="vx=0.4")
-
-    assert judged(climbs, crossings("stairs=0.06", 0.9), crossings("stairs=0.1", 1.0)).outcome == "reproduces"
-    assert judged(climbs, crossings("stairs=0.06", 0.9), crossings("stairs=0.1", 0.0)).outcome == "does not"
 
 
 def test_stairs_elsewhere_are_those_of_every_other_engine() -> None:
@@ -242,49 +201,10 @@ def test_who_falls_over_does_not_stand() -> None:
     assert judged(stands_badly, *still).outcome == "does not"
 
 
-def test_robots_must_agree_on_who_stands_badly() -> None:
-    """0.3, 0.3 and 0 m/s on three robots, with every seed: over seeds 0.2 ± 0, over robots 0.2 ± 4.303 · 0.1."""
-    stands_badly = on_robot("iterative", criteria.stands_badly)
-    three = {"robots": {"1000": None, "1001": None, "1002": None}, "command": "stand", "speed_ratio": None}
-    for speeds, outcome in (((0.3, 0.3, 0.0), "undecided"), ((0.3, 0.3, 0.28), "reproduces")):
-        beside = three | {"robot_tracking_errors": speeds, "tracking_error": float(np.mean(speeds))}
-        found = judged(stands_badly, *(rows("iterative", condition, 1.0, **beside) for condition in REAL))
-        assert found.outcome == outcome
-    assert "iterative at stand [m/s] 0.29 [0.29, 0.29] (0.29, 0.29, 0.29), 3 robots [0.26, 0.32]" in found.evidence
-
-
-def test_one_per_cent_is_felt_where_it_costs_something() -> None:
-    """A policy that is slow without friction, too, did not feel it."""
-    felt, slow = Condition("physx", 0.01), rows("none", PHYSX, 0.7)
-    assert judged(elsewhere("none", criteria.loses, 0.01), slow, rows("none", felt, 0.5)).outcome == "reproduces"
-    assert judged(elsewhere("none", criteria.loses, 0.01), slow, rows("none", felt, 0.7)).outcome == "does not"
-
-
 def walked_by(method: str, condition: Condition, rate: float, episodes: int, robots: int = 0) -> list[Row]:
     """Return rows in which every seed has the same share of falls, in each direction."""
     beside = {"robots": {str(1000 + robot): 1.0 for robot in range(robots)}} if robots else {}
     return rows(method, condition, 1.0, fall_rate=rate, episodes=episodes, **beside)
-
-
-def test_seeds_that_agree_are_no_certainty() -> None:
-    """No fall in 3 times 2 walks: a t-interval of no width, and Wilson's goes up to 0.390; that of 9 ends at 0.299."""
-    stable = criteria.follows_on_robot("deception")
-    few, enough = ([walked_by("deception", condition, 0.0, episodes) for condition in REAL] for episodes in (2, 3))
-    found = judged(stable, *few)
-    assert found.outcome == "undecided"
-    assert "0.00 [0.00, 0.00] (0.00, 0.00, 0.00), 6 trials [0.00, 0.39]" in found.evidence
-    assert judged(stable, *enough).outcome == "reproduces"
-
-
-def test_many_walks_do_not_make_up_for_seeds_that_differ() -> None:
-    """Falls of 0, 0 and 60 %, in 3000 walks: Wilson's interval is 0.19 to 0.21, the one over seeds -0.66 to 1.06."""
-    apart = [
-        row | {"fall_rate": share}
-        for condition in REAL
-        for seed, share in enumerate((0.0, 0.0, 0.6))
-        for row in rows("none", condition, 0.5, seeds=(seed,), episodes=1000)
-    ]
-    assert judged(on_robot("none", criteria.falls("vx=0.5")), apart).outcome == "undecided"
 
 
 def test_walks_of_one_virtual_robot_are_one_trial() -> None:
@@ -298,15 +218,6 @@ def test_walks_of_one_virtual_robot_are_one_trial() -> None:
     assert judged(criteria.follows_on_robot("deception"), *parts).outcome == "undecided"
 
 
-def test_a_rate_over_two_commands_is_their_mean() -> None:
-    """A quarter and three quarters of 40 walks each, of one seed: 40 of 80."""
-    both = rows("none", PHYSX, 1.0, seeds=(1,))
-    both = [row | {"fall_rate": 0.25 if row["command"] == "vx=0.5" else 0.75} for row in both]
-    rate = Evidence.of(both).rate("none", PHYSX, ("vx=0.5", "vx=-0.5"), "fall_rate")
-    assert (rate.seeds, rate.trials, rate.successes) == ({1: 0.5}, 80, 40.0)
-    assert rate.share == 0.5
-
-
 def test_falls_alone_are_abnormal_and_a_failure() -> None:
     """An Actuator Net that runs as fast as it should, smoothly, and falls over has failed."""
     none = [rows("none", condition, 1.0) for condition in (PHYSX, ODE)]
@@ -316,17 +227,6 @@ def test_falls_alone_are_abnormal_and_a_failure() -> None:
     for judge in (elsewhere("actuator", criteria.unsteady("none", *DIRECTIONS)), elsewhere("actuator", criteria.fails)):
         assert judged(judge, *none, *falling).outcome == "reproduces"
         assert judged(judge, *none, *upright).outcome == "does not"
-
-
-def test_a_steady_policy_is_shown_by_the_walks_that_are_planned() -> None:
-    """No fall in 3 times 2 walks a direction: 12 together end at 0.242, under a third; 6 would end at 0.390."""
-    conditions = (PHYSX, ODE)
-    parts = [
-        walked_by(method, condition, 0.0, episodes=2) for method in ("none", "actuator") for condition in conditions
-    ]
-    found = judged(elsewhere("actuator", criteria.unsteady("none", *DIRECTIONS)), *parts)
-    assert found.outcome == "does not"
-    assert "actuator, falls 0.00 [0.00, 0.00] (0.00, 0.00, 0.00), 12 trials [0.00, 0.24]" in found.evidence
 
 
 def test_unsteady_is_jitter_or_falls() -> None:
@@ -389,14 +289,6 @@ def test_jitter_is_compared_while_both_walk() -> None:
         assert found.outcome == "not tested"
 
 
-def test_a_seed_that_lies_is_left_out_of_jitter() -> None:
-    """Two seeds at 160 against 100, and a third that fell at once, with an acceleration of zero."""
-    none = rows("none", PHYSX, 1.0, joint_jitter=100.0)
-    lying = rows("deception", PHYSX, 0.0, seeds=(2,), joint_jitter=0.0, fall_rate=1.0)
-    found = judged(JITTERS_ELSEWHERE, none, rows("deception", PHYSX, 1.0, seeds=(0, 1), joint_jitter=160.0), lying)
-    assert (found.outcome, "deception stands or falls with seed 2" in found.evidence) == ("reproduces", True)
-
-
 def on_robots(method: str, condition: Condition, *ratios: float, less: float = 0.0) -> list[Row]:
     """Return rows in which three seeds have the same speed ratios on robots; backward is slower by `less`."""
     found = rows(method, condition, float(np.mean(ratios)), float(np.mean(ratios)) - less)
@@ -404,26 +296,6 @@ def on_robots(method: str, condition: Condition, *ratios: float, less: float = 0
         own = less if row["command"] == "vx=-0.5" else 0.0
         row["robots"] = {str(1000 + number): ratio - own for number, ratio in enumerate(ratios)}
     return found
-
-
-def test_seeds_on_the_same_robots_do_not_speak_of_other_robots() -> None:
-    """Speeds of 0.9, 0.9 and 0.3 on three robots: over seeds 0.70 ± 0.02, over robots 0.7 ± 4.303 · 0.2."""
-    walks = on_robot("none", criteria.walks("vx=0.5"))
-    found = judged(walks, *(on_robots("none", condition, 0.9, 0.9, 0.3) for condition in REAL))
-    assert (found.outcome, "3 robots [-0.16, 1.56]" in found.evidence) == ("undecided", True)
-    assert judged(walks, *(on_robots("none", condition, 0.9, 0.9, 0.8) for condition in REAL)).outcome == "reproduces"
-    assert (
-        judged(walks, *(on_robots("none", condition, 0.9) for condition in REAL)).outcome == "not tested"
-    )  # one robot
-
-
-def test_ways_are_compared_robot_by_robot() -> None:
-    """Both suffer on the third robot: 0.2 better on each is better; better by 0.5 on one of them is not."""
-    better = criteria.nearer_on_robot("deception", "none")
-    condition = REAL[0]
-    none = on_robots("none", condition, 0.7, 0.7, 0.1)
-    assert judged(better, none, on_robots("deception", condition, 0.9, 0.9, 0.3)).outcome == "reproduces"
-    assert judged(better, none, on_robots("deception", condition, 0.7, 0.7, 0.6)).outcome == "undecided"
 
 
 def test_ways_are_compared_on_the_robots_on_which_both_walked() -> None:
@@ -451,31 +323,6 @@ def test_robots_on_which_nothing_was_fed_forward_are_counted() -> None:
     assert found.outcome == "reproduces"
     assert found.evidence.endswith("; at 0.1 (real) robots counted: 8, left out: 2")
     assert "left out" not in judged(criteria.follows_on_robot("none+forward"), fed).evidence
-
-
-def test_a_range_is_held_against_the_value_alone_where_there_is_such_a_policy() -> None:
-    """0.9 beside 0.7, and 0.6 beside 0.7; a comparison without the method `point` says nothing of it."""
-    (x7,) = (claim for claim in CLAIMS if claim.id == "X7")
-    point = [rows("point", condition, 0.7) for condition in REAL]
-    for ratio, outcome in ((0.9, "reproduces"), (0.6, "does not")):
-        deception = [rows("deception", condition, ratio) for condition in REAL]
-        assert judged(x7.judge, *deception, *point).outcome == outcome
-        assert judged(x7.judge, *deception).outcome == "not tested"
-
-
-def test_the_slower_direction_is_the_policys_on_every_robot() -> None:
-    """Backward, 0.2 slower: so the mean over robots is that over seeds."""
-    measured = Evidence.of(on_robots("none", REAL[0], 0.9, 0.5, less=0.2)).slower("none", REAL[0])
-    assert measured.robots == {1000: pytest.approx(0.7), 1001: pytest.approx(0.3)}
-    assert np.mean(list(measured.seeds.values())) == pytest.approx(0.5)
-
-
-def test_falls_on_few_robots_are_no_rate_of_robots() -> None:
-    """No fall of any of three policies: on eight robots the rate is under a third, on seven up to 0.354."""
-    stable = criteria.follows_on_robot("deception")
-    for robots, outcome in ((7, "undecided"), (8, "reproduces")):
-        parts = [on_robots("deception", condition, *np.linspace(0.99, 1.01, robots)) for condition in REAL]
-        assert judged(stable, *parts).outcome == outcome
 
 
 BENCH, LOADED = (Condition(VIRTUAL_ROBOT, 0.0107, f"real-bench{load}") for load in ("", "+load0.1"))
@@ -518,11 +365,3 @@ def test_a_limit_on_one_axis_is_one_of_the_sentence() -> None:
         ((holds, Finding("not tested", "")), "reproduces"),
     ):
         assert together_over_axes(findings).outcome == outcome
-
-
-def test_friction_is_the_cause_at_the_bench_too() -> None:
-    """From 1.0: the bench's friction leaves all of it, and everything else 0.9."""
-    rest, bench = rows("none", Condition("physx+rest", 0.0), 0.9), Condition("physx+friction", 0.0107, "real-bench")
-    friction = rows("none", Condition("physx+friction", 0.2, "real"), 0.5)
-    found = judged(criteria.friction_is_the_cause, rest, friction, rows("none", bench, 1.0))
-    assert (found.outcome, found.evidence[:10]) == ("only above x", "x = 0.0107")

@@ -21,10 +21,7 @@ from stiction_experiments.replication.claims import judge_all
 from stiction_experiments.replication.criteria import HALF
 from stiction_experiments.replication.plan import (
     ACTUATOR_RUNS,
-    FRICTION_CELL,
     LOOP_SEEDS,
-    NOMINAL_CELL,
-    REST_CELL,
     SEEDS,
     Part,
     Size,
@@ -33,7 +30,6 @@ from stiction_experiments.replication.plan import (
     conventional,
     parts_of,
 )
-from stiction_experiments.replication.records import CAUSES
 from stiction_experiments.replication.run import check_methods
 from stiction_experiments.stairs.climb import ENOUGH
 
@@ -118,16 +114,3 @@ def test_parts_can_show_what_the_sentences_ask() -> None:
         walks = policies * engines.episodes
         assert wilson(0, walks)[1] < HALF
         assert wilson(0, walks * len(engines.commands))[1] < STABLE
-
-
-def test_causes_are_told_apart_on_the_same_robots() -> None:
-    """Friction alone on other robots than all the rest alone would be a difference between robots."""
-    parts = {part.name: part for part in parts_of("full")}
-    assert parts["causes"].grid.robots == parts["robot"].grid.robots
-    assert {*parts["causes"].grid.levels_of_robots} <= {*parts["robot"].grid.levels_of_robots}
-    assert {"0.01", "bench", "bench+0.02", "bench+0.1"} <= {*parts["causes"].grid.levels_of_robots}  # the paper's own
-
-
-def test_the_cells_of_causes_are_those_that_the_page_leaves_out() -> None:
-    """Under another name a cell that is no robot would limit what the page tells a user."""
-    assert set(CAUSES) == {NOMINAL_CELL, FRICTION_CELL, REST_CELL}

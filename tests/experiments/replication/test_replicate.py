@@ -25,7 +25,7 @@ def test_a_part_is_walked_judged_and_gone_on_with(
 ) -> None:
     """One file a table, a verdict a sentence; the same command again walks nothing."""
     monkeypatch.setattr("stiction_experiments.replication.plan.SECONDS", 3.0)
-    arguments = ["replicate", "--policies", str(bundle), "--parts", "load", "--no-clips", "--jobs", "1"]
+    arguments = ["replicate", "--policies", str(bundle), "--parts", "load", "--jobs", "1"]
     assert main([*arguments, "--out", str(tmp_path), "--json"]) == 0
     verdicts = json.loads(capsys.readouterr().out)
     assert verdicts["X1"] == "not tested"  # one seed
@@ -67,7 +67,7 @@ def test_bad_input_is_one_line(
     begun = tmp_path / "begun"
     (begun / "checkpoints").mkdir(parents=True)
     given = [argument.replace("{bundle}", str(bundle)).replace("{begun}", str(begun)) for argument in arguments]
-    assert main(["replicate", *but(("--no-clips", "--out", str(tmp_path / "out")), *given)]) == 1
+    assert main(["replicate", *but(("--out", str(tmp_path / "out")), *given)]) == 1
     captured = capsys.readouterr()
     assert message in captured.err
     assert captured.err.count("\n") == 1

@@ -5,8 +5,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import pytest
-
 from stiction.core.records import read_rows
 from stiction.evaluation.policies import FED
 from stiction.evaluation.table import BOTH, Sample
@@ -16,10 +14,7 @@ from stiction.report.following import friction_text
 from stiction_experiments.lab.claims import Verdict
 from stiction_experiments.lab.following import recommended_sentence, recommended_sheet
 from stiction_experiments.lab.study import write_report
-from stiction_experiments.replication.clips import ClipPair
 from stiction_experiments.replication.page import (
-    draw_budget,
-    draw_needs,
     engine_sheets,
     forward_sheet,
     lead,
@@ -91,9 +86,9 @@ RESULT = Replication(
 MADE = {"command": "stiction replicate", "revision": "abc", "machine": {"cpu": "a processor"}}
 
 
-def written(out: Path, result: Replication, clips: Sequence[ClipPair] = ()) -> str:
+def written(out: Path, result: Replication) -> str:
     """Write the comparison; return its page."""
-    write_report(out, report(result, clips), MADE | {"warnings": ["The code changed."]})
+    write_report(out, report(result), MADE | {"warnings": ["The code changed."]})
     return (out / "report.html").read_text()
 
 
@@ -121,17 +116,6 @@ def test_every_file_is_written(tmp_path: Path) -> None:
     assert read_rows(tmp_path / "methods.csv", Sample) == RESULT.samples
     assert read_rows(tmp_path / "evidence.csv", EvidenceRow) == RESULT.evidence
     assert read_rows(tmp_path / "forward.csv", ForwardPoint) == RESULT.forward
-
-
-def test_clips_say_in_which_simulator_they_are(tmp_path: Path) -> None:
-    """A page that asks about transfer must not show the training's simulator as if it were the robot."""
-    for name in ("a", "b"):
-        (tmp_path / f"{name}.webp").write_bytes(b"RIFF")
-    pair = ClipPair("none", "p", tmp_path / "a.webp", tmp_path / "b.webp")
-    html = written(tmp_path, RESULT, [pair])
-    assert html.index("none (p): MuJoCo, the simulator of the training") < html.index("none (p): virtual robot, PhysX")
-    html = written(tmp_path, RESULT, [replace(pair, robot=None)])
-    assert "these clips do not show transfer" in html and "virtual robot, PhysX" not in html
 
 
 def cell(
@@ -170,61 +154,12 @@ def test_one_seed_is_not_every_seed() -> None:
     )
 
 
-def test_too_fast_is_no_following() -> None:
-    """A policy that outruns its command is not the one to choose, as it was where only 80 % was asked."""
-    cells = [cell("none", "physx", 0.01, 3), cell("deception", "physx", 0.01, 0, fast=3)]
-    assert needs(cells)["1 %"] == {
-        "every seed, everywhere": "none",
-        "none": "3 of 3",
-        "deception": "0 of 3, 3 too fast",
-    }
-    said = recommended_sentence(cells, 0.01)
-    assert said == (
-        "With 1 % friction, none follows everywhere with every seed; the largest share of seeds over all places: "
-        "none, 3 of 3."
-    )
-
-
-def test_only_levels_that_were_tested_are_in_the_table() -> None:
-    """Between them nobody walked; a method that was not tried where others were is not said to follow there."""
-    cells = [cell("none", "physx", 0.1, 3), cell("none", "ode", 0.1, 3), cell("direct", "physx", 0.1, 3)]
-    found = needs([*cells, cell("none", "physx", 0.2, 0, slow=3)])
-    assert list(found) == ["10 %", "20 %"]
-    assert found["10 %"]["every seed, everywhere"] == "none" and found["10 %"]["direct"] == "3 of 3"
-    assert found["20 %"] == {"every seed, everywhere": "nobody", "none": "0 of 3, 3 too slow", "direct": "not tested"}
-    assert recommended_sentence(cells, 0.3) == "" and recommended_sentence([], 0.2) == ""
-
-
 def test_friction_alone_and_coefficients_are_no_user_s() -> None:
     """The cell by which causes are told apart is no robot, and a coefficient is not known of a joint."""
     rows = [cell("none", "physx+friction", 0.1, 3), cell("none", "physx+all", 0.1, 0, slow=3)]
     load = replace(rows[1], friction_law="load", engine="mujoco")
     found = replace(RESULT, following=[*rows, load]).needs
     assert found == (rows[1],)
-
-
-def test_the_figure_tells_too_slow_from_too_fast() -> None:
-    """A panel a place, a field a level and method: the greener the more seeds follow; which side the others fail."""
-    mixed = Following("none", "ode", "coulomb", 0.1, 3, 1, 2, 1, 0, 0.2, "")
-    figure = draw_needs(
-        [cell("none", "physx", 0.1, 3), mixed, cell("direct", "physx", 0.2, 0, fast=1, seeds=1)], ["direct", "none"]
-    )
-    first, second = (axis for axis in figure.axes if axis.get_visible())
-    assert [axis.get_title() for axis in (first, second)] == ["physx", "ode"]
-    assert [text.get_text() for text in first.texts] == ["3 of 3", "0 of 1\n▲1"]
-    assert [text.get_text() for text in second.texts] == ["1 of 3\n▼2 ▲1"]
-    assert [text.get_position() for text in first.texts] == [(0, 1), (1, 0)]
-    green = [field.get_alpha() for field in (*first.patches, *second.patches)]
-    assert green == pytest.approx([0.95, 0.05, 0.35])
-    assert [text.get_color() == "black" for text in (*first.texts, *second.texts)] == [True, False, False]
-
-
-def test_methods_differ_in_style_and_are_named_at_their_ends() -> None:
-    """If this failed, who sees no colours could not tell the training methods apart."""
-    points = [replace(point, method=method) for method in ("none", "direct") for point in RESULT.budget]
-    (axis,) = draw_budget(points, ["none", "direct"], 0.45).axes
-    assert len({line.get_linestyle() for line in axis.lines if line.get_label() in ("none", "direct")}) == 2
-    assert sorted(text.get_text() for text in axis.texts) == ["direct", "none"]
 
 
 def test_an_onset_is_in_the_units_of_its_law() -> None:
@@ -266,12 +201,6 @@ def test_a_missing_method_and_a_single_seed_are_said() -> None:
     assert not any("no verdict" in text for text in warnings(alone))
 
 
-def test_a_part_that_was_not_walked_now_is_named() -> None:
-    """Its rows may be older than the rest of the report."""
-    kept = replace(RESULT, parts=[replace(RESULT.parts[0], earlier="not asked for: 6 of 8 rows")])
-    assert any("Sim2Sim (not asked for: 6 of 8 rows)" in text for text in warnings(kept))
-
-
 def test_a_table_has_every_command_with_its_intervals() -> None:
     """Means alone would hide that one seed is no sample, and that few walks tell little about falls."""
     (sheet,) = engine_sheets(RESULT.samples)
@@ -303,11 +232,6 @@ def test_friction_fed_forward_stands_beside_what_it_replaces() -> None:
     assert sheet.rows == (("physx+all", "bench (1.07 %)", "6 of 8", "0.70 ± 0.10 (3)", "0.95 ± 0.10 (3)", "–"),)
     assert forward_sheet([point("none", 0.7), point(FED, 0.95)], virtual=False) is None
     assert forward_sheet([], virtual=True) is None
-
-
-def test_no_stairs_no_table() -> None:
-    """A table of dashes would read as failures."""
-    assert stairs_sheet(RESULT.samples) is None
 
 
 def test_stairs_have_both_intervals() -> None:

@@ -7,7 +7,6 @@ import pytest
 
 from stiction.cli.main import main
 from stiction.core.errors import StictionError
-from stiction.core.statistics import wilson
 from stiction.evaluation.course import steps_passed
 from stiction.files.walk import Recording
 from stiction.robots.terrain import LANDING, REACH, STEPS, TREAD
@@ -19,13 +18,6 @@ from stiction_experiments.stairs.page import answers
 def row(height: float, successes: int, trials: int = 100) -> Climb:
     """Return the row of one height."""
     return Climb("p", 0.2, height, trials, successes, 0, 6.0, None)
-
-
-def test_wilson_by_hand() -> None:
-    """80 of 100: (0.8 + 0.019207) / 1.038415 ± 1.887 sqrt(0.0016 + 0.000096); none of ten ends at 3.84 / 13.84."""
-    low, high = wilson(80, 100)
-    assert (low, high) == (pytest.approx(0.7112, abs=1e-3), pytest.approx(0.8666, abs=1e-3))
-    assert wilson(0, 10) == (0.0, pytest.approx(3.8415 / 13.8415, abs=1e-4))
 
 
 def test_a_height_counts_only_if_all_lower_ones_do() -> None:

@@ -50,30 +50,6 @@ def test_the_summary_says_what_the_ratios_were_computed_from(capsys: pytest.Capt
     assert summary["command"] == "stiction bench --robot go1 --num-envs 4 --blocks 1 --json"
 
 
-@pytest.mark.parametrize("robot", ["saturn_lite", "go1", "go2", "g1"])
-def test_every_shipped_robot_is_measured_with_the_rewards_of_its_training(
-    robot: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
-) -> None:
-    """g1 has no contact groups, and no training of it is paid for a trot: it was refused."""
-    from stiction.task.env import LocomotionEnv
-    from stiction_experiments.throughput import measure as throughput
-
-    seen = []
-
-    def measure(cfg: Any, blocks: int, net: Any) -> tuple[throughput.Timing, dict[str, int]]:
-        seen.append((cfg.task.robot, sorted(LocomotionEnv(cfg.task, 2, 0).terms)))
-        return throughput.Timing((1.0,), (1.0,), (1.0,)), {"actor": 1, "critic": 1}
-
-    monkeypatch.setattr(throughput, "measure_training", measure)
-    monkeypatch.setattr(throughput, "measure_parts", lambda cfg, *_: {})
-    monkeypatch.setattr(throughput, "parts_summary", lambda parts: None)
-    monkeypatch.setattr(throughput, "measure_runtime", lambda bundle: None)
-    assert main(["bench", "--robot", robot, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["measured"]["robot"] == robot
-    ((name, terms),) = seen
-    assert name == robot and ("trot" in terms) == (robot != "g1")
-
-
 def test_what_cannot_be_is_said_before_a_measurement_is_announced(capsys: pytest.CaptureFixture) -> None:
     """A refusal would stand under a line that says what is going on."""
     assert main(["bench", "--friction-level", "nan"]) == 1

@@ -58,21 +58,6 @@ def test_every_second_is_counted_once() -> None:
         assert sum(parts.values()) == 2 * parts["iteration"]
 
 
-def test_the_meter_counts_a_call_that_fails() -> None:
-    """Its time was spent, and the error must come through."""
-    meter = Meter(iter((1.0, 4.0)).__next__)
-
-    class Owner:
-        def act(self) -> None:
-            raise KeyError("seen")
-
-    owner = Owner()
-    meter.watch(owner, "act", "act")
-    with pytest.raises(KeyError, match="seen"):
-        owner.act()
-    assert meter.spent == {"act": 3.0}
-
-
 def test_ratios_are_those_of_paired_blocks() -> None:
     """Two blocks, the second on a machine of half the speed: ratios of medians would be other ones."""
     slow = {"physics": [6.0, 12.0], "task": [2.0, 4.0], "iteration": [12.0, 24.0]}

@@ -8,7 +8,6 @@ from math import exp, log, sqrt
 import numpy as np
 import pytest
 
-from stiction.core.statistics import wilson
 from stiction_experiments.wear.lifetimes import (
     Ending,
     Lifetime,
@@ -122,14 +121,6 @@ def test_walks_are_judged_again_by_what_was_seen_of_them() -> None:
     assert (both.end, both.factor, both.begin) == ("too fast from the start", None, None)
 
 
-def test_a_fall_before_the_first_window_is_judged_again_as_one() -> None:
-    """Forward it walked on and was too slow at x4; backward it fell at x0.4, and of that walk the files have no row."""
-    forward = windows(1.0, 0.9, 0.7)
-    row = judge_robot(BOTH, [Seen(forward, []), Seen([], [], (3.0, 0.4))], False)
-    assert (row.end, row.factor, row.first_ratio) == ("fell", 0.4, None)
-    assert judge_again([asdict(row)], forward, []) == [row]
-
-
 def test_a_fall_ends_a_lifetime_that_was_not_over() -> None:
     """What falls while it crawls had ended before; what falls before a window is over has fallen."""
     assert ending(windows(1.0, 0.9), (23.0, 2.9)) == Ending("fell", 2.9, 23.0)
@@ -157,17 +148,6 @@ def test_a_notice_counts_when_it_came_in_time_and_not_at_once() -> None:
     assert noticed(said[2], said, Ending("alive")) == "before"
 
 
-def test_what_never_walked_fast_enough_has_no_before() -> None:
-    """A monitor that speaks up later is no early one."""
-    said = [reading(10, 0.05), reading(20, 0.08, unusual=True)]
-    slow = Ending("too slow from the start")
-    assert [noticed(one, said, slow) for one in (*said, None)] == ["at once", "after", "never"]
-    row = judge_robot(WHAT, [Seen(windows(0.7, 0.6, 0.5), said, None)], True)
-    assert (row.end, row.unusual, row.grown) == ("too slow from the start", "after", "after")
-    (group,) = groups([row])
-    assert group["unusual"] == group["grown"] == {"after": 1}
-
-
 def test_whatever_is_noticed_where_nothing_grew_is_a_false_alarm() -> None:
     """Of four robots one is unusual at once, one later, one after a fall; growth is detected in one: 3 and 1 of 4.
 
@@ -189,17 +169,6 @@ def test_whatever_is_noticed_where_nothing_grew_is_a_false_alarm() -> None:
     ends = [(0.75 + 0.48018 - half) / 1.96036, (0.75 + 0.48018 + half) / 1.96036]
     assert found["interval95"]["unusual"] == pytest.approx(ends, abs=1e-4)
     assert found["interval95"]["grown"] == pytest.approx([1 - ends[1], 1 - ends[0]], abs=1e-4)
-
-
-def test_a_robot_that_a_monitor_never_read_is_none_without_a_false_alarm() -> None:
-    """One is read and one fell before its first reading; of two that both fell nothing is known."""
-    read, fell = (windows(1.0, 1.0), [reading(10, 0.05)], None), (windows(1.0), [], (5.0, 0.3))
-    rows = [judge_robot(WHAT | {"steady": 0.3}, [Seen(*one)], True) for one in (read, fell, fell)]
-    found = control(rows[:2])
-    assert (found["robots"], found["read"], found["alarms"]) == (2, 1, {"unusual": 0, "grown": 0})
-    assert found["interval95"]["grown"] == list(wilson(0, 1))
-    nothing = control(rows[1:])
-    assert nothing["read"] == 0 and nothing["interval95"] == {"unusual": None, "grown": None}
 
 
 def test_walks_in_which_nothing_grew_are_controls() -> None:
@@ -252,12 +221,6 @@ def test_lifetimes_that_did_not_end_have_no_mean() -> None:
     assert groups(lifetimes(1.0, 3.0, None, start=True))[0]["median"] == 1.0
 
 
-def test_policies_and_levels_are_kept_apart() -> None:
-    """One row a policy and level, in their order."""
-    other = [replace(row, friction_level="0.2") for row in lifetimes(2.0)]
-    assert [(g["friction_level"], g["mean"]) for g in groups(lifetimes(1.0) + other)] == [("0.1", 1.0), ("0.2", 2.0)]
-
-
 def policy(name: str, *factors: float | None, start: bool = False) -> list[Lifetime]:
     """Return the lifetimes of one policy of two."""
     return [replace(row, policy=name) for row in lifetimes(*factors, start=start)]
@@ -277,13 +240,6 @@ def test_seeds_of_a_method_are_one_sample_each() -> None:
     assert method["at_least"] is None and method["at_most"] is None
     stayed = [replace(row, steady=0.3) for row in rows]
     assert over_seeds(rows + stayed, methods, (0.3, 9.0)) == [method]
-
-
-def test_one_policy_is_no_sample_of_its_method() -> None:
-    """And two trainings that differ in more than the seed are two methods."""
-    rows = policy("a", 1.0) + policy("b", 2.0)
-    assert over_seeds(rows[:1], {"a": "none"}, (0.3, 3.0)) == []
-    assert over_seeds(rows, {"a": "none (flat)", "b": "none (stairs)"}, (0.3, 3.0)) == []
 
 
 def test_lifetimes_beyond_what_was_tried_bound_the_mean() -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from stiction_experiments.lab.study import write_report
 from stiction_experiments.wear.lifetimes import Lifetime, Reading, Window
-from stiction_experiments.wear.page import answers, draw_ratios, draw_readings, lead, level_title, report
+from stiction_experiments.wear.page import answers, lead, report
 
 WALK = {"policy": "<b>p</b>", "friction_level": "0.1", "robot": 1000, "steady": None, "command": "vx=0.5"}
 LIFETIME = Lifetime(
@@ -117,19 +117,6 @@ def test_wear_of_what_a_bench_found_stays_a_factor() -> None:
     assert said == "While dry friction grows from x0.30 to x3.00 of bench, p follows up to x1.50."
 
 
-def test_a_walk_one_way_says_that_the_other_is_not_known() -> None:
-    """Following asks for both directions, and a worn robot walks one of them, be it at two speeds."""
-    said = [lead([GROUP], {"wear": GROWN, "commands": ["vx=0.5", *more]}) for more in ([], ["vx=0.3"], ["vx=-0.3"])]
-    assert said[0].endswith("They walked one way alone, vx=0.5: whether they follow both ways is not known.")
-    assert "one way alone, vx=0.5 and vx=0.3: whether" in said[1] and "one way alone" not in said[2]
-
-
-def test_who_falls_before_anything_is_measured_is_not_said_to_follow() -> None:
-    """Falls at x0.31 on an average: of no window is it known that it followed."""
-    fallen = GROUP | {"ends": {"fell": 3}, "first": {}, "mean": 0.31, "interval95": None}
-    assert lead([fallen], BOTH_WAYS).endswith("p falls at 3.1 %, before its first window is over.")
-
-
 def test_robots_that_are_too_fast_at_first_are_said_to_be(tmp_path: Path) -> None:
     """A policy that outruns its command until friction slows it down does not follow from the start."""
     group = GROUP | {"first": {"too fast": 2, "follows": 1}, "begin": 1.5}
@@ -178,17 +165,6 @@ def test_false_alarms_stand_beside_the_notices(tmp_path: Path) -> None:
     assert "false alarms are not known" in written(tmp_path, *rows)
 
 
-def test_policies_and_robots_differ_in_more_than_colour() -> None:
-    """If this failed, who sees no colours could tell neither the policies nor the robots apart."""
-    other = [replace(row, policy="q", ratio=1.2) for row in WINDOWS]
-    (speeds,) = draw_ratios([*WINDOWS, *other], [LIFETIME, replace(LIFETIME, policy="q")]).axes
-    assert sorted(text.get_text() for text in speeds.texts) == ["<b>p</b>", "q"]
-    (readings,) = draw_readings([READING, replace(READING, robot=1001)]).axes
-    for axis, what in ((speeds, "get_linestyle"), (readings, "get_marker")):
-        named = [line for line in axis.lines if not line.get_label().startswith("_")]
-        assert len(named) == 2 and len({getattr(line, what)() for line in named}) == 2
-
-
 def test_a_bundle_without_a_monitor_is_said_to_have_none(tmp_path: Path) -> None:
     """And what an earlier study left there of one is gone; robots that were looked at before are named."""
     (tmp_path / "readings.csv").write_text("old")
@@ -199,53 +175,3 @@ def test_a_bundle_without_a_monitor_is_said_to_have_none(tmp_path: Path) -> None
     assert "None of these bundles has a wear monitor" in page and "alive" in page
     assert "Exploratory: 3." in page
     assert not (tmp_path / "readings.csv").exists() and not (tmp_path / "monitor.png").exists()
-
-
-def test_a_monitor_that_came_to_no_reading_is_not_said_to_be_missing(tmp_path: Path) -> None:
-    """Walks can be shorter than its window; the bundle has one all the same."""
-    page = written(tmp_path, [LIFETIME], WINDOWS, [])
-    assert "No wear monitor came to a reading" in page and "None of these bundles" not in page
-
-
-def test_a_robot_that_fell_at_once_has_no_window(tmp_path: Path) -> None:
-    """The page is made all the same."""
-    fallen = replace(LIFETIME, end="fell", first_ratio=None, last_ratio=None)
-    assert "fell" in written(tmp_path, [fallen], [], [])
-    assert not (tmp_path / "windows.csv").exists()
-
-
-def test_both_ways_have_a_panel_of_one_scale() -> None:
-    """Who falls at once one way has an empty panel there, and its mean is none, of those that did not fall."""
-    both = [replace(LIFETIME, robot=robot, command="vx=0.5 vx=-0.5") for robot in (1000, 1001)]
-    (forward, backward) = draw_ratios(WINDOWS, both).axes
-    assert [axis.get_title().split(",")[0] for axis in (forward, backward)] == ["vx=0.5", "vx=-0.5"]
-    assert forward.get_ylim() == backward.get_ylim() and forward.get_xlim() == backward.get_xlim()
-    assert max(len(line.get_xdata()) for line in backward.lines) == 0
-    assert [len(line.get_xdata()) for line in forward.lines if line.get_label() == "<b>p</b>"] == [0]
-    assert max(len(line.get_xdata()) for line in forward.lines) == 9
-    grown = [*WINDOWS, *(replace(row, robot=1001) for row in WINDOWS[:4])]
-    (forward, _) = draw_ratios(grown, both).axes
-    assert [len(line.get_xdata()) for line in forward.lines if line.get_label() == "<b>p</b>"] == [4]
-
-
-def test_files_say_of_every_walk_what_was_commanded(tmp_path: Path) -> None:
-    """If this failed, a walk forward alone would be a row without its command."""
-    written(tmp_path, [LIFETIME], WINDOWS, [READING])
-    for name in ("lives", "windows", "readings"):
-        with (tmp_path / f"{name}.csv").open(newline="") as file:
-            assert {row["command"] for row in csv.DictReader(file)} == {"vx=0.5"}
-
-
-def test_names_of_many_policies_lie_under_the_lines_and_the_title_says_what_wears() -> None:
-    """The names of six policies lay on their lines, under the title `level 0.1`."""
-    names = [f"coulomb20-deception-s{seed}" for seed in range(6)]
-    lifetimes = [replace(LIFETIME, policy=name) for name in names]
-    windows = [replace(row, policy=name) for name in names for row in WINDOWS]
-    figure = draw_ratios(windows, lifetimes, ["FL_shank"])
-    (axis,) = figure.axes
-    assert axis.get_title() == "vx=0.5, x1 is 10 % of the torque limit, FL_shank" and axis.get_legend() is None
-    figure.canvas.draw()
-    (names_below,) = figure.legends
-    assert [text.get_text() for text in names_below.get_texts()] == names
-    assert names_below.get_window_extent().y1 < axis.get_window_extent().y0
-    assert level_title("bench") == "x1 is the level bench"

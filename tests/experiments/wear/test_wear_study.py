@@ -16,7 +16,7 @@ from stiction.robots.catalog import find_robot
 from stiction.virtual.hidden import draw
 from stiction.virtual.robot import Wear
 from stiction_experiments.wear import run as wear_study
-from stiction_experiments.wear.lifetimes import Seen, Window
+from stiction_experiments.wear.lifetimes import Window
 from stiction_experiments.wear.run import WearCfg, study_wear
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
@@ -122,15 +122,6 @@ def test_what_a_walk_means_is_judged_anew(tmp_path: Path, monkeypatch: pytest.Mo
     assert row.end == "too slow from the start"
 
 
-def test_a_row_has_the_method_of_its_policy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Policies of the Actuator Net, of one point or of identified friction would go by the name of another method."""
-    contract = replace(WALKER.contract, method="direct", friction_range=(0.2, 0.2))
-    monkeypatch.setattr(wear_study, "wear_out", lambda walk: Seen([], []))
-    path = shipped_bundles()["saturn_lite-flat-deception-0.2"]
-    (row,), *_ = study_wear([replace(WALKER, contract=contract)], [path], ALONE, tmp_path, 1, silent)
-    assert row.method == "point"
-
-
 def test_a_robot_walks_both_ways_and_is_one_row(tmp_path: Path) -> None:
     """A file for each walk; windows say which command was given."""
     cfg = replace(ALONE, commands=("vx=0.5", "vx=-0.5"), wear=Wear(start=0.1, seconds=2.0), window=1.0)
@@ -140,13 +131,6 @@ def test_a_robot_walks_both_ways_and_is_one_row(tmp_path: Path) -> None:
     assert row.first_ratio in (forward[0], backward[0]) and forward != backward
     assert abs(row.first_ratio - 1) == max(abs(forward[0] - 1), abs(backward[0] - 1))
     assert {one.command for one in readings} == set(cfg.commands)
-
-
-def test_what_fails_in_another_process_is_said_here(tmp_path: Path) -> None:
-    """One line for the user, not the traceback of a child."""
-    with pytest.raises(StictionError, match="unknown engine 'bullet'"):
-        path = shipped_bundles()["saturn_lite-flat-deception-0.2"]
-        study_wear([WALKER], [path], replace(ALONE, engine="bullet", robots=(3, 4)), tmp_path, 2, silent)
 
 
 @pytest.mark.parametrize(
@@ -170,11 +154,3 @@ def test_what_cannot_be_worn_out_is_refused(change: dict, said: str) -> None:
     """Before anything walks, in one line."""
     with pytest.raises(StictionError, match=said):
         replace(SHORT, **change)
-
-
-def test_a_joint_that_the_robot_lacks_is_refused_before_anything_walks(tmp_path: Path) -> None:
-    """A study that wears nothing out would find that nothing matters."""
-    cfg = replace(SHORT, wear=Wear(("knee",), seconds=6.0))
-    with pytest.raises(StictionError, match="unknown joint 'knee'"):
-        study_wear([WALKER], [shipped_bundles()["saturn_lite-flat-deception-0.2"]], cfg, tmp_path, 1, silent)
-    assert not list(tmp_path.iterdir())

@@ -176,7 +176,6 @@ def terrain(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
 
 
 def _landing(make: Make, spec: Robot, timestep: float, name: str, ground: Ground) -> Figure:
-    """Return the height of a table on level ground above where it should be."""
     body = Body.nominal(spec)
     top = float(ground.height(np.zeros((1, 2)))[0]) + spec.standing_height
     motion = drive(make, body, timestep, TERRAIN_SECONDS, still(body), top, ground=ground)
@@ -197,7 +196,6 @@ def _on_slope(
 
 
 def _slope(make: Make, spec: Robot, timestep: float, name: str, ground: Ground) -> list[Figure]:
-    """Return how a table stands on a slope that is not too steep for its feet."""
     motion = _on_slope(make, spec, timestep, ground, ANGLE, 1.0, TERRAIN_SECONDS)
     place = motion.base_position[-1]
     return [

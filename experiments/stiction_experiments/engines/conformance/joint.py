@@ -109,11 +109,8 @@ class BreakAway:
     load: np.ndarray
     """Torque on the joint [N m]."""
     angle: np.ndarray
-    """[rad]."""
     speed: np.ndarray
-    """[rad/s]."""
     truth: Trajectory
-    """The exact motion."""
 
 
 def break_away(make: Make, spec: Robot, timestep: float) -> BreakAway:

@@ -24,13 +24,11 @@ class Figure:
     """One measured number and its tolerance."""
 
     name: str
-    """What was measured."""
     value: float
     """Measured error; zero is perfect."""
     unit: str
     """Its unit, `1` for a ratio."""
     tolerance: float
-    """Largest magnitude that passes."""
 
     @property
     def passed(self) -> bool:

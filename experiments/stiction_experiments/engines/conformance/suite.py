@@ -90,7 +90,6 @@ class Measured:
     check: str
     """Name of the check, one of `CHECKS`."""
     figure: Figure
-    """The figure."""
 
 
 def conformance(make: Make, spec: Robot, timestep: float = TIMESTEP) -> Iterator[Measured]:
