@@ -224,7 +224,7 @@ def test_a_report_is_not_written_over_unasked(
     file = tmp_path / "report.json"
     file.write_text("mine")
     runs = {"stop": None, "end": "done", "log": None, "log_end": None}
-    monkeypatch.setattr(deploy, "_run", lambda *_: runs)
+    monkeypatch.setattr(deploy, "_planned", lambda *_: lambda: runs)
     words = ["deploy", POLICY, "--json", "--report", str(file), "--out", str(tmp_path / "run")]
     assert main(words) == 1 and file.read_text() == "mine"
     said = capsys.readouterr().err

@@ -136,7 +136,7 @@ def test_a_report_that_cannot_be_written_does_not_hide_how_the_run_ended(
 ) -> None:
     """Why a robot was stopped is lost with the report."""
     report = {"stop": stop, "end": "as it ended", "log": None, "log_lost": 0, "log_end": None}
-    monkeypatch.setattr(deploy, "_run", lambda *_: report)
+    monkeypatch.setattr(deploy, "_planned", lambda *_: lambda: report)
     words = ["deploy", POLICY, "--json", "--report", "/dev/full", "--out", str(tmp_path / "run")]
     assert main(words) == 1
     said = capsys.readouterr()

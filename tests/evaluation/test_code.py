@@ -26,7 +26,10 @@ READING = {
         "files/dialect.py",
         "files/text.py",
     ),
-    *(f"files/{name}.py" for name in ("actuator", "bundle", "contract_rules", "following", "golden", "joint_map")),
+    *(
+        f"files/{name}.py"
+        for name in ("actuator", "bundle", "contract_rules", "following", "straight", "golden", "joint_map")
+    ),
     "files/contract_training.py",
     "core/decode.py",
     *(f"files/{name}.py" for name in ("joints", "log", "plain", "results", "signature", "tables")),

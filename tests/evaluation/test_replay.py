@@ -19,7 +19,6 @@ from stiction.evaluation.clip import Lane, compiled, metres_of, posed, walked  #
 from stiction.files.contract import robot_of  # noqa: E402
 from stiction.virtual.cases import Case, Level  # noqa: E402
 from stiction.virtual.trial import World, walk  # noqa: E402
-from stiction_experiments.replication.filmed import CELL, ENGINE, walked_virtually  # noqa: E402
 
 
 def test_the_renderer_has_the_engine_s_pose_joint_by_joint(bundle: Path) -> None:
@@ -31,10 +30,10 @@ def test_the_renderer_has_the_engine_s_pose_joint_by_joint(bundle: Path) -> None
         motions.append(motion)
         return np.array(command.velocity)
 
-    walk(loaded, Case(3, CELL, Level(0.1)), World(partial(make_engine, ENGINE)), steer, 5)
-    states = walked_virtually(loaded, 3, 0.1, command, 5 * loaded.contract.control_period)
-    assert len(states) == len(motions) == 5
-    for motion, (data,) in zip(motions, posed(compiled(spec), [states]), strict=True):
+    walk(loaded, Case(3, "all", Level(0.1)), World(partial(make_engine, "physx")), steer, 5)
+    states = [np.concatenate([m.base_position, m.base_quaternion, m.joint_position]) for m in motions]
+    assert len(motions) == 5
+    for motion, (data,) in zip(motions, posed(compiled(spec), [np.array(states)]), strict=True):
         np.testing.assert_allclose(data.body("base").xpos, motion.base_position)
         np.testing.assert_allclose(data.body("base").xquat, motion.base_quaternion, atol=1e-6)
         angles = [float(data.joint(name).qpos[0]) for name in spec.joint_names]

@@ -22,15 +22,14 @@ torch = pytest.importorskip("torch", reason="the package torch, of the extra 'tr
 pytest.importorskip("rsl_rl", reason="the package rsl_rl, of the extra 'train', is needed to train")
 
 from stiction.evaluation.export import TrainedPolicy, contract_of  # noqa: E402
+from stiction.evaluation.newest import LatentPolicy, observed_friction  # noqa: E402
 from stiction.learning.run import RunDirectory  # noqa: E402
 from stiction.learning.runner import load_actor, train  # noqa: E402
 from stiction.task.env import LocomotionEnv  # noqa: E402  (needs torch)
 from stiction.task.randomization import nominal_privileged  # noqa: E402
 from stiction_experiments.adaptation import probes  # noqa: E402
 from stiction_experiments.lab.trained import (  # noqa: E402
-    LatentPolicy,
     latent_sources,
-    observed_friction,
     walk_run,
 )
 

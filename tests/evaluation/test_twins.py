@@ -78,11 +78,15 @@ def test_robots_start_as_in_training() -> None:
 
 def test_the_side_that_begins_is_one_on_the_robot() -> None:
     """What training draws as 1 or -1 is constant where it is deployed, in every frame."""
-    layout = proprioception(18, first_side=True)
-    still = np.zeros((2, 18))
+    from stiction.evaluation.export import TrainedPolicy, export_network
+
+    contract, still = make_contract(observation=proprioception(18, first_side=True)), np.zeros((2, 18))
     sensors = Sensors(np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)), np.zeros((2, 3)), still, still)
-    built = ObservationBuilder(layout, np.zeros(18), (2,)).step(sensors, np.zeros((2, 3)), still)
-    assert (built.reshape(2, 11, -1)[..., -1] == 1.0).all()
+    module = torch.nn.Linear(contract.observation.size, contract.num_joints)
+    model = export_network(module, contract.observation.size)
+    for twin in TrainedPolicy(module, contract, 2), load_policy(contract, model, (2,)):
+        observation = twin.step(sensors, np.zeros((2, 3))).observation
+        assert (observation.reshape(2, 11, -1)[..., -1] == 1.0).all()
 
 
 @pytest.mark.parametrize("known", [None, np.array([0.1, 0.0, 0.3]), np.array([[0.1, 0.0, 0.3], [0.2, 0.4, 1.2]])])

@@ -156,6 +156,7 @@ NAMED = {
     "files/contract.py": "a field of contracts, a word of bounded length",
     "files/contract_rules.py": "the bounds of that field",
     "files/contract_training.py": "the age of that field, and no such word with a method of the product",
+    "files/method.py": "names for which an error says what to install",
     "learning/config.py": "groups in config.json of runs from before methods were installed",
 }
 """Module of the product with such words -> reason."""
@@ -165,7 +166,7 @@ def test_the_product_knows_no_method_of_other_papers() -> None:
     """They are found by their names, so that the product neither imports nor explains them."""
     found = {NAMES[path]: len(OF_OTHERS.findall(path.read_text())) for path in PRODUCT}
     assert {name for name, count in found.items() if count} == NAMED.keys()
-    assert sum(found.values()) < 12
+    assert sum(found.values()) < 15
 
 
 def test_modules_and_functions_stay_readable() -> None:

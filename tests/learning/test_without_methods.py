@@ -68,12 +68,12 @@ def test_a_method_that_is_not_installed_is_named_in_one_line(
     assert run.config().method.name == "dreamwaq"
 
 
-@pytest.mark.parametrize("kind", ["dreamwaq-beta1", "hinf-joints", "compensated"])
+@pytest.mark.parametrize("kind", ["dreamwaq-s1", "hinf-joints-s0", "compensated-s0"])
 def test_a_policy_of_any_method_walks(kind: str) -> None:
     """To the numbers that it walks with beside its method."""
     cfg = EvaluationCfg(commands=("vx=0.5",), friction_levels=(0.1,), episodes=2, seconds=2.0, settle=0.5)
     with without_methods():
-        bundle = read_bundle(POLICIES / f"coulomb20-{kind}-s0", allow_record=True)
+        bundle = read_bundle(POLICIES / f"coulomb20-{kind}", allow_record=True)
         (row,) = evaluate_bundle(bundle, cfg).rows
         assert row.method == bundle.contract.method
     (beside,) = evaluate_bundle(bundle, cfg).rows

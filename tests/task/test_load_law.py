@@ -72,10 +72,10 @@ def test_effort_takes_it_as_it_is_joint_by_joint(regressor: str) -> None:
     file = JointsFile(
         {"hip": record(0.05, regressor), "thigh": record(0.063, regressor), "calf": record(0.09, regressor)}
     )
-    taken = take_coefficients(file, GO2, "effort")
-    assert taken.values == pytest.approx((0.05, 0.063, 0.09) * 4)
-    assert len(taken.how) == 3 and all(LOAD_REGRESSORS[regressor] in text for text in taken.how)
-    assert "friction without load, 0.2 N m, is" in taken.how[0] and "--friction-law coulomb" in taken.how[0]
+    values, how = take_coefficients(file, GO2, "effort")
+    assert values == pytest.approx((0.05, 0.063, 0.09) * 4)
+    assert len(how) == 3 and all(LOAD_REGRESSORS[regressor] in text for text in how)
+    assert "friction without load, 0.2 N m, is" in how[0] and "--friction-law coulomb" in how[0]
 
 
 def test_load_is_refused_where_its_ratio_changes_with_the_pose() -> None:

@@ -1,5 +1,7 @@
 """Training methods: stages worked out by hand, what is drawn in them, and friction added to the command."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import torch
@@ -57,7 +59,8 @@ def test_the_task_compensates_as_the_robot_does() -> None:
     assert contract.push == BY_SPEED.push and contract.compensation_speeds == (0.2, 0.3)
     generator = np.random.default_rng(0)
     action = generator.uniform(-1.0, 1.0, (4, 12)).astype(np.float32)
-    policy, rates = Policy(contract, lambda observation: action, (4,)), np.zeros((4, 3))
+    network, rates = SimpleNamespace(run=lambda observation: (action, None)), np.zeros((4, 3))
+    policy = Policy(contract, network, (4,))  # type: ignore[arg-type]
     for _ in range(5):
         upright = np.tile([1.0, 0.0, 0.0, 0.0], (4, 1))
         measured = env.measured_position.double().numpy(), env.measured_velocity.double().numpy()

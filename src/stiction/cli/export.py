@@ -105,16 +105,18 @@ def _to_bundle(cfg: ExportCfg) -> None:
 
 def _to_others(cfg: ExportCfg, to: Literal["webots", "deploy.yaml", "rl_sar", "mjlab"]) -> None:
     """Export one bundle as a Webots project, or as another runtime deploys it."""
-    from stiction.exchange.policies.exporter import export_to
-    from stiction.exchange.webots.export import WebotsCfg, export_webots
-
     source = _bundle(cfg.source)
     given = {name: getattr(cfg, name) for name in ("friction_level", "step_height") if getattr(cfg, name) is not None}
     out = cfg.out or Path(f"{to.removesuffix('.yaml')}-{_bundle_name(source)}")
     with replaced_folder(out):
         if to == "webots":
+            # Its robot is built with the simulator, which no other target asks for.
+            from stiction.exchange.webots.export import WebotsCfg, export_webots
+
             done = export_webots(source, out, WebotsCfg(**given), cfg.robot)
         else:
+            from stiction.exchange.policies.exporter import export_to
+
             done = export_to(source, out, to)
     if cfg.json:
         print(json.dumps(done.summary(), indent=2))

@@ -73,7 +73,7 @@ MOST_NAMES = 24
 """Names that a message lists: the joints of a legged robot, and kinds of them."""
 
 
-SIMILAR = 0.65
+SIMILAR = 0.6
 """Least similarity of a word and a slip of it, by difflib and without the dashes of flags."""
 
 

@@ -35,6 +35,7 @@ from stiction.files.joint_map import mapped, refuse_alone
 from stiction.files.joints import load_joints
 from stiction.files.known_friction import TERM, bench_friction, known_friction_text
 from stiction.files.method import Method, describe_method, known_method
+from stiction.files.observation import FIRST_SIDE
 from stiction.files.velocity import COMMANDS
 from stiction.files.wear import WearModel, read_wear
 from stiction.joints.compensation import BY_SPEED, compensated
@@ -418,6 +419,7 @@ class TrainedPolicy:
             "joint_velocity": to_tensor(sensors.joint_velocity),
             "command": to_tensor(command),
             "last_action": self._last_action,
+            FIRST_SIDE: torch.ones(len(self._fresh), 1),
             **self._known,
         }
         contract = self._contract

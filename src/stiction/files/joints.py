@@ -11,7 +11,7 @@ people: what the level rests on, joint by joint.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -194,7 +194,10 @@ class JointRecord:
         law = self.friction_law or {}
         if self.load_coefficient is None:
             return None
-        return str(law["regressor"]) if law.get("regressor") in LOAD_REGRESSORS else "gravity"
+        if law.get("regressor") in LOAD_REGRESSORS:
+            return str(law["regressor"])
+        # Older files named it in words alone, and those of walks alone.
+        return "motor_torque" if str(law.get("load", "")).startswith("|motor") else "gravity"
 
     @property
     def unloaded_friction(self) -> Estimate | None:
@@ -225,7 +228,11 @@ class JointRecord:
         for name in ("kp", "kd", "torque_limit"):
             if (value := getattr(record, name)) is not None and value < 0:
                 raise FileError(f"{where}: {name} is {value!r}; expected a number that is not negative, or null")
-        return record
+        ratio, moving, holding = record.friction_ratio, record.moving_friction, record.holding_friction
+        if "dynamic_ratio" in data or not (ratio and moving and moving.value > 0 and holding):
+            return record
+        # Older files have Coulomb friction in the ratio even where more holds the joint at rest.
+        return replace(record, friction_ratio=holding.scaled(ratio.value / moving.value), dynamic_ratio=ratio)
 
 
 @dataclass(frozen=True)

@@ -165,7 +165,7 @@ class CommandCfg:
         shares = {name: getattr(self, name) for name in ("standing_share", "alone", "slow")}
         if not (all(0 <= share <= 1 for share in shares.values()) and self.interval > 0):
             raise ConfigurationError(
-                f"commands with {', '.join(f'{name} {share}' for name, share in shares.items())}, new ones every "
+                f"commands with {', '.join(f'{name} {share}' for name, share in shares.items())}, new commands every "
                 f"{self.interval} s: expected shares in [0, 1] and a positive time"
             )
 

@@ -13,7 +13,7 @@ from stiction.learning.config import TrainCfg
 from stiction.learning.presets import PRESETS
 from stiction.robots.catalog import find_robot
 from stiction.robots.physics import EXACT, FAST
-from stiction.task.config import NoiseCfg
+from stiction.task.config import NoiseCfg, RandomizationCfg
 from stiction.task.friction import FrictionCfg
 from stiction_experiments.friction.evaluation import training_mean
 from stiction_experiments.friction.manifest import MANIFEST, ONE_PHASE, PARTS, condition_of, runs_of
@@ -176,5 +176,6 @@ def test_the_cost_of_a_run_is_that_of_its_control_steps() -> None:
     cfg = planned.cfg
     steps = 512 * 24 * (cfg.teacher.iterations + cfg.student.iterations) / 60.0
     for engine, physics, cost in (("mujoco", FAST, 0.179e-3), ("mujoco", EXACT, 0.242e-3), ("physx", EXACT, 1.2e-3)):
-        other = replace(cfg, engine=engine, task=replace(cfg.task, physics=physics))
+        ground = replace(cfg.task.randomization, contact_time=RandomizationCfg().contact_time)
+        other = replace(cfg, engine=engine, task=replace(cfg.task, physics=physics, randomization=ground))
         assert replace(planned, cfg=other).minutes() == pytest.approx(cost * steps)
