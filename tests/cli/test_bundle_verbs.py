@@ -7,8 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from bundles import make_bundle, make_contract
 from stiction.cli.main import main
 from stiction.files.bundle import shipped_bundles
+from stiction.files.following import scaled_commands
 from stiction.files.results import read_results
 from without import run_without
 from words import but
@@ -89,6 +91,17 @@ def test_evaluate_writes_results_without_torch(bundle: Path, tmp_path: Path) -> 
         "walks.jsonl",
         "settings.json",
     }
+
+
+def test_all_commands_are_those_of_the_training(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """The whole set, each axis as far as the policy was trained: here half as fast, and without a turn."""
+    ranges = {"forward": (-0.4, 0.4), "sideways": (-0.3, 0.3), "turn": (0.0, 0.0)}
+    folder = make_bundle(tmp_path / "slow", make_contract(command_range=ranges))
+    words = ["--commands", "all", "--friction-levels", "0", "--episodes", "1", "--seconds", "2.5"]
+    assert main(["evaluate", str(folder), *words, "--out", str(tmp_path / "out")]) == 0
+    rows = read_results(tmp_path / "out" / "results.csv")
+    assert tuple(row.command for row in rows) == scaled_commands((0.4, 0.3, 0.0))
+    assert "Commands by friction" in (tmp_path / "out" / "report.html").read_text()
 
 
 def test_a_policy_record_is_evaluated_with_one_line_of_warning(

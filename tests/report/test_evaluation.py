@@ -11,7 +11,7 @@ import pytest
 from stiction.evaluation.table import Sample
 from stiction.files.results import ResultRow, read_results
 from stiction.report.evaluation import draw_budget, lead, results_table, write_evaluation
-from stiction.report.following import places_text
+from stiction.report.following import command_map, places_text
 
 
 def make_row(policy: str, level: float, command: str, ratio: float | None, falls: float = 0.0) -> ResultRow:
@@ -45,6 +45,35 @@ ROWS = [
     make_row("wild", 0.0, "vx=0.5", 0.9, falls=0.5),
     make_row("wild", 0.0, "stand", None),
 ]
+
+
+def walked(level: float, command: str, vx: float, vy: float = 0.0, wz: float = 0.0) -> ResultRow:
+    """Return one row with its mean velocity."""
+    return replace(make_row("deception", level, command, 1.0), mean_vx=vx, mean_vy=vy, mean_wz=wz, slowest_walk=0.9)
+
+
+COMMANDED = [
+    *(walked(level, "vx=0.5", 0.5) for level in (0.0, 0.1, 0.2)),
+    *(walked(level, "wz=0.5", 0.0, 0.0, wz) for level, wz in ((0.0, 0.5), (0.1, 0.48), (0.2, 0.3))),
+    *(walked(level, "stand", 0.01) for level in (0.0, 0.1, 0.2)),
+]
+"""Follows all at 0 and 10 %; at 20 % the turn reaches 0.6 of the command."""
+
+
+def test_the_answer_names_the_worst_command(tmp_path: Path) -> None:
+    """All commands first, with the map; of straight walking alone the sentence of before."""
+    assert lead(COMMANDED).splitlines()[0] == (
+        "deception follows all 3 commands at 0 and 10 % of friction; 2 of 3 at 20 %, the worst is wz=0.5: too slow."
+    )
+    sheet = command_map(COMMANDED, "deception")
+    assert sheet.header == ("command", "none", "10 %", "20 %")
+    assert sheet.rows[1] == ("wz=0.5", "1.00", "0.96", "0.60 too slow") and sheet.rows[2][1] == "stands"
+    assert "follows its command at 3 of 3" in lead([row for row in COMMANDED if row.command == "vx=0.5"] + [
+        walked(level, "vx=-0.5", -0.5) for level in (0.0, 0.1, 0.2)
+    ])  # fmt: skip
+    page = write_evaluation(tmp_path, COMMANDED, SUMMARY | {"rows": [asdict(row) for row in COMMANDED]})
+    assert "Commands by friction" in page.read_text()
+
 
 SUMMARY = {
     "command": "stiction evaluate <b>plain</b>",

@@ -52,6 +52,14 @@ class CommandVerdict:
         return not self.faults
 
 
+DEFINITION = (
+    f"A command is followed where each commanded axis reaches {100 * FOLLOWS[0]:g} to {100 * FOLLOWS[1]:g} % of it, or "
+    f"comes within {NEAR:g} m/s (rad/s), in the mean over walks, every other axis stays within {DRIFT:g}, no walk "
+    f"falls and none is under {100 * STALLS:g} % of the command."
+)
+"""For pages."""
+
+
 def scaled_commands(reach: Sequence[float]) -> tuple[str, ...]:
     """Return the labels of the command set, each axis scaled by min(1, reach / largest of the set).
 

@@ -14,11 +14,20 @@ from stiction.core.records import make_folder, write_rows
 from stiction.engines.catalog import TIMESTEP
 from stiction.evaluation.metrics import WINDOW
 from stiction.evaluation.table import BOTH, Sample
-from stiction.files.results import ResultRow, tell_slowest_walk, write_results, write_summary
+from stiction.files.following import DEFINITION as COMMANDS_FOLLOWED
+from stiction.files.results import DIRECTIONS, ResultRow, tell_slowest_walk, write_results, write_summary
 from stiction.files.straight import BAND, DEFINITION, FAST, NOT_KNOWN, SLOW, following, paces, row_pace
 from stiction.joints.friction import LAWS, has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
-from stiction.report.following import counts_sheet, judged_text, paces_text, shade_following
+from stiction.report.following import (
+    command_map,
+    counts_sheet,
+    followed_text,
+    judged_text,
+    paces_text,
+    shade_following,
+    tells_commands,
+)
 from stiction.report.page import (
     INK,
     Section,
@@ -80,6 +89,10 @@ def _scene_text(scene: Scene) -> str:
     return engine if terrain == "flat" else f"{engine} on {terrain}"
 
 
+MOST_PANELS = 4
+"""Commands that the figure shows side by side."""
+
+
 def draw_budget(rows: Sequence[ResultRow], samples: Sequence[Sample] = (), methods: Mapping[str, str] = {}) -> Figure:
     """Return the friction budget: speed ratio over friction level, a line for each policy or training method.
 
@@ -90,6 +103,9 @@ def draw_budget(rows: Sequence[ResultRow], samples: Sequence[Sample] = (), metho
     moving = [row for row in rows if row.speed_ratio is not None]
     lines = list(dict.fromkeys((_scene(row), row.friction_law) for row in moving))
     columns = list(dict.fromkeys(row.command for row in moving))
+    if len(columns) > MOST_PANELS:
+        # The map of commands has the others.
+        columns = [command for command in columns if command in DIRECTIONS] or columns[:MOST_PANELS]
     width, height = max(1, len(columns)), max(1, len(lines))
     figure, axes = new_figure(height, width, size=(4.6 * width, 3.4 * height))
     speeds = [sample for sample in samples if sample.column == "speed_ratio"]
@@ -228,6 +244,9 @@ OVER_SEEDS = (
 GREEN = f"The green band is {BAND} of the commanded speed; below zero is the wrong way."
 """What the figure shows."""
 
+COMMAND_MAP = "Reached share of each commanded axis, mean over walks; behind it what is wrong where it is not followed."
+"""Explanation of the map of commands."""
+
 FIXED = {
     "action_delay": "action delay {:g} s",
     "encoder_offset": "encoder offset {:g} rad",
@@ -267,9 +286,15 @@ def write_evaluation(
 
 
 def lead(rows: Sequence[ResultRow]) -> str:
-    """Return the answer, then a line for each policy: at which levels it follows all commands with a speed."""
-    sentences = [best(rows)]
+    """Return the answer: which commands each policy follows at which friction.
+
+    Of rows that know straight walking alone: the best policy, then a line for each.
+    """
     scenes = _scenes(rows)
+    if tells_commands(rows):
+        lines = [f"{title} {followed_text(own)}." for title, own in _walkers(rows)]
+        return "\n".join((*lines, f"A policy is one training seed. {COMMANDS_FOLLOWED}"))
+    sentences = [best(rows)]
     for policy in dict.fromkeys(row.policy for row in rows):
         for scene in scenes:
             own = [row for row in rows if row.policy == policy and _scene(row) == scene]
@@ -278,6 +303,15 @@ def lead(rows: Sequence[ResultRow]) -> str:
                 said = paces_text([(_level(*level), seen) for level, seen in sorted(levels.items())])
                 sentences.append(f"{policy}{where} {said if levels else 'was not asked to move'}.")
     return "\n".join((*sentences, f"A policy is one training seed. {DEFINITION}"))
+
+
+def _walkers(rows: Sequence[ResultRow]) -> list[tuple[str, list[ResultRow]]]:
+    """Return the rows of every policy in every place, with its name and, where there are several places, the place."""
+    several = len(_scenes(rows)) > 1
+    groups: dict[tuple[str, Scene], list[ResultRow]] = {}
+    for row in rows:
+        groups.setdefault((row.policy, _scene(row)), []).append(row)
+    return [(f"{who}, {_scene_text(scene)}," if several else who, own) for (who, scene), own in groups.items()]
 
 
 def best(rows: Sequence[ResultRow]) -> str:
@@ -319,6 +353,9 @@ def sections(
 ) -> list[Section]:
     """Return the sections of the page: figure, training methods, table, definitions, what was run."""
     found = [Section("Friction budget", (budget_picture(figure, samples),))]
+    if tells_commands(rows):
+        maps = [block for title, own in _walkers(rows) for block in command_map(own, title.rstrip(",")).blocks()]
+        found.insert(0, Section("Commands by friction", (paragraph(COMMAND_MAP), *maps)))
     if any(sample.low is not None for sample in samples):
         counts = following(rows, lambda row: summary["ways"][row.policy])
         found.append(Section("How many training seeds follow", counts_sheet(counts).blocks()))

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Literal
 
-from stiction.files.results import FOLLOWS
+from stiction.files.following import CommandVerdict, judge_row, worst_command
+from stiction.files.results import DIRECTIONS, FOLLOWS, ResultRow
 from stiction.files.straight import DEFINITION, NOT_KNOWN, Following
+from stiction.files.velocity import parse_command
 from stiction.joints.friction import level_text
 from stiction.report.page import COLORS, Sheet
 
@@ -28,6 +30,51 @@ def friction_text(law: str, level: float) -> str:
     text = level_text(base, round(level, 4)) if level else "none"
     text = f"bench ({text})" if base.endswith("-bench") else text
     return f"{text} and {load} of the load" if load else text
+
+
+def tells_commands(rows: Iterable[ResultRow]) -> bool:
+    """Return True if rows show more than straight walking: further commands, with mean velocities."""
+    return any(row.command not in DIRECTIONS and judge_row(row) is not None for row in rows)
+
+
+def followed_text(rows: Sequence[ResultRow]) -> str:
+    """Return which commands one policy follows in one place, and the worst: `follows all 15 commands at 0 and 10 %`."""
+    levels: dict[tuple[str, float], list[CommandVerdict]] = {}
+    for row in sorted(rows, key=lambda row: (row.friction_law, row.friction_level)):
+        if (verdict := judge_row(row)) is not None:
+            levels.setdefault((row.friction_law, row.friction_level), []).append(verdict)
+    named = {level: friction_text(*level).replace("none", "0 %") for level in levels}
+    everywhere = {named[level]: all(one.follows for one in own) for level, own in levels.items()}
+    count = max(map(len, levels.values()))
+    said = [f"follows all {count} commands {places_text(everywhere)} of friction"] if any(everywhere.values()) else []
+    for level, own in levels.items():
+        if (worst := worst_command([one.row for one in own])) is not None:
+            followed = sum(one.follows for one in own)
+            said.append(
+                f"{'' if said else 'follows '}{followed} of {len(own)} at {named[level]}, the worst is "
+                f"{worst.row.command}: {', '.join(worst.faults)}"
+            )
+    return "; ".join(said)
+
+
+def command_map(rows: Sequence[ResultRow], title: str) -> Sheet:
+    """Return a table of commands by friction, of one policy in one place: the reached share of each commanded axis."""
+    levels = list(dict.fromkeys((row.friction_law, row.friction_level) for row in rows))
+    cells = {(row.command, (row.friction_law, row.friction_level)): _reached(row) for row in rows}
+    lines = [
+        (command, *(cells.get((command, level), "–") for level in levels))
+        for command in dict.fromkeys(row.command for row in rows)
+    ]
+    return Sheet(title, ("command", *(friction_text(*level) for level in levels)), tuple(lines))
+
+
+def _reached(row: ResultRow) -> str:
+    """Return what a walk reached of its command, and what is wrong with it: `0.75 too slow`."""
+    verdict = judge_row(row)
+    if verdict is None or row.mean_velocity is None:
+        return "–"
+    ratios = [f"{ratio:.2f}" for ratio in parse_command(row.command).axis_ratios(row.mean_velocity)]
+    return " ".join((" / ".join(ratios) or "stands", *((", ".join(verdict.faults),) if verdict.faults else ())))
 
 
 def counts_sheet(cells: Sequence[Following]) -> Sheet:

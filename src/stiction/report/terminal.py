@@ -20,6 +20,7 @@ from stiction.core.errors import ConfigurationError, escaped
 from stiction.core.flags import flag
 from stiction.core.provenance import MOST_THREADS, num_threads
 from stiction.core.records import header, texts
+from stiction.files.following import judge_row
 from stiction.files.results import ResultRow, tell_slowest_walk
 from stiction.files.straight import row_pace
 from stiction.joints.friction import level_text
@@ -126,6 +127,14 @@ def print_rows(rows: Sequence[ResultRow]) -> None:
         console.print(table)
 
 
+def _pace(row: ResultRow) -> str:
+    """Return `follows`, or what is wrong; of rows without a mean velocity the pace along the command."""
+    verdict = judge_row(row)
+    if verdict is None or row.slowest is not None:
+        return row_pace(row) or "–"
+    return ", ".join(verdict.faults) or "follows"
+
+
 def result_cells(row: ResultRow) -> dict[str, str]:
     """Return column -> cell of a row of results, a dash where there is no number."""
     measured = dict(zip(header(row), texts(row), strict=True))
@@ -136,7 +145,7 @@ def result_cells(row: ResultRow) -> dict[str, str]:
     return measured | {
         "friction": friction,
         "command": row.command,
-        "pace": row_pace(row) or "–",
+        "pace": _pace(row),
         SLOWEST_WALK: walk,
     }
 
