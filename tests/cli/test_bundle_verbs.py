@@ -97,7 +97,7 @@ def test_all_commands_are_those_of_the_training(tmp_path: Path, capsys: pytest.C
     """The whole set, each axis as far as the policy was trained: here half as fast, and without a turn."""
     ranges = {"forward": (-0.4, 0.4), "sideways": (-0.3, 0.3), "turn": (0.0, 0.0)}
     folder = make_bundle(tmp_path / "slow", make_contract(command_range=ranges))
-    words = ["--commands", "all", "--friction-levels", "0", "--episodes", "1", "--seconds", "2.5"]
+    words = ["--commands", "all", "--friction-levels", "0", "--episodes", "1", "--seconds", "3"]
     assert main(["evaluate", str(folder), *words, "--out", str(tmp_path / "out")]) == 0
     rows = read_results(tmp_path / "out" / "results.csv")
     assert tuple(row.command for row in rows) == scaled_commands((0.4, 0.3, 0.0))
