@@ -12,6 +12,7 @@ from stiction.cli.main import main
 from stiction.files.bundle import shipped_bundles
 from stiction.files.following import scaled_commands
 from stiction.files.results import read_results
+from stiction.robots.catalog import find_robot
 from without import run_without
 from words import but
 
@@ -96,7 +97,7 @@ def test_evaluate_writes_results_without_torch(bundle: Path, tmp_path: Path) -> 
 def test_all_commands_are_those_of_the_training(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """The whole set, each axis as far as the policy was trained: here half as fast, and without a turn."""
     ranges = {"forward": (-0.4, 0.4), "sideways": (-0.3, 0.3), "turn": (0.0, 0.0)}
-    folder = make_bundle(tmp_path / "slow", make_contract(command_range=ranges))
+    folder = make_bundle(tmp_path / "slow", make_contract(find_robot("saturn_lite"), command_range=ranges))
     words = ["--commands", "all", "--friction-levels", "0", "--episodes", "1", "--seconds", "3"]
     assert main(["evaluate", str(folder), *words, "--out", str(tmp_path / "out")]) == 0
     rows = read_results(tmp_path / "out" / "results.csv")
