@@ -58,6 +58,8 @@ class ExportCfg:
     maker_targets: Path | None = field(default=None, metadata=needs("--to bundle"))
     """Of a bundle: also write the targets of its golden vectors to this CSV, in the order, with the signs and zeros of
     the robot's maker, held joints included: to be played with the robot in the air, and watched joint by joint."""
+    uncorrected: bool = field(default=False, metadata=needs("--to bundle"))
+    """Of a bundle: leave out the correction of commands, to compare with and without it."""
     friction_level: float | None = field(default=None, metadata=needs("--to webots"))
     """Of a Webots project: dry friction of the joints as a fraction of each one's torque limit [-], 0 by default. It
     can be changed in the worlds."""
@@ -95,7 +97,8 @@ def _to_bundle(cfg: ExportCfg) -> None:
         print(f"stiction export: {note}", file=sys.stderr)
 
     with replaced_folder(out):
-        check = export_run(cfg.source, out, cfg.wear, cfg.joints, cfg.joint_map, say, cfg.robot, cfg.maker_targets)
+        asked = (cfg.wear, cfg.joints, cfg.joint_map, say, cfg.robot, cfg.maker_targets)
+        check = export_run(cfg.source, out, *asked, corrected=not cfg.uncorrected)
     if cfg.json:
         print(json.dumps(check.summary() | {"path": str(out)}, indent=2))
     else:

@@ -155,12 +155,14 @@ def export_run(
     say: Callable[[str], None] = lambda note: None,
     robot: str | None = None,
     maker_targets: Path | None = None,
+    corrected: bool = True,
 ) -> BundleCheck:
     """Export the student of a training run, write its bundle, and check what was written.
 
     wear: the wear.json of `stiction study adaptation`; joints: the joints.json of a robot, for a policy that observes
     its joints' friction; joint_map: RECORDED=JOINT pairs; say: called with what the joints.json lacks; robot: see
-    `RunDirectory.adopt`; maker_targets: CSV of recorded targets in the maker's order. Raises `StictionError` for a run
+    `RunDirectory.adopt`; maker_targets: CSV of recorded targets in the maker's order;
+    corrected: False to leave out the correction of commands. Raises `StictionError` for a run
     that is not finished, files of another student or robot, or where `out` exists.
     """
     refuse_alone(joint_map, joints)
@@ -175,6 +177,8 @@ def export_run(
         )
     model = None if wear is None else _wear_of(directory, wear)
     contract = contract_of(cfg, header)
+    if not corrected:
+        contract = replace(contract, command_correction=None)
     if joints is not None:
         contract = with_bench(contract, joints, say, joint_map)
     if maker_targets is not None:
