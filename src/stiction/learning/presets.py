@@ -11,7 +11,7 @@ from stiction.core.flags import entries
 from stiction.files.method import find_method, method_names
 from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.robots.physics import EXACT, FAST
-from stiction.task.config import CommandCfg, RandomizationCfg, TaskCfg
+from stiction.task.config import RandomizationCfg, TaskCfg
 
 PresetName = Literal["full", "quick", "two-phase", "paper"]
 
@@ -19,12 +19,7 @@ _SHOWN = TrainCfg(video_every=100)
 
 _ONE_PHASE = replace(
     _SHOWN,
-    task=TaskCfg(
-        estimated_friction=True,
-        first_side=True,
-        randomization=RandomizationCfg(contact_time=(0.01, 0.03), standing_start=0.25),
-        commands=CommandCfg(forward=(-0.9, 0.9), sideways=(-0.4, 0.4), turn=(-1.2, 1.2)),
-    ),
+    task=TaskCfg(estimated_friction=True, randomization=RandomizationCfg(contact_time=(0.01, 0.03))),
     teacher=TeacherCfg(latent="history", iterations=1000, final_std=0.2, velocity_weight=10.0, quiet=30),
     student=StudentCfg(iterations=0),
     network=NetworkCfg(estimator_frame=32, estimator=(128, 64)),
@@ -43,8 +38,7 @@ PRESETS = {
     "paper": replace(_SHOWN, task=TaskCfg(randomization=RandomizationCfg.literal())),
 }
 """`full` and `quick` are one phase, with little noise in the end and none at last, on ground that is another for each
-robot; a quarter of the episodes begin in the exact standing pose, the policy is told which side begins, and commands go
-past the edges of the set by which following is judged. `two-phase` is the paper's teacher and student at the budget with which its claims were judged, on yielding
+robot. `two-phase` is the paper's teacher and student at the budget with which its claims were judged, on yielding
 springs, which are faster; `paper` has more of it, the paper's table and the noise of sensors. All make clips."""
 
 
