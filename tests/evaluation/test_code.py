@@ -23,7 +23,6 @@ READING = {
         "core/lock.py",
         "core/memory.py",
         "core/scratch.py",
-        "files/dialect.py",
         "files/text.py",
     ),
     *(
@@ -48,9 +47,7 @@ READING = {
 """Code that reads and refuses files, whose content is in every key, or names columns and methods; finds what a user
 named; speed; configuration, whose values are in every key, and rewards, which no walk reads."""
 
-CHECKING = {
-    f"deploy/{name}.py" for name in ("check", "first_run", "network_file", "operators", "plausibility", "violation")
-}
+CHECKING = {f"deploy/{name}.py" for name in ("check", "first_run", "network_file", "operators", "plausibility")}
 """Code that refuses a policy or a command, or lets it walk as it is."""
 
 WEAR = {"files/wear.py", "deploy/wear.py"}
@@ -64,7 +61,7 @@ BENCHES = {
 """Code of benches, whose numbers are in the key of each walk that is told them; and who does which walk."""
 
 TRAINING = {
-    *(f"task/{name}.py" for name in ("commands", "device", "env", "events", "gait", "terminations")),
+    *(f"task/{name}.py" for name in ("env", "events")),
     *(f"learning/{name}.py" for name in ("config", "figures", "health", "identity", "phase", "ppo", "quick", "run")),
     *("learning/ranks.py", "learning/begin.py", "learning/symmetry.py", "deploy/vendor.py"),
     *(name for name in NAMES.values() if name.startswith("engines/")),
@@ -85,7 +82,7 @@ BENCHED = {
         "deploy/observation.py",
         "deploy/policy.py",
     ),
-    *(f"sim/{name}.py" for name in ("fleet", "native", "protocol", "slider")),
+    *(f"sim/{name}.py" for name in ("fleet", "native")),
     *("identification/excite/fisher.py", "identification/excite/setup.py"),
 }
 """Code of walks, and of the design of logs: the robot on its stand shares modules with the one that walks."""

@@ -69,6 +69,14 @@ def _has(value: Any, names: Any) -> bool:
     return isinstance(value, Mapping) and set(value) == set(names)
 
 
+def _object(rules: Mapping[str, Rule], expected: str) -> Rule:
+    """Return the rule of null, or of an object with exactly these keys, each by its rule."""
+    return _or_null(
+        lambda value: _has(value, rules) and all(rule.allowed(value[name]) for name, rule in rules.items()),
+        f"an object with {expected}",
+    )
+
+
 def _is_file(value: Any) -> bool:
     digest = _has(value, ("name", "sha256")) and is_name(value["name"]) and value["sha256"]
     return isinstance(digest, str) and re.fullmatch("[0-9a-f]{64}", digest) is not None
@@ -163,16 +171,8 @@ RULES: dict[str, Rule] = {
     "action_clip": _between(1e-3, 1000.0),
     "compensation_width": _between(1e-4, 3.2, " rad"),
     "compensation_speeds": _or_null(lambda value: _is_pair(value, JOINT_SPEED), "two numbers from 0.0001 to 100 rad/s"),
-    "target_limits": _or_null(
-        lambda value: _has(value, TARGET_RULES) and all(r.allowed(value[name]) for name, r in TARGET_RULES.items()),
-        "an object with 'slew', 0.1 to 1000 rad/s, and 'margin', 0 to 1 rad",
-    ),
-    "command_correction": _or_null(
-        lambda value: (
-            _has(value, CORRECTION_RULES) and all(r.allowed(value[name]) for name, r in CORRECTION_RULES.items())
-        ),
-        "an object with 'time', 0.1 to 100 s, 'share', 0 to 1, and 'least', 0 to 0.2 m/s",
-    ),
+    "target_limits": _object(TARGET_RULES, "'slew', 0.1 to 1000 rad/s, and 'margin', 0 to 1 rad"),
+    "command_correction": _object(CORRECTION_RULES, "'time', 0.1 to 100 s, 'share', 0 to 1, and 'least', 0 to 0.2 m/s"),
     "friction_level": SHARE,
     "friction_range": RANGE,
     **dict.fromkeys(("friction_load", "friction_spread"), _or_null(*RANGE)),
