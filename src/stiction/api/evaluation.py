@@ -17,7 +17,8 @@ from stiction.core.errors import ConfigurationError
 from stiction.core.lock import output_folder
 from stiction.core.records import header, texts
 from stiction.core.scratch import scratch
-from stiction.files.results import DIRECTIONS, SCHEMA_VERSION, ResultRow, tell_slowest_walk
+from stiction.files.following import EVERY
+from stiction.files.results import SCHEMA_VERSION, ResultRow, tell_slowest_walk
 
 if TYPE_CHECKING:
     from stiction.evaluation.grid import GridCfg
@@ -53,15 +54,10 @@ class Evaluated(Result):
         return {name: [getattr(row, name) for row in self.rows] for name in ResultRow.__dataclass_fields__}
 
     def lines(self) -> Sequence[str]:
-        """Return a line a policy, or how many there are, and of which level it follows its commands."""
-        from stiction.files.straight import row_pace
+        """Return a line a policy, or how many there are: at which friction it follows which commands."""
+        from stiction.report.evaluation import lead
 
-        found: list[str] = []
-        for policy in dict.fromkeys(row.policy for row in self.rows):
-            own = [row for row in self.rows if row.policy == policy]
-            paces = [f"{row.friction_level:g} {row.command} {row_pace(row) or '–'}" for row in own]
-            more = f" and {len(paces) - 4} more" if len(paces) > 4 else ""
-            found.append(f"{policy}: {', '.join(paces[:4])}{more}")
+        *found, _ = lead(self.rows).split("\n")
         return [*found[:3], *([f"and {len(found) - 3} policies more"] if len(found) > 3 else [])]
 
     def to_dict(self) -> dict[str, Any]:
@@ -97,10 +93,10 @@ def evaluate(
     callable_period: float = 0.02,
     friction_levels: float | Sequence[float] = (0.0, 0.1, 0.2),
     friction_law: str = "coulomb",
-    commands: str | Sequence[str] = DIRECTIONS,
+    commands: str | Sequence[str] = EVERY,
     engines: str | Sequence[str] = ("mujoco",),
     terrains: str | Sequence[str] = ("flat",),
-    episodes: int = 32,
+    episodes: int = 8,
     seconds: float = 20.0,
     seed: int = 0,
     jobs: int | None = None,
@@ -117,7 +113,7 @@ def evaluate(
         callable_period: time between two calls of the function [s].
         friction_levels: dry friction as fractions of each joint's torque limit.
         friction_law: law of the dry friction, whatever the training's.
-        commands: `vx=0.5` [m/s], `wz=0.3` [rad/s], `vx=0.3,wz=0.2`, `stand`.
+        commands: `vx=0.5` [m/s], `wz=0.3` [rad/s], `vx=0.3,wz=0.2`, `stand`; `all`: the fifteen to be followed.
         engines: `mujoco`, the simulator of the training; `mujoco-alone`, `physx`, `ode`; `physx+all` and so on.
         terrains: `flat`, `stairs=0.1`, `slope=0.2`, `rough=0.05`.
         episodes: a level and command.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from contextlib import nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -13,7 +13,7 @@ from stiction.core.errors import ConfigurationError, FileError
 from stiction.core.flags import ARGUMENT
 from stiction.core.lock import output_folder
 from stiction.core.options import read_options, refuse
-from stiction.files.results import DIRECTIONS
+from stiction.files.following import EVERY
 from stiction.files.settings import results_folder
 from stiction.report.terminal import RobotSeeds, jobs_of
 from stiction.task.friction import law_flag
@@ -71,10 +71,10 @@ class EvaluateCfg:
     terrains: tuple[str, ...] = ("flat",)
     """Grounds: flat, stairs=0.1 (step height [m]), slope=0.2 (angle [rad]), rough=0.05 (highest slab [m]). What is not
     flat is crossed blind, straight on, by the commands that lead forward."""
-    commands: tuple[str, ...] = DIRECTIONS
+    commands: tuple[str, ...] = (EVERY,)
     """Commanded velocities, vx forward, vy sideways [m/s], wz turn [rad/s]: vx=0.5 or vx=0.3,wz=0.2 or stand; all: the
     fifteen that a policy has to follow, each axis scaled to the commands of its training."""
-    episodes: int = 32
+    episodes: int = 8
     """Episodes per level and command, of every virtual robot."""
     seconds: float = 20.0
     """Length of an episode [s]; its first 2 s are not measured."""
@@ -131,15 +131,12 @@ def main(arguments: list[str]) -> int:
     from stiction.evaluation.grid import GridCfg, parse_simulator
     from stiction.evaluation.summary import bundle_of, evaluate_all
     from stiction.evaluation.walk_logs import RecordCfg, log_all
-    from stiction.files.following import COMMAND_SET, scaled_commands
-    from stiction.files.velocity import COMMANDS, FASTEST
     from stiction.report.evaluation import FILES
     from stiction.report.terminal import print_warnings, work_progress
 
     for engine in cfg.engines:
         parse_simulator(engine)  # names before numbers
-    every = cfg.commands == (EVERY,)
-    base = part_of(EvaluationCfg, replace(cfg, commands=COMMAND_SET) if every else cfg)
+    base = part_of(EvaluationCfg, cfg)
     settings = part_of(GridCfg, cfg, base=base)
     record = None if cfg.log is None else RecordCfg(cfg.log_robots, cfg.log_seconds, torque=cfg.log_torque)
     policies: list[Path | str] = [*cfg.bundles]
@@ -147,10 +144,6 @@ def main(arguments: list[str]) -> int:
         policies.append(cfg.policy_callable)
     # Before the folder: what is no bundle would be called one of other settings than those of the results there.
     bundles = [bundle_of(policy, settings, cfg.robot, cfg.callable_period) for policy in policies]
-    if every:
-        ranges = [bundle.contract.command_range or {} for bundle in bundles]
-        reach = [min(max(map(abs, own.get(axis, (FASTEST,)))) for own in ranges) for axis in COMMANDS]
-        settings = replace(settings, base=replace(base, commands=scaled_commands(reach)))
     with (
         results_folder(cfg.out, "evaluate", cfg, FILES, {"bundles": cfg.bundles, "robot": cfg.robot}),
         nullcontext() if cfg.log is None else output_folder(cfg.log, "--log"),
@@ -195,9 +188,6 @@ def write_and_print(cfg: EvaluateCfg, rows: list[ResultRow], summary: dict[str, 
         if "logs" in summary:
             print(f"logs: {len(summary['logs'])} in {cfg.log}")
 
-
-EVERY = "all"
-"""Word for the whole set of commands."""
 
 DESCRIPTION = """Drive policy bundles over levels of dry joint friction, velocity commands, grounds and physics engines,
 on the robot of the data sheet or on a virtual one with joints of its own, from the bundles alone. A bundle is a

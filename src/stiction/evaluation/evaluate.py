@@ -21,6 +21,7 @@ from stiction.evaluation.metrics import Metrics, measure
 from stiction.evaluation.policies import FunctionDriver, OwnPolicy, known_to, method_of, parse_source
 from stiction.files.bundle import Bundle
 from stiction.files.contract import Contract, robot_of
+from stiction.files.following import COMMAND_SET, EVERY
 from stiction.files.results import DIRECTIONS, ResultRow, slowest_of
 from stiction.files.velocity import Command, parse_command
 from stiction.files.walk import Recording
@@ -65,7 +66,7 @@ class EvaluationCfg:
     friction_levels: tuple[float, ...] = (0.0, 0.1, 0.2)
     """Dry friction as fractions of each joint's torque limit [-]; of `load` and `effort` their coefficients."""
     commands: tuple[str, ...] = DIRECTIONS
-    """Commanded velocities: vx, vy [m/s], wz [rad/s], or `stand`."""
+    """Commanded velocities: vx, vy [m/s], wz [rad/s], or `stand`; `all`: the set that a policy has to follow."""
     episodes: int = 32
     """Episodes per level and command."""
     seconds: float = 20.0
@@ -127,7 +128,7 @@ class EvaluationCfg:
     @property
     def parsed_commands(self) -> tuple[Command, ...]:
         """The commands as velocities."""
-        return tuple(parse_command(text) for text in self.commands)
+        return tuple(parse_command(text) for text in (COMMAND_SET if self.commands == (EVERY,) else self.commands))
 
     @property
     def course(self) -> Course:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,9 @@ from stiction.evaluation.run import BENCHES, Progress, walk_grid
 from stiction.evaluation.table import methods_of, rows_of, sample_names
 from stiction.files.bundle import Bundle, find_bundle
 from stiction.files.contract_rules import TARGET_LIMITS
+from stiction.files.following import EVERY, scaled_commands
 from stiction.files.results import ResultRow
+from stiction.files.velocity import COMMANDS, FASTEST
 from stiction.learning.identity import unrecorded_note
 from stiction.virtual.cases import warnings_on
 
@@ -51,7 +53,14 @@ def evaluate_all(
     jobs: int = 1,
     progress: Progress = lambda name, share: None,
 ) -> tuple[list[ResultRow], dict[str, Any]]:
-    """Walk a grid; return its rows and the summary. Arguments and errors as of `walk_grid` and `check_names`."""
+    """Walk a grid; return its rows and the summary. Arguments and errors as of `walk_grid` and `check_names`.
+
+    The commands `all` are scaled to those of the policies' training, on every axis to the least of them.
+    """
+    if cfg.base.commands == (EVERY,):
+        ranges = [bundle.contract.command_range or {} for bundle in bundles]
+        reach = [min(max(map(abs, own.get(axis, (FASTEST,)))) for own in ranges) for axis in COMMANDS]
+        cfg = replace(cfg, base=replace(cfg.base, commands=scaled_commands(reach)))
     check_names([bundle.name for bundle in bundles])
     origin, start = Origin.now(), time.perf_counter()
     done = walk_grid(bundles, cfg, out, jobs, robot, progress)

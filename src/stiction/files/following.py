@@ -22,6 +22,9 @@ COMMAND_SET = (
 )
 """Commands that a policy has to follow, by their labels; `scaled_commands` fits them to a slower robot."""
 
+EVERY = "all"
+"""Word in place of commands: the whole set, see `commands_within`."""
+
 STALLS = 0.5
 """Smallest share of the command in any single walk [-]."""
 

@@ -16,7 +16,7 @@ from stiction.evaluation.metrics import WINDOW
 from stiction.evaluation.table import BOTH, Sample
 from stiction.files.following import DEFINITION as COMMANDS_FOLLOWED
 from stiction.files.results import DIRECTIONS, ResultRow, tell_slowest_walk, write_results, write_summary
-from stiction.files.straight import BAND, DEFINITION, FAST, NOT_KNOWN, SLOW, following, paces, row_pace
+from stiction.files.straight import BAND, DEFINITION, FAST, NOT_KNOWN, SLOW, following, paces
 from stiction.joints.friction import LAWS, has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
 from stiction.report.following import (
@@ -48,7 +48,7 @@ from stiction.report.page import (
     settings_table,
     table,
 )
-from stiction.report.terminal import SLOWEST_WALK, result_cells
+from stiction.report.terminal import SLOWEST_WALK, pace_text, result_cells
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -376,7 +376,7 @@ def methods_table(samples: Sequence[Sample], walked: Sequence[ResultRow], method
     for row in walked:
         level = _level(row.friction_law, row.friction_level)
         own_cell = methods[row.policy], row.engine, row.terrain, level, row.command
-        paced.setdefault(own_cell, []).append(row_pace(row) or "")
+        paced.setdefault(own_cell, []).append(pace_text(row))
     cells: dict[tuple[str, ...], dict[str, Sample]] = {}
     for one in samples:
         if one.command != BOTH:
@@ -397,7 +397,7 @@ def methods_table(samples: Sequence[Sample], walked: Sequence[ResultRow], method
 
 def _paces(seeds: Sequence[str]) -> str:
     """Return how many seeds have which pace under one command: `4 follow, 1 too fast`. seeds: the pace of each."""
-    found = [one.replace("follows", "follow") for one in seeds if one]
+    found = [one.replace("follows", "follow") for one in seeds if one != "–"]
     return ", ".join(f"{found.count(one)} {one}" for one in dict.fromkeys(found)) or "–"
 
 

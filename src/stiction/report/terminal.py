@@ -127,7 +127,7 @@ def print_rows(rows: Sequence[ResultRow]) -> None:
         console.print(table)
 
 
-def _pace(row: ResultRow) -> str:
+def pace_text(row: ResultRow) -> str:
     """Return `follows`, or what is wrong; of rows without a mean velocity the pace along the command."""
     verdict = judge_row(row)
     if verdict is None or row.slowest is not None:
@@ -145,7 +145,7 @@ def result_cells(row: ResultRow) -> dict[str, str]:
     return measured | {
         "friction": friction,
         "command": row.command,
-        "pace": _pace(row),
+        "pace": pace_text(row),
         SLOWEST_WALK: walk,
     }
 
