@@ -45,7 +45,6 @@ def mirrored_state(env: LocomotionEnv, mirror: RobotMirror) -> dict[str, Any]:
     buffers["air_time"] = buffers["air_time"][:, feet]
 
     buffers["first_side"] = -buffers["first_side"]
-    buffers["mean_error"] = buffers["mean_error"] * torch.tensor([1.0, -1.0, -1.0])
 
     kinds = mirror_of_kinds(env)
     buffers["bench_error"] = buffers["bench_error"][:, kinds]

@@ -21,6 +21,7 @@ from stiction.learning.phase import Interrupted, PhaseRunner
 from stiction.learning.run import RunDirectory
 from stiction.learning.runner import load_actor, load_student, train
 from stiction.learning.symmetry import EquivariantLinear, make_equivariant
+from stiction.robots.physics import PhysicsCfg
 from stiction.task.config import TaskCfg
 from stiction.task.env import LocomotionEnv
 from stiction.task.friction import FrictionCfg
@@ -44,6 +45,14 @@ CFG = TrainCfg(
     symmetry="network",
     num_envs=8,
 )
+ALONE = replace(
+    CFG,
+    task=replace(CFG.task, first_side=True, physics=PhysicsCfg("plastic-first", stiffness=100.0)),
+    network=replace(CFG.network, latent=0),
+    teacher=TeacherCfg(latent="history", iterations=4, steps=4, epochs=1, mini_batches=2),
+    student=StudentCfg(iterations=0),
+)
+"""One phase without a latent, on sliders and then on rows."""
 STAIRS = replace(CFG, task=replace(CFG.task, terrain=TerrainCfg(kind="stairs")))
 
 
@@ -110,6 +119,19 @@ def test_a_student_is_symmetric(tmp_path: Path, cfg: TrainCfg) -> None:
             image = policy(mirror.group("history")(obs["history"]))
             torch.testing.assert_close(image, mirror.action(policy(obs["history"])), atol=1e-6, rtol=0)
         runner.iterate()
+
+
+def test_a_policy_without_a_latent_is_symmetric_and_exports(tmp_path: Path) -> None:
+    """It sees the present frame and its estimates; of the history the estimator alone makes something."""
+    run = RunDirectory.create(tmp_path / "run", ALONE, "c", None)
+    train(ALONE, run)
+    env = LocomotionEnv(ALONE.task, 8, seed=0)
+    mirror, obs, actor = task_mirror(env), anything(env), load_actor(run, "student")
+    check_actor(actor, mirror, obs)
+    assert actor.mlp[0].in_features == obs["proprioception"].shape[1] + obs["explicit"].shape[1]
+    student, size = load_student(run), obs["history"].shape[1]
+    network = Network(export_network(student, size), size, 12)
+    np.testing.assert_allclose(network(obs["history"].numpy()), student(obs["history"]).detach().numpy(), atol=1e-5)
 
 
 def test_the_check_finds_an_ordinary_network(tmp_path: Path) -> None:
@@ -189,10 +211,10 @@ def test_a_symmetric_policy_has_a_first_step_on_either_side(tmp_path: Path) -> N
     assert (mirror.action(left) - left).abs().max() > 0.01
 
 
-@pytest.mark.parametrize("symmetry", ["half", "network"])
-def test_a_run_that_is_stopped_everywhere_is_the_same_run(tmp_path: Path, symmetry: str) -> None:
-    """Which samples are mirrored, and that left and right have one standard deviation, survives a resume bit by bit."""
-    cfg = replace(CFG, symmetry=symmetry, checkpoint_every=1)
+@pytest.mark.parametrize("cfg", [replace(CFG, symmetry="half"), CFG, ALONE], ids=["half", "network", "rows at last"])
+def test_a_run_that_is_stopped_everywhere_is_the_same_run(tmp_path: Path, cfg: TrainCfg) -> None:
+    """Which samples are mirrored, one standard deviation of left and right, and what holds the joints: bit by bit."""
+    cfg = replace(cfg, checkpoint_every=1)
     whole, parts = (RunDirectory.create(tmp_path / name, cfg, "c", None) for name in ("whole", "parts"))
     train(cfg, whole)
     while not parts.finished:

@@ -103,7 +103,7 @@ REFUSED = [
         "a static_ratio other than 1",
     ),
     ("--set task.physics.impedance=0.9", "--set task.physics.impedance", "--physics rows"),
-    ("--physics rows --task.physics.stiffness 500", "--task.physics.stiffness", "--physics plastic"),
+    ("--physics rows --task.physics.stiffness 500", "--task.physics.stiffness", "--physics plastic or plastic-first"),
     ("--method none --task.physics.stiffness 500", "--task.physics.stiffness", "friction in training"),
     ("--engine physx --set task.physics.iterations=20", "--set task.physics.iterations", "--engine mujoco"),
     (

@@ -90,7 +90,7 @@ def test_a_target_met_early_ends_with_them(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "words",
     [
-        "--teacher.quiet 30 --teacher.latent alternate --student.iterations 80",
+        "--teacher.quiet 30 --teacher.latent alternate --student.iterations 80 --set network.latent=16",
         "--teacher.quiet 30 --student.algorithm ppo --student.iterations 5",
         "--method dreamwaq --teacher.quiet 30",
         "--method hinf --teacher.quiet 30",

@@ -8,7 +8,7 @@ import torch
 from rollouts import check_ratio, phase_runner, rollout
 from stiction.core.errors import ConfigurationError, StictionError
 from stiction.learning.arguments import parse
-from stiction.learning.config import StudentCfg, TeacherCfg, TrainCfg
+from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.learning.phase import PhaseRunner
 from stiction.task.config import TaskCfg
 from stiction.task.env import LocomotionEnv
@@ -134,6 +134,7 @@ def test_ppo_goes_on_from_the_teacher_on_the_students_own_latent(env: Locomotion
         ({"teacher": TeacherCfg(latent="history", velocity_weight=0.0)}, "velocity_weight"),
         ({"student": StudentCfg(iterations=-1)}, "student.iterations"),
         ({"teacher": TeacherCfg(latent="history", final_std=1.0)}, "noise"),
+        ({"teacher": TeacherCfg(), "network": NetworkCfg(latent=0)}, "network.latent is 0"),
         ({"task": replace(TASK, terrain=TerrainCfg(kind="stairs"))}, "encoder of the ground"),
     ],
 )

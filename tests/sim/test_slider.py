@@ -117,12 +117,28 @@ def test_a_restored_simulation_goes_on_bit_for_bit() -> None:
     assert np.abs(other.simulation.bind("plastic") - state["plastic"]).max() > 1e-3
 
 
+def test_rows_take_the_place_of_sliders() -> None:
+    """To the last bit a fleet that had rows from the beginning, with the friction that the sliders had."""
+    fleets = [Fleet(find_robot("go1"), 2, 0.005, decimation=4, physics=one) for one in (PhysicsCfg(), PLASTIC)]
+    for fleet in fleets:
+        fleet.friction[:] = np.array([[0.05], [0.2]]) * fleet.torque_limit
+    fleets[1].use_rows()
+    for fleet in fleets:
+        for step in range(25):
+            fleet.set_targets(fleet.standing + 0.3 * np.sin(0.4 * step))
+            fleet.step()
+    np.testing.assert_array_equal(fleets[0].qpos, fleets[1].qpos)
+    fleets[1].friction[:] = 0.0
+    fleets[1].step()
+    assert (fleets[1].simulation.materialize(1)[0].dof_frictionloss == 0.0).all()
+
+
 def test_what_has_no_meaning_is_refused_in_one_line() -> None:
     """On a GPU springs would not yield at all, and PGS does not converge on rows."""
     with pytest.raises(StictionError, match="--physics plastic needs them; use --device cpu"):
         TrainCfg(task=TaskCfg(physics=PLASTIC), device="warp-cpu")
     for wrong, word in (
-        ({"friction": "glue"}, "rows, plastic"),
+        ({"friction": "glue"}, "rows, plastic, plastic-first"),
         ({"solver": "cg"}, "newton, pgs"),
         ({"solver": "pgs"}, "--physics plastic"),
         ({"impedance": 1.0}, "impedance"),

@@ -1,6 +1,5 @@
 """The task: observation groups, episodes, delays and offsets, and what a checkpoint must hold."""
 
-import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -165,36 +164,6 @@ def test_commands_fill_their_ranges_and_small_ones_are_standing() -> None:
     norm = value.norm(dim=-1)
     assert ((norm == 0) | (norm > 0.1)).all()
     assert 0.09 < (norm == 0).float().mean() < 0.14
-
-
-def test_shares_of_commands() -> None:
-    """Half along one axis, each as often; a third times 0.15 to 0.6, so that no slow one passes 0.6 of the range."""
-    cfg = CommandCfg(standing_share=0.0, moving_above=0.0, alone=0.5, slow=0.0)
-    sampler = CommandSampler(cfg, 6000)
-    sampler.draw(torch.arange(6000), torch.Generator().manual_seed(0))
-    alone = (sampler.value != 0).sum(-1) == 1
-    assert alone.float().mean().item() == pytest.approx(0.5, abs=0.03)
-    assert (sampler.value[alone] != 0).float().mean(0).tolist() == pytest.approx([1 / 3] * 3, abs=0.04)
-    slow = CommandSampler(replace(cfg, alone=0.0, slow=1.0), 6000)
-    slow.draw(torch.arange(6000), torch.Generator().manual_seed(0))
-    bounds = 0.6 * torch.tensor([0.8, 0.3, 0.6])
-    assert (slow.value.abs() <= bounds).all() and (slow.value.abs().amax(0) > 0.9 * bounds).all()
-    for wrong in ({"alone": 1.1}, {"slow": -0.1}):
-        with pytest.raises(ConfigurationError, match="expected shares in"):
-            CommandCfg(**wrong)
-
-
-def test_the_mean_error_forgets_in_half_a_second_and_at_a_reset() -> None:
-    """M ← e + k (m − e) with k = exp(−0.02/0.5); a robot that begins anew has none."""
-    env = make()
-    env.commands.value = torch.tensor([[0.5, -0.1, 0.2]] * 4)
-    env.mean_error[:] = 1.0
-    snapshot = env._snapshot(torch.zeros(4, 12), torch.zeros(4, dtype=torch.bool))
-    velocity = torch.cat((snapshot.linear_velocity[:, :2], snapshot.angular_velocity[:, 2:]), -1)
-    error, kept = velocity - env.commands.value, math.exp(-0.04)
-    torch.testing.assert_close(snapshot.mean_error, (1 - kept) * error + kept)
-    env._reset(torch.tensor([1, 3]))
-    assert not env.mean_error[[1, 3]].any() and env.mean_error[[0, 2]].all()
 
 
 def test_a_share_of_episodes_begins_exactly_in_the_standing_pose() -> None:

@@ -19,7 +19,6 @@ def snapshot(**changes: torch.Tensor) -> rewards.Snapshot:
         moving=torch.tensor([True, True]),
         linear_velocity=torch.zeros(2, 3),
         angular_velocity=torch.zeros(2, 3),
-        mean_error=torch.zeros(2, 3),
         up=torch.tensor([[0.0, 0.0, 1.0]] * 2),
         height_error=torch.zeros(2),
         torque_share=torch.zeros(2, JOINTS),
@@ -54,13 +53,6 @@ def test_tracking_pays_by_the_error() -> None:
     assert rewards.track_linear(snapshot(linear_velocity=moving)).tolist() == pytest.approx([math.exp(-0.1)] * 2)
     turning = torch.tensor([[0.0, 0.0, 0.5], [9.0, 9.0, 0.0]])
     assert rewards.track_angular(snapshot(angular_velocity=turning)).tolist() == pytest.approx([math.exp(-1.0), 1.0])
-
-
-def test_the_mean_error_pays_to_the_last_of_it() -> None:
-    """exp(-0.05/0.1) for 0.03 and 0.04 m/s on two axes, exp(-2) for 0.3 rad/s; the turn costs nothing ahead."""
-    error = torch.tensor([[0.03, -0.04, 0.3], [0.0, 0.0, 0.0]])
-    assert rewards.mean_linear(snapshot(mean_error=error)).tolist() == pytest.approx([math.exp(-0.5), 1.0])
-    assert rewards.mean_angular(snapshot(mean_error=error)).tolist() == pytest.approx([math.exp(-2.0), 1.0])
 
 
 def test_gait_is_paid_only_while_moving() -> None:

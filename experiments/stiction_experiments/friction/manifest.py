@@ -2,8 +2,8 @@
 
 All conditions have one preset, without its clips: the same budget, no early stop. Three ask what three times as much
 would do. They differ from `stiction train --preset PRESET --video-every 0` in the options that stand here and nothing
-else. The first part is trained with any preset, `designs` and `methods` with those of one phase, all others with
-`TWO_PHASE` alone, whose phases they name.
+else. The first part is trained with any preset, `designs`, `methods` and `cohort` with those of one phase, all
+others with `TWO_PHASE` alone, whose phases they name.
 
 The paper explains frozen training by friction that filters early actions. The first actions of saturn_lite ask for
 kp · action scale · σ = 100 N m/rad · 0.25 rad · 0.8 = 20 N m, one standard deviation, against 5 N m (hip, thigh) and
@@ -49,12 +49,13 @@ PARTS = {
     "literal": "The paper to the letter, trained in two engines",
     "designs": "How a student learns, at equal processor time",
     "methods": "Other papers' methods, friction with load, joints that differ",
+    "cohort": "The training methods as the presets are since, every command, held-out seeds",
 }
 """Part -> what it is about, in the order in which the parts are worth their time."""
 
 
-ONE_PHASE_PARTS = ("1", "designs", "methods")
-"""Parts that presets of one phase train; all but the last two of them are trained with `TWO_PHASE`."""
+ONE_PHASE_PARTS = ("1", "designs", "methods", "cohort")
+"""Parts that presets of one phase train; of them the first alone is trained with `TWO_PHASE` too."""
 
 
 def parts_of(preset: str) -> list[str]:
@@ -100,7 +101,9 @@ class Run:
     @property
     def arguments(self) -> tuple[str, ...]:
         """Words for `stiction train`, without the folder. Nobody looks at the clips of an experiment."""
-        return "--preset", self.preset, *self.condition.options, "--seed", str(self.seed), "--video-every", "0"
+        before = () if self.preset == TWO_PHASE or self.condition.part == "cohort" else BEFORE
+        options = _over(before, self.condition.options)
+        return "--preset", self.preset, *options, "--seed", str(self.seed), "--video-every", "0"
 
     def configuration(self) -> TrainCfg:
         """Return what `stiction train` reads in the arguments: those of a condition once, for its seeds are fields."""
@@ -148,6 +151,9 @@ LONG = ("--teacher.iterations", "1050", *LONG_STUDENT)
 
 DESIGN_SEEDS, METHOD_SEEDS = (0, 1, 2, 3, 4), (0, 1)
 
+COHORT_SEEDS = (10, 11, 12, 13, 14)
+"""Seeds that nothing was chosen on."""
+
 GROUND = "--task.randomization.contact-time"
 SOFT = (GROUND, "0.02", "0.02")
 """Options of the ground on which designs and methods are compared: the simulator's own, as soft for every robot. The
@@ -160,23 +166,40 @@ QUIET = ("--teacher.quiet", "30")
 """Options of a training that ends with quiet iterations."""
 
 
-COMPARED = (SOFT, ("--physics", "plastic"), ("--teacher.quiet", "0"))
+BEFORE = (
+    *("--set", "task.first_side=false", "--set", "task.randomization.standing_start=0", *DRAWN, "--physics", "rows"),
+    *("--set", "task.commands.forward=[-0.8, 0.8]", "--set", "task.commands.sideways=[-0.3, 0.3]"),
+    *("--set", "task.commands.turn=[-0.6, 0.6]", "--set", "network.latent=16"),
+)
+"""Options of the presets of one phase as they were when all parts but `cohort` were trained."""
+
+COMPARED = (*SOFT, "--physics", "plastic", "--teacher.quiet", "0")
 """Options with which designs and methods are compared, whatever the presets have since."""
 
 
-def _compared(options: tuple[str, ...]) -> tuple[str, ...]:
-    """Return options with those of `COMPARED` before them that they do not name."""
-    return (*chain.from_iterable(words for words in COMPARED if words[0] not in options), *options)
+def _over(before: tuple[str, ...], options: tuple[str, ...]) -> tuple[str, ...]:
+    """Return words of options, of two that set the same the one in `options`."""
+    named: dict[str, list[str]] = {}
+    for word in (*before, *options):
+        if word.startswith("--"):
+            words = [word]
+            if word != "--set":
+                named[word] = words
+        else:
+            if words == ["--set"]:
+                named[word.partition("=")[0]] = words
+            words.append(word)
+    return tuple(chain.from_iterable(named.values()))
 
 
 def _design(name: str, purpose: str, *options: str) -> Condition:
     """Return a way for a student to learn, with `deception`; its iterations are as many as those of one phase."""
-    return replace(_coulomb(name, "designs", purpose, "deception", *_compared(options)), seeds=DESIGN_SEEDS)
+    return replace(_coulomb(name, "designs", purpose, "deception", *_over(COMPARED, options)), seeds=DESIGN_SEEDS)
 
 
 def _method(name: str, purpose: str, method: str, *options: str) -> Condition:
     """Return another method of one phase, or another friction."""
-    return replace(_coulomb(name, "methods", purpose, method, *_compared(options)), seeds=METHOD_SEEDS)
+    return replace(_coulomb(name, "methods", purpose, method, *_over(COMPARED, options)), seeds=METHOD_SEEDS)
 
 
 DEARER = ("--teacher.iterations", "333")
@@ -349,6 +372,15 @@ MANIFEST: tuple[Condition, ...] = (
     # The set that runs from t - H to t has H + 1 frames.
     _coulomb("deception-history20", "history", "H = 20 in place of 10", "deception", "--set", "task.history=21"),
     _coulomb("deception-history50", "history", "H = 50", "deception", "--set", "task.history=51"),
+    *(
+        replace(_coulomb(f"cohort-{name}", "cohort", purpose, *words), seeds=COHORT_SEEDS)
+        for name, purpose, *words in (
+            ("none", "conventional randomisation", "none"),
+            ("direct", "0.8 to 1.2 of the nominal friction", "direct"),
+            ("deception", "0 to 1.2 of it", "deception"),
+            ("told", "the same, told its joints' friction", "deception", "--task.known-friction"),
+        )
+    ),
 )
 """The conditions in the order in which they are trained."""
 

@@ -60,7 +60,7 @@ class Train:
     config: Annotated[TrainCfg, FLAT] = field(default_factory=TrainCfg)
     """The whole configuration."""
     preset: PresetName = "full"
-    """Defaults for everything else. `quick`: one phase of 440 iterations, 20 to 45 minutes of one core. `full`:
+    """Defaults for everything else. `quick`: one phase of 440 iterations, 12 to 25 minutes of one core. `full`:
     1000 of them. `two-phase`: a teacher (350 iterations), then its student (80), as the paper's claims were judged.
     `paper`: 700 and 240, and draws the paper's table, with noise of the sensors."""
     out: Path = Path("runs/train")

@@ -30,7 +30,7 @@ MOST_COUNTS = {
 }
 """Most of what is counted; of all else, widths of layers among it, 10,000."""
 
-MAY_BE_NONE = ("student.iterations", "teacher.quiet")
+MAY_BE_NONE = ("student.iterations", "teacher.quiet", "network.latent")
 
 LAYERS = ("actor", "critic", "privileged", "history", "estimator", "terrain")
 NETWORK_SIZES = ("history_frame", "estimator_frame", "terrain_latent", "latent")
@@ -66,7 +66,7 @@ class NetworkCfg:
     history_frame: int = 24
     """Width to which every frame of the history is reduced first, by the same weights for all frames."""
     history: tuple[int, ...] = (64,)
-    """Hidden layers of f_ada of the student and of the critic's view of the history, after the frames."""
+    """Hidden layers of f_ada of the student, after the frames."""
     recurrent: bool = False
     """Whether a gated recurrent unit as wide as the first of network.history reads the frames for z*, one after the
     other, in place of an MLP that sees them side by side."""
@@ -79,7 +79,7 @@ class NetworkCfg:
     terrain_latent: int = field(default=16, metadata=needs(UNEVEN))
     """Size of e_t*."""
     latent: int = 16
-    """Size of z and z*."""
+    """Size of z and z*; 0: the policy of one phase has neither, but the present frame and what it estimates."""
     initial_std: float = 0.8
     """Standard deviation of the first actions."""
 
@@ -298,15 +298,15 @@ class TrainCfg:
                 raise ConfigurationError(unknown_name(what, getattr(self, what), get_args(names)))
         if self.device != "cpu" and self.task.physics.plastic:
             raise ConfigurationError(
-                f"MuJoCo Warp has no joints that yield, and --physics plastic needs them; use --device cpu in place of "
-                f"{self.device}, or --physics rows"
+                f"MuJoCo Warp has no joints that yield, and --physics {self.task.physics.friction} needs them; use "
+                f"--device cpu in place of {self.device}, or --physics rows"
             )
         if self.engine == "mujoco":
             return
         given, usual = self.task.randomization.contact_time, RandomizationCfg().contact_time
         lacking = {
             f"--device {self.device}": self.device != "cpu",
-            "--physics plastic": self.task.physics.plastic,
+            f"--physics {self.task.physics.friction}": self.task.physics.plastic,
             f"--terrain {self.task.terrain.kind}": self.task.terrain.kind != "flat",
             "friction that grows with load": self.task.friction.loaded,
             f"--method {self.method.name}": self.method.acts_on_fleet,
@@ -370,13 +370,13 @@ class TrainCfg:
         """Refuse layers that symmetric networks cannot split into left and right."""
         if self.symmetry != "network":
             return
-        # Of the last of `history` the critic has half.
-        sizes = {"network.history[-1] / 2": self.network.history[-1] // 2}
-        used = [f"network.{name}" for name in ("actor", "critic", "history", "history_frame")]
+        sizes: dict[str, int] = {}
+        used = ["network.actor", "network.critic"]
         if self.method.even is not None:
             sizes |= self.method.even(self)
         else:
-            used += [f"network.{name}" for name in ("privileged", "latent", "estimator", "estimator_frame")]
+            names = ("history", "history_frame", "privileged", "latent", "estimator", "estimator_frame")
+            used += [f"network.{name}" for name in names]
             used += [] if self.task.terrain.kind == "flat" else ["network.terrain", "network.terrain_latent"]
         for place in used:
             value = attrgetter(place)(self)
@@ -436,6 +436,11 @@ class TrainCfg:
         if teacher.latent == "history" and teacher.both_ways:
             raise ConfigurationError(
                 "with --teacher.latent history there is no z for L_ada to train; leave both_ways out"
+            )
+        if not self.network.latent and teacher.latent != "history":
+            raise ConfigurationError(
+                f"network.latent is 0, and --teacher.latent {teacher.latent} is about a latent; add --set "
+                "network.latent=16"
             )
         ended = teacher.latent == "history" and not student.iterations and not one_phase
         if teacher.quiet and not ended:

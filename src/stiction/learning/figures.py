@@ -59,7 +59,7 @@ def adaptation_figures(actor: RMAActor, obs: TensorDict, feet: int) -> dict[str,
     figures = {}
     with torch.no_grad():
         z, star = actor.latents(obs)
-        variance = float(z.var(0, correction=0).sum())
+        variance = float(z.var(0, correction=0).sum()) if z.numel() else 0.0
         if variance > 0 and not actor.adapts:
             figures["latent/explained"] = 1.0 - float((z - star).square().mean(0).sum()) / variance
         guess = actor.estimator(obs["history"])

@@ -48,6 +48,15 @@ class HistoryEncoder(nn.Module):
         return self.mlp(state)
 
 
+class NoLatent(nn.Module):
+    """z and z* of size 0, where the policy has its estimates alone."""
+
+    def forward(self, seen: torch.Tensor) -> torch.Tensor:
+        """Map (N, size) to (N, 0)."""
+        # Not len(seen): see `HistoryEncoder`.
+        return seen.new_zeros(seen.shape[0], 0)
+
+
 class RMAActor(MLPModel):
     """π(o_exp*, o_prio, z or z*): the actor with its adaptation networks and its estimator.
 
@@ -90,8 +99,10 @@ class RMAActor(MLPModel):
         """Make the networks beside the policy's own; arguments as of `_plan`."""
         frames = (size["history"], size["proprioception"])
         encoder = (*frames, network.history_frame, network.history)
-        self.privileged_encoder = MLP(size["privileged"], network.latent, list(network.privileged), "elu")
-        self.adaptation = HistoryEncoder(*encoder, network.latent, network.recurrent)
+        self.privileged_encoder, self.adaptation = NoLatent(), NoLatent()
+        if network.latent:
+            self.privileged_encoder = MLP(size["privileged"], network.latent, list(network.privileged), "elu")
+            self.adaptation = HistoryEncoder(*encoder, network.latent, network.recurrent)
         self.estimator = HistoryEncoder(*frames, network.estimator_frame, network.estimator, size["explicit"])
         if self.sees_terrain:
             elevation = MLP(size[ELEVATION], network.terrain_latent, list(network.terrain), "elu")
@@ -188,19 +199,15 @@ class RMAActor(MLPModel):
 
 
 class RMACritic(MLPModel):
-    """V(s_t): sees everything, the history through an encoder of its own."""
+    """V(s_t): sees the present frame and all that is privileged, and so needs no history."""
 
     def __init__(
         self, obs: TensorDict, obs_groups: dict[str, list[str]], obs_set: str, output_dim: int, network: NetworkCfg
     ) -> None:
         """Build the networks for the sizes of the observation groups; arguments as rsl_rl has them."""
-        size = {name: obs[name].shape[-1] for name in obs_groups[obs_set]}
-        self.seen = [name for name in size if name != "history"]
-        encoded = network.history[-1] // 2
-        self.latent_dim = sum(size.values()) - size["history"] + encoded
+        self.seen = [name for name in obs_groups[obs_set] if name != "history"]
+        self.latent_dim = sum(obs[name].shape[-1] for name in self.seen)
         super().__init__(obs, obs_groups, obs_set, output_dim, network.critic, "elu")
-        frames = (size["history"], size["proprioception"])
-        self.history_encoder = HistoryEncoder(*frames, network.history_frame, network.history, encoded)
 
     def _get_latent_dim(self) -> int:
         """Return the size of the value head's input."""
@@ -208,7 +215,7 @@ class RMACritic(MLPModel):
 
     def get_latent(self, obs: TensorDict, masks: Any = None, hidden_state: Any = None) -> torch.Tensor:
         """Assemble the value head's input."""
-        return torch.cat((*(obs[name] for name in self.seen), self.history_encoder(obs["history"])), -1)
+        return torch.cat([obs[name] for name in self.seen], -1)
 
 
 class StudentPolicy(nn.Module):
@@ -217,7 +224,7 @@ class StudentPolicy(nn.Module):
     def __init__(self, actor: RMAActor) -> None:
         """Take the parts of a trained student that run on the robot."""
         super().__init__()
-        self.frame = actor.adaptation.frame
+        self.frame = actor.estimator.frame
         self.adaptation, self.estimator, self.mlp = actor.adaptation, actor.estimator, actor.mlp
         self.terrain = actor.terrain_history if actor.sees_terrain else None
 
@@ -235,7 +242,9 @@ class StudentPolicy(nn.Module):
     ) -> torch.Tensor:
         """Return the mean actions (N, joints) on a latent, z, z* or another robot's, (N, latent)."""
         current = observation[:, -self.frame :]
-        parts = [current, self.estimator(observation) if estimate is None else estimate, latent]
+        parts = [current, self.estimator(observation) if estimate is None else estimate]
+        # Without one nothing of it is left in an exported network.
+        parts += [latent] if latent.shape[-1] else []
         if self.terrain is not None:
             parts.append(self.terrain(observation))
         return self.mlp(torch.cat(parts, -1))

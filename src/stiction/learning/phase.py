@@ -25,6 +25,7 @@ from stiction.learning.quick import quicken
 from stiction.learning.ranks import ALONE, Ranks
 from stiction.learning.run import BROKEN, RunDirectory, keep_newest, latest_checkpoint, load_checkpoint, save_checkpoint
 from stiction.learning.symmetry import make_symmetric
+from stiction.robots.physics import ROWS_FROM
 from stiction.task.env import LocomotionEnv
 
 Progress = Callable[[str, int, int, dict[str, float]], None]
@@ -138,8 +139,11 @@ class PhaseRunner(OnPolicyRunner):
                 self._preserve()
 
     def _enter_stage(self) -> None:
-        """Go over to the friction that the schedule has for this iteration."""
+        """Go over to the friction, and the physics of it, that the schedule has for this iteration."""
         friction, teacher = self.env.cfg.friction, self.phase == "teacher"
+        done = self.current_learning_iteration / self.iterations if teacher else 1.0
+        if self.env.cfg.physics.friction == "plastic-first" and done >= ROWS_FROM:
+            self.env.robots.fleet.use_rows()
         last = len(friction.schedule) - 1
         stage = friction.stage(self.current_learning_iteration, self.iterations) if teacher else last
         if stage != self.env.stage:

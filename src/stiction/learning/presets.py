@@ -10,8 +10,8 @@ from stiction.core.errors import ConfigurationError
 from stiction.core.flags import entries
 from stiction.files.method import find_method, method_names
 from stiction.learning.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
-from stiction.robots.physics import EXACT, FAST
-from stiction.task.config import RandomizationCfg, TaskCfg
+from stiction.robots.physics import EXACT, FAST, PhysicsCfg
+from stiction.task.config import CommandCfg, RandomizationCfg, TaskCfg
 
 PresetName = Literal["full", "quick", "two-phase", "paper"]
 
@@ -19,10 +19,16 @@ _SHOWN = TrainCfg(video_every=100)
 
 _ONE_PHASE = replace(
     _SHOWN,
-    task=TaskCfg(estimated_friction=True, randomization=RandomizationCfg(contact_time=(0.01, 0.03))),
+    task=TaskCfg(
+        physics=PhysicsCfg("plastic-first"),
+        estimated_friction=True,
+        first_side=True,
+        commands=CommandCfg(forward=(-0.9, 0.9), sideways=(-0.4, 0.4), turn=(-1.2, 1.2)),
+        randomization=RandomizationCfg(contact_time=(0.01, 0.02), standing_start=0.25),
+    ),
     teacher=TeacherCfg(latent="history", iterations=1000, final_std=0.2, velocity_weight=10.0, quiet=30),
     student=StudentCfg(iterations=0),
-    network=NetworkCfg(estimator_frame=32, estimator=(128, 64)),
+    network=NetworkCfg(estimator_frame=32, estimator=(128, 64), latent=0),
     symmetry="network",
 )
 
@@ -37,9 +43,10 @@ PRESETS = {
     ),
     "paper": replace(_SHOWN, task=TaskCfg(randomization=RandomizationCfg.literal())),
 }
-"""`full` and `quick` are one phase, with little noise in the end and none at last, on ground that is another for each
-robot. `two-phase` is the paper's teacher and student at the budget with which its claims were judged, on yielding
-springs, which are faster; `paper` has more of it, the paper's table and the noise of sensors. All make clips."""
+"""`full` and `quick` are one phase without a latent, on sliders and then on rows, with little noise in the end and none
+at last, on ground that is another for each robot; commands go past those that have to be followed. `two-phase` is the
+paper's teacher and student at the budget with which its claims were judged, on yielding springs, which are faster;
+`paper` has more of it, the paper's table and the noise of sensors. All make clips."""
 
 
 def preset(name: str, device: str = "cpu", method: str | None = None, engine: str = "mujoco") -> TrainCfg:

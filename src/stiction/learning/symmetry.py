@@ -26,7 +26,7 @@ from torch import nn
 
 from stiction.core.errors import ConfigurationError
 from stiction.learning.config import SymmetryName
-from stiction.learning.models import HistoryEncoder, RMAActor, RMACritic
+from stiction.learning.models import HistoryEncoder, NoLatent, RMAActor, RMACritic
 from stiction.task.env import LocomotionEnv
 from stiction.task.symmetry import Rows, TaskMirror, VectorMirror, task_mirror
 
@@ -66,10 +66,7 @@ def make_equivariant(model: RMAActor | RMACritic, mirror: TaskMirror) -> None:
     if isinstance(model, RMAActor):
         _actor(model, rows)
     else:
-        inputs = [rows[name] for name in model.seen]
-        encoded = halves(_last(model.history_encoder.mlp).out_features)
-        equivariant_encoder(model.history_encoder, rows, encoded)
-        equivariant_mlp(model.mlp, Rows.joined([*inputs, encoded]), Rows.signed(np.ones(1)))
+        equivariant_mlp(model.mlp, Rows.joined([rows[name] for name in model.seen]), Rows.signed(np.ones(1)))
     for name, layer in model.named_modules():
         # A layer that was overlooked above would break the symmetry without a word.
         trained = any(True for _ in layer.parameters(recurse=False))
@@ -104,11 +101,13 @@ def halves(size: int) -> Rows:
 
 def _adaptation(actor: RMAActor, rows: dict[str, Rows]) -> Rows:
     """Make encoders, estimator and adaptation symmetric; return the mirror of the actor's input."""
-    latent = halves(_last(actor.privileged_encoder).out_features)
-    equivariant_mlp(actor.privileged_encoder, rows["privileged"], latent)
-    equivariant_encoder(actor.adaptation, rows, latent)
     equivariant_encoder(actor.estimator, rows, rows["explicit"])
-    inputs = [rows["proprioception"], rows["explicit"], latent]
+    inputs = [rows["proprioception"], rows["explicit"]]
+    if not isinstance(actor.adaptation, NoLatent):
+        latent = halves(_last(actor.privileged_encoder).out_features)
+        equivariant_mlp(actor.privileged_encoder, rows["privileged"], latent)
+        equivariant_encoder(actor.adaptation, rows, latent)
+        inputs.append(latent)
     if actor.sees_terrain:
         ground = halves(_last(actor.terrain_encoder[0]).out_features)
         equivariant_mlp(actor.terrain_encoder[0], rows["elevation"], ground)

@@ -113,18 +113,18 @@ def _mass(body: Body) -> dict[str, Any]:
 
 def _friction(joint: Joint, timestep: float, physics: PhysicsCfg) -> dict[str, Any]:
     """Return what makes a joint's dry friction, as fields of `MjsJoint`."""
-    if physics.plastic:
-        # The angle in the state `plastic` is the one at which the spring is slack: its reference is zero.
-        return {
-            "stiffness": np.array([physics.stiffness, 0.0, 0.0]),
-            "springref": 0.0,
-            "springyield": max(joint.frictionloss / physics.stiffness, SMALLEST_YIELD),
-        }
-    return {
-        "frictionloss": joint.frictionloss,
+    rows = {
         # The shortest time constant that MuJoCo's integration takes.
         "solref_friction": [2 * timestep, 1.0],
         "solimp_friction": [physics.impedance, physics.impedance, 0.001, 0.5, 2.0],
+    }
+    if not physics.plastic:
+        return rows | {"frictionloss": joint.frictionloss}
+    # The angle in the state `plastic` is the one at which the spring is slack: its reference is zero.
+    return rows | {
+        "stiffness": np.array([physics.stiffness, 0.0, 0.0]),
+        "springref": 0.0,
+        "springyield": max(joint.frictionloss / physics.stiffness, SMALLEST_YIELD),
     }
 
 

@@ -24,13 +24,21 @@ from stiction.core.effects import needs
 from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.core.flags import FLAG, flag
 
-FrictionPhysics = Literal["rows", "plastic"]
-"""Ways to hold a joint, see above."""
+FrictionPhysics = Literal["rows", "plastic", "plastic-first"]
+"""Ways to hold a joint, see above; `plastic-first`: sliders in most of a training, and rows at its end."""
+
+ROWS_FROM = 0.6
+"""Share of the first phase of a training after which rows take the place of sliders, of `plastic-first`."""
 
 Solver = Literal["newton", "pgs"]
 
-SOLVERS: dict[FrictionPhysics, tuple[Solver, int]] = {"rows": ("newton", 100), "plastic": ("pgs", 10)}
-"""Solver and most iterations where none are named. Newton needs five or so on rows; PGS takes all that it is given."""
+SOLVERS: dict[FrictionPhysics, tuple[Solver, int]] = {
+    "rows": ("newton", 100),
+    "plastic": ("pgs", 10),
+    "plastic-first": ("newton", 10),
+}
+"""Solver and most iterations where none are named. Newton needs five or so on rows; PGS takes all that it is given, and
+leaves contacts that creep: what a policy learns on them is too fast where contacts are hard (results/following)."""
 
 STIFFNESSES = (1.0, 1e6)
 """Least and most stiffness of a slider [N m/rad]: under the first no joint of a legged robot would stick, and the
@@ -56,16 +64,16 @@ class PhysicsCfg:
     """Dry friction and constraint solver of a simulation; the default is what evaluation has."""
 
     friction: Annotated[FrictionPhysics, flag("--physics")] = "rows"
-    """Joint friction as `rows` of the solver, or as a `plastic` slider, faster and for training only."""
+    """Joint friction as `rows` of the solver; as a `plastic` slider, twice as fast and for training only; or
+    plastic-first, as sliders in the first 60 % of a training's first phase, then as rows."""
     impedance: float = field(default=FRICTION_D0, metadata=needs("--physics rows"))
     """Impedance d0 of the rows, below 1 [1]: the nearer, the less a held joint creeps."""
-    stiffness: Annotated[float, FLAG] = field(default=1000.0, metadata=needs("--physics plastic"))
+    stiffness: Annotated[float, FLAG] = field(default=1000.0, metadata=needs("--physics plastic or plastic-first"))
     """Stiffness k of the slider [N m/rad]. A training says where it is too stiff for its step."""
     solver: Annotated[Solver | None, FLAG] = None
-    """Of contacts, limits and rows; by default Newton for `rows`, and for `plastic` PGS, which on the few rows that are
-    left is faster and as good."""
+    """Of contacts, limits and rows; by default Newton, for `plastic` PGS."""
     iterations: int | None = None
-    """Most iterations of the solver in a physics step; by default 100 of `rows`, 10 of `plastic`."""
+    """Most iterations of the solver in a physics step; by default 100 of `rows`, else 10."""
 
     def __post_init__(self) -> None:
         """Refuse what has no meaning."""
@@ -91,8 +99,8 @@ class PhysicsCfg:
 
     @property
     def plastic(self) -> bool:
-        """Whether the joints hang on sliders."""
-        return self.friction == "plastic"
+        """Whether the joints hang on sliders, at first at least."""
+        return self.friction != "rows"
 
     @property
     def solver_name(self) -> Solver:

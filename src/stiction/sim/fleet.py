@@ -13,7 +13,7 @@ import numpy as np
 from stiction.core.errors import ConfigurationError
 from stiction.core.rotation import about, into_frames, yaws
 from stiction.joints.friction import Law, Signal
-from stiction.robots.mjcf import build_model, foot_geometries, standing_inertia
+from stiction.robots.mjcf import SOLVERS, build_model, foot_geometries, standing_inertia
 from stiction.robots.model import DELAY_SAMPLES, Robot, leans_too_far, too_low
 from stiction.robots.physics import EXACT, SMALLEST_YIELD, PhysicsCfg
 from stiction.robots.terrain import Terrain
@@ -237,6 +237,17 @@ class Fleet:
         """Make `friction` the bounds of the yielding springs, where there are any."""
         if self._stiffness is not None:
             np.maximum(self.friction / self._stiffness, SMALLEST_YIELD, out=self._yield)
+
+    def use_rows(self) -> None:
+        """Hold the joints by rows of the solver from now on, where sliders have held them."""
+        if self._stiffness is None:
+            return
+        rows = self.simulation.expand("dof_frictionloss")[:, BASE_DOFS:]
+        rows[:] = self.friction
+        self.friction, self._stiffness = rows, None
+        self.simulation.expand("jnt_stiffness")[:] = 0.0
+        self.simulation.expand("opt.solver")[:] = int(SOLVERS[EXACT.solver_name])
+        self.simulation.expand("opt.iterations")[:] = EXACT.solver_iterations
 
     def place_terrain(self, ids: np.ndarray, difficulty: np.ndarray, uniform: np.ndarray) -> None:
         """Lay the courses of the robots `ids` out anew; see `Terrain.place`."""

@@ -134,10 +134,6 @@ class NoiseCfg:
     """Of each joint [rad/s]."""
 
 
-SLOW = (0.15, 0.6)
-"""Range of the factor of slow commands [-]."""
-
-
 @dataclass(frozen=True)
 class CommandCfg:
     """Velocity commands in the base frame."""
@@ -150,10 +146,6 @@ class CommandCfg:
     """About z [rad/s]."""
     standing_share: float = 0.1
     """Share of commands that ask to stand."""
-    alone: float = 0.0
-    """Share of commands along one axis alone, each axis as often."""
-    slow: float = 0.0
-    """Share of commands that are multiplied by a factor, drawn from `SLOW`."""
     interval: float = 5.0
     """Time between new commands [s]."""
     moving_above: float = 0.1
@@ -162,11 +154,10 @@ class CommandCfg:
     def __post_init__(self) -> None:
         """Refuse ranges, shares and times that make no commands."""
         check_spans(self, dict.fromkeys(("forward", "sideways", "turn"), float("-inf")))
-        shares = {name: getattr(self, name) for name in ("standing_share", "alone", "slow")}
-        if not (all(0 <= share <= 1 for share in shares.values()) and self.interval > 0):
+        if not (0 <= self.standing_share <= 1 and self.interval > 0):
             raise ConfigurationError(
-                f"commands with {', '.join(f'{name} {share}' for name, share in shares.items())}, new commands every "
-                f"{self.interval} s: expected shares in [0, 1] and a positive time"
+                f"commands with standing_share {self.standing_share}, new commands every {self.interval} s: expected "
+                "a share in [0, 1] and a positive time"
             )
 
 

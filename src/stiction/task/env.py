@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -17,11 +16,11 @@ from stiction.robots.catalog import find_robot
 from stiction.robots.model import Robot
 from stiction.sim.chosen import put
 from stiction.sim.fleet import Fleet
-from stiction.task.config import SLOW, CommandCfg, TaskCfg
+from stiction.task.config import CommandCfg, TaskCfg
 from stiction.task.events import INTERVALS, RESET, ended
 from stiction.task.observations import ESTIMATED, FRAME_TERMS, FrameBuilder, History, SlowMeans
 from stiction.task.randomization import Randomizer, friction_angle, nominal_joints
-from stiction.task.rewards import MEAN_TIME, TASK, Snapshot
+from stiction.task.rewards import TASK, Snapshot
 from stiction.task.task_fleet import CPU, Device, HostFleet, NetMotors, TaskFleet, to_tensor
 from stiction.task.terrain import SCAN_POINTS, UNDER, Curriculum
 
@@ -71,7 +70,7 @@ ELEVATION_SCALE = 0.2
 
 _BUFFERS = (
     *("episode_length_buf", "last_action", "last_velocity", "air_time", "measured_position", "measured_velocity"),
-    *("bench_error", "first_side", "mean_error"),
+    *("bench_error", "first_side"),
 )
 """The per-robot buffers that a checkpoint holds beside the simulation."""
 
@@ -101,11 +100,6 @@ class CommandSampler:
             return
         num, home = len(which), self.value.device
         new = self._low + self._width * torch.rand(num, 3, generator=generator, device=home)
-        if self.cfg.alone or self.cfg.slow:
-            alone, slow, axis, factor = torch.rand(num, 4, generator=generator, device=home)[..., None].unbind(1)
-            only = torch.arange(3, device=home) == (3 * axis).long()
-            new = torch.where((alone < self.cfg.alone) & ~only, 0.0, new)
-            new = torch.where(slow < self.cfg.slow, new * (SLOW[0] + (SLOW[1] - SLOW[0]) * factor), new)
         standing = torch.rand(num, 1, generator=generator, device=home) < self.cfg.standing_share
         small = new.norm(dim=-1, keepdim=True) <= self.cfg.moving_above
         value = self.value.clone()
@@ -179,8 +173,6 @@ class LocomotionEnv(VecEnv):
         self.last_action = torch.zeros(num_envs, self.num_actions, device=home)
         self.last_velocity = torch.zeros(num_envs, self.num_actions, device=home)
         self.air_time = torch.zeros(num_envs, len(self.spec.feet), device=home)
-        self.mean_error = torch.zeros(num_envs, 3, device=home)
-        self.mean_kept = math.exp(-cfg.control_period / MEAN_TIME)
         kinds = [joint.kind for joint in self.spec.joints]
         self.kind_average = torch.from_numpy(kind_average(kinds)).float().to(home)
         self.bench_error = torch.ones(num_envs, self.kind_average.shape[1], device=home)
@@ -303,14 +295,11 @@ class LocomotionEnv(VecEnv):
             one_group = exactly_one_group(contact, self.group)
             unsync = self.unsync.push(group_imbalance(contact, self.group))
         command, rates = self.commands.value, fleet.base_angular_velocity
-        error = torch.cat((self.linear_velocity[:, :2], rates[:, 2:]), -1) - command
-        self.mean_error = error + self.mean_kept * (self.mean_error - error)
         return Snapshot(
             command=command,
             moving=self.commands.moving,
             linear_velocity=self.linear_velocity,
             angular_velocity=rates,
-            mean_error=self.mean_error,
             up=torch.stack((2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)), -1),
             height_error=fleet.height - self.spec.standing_height,
             torque_share=fleet.torque / self.torque_limit,

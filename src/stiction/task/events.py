@@ -70,7 +70,7 @@ def draw_first_side(env: LocomotionEnv, which: torch.Tensor) -> None:
 def forget(env: LocomotionEnv, which: torch.Tensor) -> None:
     """Forget the episode before."""
     env.unsync.reset(which)
-    for buffer in (env.episode_length_buf, env.last_action, env.last_velocity, env.air_time, env.mean_error):
+    for buffer in (env.episode_length_buf, env.last_action, env.last_velocity, env.air_time):
         put(buffer, which, 0)
 
 

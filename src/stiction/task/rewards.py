@@ -24,12 +24,6 @@ LINEAR_SCALE = 0.1
 ANGULAR_SCALE = 0.25
 """Width of the angular tracking reward [rad²/s²]."""
 
-MEAN_TIME = 0.5
-"""Time constant of the mean error [s]: a stride or more, so that the ripple of a gait costs nothing."""
-
-MEAN_LINEAR_SCALE, MEAN_ANGULAR_SCALE = 0.1, 0.15
-"""Widths of the rewards of the mean error [m/s, rad/s]: 0.05 m/s still pays 61 %, 0.1 rad/s 51 %."""
-
 AIR_TIME = (0.15, 0.35)
 """Swing times between which the air-time reward grows [s]."""
 
@@ -46,8 +40,6 @@ class Snapshot:
     """Base velocity in the base frame [m/s], (N, 3)."""
     angular_velocity: torch.Tensor
     """Base rates in the base frame [rad/s], (N, 3)."""
-    mean_error: torch.Tensor
-    """Velocity minus command, vx, vy [m/s] and yaw rate [rad/s], exponential mean over `MEAN_TIME`, (N, 3)."""
     up: torch.Tensor
     """World's up axis in the base frame, (N, 3)."""
     height_error: torch.Tensor
@@ -91,10 +83,6 @@ class RewardCfg:
     """exp(-|v - v*|² / 0.1) of the horizontal velocity."""
     track_angular: float = 0.8
     """exp(-(ω - ω*)² / 0.25) of the yaw rate."""
-    mean_linear: float = 0.0
-    """exp(-|mean of v - v*| / 0.1 m/s): unlike the square, it still pays for the last 0.05 m/s."""
-    mean_angular: float = 0.0
-    """exp(-|mean of ω - ω*| / 0.15 rad/s)."""
     trot: float = 1.0
     """r_trot of the paper: exactly one contact group stands, literally. Paid while moving is commanded."""
     unsync: float = -0.6
@@ -184,7 +172,7 @@ def _checked(place: str, term: Term) -> Term:
     return pay
 
 
-TASK = ("track_linear", "track_angular", "mean_linear", "mean_angular")
+TASK = ("track_linear", "track_angular")
 """Terms that pay for the task, to go as commanded; all others say how. Each pays at most 1."""
 
 
@@ -201,16 +189,6 @@ def track_linear(s: Snapshot) -> torch.Tensor:
 def track_angular(s: Snapshot) -> torch.Tensor:
     """exp(-(ω_z - ω*_z)² / scale)."""
     return (-(s.command[:, 2] - s.angular_velocity[:, 2]).square() / ANGULAR_SCALE).exp()
-
-
-def mean_linear(s: Snapshot) -> torch.Tensor:
-    """exp(-|mean error of v_xy| / scale)."""
-    return (-s.mean_error[:, :2].norm(dim=-1) / MEAN_LINEAR_SCALE).exp()
-
-
-def mean_angular(s: Snapshot) -> torch.Tensor:
-    """exp(-|mean error of ω_z| / scale)."""
-    return (-s.mean_error[:, 2].abs() / MEAN_ANGULAR_SCALE).exp()
 
 
 def trot(s: Snapshot) -> torch.Tensor:

@@ -146,7 +146,7 @@ def test_every_part_has_the_presets_that_its_options_were_written_for() -> None:
     """A part that names phases would with one phase be trained as something that nobody meant, and the other way."""
     runs = runs_of((), "quick")
     assert [run.name for run in runs if run.condition.part == "1"] == [run.name for run in runs_of(["1"])]
-    assert {run.condition.part for run in runs} == {"1", "designs", "methods"}
+    assert {run.condition.part for run in runs} == {"1", "designs", "methods", "cohort"}
     assert all(run.arguments[:2] == ("--preset", "quick") for run in runs)
     with pytest.raises(StictionError, match="part 2 is not trained with the preset 'quick'"):
         runs_of(["1", "2"], "quick")

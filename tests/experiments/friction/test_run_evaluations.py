@@ -164,7 +164,8 @@ def test_a_run_that_is_elsewhere_is_evaluated_by_its_policy(tmp_path: Path) -> N
 def recorded(tmp_path: Path, *words: str, **changes: object) -> PlannedRun:
     """A run of the manifest whose exported policy has the settings of a training by `words`, or other ones."""
     shipped = read_bundle(SHIPPED)
-    settings = settings_of(parse(["--preset", "quick", "--method", "none", "--friction-level", "0.2", *words]).config)
+    condition = Condition("coulomb20-none", "1", "a test", ("--method", "none", "--friction-level", "0.2", *words))
+    settings = settings_of(Run(condition, 0, "quick").configuration())
     contract = replace(shipped.contract, **({"settings": settings} | changes))  # type: ignore[arg-type]
     golden = replace(shipped.golden)
     bundle = write_bundle(tmp_path / "policies" / f"s{len(words)}", contract, shipped.policy, golden, shipped.card)
@@ -172,8 +173,8 @@ def recorded(tmp_path: Path, *words: str, **changes: object) -> PlannedRun:
 
 
 def test_a_policy_of_other_settings_is_not_the_manifests(tmp_path: Path) -> None:
-    """Renamed, a policy of another training would be a seed of this one; `--seed` is none of the settings."""
-    assert recorded(tmp_path, "--seed", "3").bundle()
+    """Renamed, a policy of another training would be a seed of this one."""
+    assert recorded(tmp_path).bundle()
     other = recorded(tmp_path, "--teacher.quiet", "20", "--symmetry", "half")
     words = (
         r"s4 is another policy than the manifest's: it was trained with symmetry half, expected network \(1 more diff"

@@ -116,7 +116,9 @@ def test_listing_begins_nothing(small: None, tmp_path: Path, capsys: pytest.Capt
     listed = capsys.readouterr().out
     assert listed.startswith("missing        0%        0 min  stiction train --preset two-phase --robot go1")
     assert re.search(r"(\d+) runs, of up to \d+ seeds; \1 are missing, some 0.0 hours of one core", listed)
-    assert re.search(r"\d+ more are those of --preset quick: parts 1, designs, methods\n.* replicate .*\n$", listed)
+    assert re.search(
+        r"\d+ more are those of --preset quick: parts 1, designs, methods, cohort\n.* replicate .*\n$", listed
+    )
     for name in ("friction", "training"):
         assert main(["study", name, "--plan", *of_two]) == 0
         assert capsys.readouterr().out == listed
