@@ -75,7 +75,8 @@ def probe_task(task: TaskCfg, per: Per, cfg: WalkCfg) -> TaskCfg:
     method = "compensation" if friction.method == "compensation" else "direct"
     drawn = FrictionCfg(method=method, level=level, per=per, range=(0.0, cfg.highest / level))
     ground = TaskCfg().terrain
-    return replace(task, friction=drawn, terrain=ground, episode=cfg.seconds + task.control_period)
+    episode, physics = cfg.seconds + task.control_period, task.physics.at_last
+    return replace(task, friction=drawn, terrain=ground, episode=episode, physics=physics)
 
 
 def walk_with_friction(

@@ -67,11 +67,13 @@ def study(
     """Study every run; return the summary. Each run's part is cached in `out` as RUN.json and RUN-wear.json.
 
     Raises:
-        StictionError: a run without a finished student, or two of the same name.
+        StictionError: a run without a finished student or without a latent, or two of the same name.
 
     """
     check_names([run.resolve().name for run in runs], "runs")
     for run in runs:
+        if not RunDirectory(run).config().network.latent:
+            raise ConfigurationError(f"{run} has no latent to look at; train one with --set network.latent=16")
         RunDirectory(run).check_finished("student")
     parts = [study_run(run, out, cfg, threads, progress) for run in runs]
     trained = [RunDirectory(run).config() for run in runs]

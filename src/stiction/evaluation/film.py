@@ -146,13 +146,13 @@ class ClipRecorder:
 
 
 def filmed_task(task: TaskCfg) -> TaskCfg:
-    """Return the task as it is filmed: one command, no pushes, terrain levels that stay, all else as trained."""
+    """Return the task as it is filmed: one command, no pushes, terrain levels that stay, all else as trained at last."""
     commands = replace(
         task.commands, forward=(FORWARD, FORWARD), sideways=(0.0, 0.0), turn=(0.0, 0.0), standing_share=0.0
     )
     terrain = replace(task.terrain, speed=(FORWARD, FORWARD), promote_above=float("inf"), demote_below=0.0)
     calm = replace(task.randomization, push_interval=0.0)
-    return replace(task, commands=commands, randomization=calm, terrain=terrain)
+    return replace(task, commands=commands, randomization=calm, terrain=terrain, physics=task.physics.at_last)
 
 
 def _to_level(env: LocomotionEnv, course: dict[str, Any]) -> None:
