@@ -146,7 +146,7 @@ class ClipRecorder:
 
 
 def filmed_task(task: TaskCfg) -> TaskCfg:
-    """Return the task as it is filmed: one command, no pushes, terrain levels that stay, all else as trained at last."""
+    """Return the task as it is filmed: one command, no pushes, terrain levels that stay, else as trained at last."""
     commands = replace(
         task.commands, forward=(FORWARD, FORWARD), sideways=(0.0, 0.0), turn=(0.0, 0.0), standing_share=0.0
     )
