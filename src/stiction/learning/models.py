@@ -99,7 +99,8 @@ class RMAActor(MLPModel):
         """Make the networks beside the policy's own; arguments as of `_plan`."""
         frames = (size["history"], size["proprioception"])
         encoder = (*frames, network.history_frame, network.history)
-        self.privileged_encoder, self.adaptation = NoLatent(), NoLatent()
+        self.privileged_encoder: nn.Module = NoLatent()
+        self.adaptation: nn.Module = NoLatent()
         if network.latent:
             self.privileged_encoder = MLP(size["privileged"], network.latent, list(network.privileged), "elu")
             self.adaptation = HistoryEncoder(*encoder, network.latent, network.recurrent)

@@ -143,7 +143,7 @@ class PhaseRunner(OnPolicyRunner):
         friction, teacher = self.env.cfg.friction, self.phase == "teacher"
         done = self.current_learning_iteration / self.iterations if teacher else 1.0
         if self.env.cfg.physics.friction == "plastic-first" and done >= ROWS_FROM:
-            self.env.robots.fleet.use_rows()
+            self.env.fleet.use_rows()
         last = len(friction.schedule) - 1
         stage = friction.stage(self.current_learning_iteration, self.iterations) if teacher else last
         if stage != self.env.stage:
