@@ -56,7 +56,7 @@ REFUSED = [
         "--set dreamwaq.beta above 0",
     ),
     (
-        "--preset full --method dreamwaq --symmetry half --set network.recurrent=true",
+        "--preset full --method dreamwaq --symmetry half --set network.latent=16 --set network.recurrent=true",
         "--set network.recurrent",
         "another --method than dreamwaq",
     ),
@@ -173,7 +173,7 @@ ACCEPTED = [
     "--teacher.latent groups --set network.privileged=[32] --set teacher.student_share=0.5",
     "--terrain stairs --set task.terrain.levels=5 --set network.terrain=[32] --set network.terrain_latent=8",
     "--preset full --set teacher.adaptation_learning_rate=0.002 --set teacher.adaptation_batches=2 "
-    "--set network.recurrent=true --symmetry half",
+    "--set network.latent=16 --set network.recurrent=true --symmetry half",
     "--preset full --method dreamwaq --set dreamwaq.free_bits=0.1 --set teacher.adaptation_passes=2",
     "--preset full --method hinf --set hinf.curriculum=0.5 --set hinf.multiplier_rate=0 --set hinf.eta=1",
     "--preset full --method hinf --task.friction.load 0 0.1 --set hinf.disturber=friction",

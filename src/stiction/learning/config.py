@@ -53,6 +53,10 @@ EngineName = Literal["mujoco", "physx", "ode", "ode-webots"]
 SymmetryName = Literal["none", "batches", "half", "network"]
 
 
+LATENT = needs("--set network.latent above 0", lambda cfg: cfg.latent > 0)
+"""Requirement of settings of f_ada."""
+
+
 @dataclass(frozen=True)
 class NetworkCfg:
     """Sizes of the networks. Small: on a CPU the update costs as much as the physics."""
@@ -63,11 +67,11 @@ class NetworkCfg:
     """Hidden layers of the critic."""
     privileged: tuple[int, ...] = field(default=(64,), metadata=needs("--teacher.latent alternate or groups"))
     """Hidden layers of f_ada of the teacher, privileged observation -> z."""
-    history_frame: int = 24
+    history_frame: int = field(default=24, metadata=LATENT)
     """Width to which every frame of the history is reduced first, by the same weights for all frames."""
-    history: tuple[int, ...] = (64,)
+    history: tuple[int, ...] = field(default=(64,), metadata=LATENT)
     """Hidden layers of f_ada of the student, after the frames."""
-    recurrent: bool = False
+    recurrent: bool = field(default=False, metadata=LATENT)
     """Whether a gated recurrent unit as wide as the first of network.history reads the frames for z*, one after the
     other, in place of an MLP that sees them side by side."""
     estimator_frame: int = 24

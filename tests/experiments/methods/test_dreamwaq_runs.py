@@ -147,7 +147,7 @@ def test_the_symmetric_context_is_mirrored(tmp_path: Path) -> None:
         ("--method dreamwaq --set dreamwaq.code=5", "dreamwaq.code is 5"),
         ("--method dreamwaq --set dreamwaq.decoder=[8,5]", r"dreamwaq.decoder\[1\] is 5"),
         ("--method none --set network.latent=5", "network.latent is 5"),
-        ("--method none --set network.history=[10]", r"network.history\[-1\] / 2 is 5"),
+        ("--method none --set network.latent=4 --set network.history=[5]", r"network.history\[0\] is 5"),
         ("--method hinf --set network.critic=[5]", r"network.critic\[0\] is 5"),
     ],
 )
