@@ -98,7 +98,7 @@ def train(
         friction_from: an identification, or its `training.json`, in place of `method` and `friction_level`.
         joints: a `joints.json` whose inertia, damping and friction become the robot's nominal ones.
         joint_map: RECORDED=JOINT pairs where its records have other names.
-        preset: defaults of everything else: `quick` is 20 to 45 minutes of one core, `full` over twice that.
+        preset: defaults of everything else: `quick` is 12 to 25 minutes of one core, `full` over twice that.
         config: everything else, in place of `preset`, such as `replace(stiction.learning.presets.preset("quick"),
             num_envs=256)`.
         seed: of everything random in the run.

@@ -53,7 +53,7 @@ class DemoCfg:
     out: Path = Path("stiction-demo")
     """Directory for everything that is made; the page is report.html in it."""
     train: bool = False
-    """Train policies in place of the shipped ones: three runs, each 20 to 45 minutes of one core. One that was
+    """Train policies in place of the shipped ones: three runs, each 12 to 25 minutes of one core. One that was
     interrupted goes on where it was."""
     preset: Literal["quick", "full"] = field(default="quick", metadata=needs("--train"))
     """Preset of `stiction train`, with --train."""

@@ -17,7 +17,7 @@ from stiction.learning.presets import PresetName, check_settings, preset
 
 DESCRIPTION = """Train a policy that walks on what the robot measures, with or without friction in its joints.
 
-Examples; the first takes 20 to 45 minutes of one core, the second over twice that:
+Examples; the first takes 12 to 25 minutes of one core, the second over twice that:
   stiction train --preset quick --method deception --friction-level 0.2 --out runs/first
   stiction train --robot robot.yaml --friction-from identified/training.json --out runs/mine
   stiction train --resume runs/mine

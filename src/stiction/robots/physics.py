@@ -64,8 +64,8 @@ class PhysicsCfg:
     """Dry friction and constraint solver of a simulation; the default is what evaluation has."""
 
     friction: Annotated[FrictionPhysics, flag("--physics")] = "rows"
-    """Joint friction as `rows` of the solver; as a `plastic` slider, twice as fast and for training only; or
-    plastic-first, as sliders in the first 60 % of a training's first phase, then as rows."""
+    """How joint friction is simulated. rows: by constraints of the solver; plastic: by sliders, twice as fast, for
+    training only; plastic-first: by sliders in the first 60 % of a training's first phase, then by rows."""
     impedance: float = field(default=FRICTION_D0, metadata=needs("--physics rows"))
     """Impedance d0 of the rows, below 1 [1]: the nearer, the less a held joint creeps."""
     stiffness: Annotated[float, FLAG] = field(default=1000.0, metadata=needs("--physics plastic or plastic-first"))
