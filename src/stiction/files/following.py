@@ -23,7 +23,7 @@ COMMAND_SET = (
 """Commands that a policy has to follow, by their labels; `scaled_commands` fits them to a slower robot."""
 
 EVERY = "all"
-"""Word in place of commands: the whole set, see `commands_within`."""
+"""Word in place of commands: the whole set, as `scaled_commands` has it."""
 
 STALLS = 0.5
 """Smallest share of the command in any single walk [-]."""
