@@ -24,7 +24,7 @@ _ONE_PHASE = replace(
         estimated_friction=True,
         first_side=True,
         commands=CommandCfg(forward=(-0.9, 0.9), sideways=(-0.4, 0.4), turn=(-1.2, 1.2)),
-        randomization=RandomizationCfg(contact_time=(0.01, 0.02), standing_start=0.25),
+        randomization=RandomizationCfg(contact_time=(0.01, 0.01), standing_start=0.25),
     ),
     teacher=TeacherCfg(latent="history", iterations=1000, final_std=0.2, velocity_weight=10.0, quiet=30),
     student=StudentCfg(iterations=0),
@@ -44,8 +44,8 @@ PRESETS = {
     "paper": replace(_SHOWN, task=TaskCfg(randomization=RandomizationCfg.literal())),
 }
 """`full` and `quick` are one phase without a latent, on sliders and then on rows, with little noise in the end and none
-at last, on ground that is another for each robot; commands go past those that have to be followed. `two-phase` is the
-paper's teacher and student at the budget with which its claims were judged, on yielding springs, which are faster;
+at last, on ground as hard as the physics step holds; commands go past those that have to be followed. `two-phase` is
+the paper's teacher and student at the budget with which its claims were judged, on yielding springs, which are faster;
 `paper` has more of it, the paper's table and the noise of sensors. All make clips."""
 
 
