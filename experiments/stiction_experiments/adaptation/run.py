@@ -71,12 +71,12 @@ def study(
 
     """
     check_names([run.resolve().name for run in runs], "runs")
-    for run in runs:
-        if not RunDirectory(run).config().network.latent:
+    trained = [RunDirectory(run).config() for run in runs]
+    for run, config in zip(runs, trained, strict=True):
+        if not config.network.latent:
             raise ConfigurationError(f"{run} has no latent to look at; train one with --set network.latent=16")
         RunDirectory(run).check_finished("student")
     parts = [study_run(run, out, cfg, threads, progress) for run in runs]
-    trained = [RunDirectory(run).config() for run in runs]
     seeds = same_but_for_seed([(part["method"], config) for part, config in zip(parts, trained, strict=True)])
     methods = {}
     for method, members in seeds.items():

@@ -53,9 +53,9 @@ def evaluate_all(
     jobs: int = 1,
     progress: Progress = lambda name, share: None,
 ) -> tuple[list[ResultRow], dict[str, Any]]:
-    """Walk a grid; return its rows and the summary. Arguments and errors as of `walk_grid` and `check_names`.
+    """Walk a grid; return its rows and the summary. Arguments and errors are those of `walk_grid` and `check_names`.
 
-    The commands `all` are scaled to those of the policies' training, on every axis to the least of them.
+    The commands `all` are scaled to what the policies were trained for; on each axis the smallest range counts.
     """
     if cfg.base.commands == (EVERY,):
         ranges = [bundle.contract.command_range or {} for bundle in bundles]

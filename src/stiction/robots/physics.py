@@ -99,12 +99,12 @@ class PhysicsCfg:
 
     @property
     def plastic(self) -> bool:
-        """Whether the joints hang on sliders, at first at least."""
+        """True if the joints hang on sliders, at first at least."""
         return self.friction != "rows"
 
     @property
     def at_last(self) -> PhysicsCfg:
-        """What a training with this ends on."""
+        """Physics at the end of a training."""
         return EXACT if self.friction == "plastic-first" else self
 
     @property

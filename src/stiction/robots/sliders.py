@@ -70,8 +70,8 @@ def stiff_sliders(robot: Robot, physics: PhysicsCfg, timestep: float, armature: 
     return (
         f"--physics {physics.friction}: at steps of {timestep:g} s a slider of {physics.stiffness:g} N m/rad is too "
         f"stiff for {names}: k h²/4I is up to {worst:.2f} with the lightest rotors, expected at most {STIFFEST:.2f}, "
-        "and but for "
-        f"its motor's damping such a joint {does}; use --physics rows, --task.physics.stiffness {_below(softer)}, or "
+        f"and but for its motor's damping such a joint {does}; use --physics rows, --task.physics.stiffness "
+        f"{_below(softer)}, or "
         f"--set task.timestep={_below(shorter)} with a task.decimation to match"
     )
 
