@@ -25,10 +25,7 @@ READING = {
         "core/scratch.py",
         "files/text.py",
     ),
-    *(
-        f"files/{name}.py"
-        for name in ("actuator", "bundle", "contract_rules", "following", "straight", "golden", "joint_map")
-    ),
+    *(f"files/{name}.py" for name in ("actuator", "bundle", "contract_rules", "following", "golden", "joint_map")),
     "files/contract_training.py",
     "core/decode.py",
     *(f"files/{name}.py" for name in ("joints", "log", "plain", "results", "signature", "tables")),
@@ -110,7 +107,7 @@ def counted(code: tuple[str, ...]) -> set[str]:
     ("start", "code", "known"),
     [
         ("evaluation/grid.py", WALK_CODE, READING | WEAR | BENCHES),
-        ("stiction_experiments:wear/lifetimes.py", WEARING, READING),
+        ("stiction_experiments:wear/lifetimes.py", WEARING, READING | {"stiction_experiments:lab/straight.py"}),
         ("stiction_experiments:lab/trained.py", TRAINED, (READING - {"task/config.py"}) | TRAINING | WEAR),
         ("virtual/bench.py", BENCH_CODE, READING | BENCHED | WEAR),
     ],

@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from stiction.files.advice import Source, TrainedWith, read_advice
-from stiction.files.straight import Following
+from stiction.files.following import CommandCount
 from stiction_experiments.lab.files import write_source
 
-CELL = Following("none", "mujoco", "coulomb", 0.01, 5, 4, 0, 1, 0, 0.1, "1.00/1.00 1.25/1.00")
+CELL = CommandCount("none", "mujoco", "coulomb", 0.01, 5, 4, 75, 74, 0.001, 0.05, "wz=1: too slow")
 WAYS = {"none": TrainedWith("none", 0.0, 0.0, 0.0)}
 SOURCE = Source("stiction study friction", "abc", "saturn_lite", 6, ("p/student",), WAYS, (CELL,))
 

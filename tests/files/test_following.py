@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from stiction.files.following import COMMAND_SET, judge_row, scaled_commands, worst_command
+from stiction.files.following import COMMAND_SET, count_commands, judge_row, scaled_commands, worst_command
 from stiction.files.results import ResultRow
 
 
@@ -14,9 +14,10 @@ def row(command: str, vx: float = 0.0, vy: float = 0.0, wz: float = 0.0, **more:
     """Return a row of eight walks with a mean velocity."""
     named: dict[str, Any] = {"slowest_walk": 0.7, "mean_vx": vx, "mean_vy": vy, "mean_wz": wz, "fall_rate": 0.0} | more
     fixed: dict[str, Any] = dict.fromkeys(("steps_climbed", "cost_of_transport", "tripod_share", "flight_share"))
+    named = fixed | {"policy": "policy", "friction_level": 0.2, "terrain": "flat"} | named
     return ResultRow(
-        *("policy", "deception", 0, "mujoco", "coulomb", 0.2, "flat", command),
-        speed_ratio=None, tracking_error=0.0, distance=4.0, joint_jitter=1.0, episodes=8, **fixed, **named,
+        method="deception", seed=0, engine="mujoco", friction_law="coulomb", command=command,
+        speed_ratio=None, tracking_error=0.0, distance=4.0, joint_jitter=1.0, episodes=8, **named,
     )  # fmt: skip
 
 
@@ -41,6 +42,9 @@ def row(command: str, vx: float = 0.0, vy: float = 0.0, wz: float = 0.0, **more:
         (row("stand", 0.03, 0.03, slowest_walk=None), (), 0.0),
         (row("stand", 0.04, 0.04, slowest_walk=None), ("drifts",), 0.0566 - 0.05),
         (row("stand", wz=0.06, slowest_walk=None), ("drifts",), 0.01),
+        # In the mean over virtual robots the command is reached, on the slowest and the fastest of them it is not.
+        (row("vx=0.5", 0.5, slowest=0.6, fastest=1.4), ("too slow", "too fast"), 0.1),
+        (row("vx=0.5", 0.5, slowest=0.8, fastest=1.2), (), 0.0),
     ],
 )
 def test_each_axis_is_judged_alone(judged: ResultRow, faults: tuple[str, ...], miss: float) -> None:
@@ -58,6 +62,30 @@ def test_the_worst_command_is_named() -> None:
     assert worst is not None and worst.row.command == "wz=0.5"
     fallen = worst_command([*rows, row("vx=0.2", 0.2, fall_rate=1.0)])
     assert fallen is not None and fallen.row.command == "vx=0.2"
+
+
+def test_seeds_that_follow_every_command_are_counted() -> None:
+    """Seed 0 follows both commands, seed 1 misses the turn by 0.04, seed 2 was told one: 4 of 5 cells, 1 of 3 seeds."""
+    rows = [
+        *(row("vx=0.5", 0.5, policy=f"p{seed}") for seed in range(3)),
+        *(row("wz=0.5", wz=wz, policy=f"p{seed}") for seed, wz in enumerate((0.5, 0.36))),
+        row("vx=0.5", mean_vx=None, policy="older"),
+        row("vx=0.5", 0.5, policy="p0", terrain="stairs=0.1"),
+        *(row("vx=0.5", 0.5, policy=f"p{seed}", friction_level=0.1) for seed in range(3)),
+    ]
+    count, other = count_commands(rows, lambda row: "method")
+    assert (count.method, count.engine, count.friction_law, count.friction_level) == (
+        "method",
+        "mujoco",
+        "coulomb",
+        0.2,
+    )
+    assert (count.seeds, count.follow_all, count.cells, count.followed) == (3, 1, 5, 4)
+    assert count.miss == pytest.approx(0.04 / 5) and count.largest_miss == pytest.approx(0.04)
+    assert count.worst == "wz=0.5: too slow" and not count.every_seed and not count.covered
+    assert (other.friction_level, other.worst) == (0.1, "") and other.covered
+    # Two seeds say nothing of a training.
+    assert count_commands(rows[:2])[0].every_seed and not count_commands(rows[:2])[0].covered
 
 
 def test_commands_are_scaled_to_a_slower_robot() -> None:

@@ -14,7 +14,7 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
     """The version is added, nothing is lost."""
     write_training(tmp_path / "training.json", {"friction": {"method": "direct", "level": 0.1}, "text": "μ"})
     assert read_training(tmp_path / "training.json") == {
-        "schema_version": 1,
+        "schema_version": 2,
         "friction": {"method": "direct", "level": 0.1},
         "text": "μ",
     }
@@ -23,9 +23,9 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (b'{"schema_version": 1, "joints": {}}', "'friction'"),
-        (b'{"schema_version": 2, "friction": {}}', "version 2"),
-        (b'{"schema_version": 1, "friction": null, "text": "no\\nratio"}', "no ratio"),
+        (b'{"schema_version": 2, "joints": {}}', "'friction'"),
+        (b'{"schema_version": 1, "friction": {}}', "version 1"),
+        (b'{"schema_version": 2, "friction": null, "text": "no\\nratio"}', "no ratio"),
     ],
 )
 def test_anything_else_is_refused_with_one_line(tmp_path: Path, content: bytes, said: str) -> None:

@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from stiction.files.advice import Source
+from stiction.files.advice import TRAINING, Source, TrainedWith
+from stiction.files.following import CommandCount
 from stiction.files.joints import Estimate, JointRecord, Objection
+from stiction.identification.advice import shipped
 from stiction.identification.verdict import TrainingNeed, judge
 
 FRICTION = Estimate(1.0, 0.1, (0.8, 1.2))
@@ -65,12 +67,32 @@ def test_friction_that_scatters_about_zero_is_said_to_be_at_most_its_upper_end()
 
 LIMIT = {"torque_limit": 40.0}
 
+WALKED = {"none": ((0.0, 5), (0.05, 5), (0.15, 0)), "deception": ((0.0, 5), (0.05, 5), (0.15, 5))}
+"""Method -> level, and seeds of five that follow every command there."""
+
+SOURCES = shipped() | {
+    TRAINING: Source(
+        *("stiction study", "abc", "saturn_lite", 6, ()),
+        {"none": TrainedWith("none", 0.0, 0.0, 0.0), "deception": TrainedWith("deception", 0.2, 0.0, 1.2)},
+        tuple(
+            CommandCount(method, "mujoco", "coulomb", level, 5, seeds, 75, 15 * seeds, 0.0, 0.0, "")
+            for method, walked in WALKED.items()
+            for level, seeds in walked
+        ),
+    )
+}
+
 
 @pytest.mark.parametrize(
     ("ends", "condition", "answer", "decides"),
     [
         ((0.012, 0.02), "loaded", "Yes", "at least 1.2 %"),
-        ((0.012, 0.02), "loaded", "Yes", "every seed that was trained without friction still follows at 5 %, in"),
+        (
+            (0.012, 0.02),
+            "loaded",
+            "Yes",
+            "every seed that was trained without friction still follows every command at 5 %, in",
+        ),
         ((0.004, 0.012), "loaded", "A little", "up to 1.2 %"),
         ((0.004, 0.006), "in_air", "A little", "2 times 0.6 %"),
         ((0.004, 0.2), "loaded", "Probably", "up to 20 %"),
@@ -89,7 +111,7 @@ def test_whether_it_matters_is_one_word_and_the_number_that_decides(
     middle = sum(ends) / 2
     share = Estimate(middle, 0.001, ends)
     known = {"coulomb_friction": share.scaled(40.0), "friction_ratio": share, "test_condition": condition}
-    told = judge(JointRecord(**known, **LIMIT))
+    told = judge(JointRecord(**known, **LIMIT), SOURCES)
     assert len(told.lines) == 3
     assert told.lines[1].startswith(f"Does it matter? {answer}: ") and decides in told.lines[1]
     unknown = judge(JointRecord(**known), legs=False)
@@ -119,7 +141,8 @@ def test_what_makes_a_fit_invalid_stands_in_the_place_of_the_answer() -> None:
 def test_friction_that_is_not_coulombs_is_not_covered(changes: dict, said: str) -> None:
     """A training under Coulomb's law never met friction that grows with load, however well it follows with the rest."""
     share = Estimate(0.14, 0.005, (0.13, 0.15))
-    told = judge(JointRecord(coulomb_friction=FRICTION, friction_ratio=share, test_condition="loaded", **changes))
+    record = JointRecord(coulomb_friction=FRICTION, friction_ratio=share, test_condition="loaded", **changes)
+    told = judge(record, SOURCES)
     assert "It covers 15 %" in told.lines[2] and told.lines[2].endswith("is not covered.") == bool(said)
     assert told.uncovered.startswith(said) and bool(told.uncovered) == bool(said)
     assert told.to_dict()["uncovered"] == told.uncovered == (told.details[-1] if said else "")

@@ -61,16 +61,15 @@ COMMANDED = [
 
 
 def test_the_answer_names_the_worst_command(tmp_path: Path) -> None:
-    """All commands first, with the map; of straight walking alone the sentence of before."""
+    """All commands that were walked are judged, with the map; rows of older files are not."""
     assert lead(COMMANDED).splitlines()[0] == (
         "deception follows all 3 commands at 0 and 10 % of friction; 2 of 3 at 20 %, the worst is wz=0.5: too slow."
     )
     sheet = command_map(COMMANDED, "deception")
     assert sheet.header == ("command", "none", "10 %", "20 %")
     assert sheet.rows[1] == ("wz=0.5", "1.00", "0.96", "0.60 too slow") and sheet.rows[2][1] == "stands"
-    assert "follows its command at 3 of 3" in lead([row for row in COMMANDED if row.command == "vx=0.5"] + [
-        walked(level, "vx=-0.5", -0.5) for level in (0.0, 0.1, 0.2)
-    ])  # fmt: skip
+    older = [replace(row, mean_vx=None) for row in COMMANDED]
+    assert lead(older).splitlines()[0] == "deception is not judged: rows of older files lack the mean velocity."
     page = write_evaluation(tmp_path, COMMANDED, SUMMARY | {"rows": [asdict(row) for row in COMMANDED]})
     assert "Commands by friction" in page.read_text()
 
@@ -117,17 +116,6 @@ def test_every_file_is_written_and_read_back(tmp_path: Path) -> None:
     assert "while training randomises them" in html
 
 
-def test_the_lead_says_where_each_policy_follows() -> None:
-    """One direction that fails, or one fall, is enough not to follow."""
-    text = lead(ROWS)
-    assert "plain follows at 0 %; is too slow at 20 %." in text
-    assert "wild follows nowhere; falls at 0 %." in text
-    fast = [make_row("fast", 0.0, "vx=0.5", 1.21), make_row("fast", 0.0, "vx=-0.5", 1.0)]
-    one_way = [make_row("fast", 0.1, "vx=0.5", 1.3), make_row("fast", 0.1, "vx=-0.5", 0.7)]
-    assert "fast follows nowhere; is too fast at 0 and 10 %; is too slow at 10 %." in lead([*fast, *one_way])
-    assert "was not asked to move" in lead(ROWS[-1:])
-
-
 def seeded(column: str, level: float, *each: float, command: str = "vx=0.5", **trials) -> Sample:
     """Return a sample of `deception` with a seed for every number, the interval 0.1 to each side."""
     mean, seeds = sum(each) / len(each), " ".join(map(str, range(len(each))))
@@ -161,8 +149,11 @@ def test_a_way_with_several_seeds_is_one_line_with_its_interval_and_every_seed()
 def test_the_worst_virtual_robot_is_judged_and_shown() -> None:
     """At 0.6 on one robot and at 1.4 on another: 1.0 in the mean, and no policy follows."""
     ends = {"slowest": 0.6, "fastest": 1.4}
-    rows = [replace(make_row("p", 0.1, command, 1.0), engine="physx+all", **ends) for command in ("vx=0.5", "vx=-0.5")]
-    assert "p follows nowhere; is too fast at 10 %; is too slow at 10 %." in lead(rows)
+    rows = [
+        replace(walked(0.1, command, vx), engine="physx+all", **ends)
+        for command, vx in (("vx=0.5", 0.5), ("vx=-0.5", -0.5))
+    ]
+    assert "deception follows 0 of 2 at 10 %, the worst is vx=0.5: too slow, too fast." in lead(rows)
     table = results_table(rows)
     assert "1.00 (0.60 to 1.40)" in table and ">follows<" not in table and ">too " in table
 
@@ -177,6 +168,7 @@ def test_a_coefficient_is_no_percentage() -> None:
         "load friction c, N m per N and N m transmitted",
     ]
     assert [line.get_xydata().tolist() for line in figure.axes[2].get_lines()[1:]] == [[[0.05, 0.95]], []]
-    assert "plain follows at load c = 0.05." in lead([*load, replace(load[0], command="vx=-0.5")])
+    known = replace(load[0], mean_vx=0.5, mean_vy=0.0, mean_wz=0.0)
+    assert "plain follows its command at c = 0.05 of friction." in lead([known])
     details = [asdict(load[0]) | {"moving_share": 0.4, "mean_friction": 3.21}]
     assert "load c = 0.05, 3.21 N m" in results_table(load, details)

@@ -8,13 +8,13 @@ from typing import Any
 from stiction.core.decode import from_plain
 from stiction.core.records import header, texts
 from stiction.files.results import ResultRow
-from stiction.files.straight import DEFINITION
 from stiction.joints.compensation import Compensation, parse_compensation
 from stiction.joints.friction import level_text
 from stiction.report.following import places_text
 from stiction.report.page import Section, fold, paragraph, row_table, table
 from stiction_experiments.compensation.standing import Standing
 from stiction_experiments.compensation.walking import Followed, followed
+from stiction_experiments.lab.straight import DEFINITION
 from stiction_experiments.lab.study import Report
 
 WAYS = {

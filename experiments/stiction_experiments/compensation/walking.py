@@ -12,8 +12,8 @@ from stiction.evaluation.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.evaluation.policies import fed_suffix
 from stiction.files.bundle import Bundle
 from stiction.files.results import ResultRow
-from stiction.files.straight import pace, worst
 from stiction.joints.compensation import Compensation
+from stiction_experiments.lab.straight import pace, worst
 
 
 def walk_by(bundle: Bundle, cfg: EvaluationCfg, compensation: Compensation | None, threads: int) -> dict[str, Any]:

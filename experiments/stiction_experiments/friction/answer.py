@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from stiction.files.method import find_method
-from stiction.files.straight import Following
 from stiction.joints.friction import level_text
 from stiction.report.following import places_text
 from stiction_experiments.friction.manifest import TWO_PHASE
@@ -13,6 +12,7 @@ from stiction_experiments.friction.planned import EVALUATED
 from stiction_experiments.friction.records import HIGHEST, STUDENT, Experiment, short_name
 from stiction_experiments.lab.claims import said_of
 from stiction_experiments.lab.following import has_one_seed
+from stiction_experiments.lab.straight import Following
 
 TITLES = {
     "designs": "Can one student follow without friction and with a lot of it?",

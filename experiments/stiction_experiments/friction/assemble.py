@@ -12,13 +12,8 @@ from stiction.core.decode import from_plain
 from stiction.core.errors import ConfigurationError, FileError
 from stiction.core.records import part_of, read_rows
 from stiction.evaluation.evaluate import EvaluationCfg
-from stiction.files.advice import SHARES, Source, TrainedWith
-from stiction.files.method import find_method
 from stiction.files.results import ResultRow, read_metrics, read_results, read_summary
-from stiction.files.straight import following
-from stiction.identification.advice import TRAINED_IN
 from stiction.learning.run import RunDirectory
-from stiction.robots.catalog import find_robot, robot_in_file
 from stiction_experiments.friction.claims import CLAIMS, DECEPTION, DIRECT, NONE
 from stiction_experiments.friction.evaluation import (
     CANDIDATES,
@@ -33,7 +28,6 @@ from stiction_experiments.friction.learned import learned_figures
 from stiction_experiments.friction.manifest import PARTS, TWO_PHASE
 from stiction_experiments.friction.planned import EVALUATED, PlannedRun, State
 from stiction_experiments.friction.records import (
-    STUDENT,
     Collapse,
     ConditionRecord,
     CurvePoint,
@@ -43,93 +37,13 @@ from stiction_experiments.friction.records import (
     RunRecord,
 )
 from stiction_experiments.lab.claims import Verdict, rejudged_summary
-
-ADVISED = {"none": NONE, "direct": DIRECT, "deception": DECEPTION}
-"""Method -> the condition whose students `stiction identify` advises by, and whose median seed is shipped."""
-
-WHOLE = "+all"
-"""How the name of a virtual robot's engine ends where all of the robot is real: nobody has one that is so in part."""
+from stiction_experiments.lab.straight import following
 
 
 def _condition_and_policy(row: ResultRow) -> str:
     """Return what `following` counts by: `CONDITION/student` or `CONDITION/teacher`."""
     _, condition, _, who = parse_policy(row.policy)
     return f"{condition}/{who}"
-
-
-def read_elsewhere(files: Sequence[Path], out: Path) -> list[ResultRow]:
-    """Return the rows of `stiction evaluate` in tables beside the experiment, of its policies in other engines.
-
-    A table of another folder is refused: policies of two experiments have the same names, and nothing else in a table
-    tells them apart.
-
-    Raises:
-        StictionError: a file is not in `out`, or is no table of results, or has rows of the experiment's own simulator.
-
-    """
-    rows = []
-    for file in files:
-        if file.resolve().parent != out.resolve():
-            raise ConfigurationError(
-                f"--elsewhere {file}: not in {out}; policies of another experiment may have the same names: put the "
-                "table of this experiment's policies beside its results"
-            )
-        found = read_results(file)
-        if own := [row for row in found if row.engine == TRAINED_IN]:
-            raise ConfigurationError(
-                f"--elsewhere {file}: has {len(own)} rows of the engine {TRAINED_IN!r}, that of the training; expected "
-                "those of other engines alone"
-            )
-        rows += found
-    return rows
-
-
-def source_of(experiment: Experiment, elsewhere: Sequence[ResultRow] = (), tables: Sequence[str] = ()) -> Source:
-    """Return the students of the three methods: what is deployed. elsewhere: see `read_elsewhere`; tables: its files.
-
-    Raises:
-        StictionError: a row elsewhere is of a policy that the experiment does not have, or the policies advised by are
-            of several robots, or none.
-
-    """
-    students = {parse_policy(row.policy)[0] for row in experiment.rows if row.policy.endswith(f"/{STUDENT}")}
-    if strange := sorted({row.policy for row in elsewhere} - students):
-        raise ConfigurationError(
-            f"--elsewhere has rows of the policy {strange[0]!r}, which is none of the {len(students)} students of the "
-            "experiment; expected the same policies in other engines"
-        )
-    robots = {condition.robot for condition in experiment.conditions if condition.name in ADVISED.values()}
-    if len(robots) != 1:
-        raise ConfigurationError(
-            f"no advice from conditions of {len(robots)} robots ({', '.join(sorted(robots))}); expected "
-            f"{', '.join(ADVISED.values())} of one"
-        )
-    robot = robot_in_file(robots.pop(), "summary.json", "run the study itself, without --judge-again")
-    nominal = {condition.name: condition.nominal for condition in experiment.conditions}
-    names = {f"{condition}/{STUDENT}": method for method, condition in ADVISED.items()}
-    told = (row for row in elsewhere if row.friction_law in SHARES)
-    walked = (row for row in told if "+" not in row.engine or row.engine.endswith(WHOLE))
-    there = following(walked, lambda row: f"{parse_policy(row.policy)[1]}/{STUDENT}")
-    cells = [replace(one, method=names[one.method]) for one in (*experiment.following, *there) if one.method in names]
-    methods = {
-        method: TrainedWith(
-            method, 0.0 if method == "none" else nominal[condition], *find_method(method).friction_range
-        )
-        for method, condition in ADVISED.items()
-        if condition in nominal
-    }
-    policies = sorted({row.policy for row in experiment.rows if _condition_and_policy(row) in names})
-    summary, feet = experiment.summary, len(find_robot(robot).feet)
-    return Source(
-        summary["command"],
-        summary["revision"],
-        robot,
-        feet,
-        tuple(policies),
-        methods,
-        tuple(cells),
-        tables=tuple(tables),
-    )
 
 
 LISTS = {
@@ -233,7 +147,7 @@ def assemble(
             **({"kept": kept} if kept else {}),
             "evaluation": asdict(base) | {"commands": COMMANDS},
             "conditions_of_evaluation": base.conditions,
-            "median_seeds": {name: median_seed(rows, name) for name in ADVISED.values()},
+            "median_seeds": {name: median_seed(rows, name) for name in (NONE, DIRECT, DECEPTION)},
         },
         learned=learned,
     )

@@ -14,7 +14,6 @@ import numpy as np
 
 from stiction.evaluation.grid import BATCH
 from stiction.files.results import DIRECTIONS, FOLLOWS
-from stiction.files.straight import SLOW
 from stiction.files.velocity import STAND
 from stiction_experiments.friction.evaluation import iterations_by_seed
 from stiction_experiments.friction.evidence import TrainingEvidence, at
@@ -35,6 +34,7 @@ from stiction_experiments.lab.claims import (
     within,
 )
 from stiction_experiments.lab.evidence import Measurement
+from stiction_experiments.lab.straight import SLOW
 
 STATIONARY = 0.2
 """Below this share of the commanded speed a robot counts as stationary [-]."""

@@ -1,132 +1,129 @@
-"""Write commands.csv, commands-ROBOT.csv and commands.md: commands that policies follow, by `stiction evaluate`.
+"""Count the commands that policies follow: counts.csv and counts.md from tables of `stiction evaluate`, and the advice.
 
-    python -m stiction_experiments.friction.commands OUT RESULTS... [--advice FILE]
+    python -m stiction_experiments.friction.commands OUT TABLE... [--advice FILE --command WORDS --revision REVISION]
 
-Each RESULTS has results.csv and summary.json. What OUT/commands.head.md says stands above the tables. FILE is what
-`stiction identify` advises by: it gets the counts.
+Each TABLE is a results.csv, in whatever engines. FILE is what `stiction identify` advises by: it gets the counts of the
+methods in `METHODS`, with the command and the revision that trained their policies.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from statistics import fmean
 
-from stiction.files.advice import TRAINING, CommandCount, read_advice
-from stiction.files.following import COMMAND_SET, CommandVerdict, judge_row, worst_command
-from stiction.files.results import ResultRow, read_results, read_summary, write_results
-from stiction.files.velocity import parse_command
+from stiction.core.errors import FileError
+from stiction.core.files import write_text
+from stiction.core.records import make_folder, write_rows
+from stiction.files.advice import SHARES, TRAINING, Source, TrainedWith
+from stiction.files.following import CommandCount, count_commands
+from stiction.files.method import find_method
+from stiction.files.results import ResultRow, read_results
+from stiction.identification.advice import TOLD
+from stiction.report.following import counts_sheet
+from stiction.report.page import Sheet
+from stiction.robots.catalog import find_robot
+from stiction_experiments.friction.manifest import LEVEL
 from stiction_experiments.lab.files import write_source
 
-Place = tuple[str, str]
-"""Training method and engine."""
+METHODS = {"none": "none", "direct": "direct", "deception": "deception", TOLD: "deception"}
+"""Method of the rows that the advice compares -> `--method` of its training."""
 
-ENGINES = {
-    "mujoco": "MuJoCo",
-    "physx": "PhysX",
-    "mujoco-alone+all 1000": "virtual robot 1000",
-    "mujoco-alone+all 1001": "virtual robot 1001",
-}
-"""Engine, and virtual robot, as the page calls them."""
+WHOLE = "+all"
+"""End of the name of a virtual robot's engine where all of the robot is real: nobody has one that is so in part."""
 
 
-def label(rows: Sequence[ResultRow], engine: str) -> str:
-    """Return how the page calls a place of so many rows."""
-    return f"{ENGINES[engine]}, {rows[0].episodes} walks a cell"
+def way_of(row: ResultRow) -> str:
+    """Return the training method; with what follows the seed in the policy's name, as in a control's `a-s3-plain`."""
+    return row.method + row.policy.partition(f"-s{row.seed}")[2]
 
 
-def read_places(folders: Sequence[Path]) -> tuple[dict[Place, list[ResultRow]], list[str]]:
-    """Return the rows of several evaluations by method and engine, and the command and revision of each."""
-    places: dict[Place, list[ResultRow]] = {}
-    origins = []
-    for folder in folders:
-        summary = read_summary(folder / "summary.json")
-        robots = "".join(f" {robot}" for robot in summary["robots"])
-        origins.append(f"`{summary['command']}` (revision `{summary['revision'][:12]}`)")
-        for row in read_results(folder / "results.csv"):
-            places.setdefault((row.method, row.engine + robots), []).append(row)
-    return places, origins
+def read_tables(tables: Iterable[Path]) -> list[ResultRow]:
+    """Return the rows of all tables.
+
+    Raises:
+        StictionError: a table cannot be read, has rows without a mean velocity, or two policies of one method and seed.
+
+    """
+    rows: list[ResultRow] = []
+    for table in tables:
+        rows += (own := read_results(table))
+        if older := sum(row.mean_velocity is None for row in own):
+            raise FileError(f"{table}: got {older} rows without a mean velocity, expected none; evaluate them again")
+    names: dict[tuple[str, int, str], str] = {}
+    for row in rows:
+        way = way_of(row)
+        if (known := names.setdefault((way, row.seed, row.engine), row.policy)) != row.policy:
+            raise FileError(
+                f"tables: got {known} and {row.policy}, both of {way!r} with seed {row.seed} in {row.engine}, expected "
+                "one policy a seed; leave one of them out"
+            )
+    return rows
 
 
-def verdicts(rows: Sequence[ResultRow]) -> list[CommandVerdict]:
-    """Return the verdicts of rows, which all have a mean velocity."""
-    return [verdict for row in rows if (verdict := judge_row(row)) is not None]
+def pairs_sheet(rows: Sequence[ResultRow]) -> Sheet:
+    """Return the seeds of each method that follow every command at every friction, a column for each place."""
+    places = count_commands((replace(row, friction_level=0.0) for row in rows), way_of)
+    engines = tuple(dict.fromkeys(place.engine for place in places))
+    lines = []
+    for way in dict.fromkeys(place.method for place in places):
+        own = {place.engine: place for place in places if place.method == way}
+        each = (f"{own[name].follow_all} of {own[name].seeds}" if name in own else "–" for name in engines)
+        pairs = sum(one.follow_all for one in own.values()), sum(one.seeds for one in own.values())
+        lines.append((way, *each, f"{pairs[0]} of {pairs[1]}"))
+    title = "Pairs of seed and place that follow every command at every friction"
+    return Sheet(title, ("method", *engines, "pairs of seed and place"), tuple(lines))
 
 
-def reached_text(rows: Sequence[ResultRow]) -> str:
-    """Return how many policies follow and the reached ratio of each commanded axis, mean over policies."""
-    command = parse_command(rows[0].command)
-    count = f"{sum(verdict.follows for verdict in verdicts(rows))} of {len(rows)}"
-    means = [command.axis_ratios(row.mean_velocity or (0.0, 0.0, 0.0)) for row in rows]
-    ratios = [f"{fmean(values):.2f}" for values in zip(*means, strict=True)]
-    return f"{count}: {', '.join(ratios)}" if ratios else count
-
-
-def count_commands(places: dict[Place, list[ResultRow]]) -> list[CommandCount]:
-    """Return the counts over all commands by method, engine and friction."""
-    counts = []
-    for (method, engine), rows in places.items():
-        for level in sorted({row.friction_level for row in rows}):
-            here = [row for row in rows if row.friction_level == level]
-            policies = {row.policy for row in here}
-            every = sum(worst_command(row for row in here if row.policy == name) is None for name in policies)
-            followed = sum(verdict.follows for verdict in verdicts(here))
-            worst = worst_command(here)
-            named = f"{worst.row.command}, {', '.join(worst.faults)}" if worst else ""
-            counts.append(CommandCount(method, engine, level, len(policies), every, len(here), followed, named))
-    return counts
-
-
-def summary_table(places: dict[Place, list[ResultRow]]) -> list[str]:
-    """Return the table of policies that follow every command, by place and friction."""
-    lines = [
-        "| trained | where | friction | policies that follow all | cells followed | worst |",
-        "|---|---|---|---|---|---|",
+def source_of(
+    rows: Sequence[ResultRow], counts: Sequence[CommandCount], tables: Sequence[Path], args: argparse.Namespace
+) -> Source:
+    """Return the part of the advice; args: command, revision and robot of the training, see `main`."""
+    methods = {}
+    for way in dict.fromkeys(count.method for count in counts if count.method in METHODS):
+        low, high = find_method(METHODS[way]).friction_range
+        methods[way] = TrainedWith(METHODS[way], LEVEL if high else 0.0, low, high)
+    cells = [
+        count
+        for count in counts
+        if count.method in methods
+        and count.friction_law in SHARES
+        and ("+" not in count.engine or count.engine.endswith(WHOLE))
     ]
-    for count in count_commands(places):
-        where, share = label(places[count.method, count.engine], count.engine), f"{100 * count.friction_level:.0f} %"
-        lines.append(
-            f"| `{count.method}` | {where} | {share} | {count.follow_all} of {count.seeds} | {count.followed} "
-            f"of {count.cells} | {count.worst or '–'} |"
-        )
-    return lines
+    return Source(
+        args.command,
+        args.revision,
+        args.robot,
+        len(find_robot(args.robot).feet),
+        tuple(sorted({row.policy for row in rows if way_of(row) in methods})),
+        methods,
+        tuple(cells),
+        tables=tuple(table.name for table in tables),
+    )
 
 
-def command_table(rows: Sequence[ResultRow]) -> list[str]:
-    """Return the table of one place: commands against friction."""
-    levels = sorted({row.friction_level for row in rows})
-    lines = [
-        "| command | " + " | ".join(f"{100 * level:.0f} %" for level in levels) + " |",
-        "|---" * (len(levels) + 1) + "|",
-    ]
-    for command in COMMAND_SET:
-        cells = [[row for row in rows if (row.command, row.friction_level) == (command, level)] for level in levels]
-        lines.append(f"| `{command}` | " + " | ".join(map(reached_text, cells)) + " |")
-    return lines
-
-
-def main() -> None:
-    """Write both files, and the counts into the advice where it is named."""
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Write the counts, and the part of the advice where its file is named."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("out", type=Path, help="folder of commands.csv and commands.md")
-    parser.add_argument("results", type=Path, nargs="+", help="folders of `stiction evaluate`")
+    parser.add_argument("out", type=Path, help="folder of counts.csv and counts.md")
+    parser.add_argument("tables", type=Path, nargs="+", help="results.csv of `stiction evaluate`")
     parser.add_argument("--advice", type=Path, help="advice.json, which gets the counts")
-    cfg = parser.parse_args()
-    places, origins = read_places(cfg.results)
-    parts = [(cfg.out / "commands.head.md").read_text(), *summary_table(places), ""]
-    for (method, engine), rows in places.items():
-        parts += [f"## `{method}`, {label(rows, engine)}", "", *command_table(rows), ""]
-    parts += ["## Made by", "", *(f"* {origin}" for origin in origins), ""]
-    (cfg.out / "commands.md").write_text("\n".join(parts))
-    # Rows do not name their virtual robot: each has a file of its own.
-    for robot in {engine.partition(" ")[2] for _, engine in places}:
-        rows = [row for (_, engine), own in places.items() if engine.partition(" ")[2] == robot for row in own]
-        write_results(cfg.out / f"commands{robot and '-'}{robot}.csv", rows)
-    if cfg.advice is not None:
-        source = read_advice(cfg.advice)[TRAINING]
-        write_source(cfg.advice, TRAINING, replace(source, commands=tuple(count_commands(places))))
+    parser.add_argument("--command", help="with --advice: command that trained the policies, with its --preset")
+    parser.add_argument("--revision", help="with --advice: revision that trained them")
+    parser.add_argument("--robot", default="saturn_lite", help="with --advice: robot that walked; default: %(default)s")
+    args = parser.parse_args(arguments)
+    if args.advice is not None and not (args.command and args.revision):
+        parser.error("--advice requires --command and --revision of the training")
+    rows = read_tables(args.tables)
+    counts = count_commands(rows, way_of)
+    make_folder(args.out)
+    write_rows(args.out / "counts.csv", counts)
+    write_text(
+        args.out / "counts.md", "\n".join(sheet.markdown() for sheet in (pairs_sheet(rows), counts_sheet(counts)))
+    )
+    if args.advice is not None:
+        write_source(args.advice, TRAINING, source_of(rows, counts, args.tables, args))
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ import numpy as np
 from markupsafe import Markup
 
 from stiction.files.results import DIRECTIONS, ResultRow
-from stiction.files.straight import BAND, DEFINITION, SLOW
 from stiction.files.velocity import parse_command
 from stiction.joints.friction import level_axis, level_number
 from stiction.report.following import shade_following
@@ -36,6 +35,7 @@ from stiction_experiments.friction.records import HIGHEST, STUDENT, ConditionRec
 from stiction_experiments.lab import study
 from stiction_experiments.lab.claims import JUDGED
 from stiction_experiments.lab.following import changes_sheet, stalled_text
+from stiction_experiments.lab.straight import BAND, DEFINITION, SLOW
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,9 +7,9 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from stiction.files.results import ResultRow
-from stiction.files.straight import Following
 from stiction_experiments.friction.planned import State
 from stiction_experiments.lab.claims import Verdict
+from stiction_experiments.lab.straight import Following
 
 STUDENT = "student"
 """Of a run's two policies the one that is deployed, and judged."""

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
-from stiction.core.effects import excludes, needs
+from stiction.core.effects import excludes
 from stiction.core.errors import FileError, TrainingError
 from stiction_experiments.lab.study import ParallelOptions, RedrawnOptions, Report, Study, Work
-
-if TYPE_CHECKING:
-    from stiction_experiments.friction.records import Experiment
 
 DESCRIPTION = """The experiment on training with dry friction: every run of its manifest, and what follows from them.
 
@@ -40,7 +37,7 @@ class FrictionOptions(ParallelOptions, RedrawnOptions):
     add: bool = False
     """Add to what --out has: results of runs that are not in --runs, but were in --runs when --out was written, stay.
     Trainings on several machines, or over several days, then make one experiment."""
-    free: ClassVar[tuple[str, ...]] = ("train", "add", "plan", "parts", "cache", "elsewhere")
+    free: ClassVar[tuple[str, ...]] = ("train", "add", "plan", "parts", "cache")
     """Options that do more of the same, or say where from."""
     out: Path = Path("results/friction-training")
     """Folder of results.csv, intervals.csv, following.csv, curves.csv, learned.csv, summary.json, tables.md, figures,
@@ -56,11 +53,6 @@ class FrictionOptions(ParallelOptions, RedrawnOptions):
     """Episodes per level and command."""
     seconds: float = 10.0
     """Length of an episode [s]; its first 2 s are not measured."""
-    advice: Path | None = None
-    """Also write who follows into this file of what `stiction identify` advises by."""
-    elsewhere: tuple[Path, ...] = field(default=(), metadata=needs("--advice"))
-    """With --advice: tables of `stiction evaluate` in --out, of the same policies in other engines and on virtual
-    robots. Without them the advice says that these have not walked there."""
     plan: bool = field(default=False, metadata=excludes(but=("--preset", "--runs", "--policies", "--parts")))
     """Only say what the experiment is made of: runs, seeds, where each stands, its cost in minutes of one core, and
     what is missing in all."""
@@ -76,16 +68,15 @@ class FrictionOptions(ParallelOptions, RedrawnOptions):
 def run(options: FrictionOptions, work: Work) -> Report | int:
     """Train, evaluate and judge; the exit status is 1 if a run could not be trained or evaluated."""
     from stiction.learning.identity import unrecorded_note
-    from stiction_experiments.friction.assemble import assemble, judge_again, read_earlier, read_elsewhere, unwalked
+    from stiction_experiments.friction.assemble import assemble, judge_again, read_earlier, unwalked
     from stiction_experiments.friction.evaluation import BASE, evaluate_tasks, tasks_for
     from stiction_experiments.friction.manifest import TWO_PHASE, runs_of
+    from stiction_experiments.friction.page import report
     from stiction_experiments.friction.planned import EVALUATED, PlannedRun, unrecorded
     from stiction_experiments.friction.training import train
 
-    # Read now, that a mistake is not told after hours of training.
-    read_elsewhere(options.elsewhere, options.out)
     if options.judge_again:
-        return report_of(options, judge_again(options.out, work.provenance))
+        return report(judge_again(options.out, work.provenance))
     if strange := [folder for folder in options.policies if not folder.is_dir()]:
         raise FileError(f"there is no folder {strange[0]}; give that of the exported policies with --policies")
     if options.plan:
@@ -115,27 +106,7 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
     for name, reason in failed.items():
         work.say(f"{name}: {reason}")
     origin = work.provenance | {"failed": failed, "preset": preset}
-    report = report_of(options, assemble(planned, rows, base, origin, before))
-    return replace(report, status=1 if failed else 0)
-
-
-def report_of(options: FrictionOptions, experiment: Experiment) -> Report:
-    """Return the report of the experiment; with it its part of the advice is written if asked for."""
-    from stiction.files.advice import TRAINING
-    from stiction_experiments.friction.assemble import read_elsewhere, source_of
-    from stiction_experiments.friction.page import report
-    from stiction_experiments.lab.files import write_source
-
-    source = None
-    if options.advice is not None:
-        rows = read_elsewhere(options.elsewhere, options.out)
-        source = source_of(experiment, rows, [file.name for file in options.elsewhere])
-
-    def write_files(_: Path) -> None:
-        if options.advice is not None and source is not None:
-            write_source(options.advice, TRAINING, source)
-
-    return replace(report(experiment), files=write_files)
+    return replace(report(assemble(planned, rows, base, origin, before)), status=1 if failed else 0)
 
 
 def plan(options: FrictionOptions, work: Work) -> None:

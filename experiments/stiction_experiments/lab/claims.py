@@ -22,9 +22,9 @@ import numpy as np
 from stiction.core.statistics import Interval, t_interval
 from stiction.evaluation.samples import Condition, Rate, SeedValues
 from stiction.files.results import DIRECTIONS, FOLLOWS
-from stiction.files.straight import BAND, pace
 from stiction_experiments.lab.evidence import Evidence, Measurement
 from stiction_experiments.lab.statistics import difference_interval
+from stiction_experiments.lab.straight import BAND, pace
 
 Outcome = Literal["reproduces", "does not", "only above x", "only up to x", "undecided", "not tested"]
 

@@ -7,10 +7,10 @@ from typing import Any
 
 from stiction.files.following import STALLS
 from stiction.files.results import ResultRow
-from stiction.files.straight import DEFINITION, SLOW, Following, counts_text, stalled
 from stiction.joints.friction import level_text
 from stiction.report.following import friction_text
 from stiction.report.page import Sheet
+from stiction_experiments.lab.straight import DEFINITION, SLOW, Following, counts_text, stalled
 
 
 def by_level(cells: Sequence[Following]) -> dict[float, dict[str, list[Following]]]:

@@ -16,10 +16,10 @@ from stiction.evaluation.grid import REAL
 from stiction.evaluation.policies import BEHIND_GEAR, FED, FED_BY_MEASURED
 from stiction.evaluation.samples import Condition, each_seed
 from stiction.files.results import DIRECTIONS
-from stiction.files.straight import SLOW
 from stiction_experiments.friction.claims import HARDLY, JITTER, MOVES
 from stiction_experiments.lab.claims import FOLLOWING, STABLE, Claim, Verdict, each, in_words
 from stiction_experiments.lab.evidence import Evidence
+from stiction_experiments.lab.straight import SLOW
 from stiction_experiments.replication import criteria
 from stiction_experiments.replication.criteria import HALF, JUMPING, NOTICEABLE, elsewhere, on_robot
 from stiction_experiments.replication.plan import PAPER_COEFFICIENT, VIRTUAL_ROBOT

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from stiction.evaluation.policies import BEHIND_GEAR, FED, FED_BY
 from stiction.evaluation.table import BOTH, Sample
-from stiction.files.straight import BAND, FAST, SLOW, Following
 from stiction.joints.friction import has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
 from stiction.report.evaluation import sample_text
@@ -35,6 +34,7 @@ from stiction.robots.terrain import STEPS, TREAD
 from stiction_experiments.lab import study
 from stiction_experiments.lab.claims import JUDGED, said_of
 from stiction_experiments.lab.following import changes_sheet, places_sheet, recommended_sentence, recommended_sheet
+from stiction_experiments.lab.straight import BAND, FAST, SLOW, Following
 from stiction_experiments.replication.plan import STAIRS_COMMAND
 from stiction_experiments.replication.records import (
     FEWEST_LEVELS,

@@ -10,9 +10,9 @@ from stiction.evaluation.policies import MethodCell
 from stiction.evaluation.table import Sample
 from stiction.files.advice import SHARES
 from stiction.files.results import ResultRow
-from stiction.files.straight import Following
 from stiction_experiments.lab.claims import Verdict
 from stiction_experiments.lab.files import row_of
+from stiction_experiments.lab.straight import Following
 
 SUMMARY = "summary.json"
 """Name of the file that has all rows."""

@@ -19,16 +19,16 @@ from stiction.evaluation.run import BENCHES, walk_grid
 from stiction.evaluation.samples import samples
 from stiction.evaluation.summary import check_names, describe
 from stiction.evaluation.table import rows_of
-from stiction.files.advice import Source, TrainedWith
+from stiction.files.advice import Source
 from stiction.files.bundle import Bundle
 from stiction.files.contract import Contract, robot_of
 from stiction.files.results import read_summary
-from stiction.files.straight import following
 from stiction.learning.identity import difference
 from stiction.robots.catalog import find_robot, robot_in_file
 from stiction.robots.model import Robot
 from stiction_experiments.lab.claims import Verdict, rejudged_summary
 from stiction_experiments.lab.evidence import Evidence
+from stiction_experiments.lab.straight import following
 from stiction_experiments.replication.budget import beside_forward, budget, friction_effects, onsets
 from stiction_experiments.replication.claims import judge_all
 from stiction_experiments.replication.plan import Part, conventional
@@ -245,23 +245,17 @@ def _settings(part: Part, record: PartRecord) -> dict[str, Any]:
 
 
 def source_of(result: Replication) -> Source:
-    """Return which methods follow at shares of the torque limit that a user's robot may have."""
-    methods: dict[str, TrainedWith] = {}
-    for policy in result.summary["policies"].values():
-        level = 0.0 if policy["method"] == "none" else policy["friction_level"]
-        low, high = (round(end / level, 6) if level else 0.0 for end in policy["friction_range"])
-        methods.setdefault(policy["way"], TrainedWith(policy["method"], level, low, high))
-    summary, policies = result.summary, result.summary["policies"]
-    (robot,) = {policy["robot"] for policy in policies.values()}
+    """Return the effects of friction on the policies that were trained without it."""
+    summary = result.summary
+    policies = [name for name, policy in summary["policies"].items() if policy["way"] == "none"]
+    (robot,) = {policy["robot"] for policy in summary["policies"].values()}
     return Source(
         summary["command"],
         summary["revision"],
         robot,
         len(find_robot(robot).feet),
         tuple(sorted(policies)),
-        methods,
-        result.needs,
-        friction_effects(result),
+        effects=friction_effects(result),
     )
 
 

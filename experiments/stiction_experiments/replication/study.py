@@ -70,7 +70,7 @@ class ReplicateOptions(ParallelOptions, RedrawnOptions):
     onsets.csv, following.csv, verdicts.csv, evidence.csv, summary.json, tables.md, figures, report.html, and a folder
     for each part, by which an interrupted command goes on."""
     advice: Path | None = None
-    """Also write who follows into this file of what `stiction identify` advises by."""
+    """Also write the effects of friction into this file of what `stiction identify` advises by."""
     plan: bool = field(default=False, metadata=needs("--preset full") | excludes(but=("--preset", "--runs")))
     """With --preset full: only say which trainings it takes, where each stands, its cost in minutes of one core, and
     what is missing in all; the walks come on top."""

@@ -22,7 +22,6 @@ from stiction.core.records import column
 from stiction.core.statistics import t_interval, wilson
 from stiction.deploy.wear import WearMonitor
 from stiction.files.bundle import Bundle
-from stiction.files.straight import pace
 from stiction.files.velocity import Command
 from stiction.files.wear import LEVEL
 from stiction.robots.model import Robot
@@ -30,6 +29,7 @@ from stiction.virtual.cases import Case
 from stiction.virtual.hidden import draw
 from stiction.virtual.robot import Wear
 from stiction.virtual.trial import Trial
+from stiction_experiments.lab.straight import pace
 
 End = Literal["alive", "too slow", "too fast", "fell", "too slow from the start", "too fast from the start"]
 """How a lifetime ended: not at all, it follows to the last; too slow or too fast for good; by a fall before that; or

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from stiction.files.straight import BAND, FAST, SLOW
 from stiction.files.wear import LEVEL
 from stiction.report.following import shade_following
 from stiction.report.page import (
@@ -27,6 +26,7 @@ from stiction.report.page import (
     table,
 )
 from stiction.virtual.cases import BENCH
+from stiction_experiments.lab.straight import BAND, FAST, SLOW
 from stiction_experiments.lab.study import Report
 from stiction_experiments.wear.lifetimes import NEVER, SIGNALS, Lifetime, Reading, Window, factor_text
 

@@ -9,8 +9,8 @@ from typing import Annotated
 from stiction.core.errors import FileError
 from stiction.core.flags import ARGUMENT
 from stiction.core.records import part_of, read_rows
-from stiction.files.straight import FAST, SLOW
 from stiction.report.terminal import RobotSeeds
+from stiction_experiments.lab.straight import FAST, SLOW
 from stiction_experiments.lab.study import ParallelOptions, RedrawnOptions, Report, Study, UsageError, Work, recorded
 
 DESCRIPTION = f"""Let policies walk on virtual robots whose friction grows from x0.3, seals out, to x3 of a level.

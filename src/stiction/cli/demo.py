@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any, Literal
 from stiction.core.effects import excludes, needs
 from stiction.core.files import write_text
 from stiction.core.options import read_options
-from stiction.files.results import DIRECTIONS
 
 if TYPE_CHECKING:
     from stiction.deploy.check import BundleCheck
@@ -24,8 +23,8 @@ if TYPE_CHECKING:
     from stiction.files.results import ResultRow
     from stiction.report.demo import DemoJoint
 
-COMMANDS = DIRECTIONS
-"""Commands that the policies are given; the first is the one of the clips."""
+COMMANDS = ("vx=0.5", "vx=-0.5", "vy=0.3", "wz=0.5")
+"""Commands that the policies are given, four of the fifteen to be followed; the first is the one of the clips."""
 
 METHODS = ("none", "direct", "deception")
 """Training methods that the demo compares."""
@@ -59,7 +58,7 @@ class DemoCfg:
     """Preset of `stiction train`, with --train."""
     bundles: tuple[Path, ...] = field(default=(), metadata=excludes("--train"))
     """Bundles to show in place of those that come with the package, directories or names."""
-    episodes: int = 16
+    episodes: int = 8
     """Episodes per policy, level and command."""
     seconds: float = 12.0
     """Length of an episode [s]."""

@@ -1,4 +1,4 @@
-"""What `stiction identify` advises by: who follows after which training, a part from each study that looked.
+"""Evidence of the advice of `stiction identify`: commands followed after each training, a part a study.
 
 A study writes its own part, from its rows, with the command, the revision and the policies that they are of.
 """
@@ -6,15 +6,15 @@ A study writes its own part, from its rows, with the command, the revision and t
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from stiction.core.decode import from_plain
 from stiction.core.errors import FileError
+from stiction.files.following import CommandCount
 from stiction.files.plain import read_object, take_version
-from stiction.files.straight import Following
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 
 TRAINING, TRANSFER = "friction-training", "replication"
 """Names of the parts: in the simulator of the training, and elsewhere."""
@@ -43,7 +43,8 @@ class TrainedWith:
 class FrictionEffect:
     """What friction did in one engine to policies that were trained without it; levels are over the torque limit [-].
 
-    Speed is that of the slower direction on flat ground over the commanded one [-], mean over the training seeds.
+    Speed is that of the slower of forward and backward at 0.5 m/s over the commanded one [-], on flat ground, mean over
+    the training seeds.
     """
 
     engine: str
@@ -63,24 +64,6 @@ class FrictionEffect:
 
 
 @dataclass(frozen=True)
-class CommandCount:
-    """Commands of the command set that the policies of one training follow, in one place under one friction."""
-
-    method: str
-    engine: str
-    """Engine, and the virtual robot where one walked."""
-    friction_level: float
-    """Friction over the torque limit [-]."""
-    seeds: int
-    follow_all: int
-    cells: int
-    followed: int
-    """Pairs of seed and command, and those that follow."""
-    worst: str
-    """Command that misses by most, and its faults: `wz=0.5, too slow`; empty where all follow."""
-
-
-@dataclass(frozen=True)
 class Source:
     """The part of one study."""
 
@@ -90,15 +73,13 @@ class Source:
     """Robot that walked, on flat ground."""
     feet: int
     policies: tuple[str, ...]
-    methods: Mapping[str, TrainedWith]
-    cells: tuple[Following, ...]
-    """Who follows, by method, engine and friction; every cell is of `policies`, and of no others."""
+    methods: Mapping[str, TrainedWith] = field(default_factory=dict)
+    cells: tuple[CommandCount, ...] = ()
+    """Commands that each method follows, by engine and friction; every cell is of `policies`, and of no others."""
     effects: tuple[FrictionEffect, ...] = ()
-    """What friction did to policies that were trained without it; nothing where the study does not ask."""
-    commands: tuple[CommandCount, ...] = ()
-    """Counts over all commands; nothing where only straight walks were walked."""
+    """Effects of friction on policies that were trained without it; empty where the study does not ask."""
     tables: tuple[str, ...] = ()
-    """Names of tables beside its own that it has cells of other engines from: `physx.csv`."""
+    """Names of the tables with the rows of the cells: `cohort-physx.csv`."""
 
     @property
     def robot_text(self) -> str:

@@ -2,14 +2,15 @@
 
 A cell, one policy under one friction and one command, follows when every commanded axis reaches 0.8 to 1.2 of the
 command or comes within 0.05 m/s (0.05 rad/s) of it in the mean over walks, every other axis stays within 0.1, no walk
-falls and none is under half of the command. Standing: a planar speed and a yaw rate under 0.05. A policy follows at a
-friction when it follows every command there.
+falls and none is under half of the command. Standing: a planar speed and a yaw rate under 0.05. Of virtual robots the
+slowest and the fastest are judged too, along the command. A policy follows at a friction when it follows every command
+there; a training, of three seeds or more, when each of them does.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -54,6 +55,11 @@ class CommandVerdict:
         """True if the command is followed."""
         return not self.faults
 
+    @property
+    def text(self) -> str:
+        """Command and faults: `wz=0.5: too slow, stalls`."""
+        return f"{self.row.command}: {', '.join(self.faults)}"
+
 
 DEFINITION = (
     f"A command is followed where each commanded axis reaches {100 * FOLLOWS[0]:g} to {100 * FOLLOWS[1]:g} % of it, or "
@@ -82,18 +88,19 @@ def judge_row(row: ResultRow) -> CommandVerdict | None:
     """Return whether a row's command is followed; None where the row has no mean velocity (older files)."""
     if row.mean_velocity is None:
         return None
-    command = parse_command(row.command).velocity
+    command = parse_command(row.command)
     excess: dict[Fault, float] = {}
-    if not any(command):
+    if not command.speed:
         excess["drifts"] = max(math.hypot(*row.mean_velocity[:2]), abs(row.mean_velocity[2])) - NEAR
-    for reached, asked in zip(row.mean_velocity, command, strict=True):
+    robots = [(ratio * command.speed, command.speed) for ratio in (row.slowest, row.fastest) if ratio is not None]
+    for reached, asked in (*zip(row.mean_velocity, command.velocity, strict=True), *robots):
         if asked:
             ratio = reached / asked
             fault: Fault = "too slow" if ratio < 1.0 else "too fast"
             outside = max(FOLLOWS[0] - ratio, ratio - FOLLOWS[1]) * abs(asked)
             amount = min(abs(reached - asked) - NEAR, outside)
         else:
-            fault, amount = "drifts", abs(reached) - DRIFT if any(command) else -math.inf
+            fault, amount = "drifts", abs(reached) - DRIFT if command.speed else -math.inf
         excess[fault] = max(amount, excess.get(fault, -math.inf))
     # Rounding of the bounds themselves is no miss.
     faults = {fault for fault, amount in excess.items() if amount > 1e-9}
@@ -109,3 +116,82 @@ def worst_command(rows: Iterable[ResultRow]) -> CommandVerdict | None:
     """Return the verdict of the row that misses by most; None where every row with a mean velocity follows."""
     verdicts = [verdict for row in rows if (verdict := judge_row(row)) is not None and not verdict.follows]
     return max(verdicts, key=lambda verdict: ("falls" in verdict.faults, verdict.miss), default=None)
+
+
+FEWEST_SEEDS = 3
+"""Training seeds from which on a training is said to follow, and not its seeds alone: a choice."""
+
+
+@dataclass(frozen=True)
+class CommandCount:
+    """Commands that the policies of one training follow in one place under one friction."""
+
+    method: str
+    engine: str
+    """Engine, and what of a virtual robot is real in it."""
+    friction_law: str
+    friction_level: float
+    """Friction over the torque limit, or a coefficient [-]."""
+    seeds: int
+    follow_all: int
+    """Seeds that follow every command that any of them walked there."""
+    cells: int
+    """Pairs of seed and command; of virtual robots that walked apart a pair for each."""
+    followed: int
+    miss: float
+    """Mean distance beyond the bounds over the cells [m/s, rad/s]."""
+    largest_miss: float
+    """Largest distance beyond the bounds [m/s, rad/s]."""
+    worst: str
+    """Command that misses by most, and its faults: `wz=0.5: too slow`; empty where all are followed."""
+
+    @property
+    def every_seed(self) -> bool:
+        """True if every seed follows every command."""
+        return self.follow_all == self.seeds
+
+    @property
+    def covered(self) -> bool:
+        """True if every seed follows every command, of as many seeds as it takes to say so of the training."""
+        return self.every_seed and self.seeds >= FEWEST_SEEDS
+
+    @property
+    def text(self) -> str:
+        """Seeds that follow all commands: `4 of 5 (73 of 75 cells, worst wz=1: too slow)`."""
+        share = f" ({self.followed} of {self.cells} cells, worst {self.worst})" if self.worst else ""
+        return f"{self.follow_all} of {self.seeds}{share}"
+
+
+def count_commands(
+    rows: Iterable[ResultRow], method_of: Callable[[ResultRow], str] = lambda row: row.method
+) -> list[CommandCount]:
+    """Return the counts by method, engine, friction law and level on flat ground, in the order of the rows.
+
+    method_of: row -> its training method; each of its policies is one training seed. Rows without a mean velocity, of
+    older files, do not count.
+    """
+    cells: dict[tuple[str, str, str, float], list[CommandVerdict]] = {}
+    for row in rows:
+        if row.terrain == "flat" and (verdict := judge_row(row)) is not None:
+            cell = method_of(row), row.engine, row.friction_law, round(row.friction_level, 6)
+            cells.setdefault(cell, []).append(verdict)
+    counts = []
+    for cell, verdicts in cells.items():
+        walked = {(verdict.row.policy, verdict.row.command) for verdict in verdicts}
+        followed = walked - {(one.row.policy, one.row.command) for one in verdicts if not one.follows}
+        policies, commands = ({pair[part] for pair in walked} for part in (0, 1))
+        worst = worst_command(verdict.row for verdict in verdicts)
+        misses = [verdict.miss for verdict in verdicts]
+        counts.append(
+            CommandCount(
+                *cell,
+                seeds=len(policies),
+                follow_all=sum(all((policy, command) in followed for command in commands) for policy in policies),
+                cells=len(verdicts),
+                followed=sum(verdict.follows for verdict in verdicts),
+                miss=sum(misses) / len(misses),
+                largest_miss=max(misses),
+                worst="" if worst is None else worst.text,
+            )
+        )
+    return counts

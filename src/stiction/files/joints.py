@@ -27,6 +27,10 @@ from stiction.joints.friction import SYMMETRIC
 from stiction.joints.net import TorqueSource
 
 SCHEMA_VERSION = 1
+"""Version of joints.json."""
+
+TRAINING_VERSION = 2
+"""Version of training.json."""
 
 PARAMETERS = ("inertia", *SYMMETRIC)
 """Parameters of the symmetric law, in the order of the regressor."""
@@ -395,7 +399,7 @@ def _check_withheld(path: Path) -> None:
 
 def write_training(path: Path, proposal: dict[str, Any]) -> None:
     """Write a proposal: `friction`, null where none can be proposed, `text`, and whatever else explains it."""
-    write_object(path, {"schema_version": SCHEMA_VERSION, **proposal})
+    write_object(path, {"schema_version": TRAINING_VERSION, **proposal})
 
 
 def read_training(path: Path) -> dict[str, Any]:
@@ -407,7 +411,7 @@ def read_training(path: Path) -> dict[str, Any]:
     data = read_object(path, "the training.json of `stiction identify`")
     if {"joints", "warnings"} <= data.keys() and "friction" not in data:
         raise FileError(f"{path.name}: these are identified joints; expected the training.json that lies beside them")
-    take_version(data, SCHEMA_VERSION, path.name, what="training.json of identify")
+    take_version(data, TRAINING_VERSION, path.name, what="training.json of identify")
     friction = data.get("friction", {})
     if friction is None:
         reason = " ".join(str(data.get("text", "it does not say why")).split())[:400]

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from stiction.core.errors import StictionError
 from stiction.files.advice import TRANSFER, FrictionEffect, Source
 from stiction.files.results import DIRECTIONS, FOLLOWS
-from stiction.files.straight import SLOW
 from stiction.identification.advice import GROUND_AND_LAW, TRAINED_IN, place_text, shipped
 
 COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
@@ -94,7 +93,7 @@ def _evidence_text(noticeable: float, cost: str, source: Source) -> str:
     if not onsets:
         return text
     listed = onsets[0] if len(onsets) == 1 else f"{', '.join(onsets[:-1])}, and {onsets[-1]}"
-    return f"{text} Their slower direction slowed under {SLOW} of it {listed}."
+    return f"{text} Their slower direction slowed under {100 * FOLLOWS[0]:g} % of it {listed}."
 
 
 def _onset_text(level: int, effects: Sequence[FrictionEffect]) -> str:

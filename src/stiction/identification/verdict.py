@@ -25,8 +25,8 @@ MARGIN = 2.0
 """Factor on friction measured without load. Friction grows with load, by how much is not known here: a choice."""
 
 BUDGET = (
-    "Which training follows up to which friction, engine by engine: the friction budget, results/replication/README.md "
-    "in stiction's repository, whose policies are not those that are advised; `stiction replicate` makes it anew."
+    "Straight walks up to which friction, engine by engine: the friction budget, results/replication/README.md in "
+    "stiction's repository, whose policies are not those that are advised; `stiction replicate` makes it anew."
 )
 """Where a robot builder looks next."""
 
@@ -337,7 +337,9 @@ def _matters(record: JointRecord, thresholds: Thresholds, legs: bool, advice: Ad
     borne = None if advice is None else advice.borne_at
     probably = "Probably" if borne is None else "A little"
     still = (
-        "" if borne is None else f"; every seed that was trained without friction still follows at {100 * borne:g} %"
+        ""
+        if borne is None
+        else f"; every seed that was trained without friction still follows every command at {100 * borne:g} %"
     )
     decides = f"{least}{still and f'{still}, {PLACES[TRAINED_IN]}'}."
     if low >= thresholds.noticeable:

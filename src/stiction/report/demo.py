@@ -11,14 +11,24 @@ from markupsafe import Markup
 
 from stiction.deploy.check import BundleCheck
 from stiction.files.bundle import Bundle
+from stiction.files.following import DEFINITION
 from stiction.files.joints import JointRecord
 from stiction.files.method import describe_method
 from stiction.files.results import ResultRow
-from stiction.files.straight import BAND, FAST, SLOW, paces, row_pace
 from stiction.joints.friction import level_text
-from stiction.report.evaluation import FILES, budget_picture, definitions_table, draw_budget, results_table, run_blocks
-from stiction.report.following import paces_text
+from stiction.report.evaluation import (
+    BAND,
+    COMMAND_MAP,
+    FILES,
+    budget_picture,
+    definitions_table,
+    draw_budget,
+    results_table,
+    run_blocks,
+)
+from stiction.report.following import command_map, followed_text
 from stiction.report.page import Section, file_uri, paragraph, picture, render_page, table
+from stiction.report.terminal import pace_text
 
 RESULTS = (
     *("report.html", "side-by-side.webp", "example/shank.csv", "example/shank.json", "example/joints.json"),
@@ -79,7 +89,9 @@ def render_demo(
         heading = "Three ways to train, one robot" if len(policies) == 3 else "The policies"
         called = {check.bundle.name: name for name, check in policies.items()}
         rows = [replace(row, policy=called[row.policy]) for row in rows]
-        budget = budget_picture(draw_budget(rows)), paragraph(BUDGET_TEXT), _followed(rows, policies)
+        own = {name: [row for row in rows if row.policy == name] for name in policies}
+        maps = [block for name in policies for block in command_map(own[name], name.capitalize()).blocks()]
+        budget = budget_picture(draw_budget(rows)), paragraph(BUDGET_TEXT), paragraph(COMMAND_MAP), *maps
         sections += [
             Section(heading, _policy_blocks(policies)),
             Section(
@@ -124,8 +136,7 @@ METHODS_TEXT = (
 BUDGET_TEXT = (
     "Read it from left to right, towards more friction in the joints: every policy gets slower. One that was trained "
     f"without friction leaves the green band, {BAND} of the command, at its lower edge; one that was trained with much "
-    f"of it may begin above. A policy follows within the band, where no robot falls; under {SLOW} it is too slow, "
-    f"over {FAST} too fast:"
+    f"of it may begin above. {DEFINITION}"
 )
 
 CHECK_TEXT = (
@@ -164,23 +175,18 @@ def _policy_blocks(policies: Policies) -> tuple[Markup, ...]:
 
 
 def verdict(policies: Policies, rows: Sequence[ResultRow]) -> list[str]:
-    """Return a line for each policy: with how much friction it follows both ways, and with how much it does not."""
-    lines = []
-    for name, check in policies.items():
-        walked: dict[float, list[ResultRow]] = {}
-        for row in sorted(rows, key=lambda row: row.friction_level):
-            if row.policy == check.bundle.name and row.ends is not None:
-                walked.setdefault(row.friction_level, []).append(row)
-        said = paces_text([(level_text("coulomb", at), paces(own)) for at, own in walked.items()])
-        lines.append(f"{name.capitalize()}, it {said} of friction.")
-    return lines
+    """Return a line for each policy: at which friction it follows all commands that were walked, else the worst."""
+    own = {name: [row for row in rows if row.policy == check.bundle.name] for name, check in policies.items()}
+    commands = ", ".join(dict.fromkeys(row.command for row in rows))
+    lines = [f"{name.capitalize()}, it {followed_text(walked)}." for name, walked in own.items()]
+    return [*lines, f"Walked here: {commands}; stiction evaluate walks all fifteen commands."]
 
 
 def _clip_blocks(policies: Policies, rows: Sequence[ResultRow], clips: Clips) -> tuple[Markup, ...]:
     """Return all policies in one scene, and what each reached."""
     command, level, file = clips
     ratios = {
-        r.policy: f"{100 * r.speed_ratio:.0f} % of it ({row_pace(r)})"
+        r.policy: f"{100 * r.speed_ratio:.0f} % of it ({pace_text(r)})"
         for r in rows
         if (r.friction_level, r.command) == (level, command) and r.speed_ratio is not None
     }
@@ -191,20 +197,6 @@ def _clip_blocks(policies: Policies, rows: Sequence[ResultRow], clips: Clips) ->
 
 SCENE = "One start line, one command, one camera that stands still; a line on the ground is a metre. In real time."
 """What the clip shows."""
-
-
-def _followed(rows: Sequence[ResultRow], policies: Policies) -> Markup:
-    """Tabulate at which tested levels each policy follows each command, and what it does at others."""
-    moving = sorted((r for r in rows if r.speed_ratio is not None), key=lambda r: r.friction_level)
-    commands = list(dict.fromkeys(r.command for r in rows if r.speed_ratio is not None))
-    cells = []
-    for name in policies:
-        seen: dict[str, list[tuple[str, set[str]]]] = {command: [] for command in commands}
-        for r in moving:
-            if r.policy == name:
-                seen[r.command].append((level_text("coulomb", r.friction_level), {row_pace(r) or ""}))
-        cells.append([name, *map(paces_text, seen.values())])
-    return table(["policy", *(f"{command} m/s" for command in commands)], cells)
 
 
 def _check_blocks(policies: Policies) -> tuple[Markup, ...]:

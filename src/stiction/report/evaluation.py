@@ -14,9 +14,8 @@ from stiction.core.records import make_folder, write_rows
 from stiction.engines.catalog import TIMESTEP
 from stiction.evaluation.metrics import WINDOW
 from stiction.evaluation.table import BOTH, Sample
-from stiction.files.following import DEFINITION as COMMANDS_FOLLOWED
-from stiction.files.results import DIRECTIONS, ResultRow, tell_slowest_walk, write_results, write_summary
-from stiction.files.straight import BAND, DEFINITION, FAST, NOT_KNOWN, SLOW, following, paces
+from stiction.files.following import DEFINITION, count_commands
+from stiction.files.results import DIRECTIONS, FOLLOWS, ResultRow, tell_slowest_walk, write_results, write_summary
 from stiction.joints.friction import LAWS, has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
 from stiction.report.following import (
@@ -24,9 +23,7 @@ from stiction.report.following import (
     counts_sheet,
     followed_text,
     judged_text,
-    paces_text,
     shade_following,
-    tells_commands,
 )
 from stiction.report.page import (
     INK,
@@ -180,8 +177,8 @@ DEFINITIONS = (
     ),
     (
         "pace",
-        f"follows: {BAND} of the commanded speed, and nobody fell; too slow: under {SLOW}; too fast: over {FAST}; of "
-        "virtual robots that of the worst",
+        "follows, or what is wrong: falls, too slow, too fast, drifts, stalls; of virtual robots the slowest and the "
+        "fastest count too; a dash: an older row, without mean velocities",
     ),
     ("error", f"mean distance of velocity and command, over windows of {WINDOW:g} s, in m/s (rad/s for a pure turn)"),
     ("falls", "share of episodes with a fall; a simulation that became unstable counts as one"),
@@ -241,8 +238,11 @@ OVER_SEEDS = (
     "A training method with several seeds: a point is a seed's mean over episodes, the line the mean over seeds, the "
     "band its 95 % t-interval; circles on a line: one policy, its mean over episodes."
 )
+BAND = f"{100 * FOLLOWS[0]:g} to {100 * FOLLOWS[1]:g} %"
+"""Share of the command that counts as reached."""
+
 GREEN = f"The green band is {BAND} of the commanded speed; below zero is the wrong way."
-"""What the figure shows."""
+"""Explanation of the figure."""
 
 COMMAND_MAP = "Reached share of each commanded axis, mean over walks; behind it what is wrong where it is not followed."
 """Explanation of the map of commands."""
@@ -286,23 +286,9 @@ def write_evaluation(
 
 
 def lead(rows: Sequence[ResultRow]) -> str:
-    """Return the answer: which commands each policy follows at which friction.
-
-    Of rows that know straight walking alone: the best policy, then a line for each.
-    """
-    scenes = _scenes(rows)
-    if tells_commands(rows):
-        lines = [f"{title} {followed_text(own)}." for title, own in _walkers(rows)]
-        return "\n".join((*lines, f"A policy is one training seed. {COMMANDS_FOLLOWED}"))
-    sentences = [best(rows)]
-    for policy in dict.fromkeys(row.policy for row in rows):
-        for scene in scenes:
-            own = [row for row in rows if row.policy == policy and _scene(row) == scene]
-            if own:
-                where, levels = f", {_scene_text(scene)}," if len(scenes) > 1 else "", _seen(own)
-                said = paces_text([(_level(*level), seen) for level, seen in sorted(levels.items())])
-                sentences.append(f"{policy}{where} {said if levels else 'was not asked to move'}.")
-    return "\n".join((*sentences, f"A policy is one training seed. {DEFINITION}"))
+    """Return the answer: the commands that each policy follows at each friction, a line a policy and place."""
+    lines = [f"{title} {followed_text(own)}." for title, own in _walkers(rows)]
+    return "\n".join((*lines, f"A policy is one training seed. {DEFINITION}"))
 
 
 def _walkers(rows: Sequence[ResultRow]) -> list[tuple[str, list[ResultRow]]]:
@@ -314,50 +300,17 @@ def _walkers(rows: Sequence[ResultRow]) -> list[tuple[str, list[ResultRow]]]:
     return [(f"{who}, {_scene_text(scene)}," if several else who, own) for (who, scene), own in groups.items()]
 
 
-def best(rows: Sequence[ResultRow]) -> str:
-    """Return which policy follows at most of the frictions, as a sentence to be read aloud."""
-    walked = {(row.policy, _scene(row)): None for row in rows if row.ends is not None}
-    seen = {key: _seen([row for row in rows if (row.policy, _scene(row)) == key]) for key in walked}
-    if not seen:
-        return "No policy was asked to move."
-    counts = {key: sum(one == {"follows"} for one in levels.values()) for key, levels in seen.items()}
-    most = max(counts.values())
-    first = [key for key, count in counts.items() if count == most]
-    if not most and any(NOT_KNOWN in one for levels in seen.values() for one in levels.values()):
-        return "Whether a policy follows is not known: none that may walked both forward and backward."
-    if not most:
-        return "No policy follows its command at any of the frictions."
-    named = dict.fromkeys(policy for policy, _ in first)
-    who = ", ".join([*named][:MOST_NAMED]) + (f" and {len(named) - MOST_NAMED} more" if len(named) > MOST_NAMED else "")
-    several = "each follow their" if len(named) > 1 else "follows its"
-    return (
-        f"{who} {several} command at {most} of {len(seen[first[0]])} frictions{', the most of all' * (len(seen) > 1)}."
-    )
-
-
-MOST_NAMED = 3
-"""Policies that the first sentence names."""
-
-
-def _seen(rows: Sequence[ResultRow]) -> dict[tuple[str, float], set[str]]:
-    """Return friction law and level -> `paces` of the rows of one policy in one scene, where it was asked to move."""
-    levels: dict[tuple[str, float], list[ResultRow]] = {}
-    for row in rows:
-        if row.ends is not None:
-            levels.setdefault((row.friction_law, row.friction_level), []).append(row)
-    return {level: paces(own) for level, own in levels.items()}
-
-
 def sections(
     figure: Figure, rows: Sequence[ResultRow], summary: dict[str, Any], samples: Sequence[Sample] = ()
 ) -> list[Section]:
     """Return the sections of the page: figure, training methods, table, definitions, what was run."""
-    found = [Section("Friction budget", (budget_picture(figure, samples),))]
-    if tells_commands(rows):
-        maps = [block for title, own in _walkers(rows) for block in command_map(own, title.rstrip(",")).blocks()]
-        found.insert(0, Section("Commands by friction", (paragraph(COMMAND_MAP), *maps)))
+    maps = [block for title, own in _walkers(rows) for block in command_map(own, title.rstrip(",")).blocks()]
+    found = [
+        Section("Commands by friction", (paragraph(COMMAND_MAP), *maps)),
+        Section("Friction budget", (budget_picture(figure, samples),)),
+    ]
     if any(sample.low is not None for sample in samples):
-        counts = following(rows, lambda row: summary["ways"][row.policy])
+        counts = count_commands(rows, lambda row: summary["ways"][row.policy])
         found.append(Section("How many training seeds follow", counts_sheet(counts).blocks()))
         found.append(Section("Training methods, over their seeds", (methods_table(samples, rows, summary["ways"]),)))
     return [

@@ -1,15 +1,14 @@
-"""Who follows, in tables and in words: by engine and friction."""
+"""Followed commands, in tables and in words: by engine and friction."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import groupby
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Literal
 
-from stiction.files.following import CommandVerdict, judge_row, worst_command
-from stiction.files.results import DIRECTIONS, FOLLOWS, ResultRow
-from stiction.files.straight import DEFINITION, NOT_KNOWN, Following
+from stiction.files.following import DEFINITION, CommandCount, CommandVerdict, judge_row, worst_command
+from stiction.files.results import FOLLOWS, ResultRow
 from stiction.files.velocity import parse_command
 from stiction.joints.friction import level_text
 from stiction.report.page import COLORS, Sheet
@@ -32,11 +31,6 @@ def friction_text(law: str, level: float) -> str:
     return f"{text} and {load} of the load" if load else text
 
 
-def tells_commands(rows: Iterable[ResultRow]) -> bool:
-    """Return True if rows show more than straight walking: further commands, with mean velocities."""
-    return any(row.command not in DIRECTIONS and judge_row(row) is not None for row in rows)
-
-
 def followed_text(rows: Sequence[ResultRow]) -> str:
     """Return which commands one policy follows in one place, and the worst: `follows all 15 commands at 0 and 10 %`."""
     levels: dict[tuple[str, float], list[CommandVerdict]] = {}
@@ -45,14 +39,16 @@ def followed_text(rows: Sequence[ResultRow]) -> str:
             levels.setdefault((row.friction_law, row.friction_level), []).append(verdict)
     named = {level: friction_text(*level).replace("none", "0 %") for level in levels}
     everywhere = {named[level]: all(one.follows for one in own) for level, own in levels.items()}
+    if not levels:
+        return "is not judged: rows of older files lack the mean velocity"
     count = max(map(len, levels.values()))
-    said = [f"follows all {count} commands {places_text(everywhere)} of friction"] if any(everywhere.values()) else []
+    all_of_them = f"all {count} commands" if count > 1 else "its command"
+    said = [f"follows {all_of_them} {places_text(everywhere)} of friction"] if any(everywhere.values()) else []
     for level, own in levels.items():
         if (worst := worst_command([one.row for one in own])) is not None:
             followed = sum(one.follows for one in own)
             said.append(
-                f"{'' if said else 'follows '}{followed} of {len(own)} at {named[level]}, the worst is "
-                f"{worst.row.command}: {', '.join(worst.faults)}"
+                f"{'' if said else 'follows '}{followed} of {len(own)} at {named[level]}, the worst is {worst.text}"
             )
     return "; ".join(said)
 
@@ -77,35 +73,15 @@ def _reached(row: ResultRow) -> str:
     return " ".join((" / ".join(ratios) or "stands", *((", ".join(verdict.faults),) if verdict.faults else ())))
 
 
-def counts_sheet(cells: Sequence[Following]) -> Sheet:
-    """Return how many seeds of each method follow, a row for each engine and friction."""
-    rows = [
-        (cell.method, cell.engine, friction_text(cell.friction_law, cell.friction_level), cell.text, cell.each)
-        for cell in cells
-    ]
-    header = (
-        "method",
-        "engine",
-        "friction [of the torque limit]",
-        "seeds that follow",
-        "speed ratios of each seed [1]",
-    )
-    note = f"{DEFINITION} Of virtual robots: the slowest..the fastest."
-    return Sheet("Seeds that follow", header, tuple(rows), note)
-
-
-def paces_text(found: Sequence[tuple[str, set[str]]]) -> str:
-    """Say where something follows and where it does what else: `follows at 20 %; is too fast at 0 and 10 %`.
-
-    found: a place in words, and all that was seen there, as of `paces`; it follows where nothing else was seen.
-    """
-    where = {"follows": {at: seen == {"follows"} for at, seen in found}}
-    where |= {one: {at: one in seen for at, seen in found} for one in ("too fast", "too slow", "fell", NOT_KNOWN)}
-    words = {"follows": "follows", "too fast": "is too fast", "too slow": "is too slow", "fell": "falls"}
-    words[NOT_KNOWN] = "is not known to follow, not having walked both ways,"
-    said = [f"{words[one]} {places_text(places)}" for one, places in where.items() if any(places.values())]
-    known = any(where["follows"].values()) or any(where[NOT_KNOWN].values())
-    return "; ".join(said if known else ["follows nowhere", *said])
+def counts_sheet(cells: Sequence[CommandCount]) -> Sheet:
+    """Return the seeds of each method that follow every command, a row for each engine and friction."""
+    rows = []
+    for cell in cells:
+        where = cell.method, cell.engine, friction_text(cell.friction_law, cell.friction_level)
+        counts = f"{cell.follow_all} of {cell.seeds}", f"{cell.followed} of {cell.cells}"
+        rows.append((*where, *counts, f"{cell.largest_miss:.3f}" if cell.worst else "–", cell.worst or "–"))
+    header = ("method", "engine", "friction [of the torque limit]", "seeds that follow all", "cells followed")
+    return Sheet("Seeds that follow", (*header, "largest miss [m/s, rad/s]", "worst"), tuple(rows), DEFINITION)
 
 
 def places_text(tried: Mapping[str, bool]) -> str:

@@ -22,7 +22,6 @@ from stiction.core.provenance import MOST_THREADS, num_threads
 from stiction.core.records import header, texts
 from stiction.files.following import judge_row
 from stiction.files.results import ResultRow, tell_slowest_walk
-from stiction.files.straight import row_pace
 from stiction.joints.friction import level_text
 
 
@@ -128,11 +127,9 @@ def print_rows(rows: Sequence[ResultRow]) -> None:
 
 
 def pace_text(row: ResultRow) -> str:
-    """Return `follows`, or what is wrong; of rows without a mean velocity the pace along the command."""
+    """Return `follows`, or the faults; a dash for rows without a mean velocity, of older files."""
     verdict = judge_row(row)
-    if verdict is None or row.slowest is not None:
-        return row_pace(row) or "–"
-    return ", ".join(verdict.faults) or "follows"
+    return "–" if verdict is None else ", ".join(verdict.faults) or "follows"
 
 
 def result_cells(row: ResultRow) -> dict[str, str]:

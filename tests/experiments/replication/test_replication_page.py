@@ -9,10 +9,10 @@ from stiction.core.records import read_rows
 from stiction.evaluation.policies import FED
 from stiction.evaluation.table import BOTH, Sample
 from stiction.files.results import ResultRow, read_results
-from stiction.files.straight import Following, following
 from stiction.report.following import friction_text
 from stiction_experiments.lab.claims import Verdict
 from stiction_experiments.lab.following import recommended_sentence, recommended_sheet
+from stiction_experiments.lab.straight import Following, following
 from stiction_experiments.lab.study import write_report
 from stiction_experiments.replication.page import (
     engine_sheets,

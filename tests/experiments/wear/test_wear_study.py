@@ -117,7 +117,7 @@ def test_what_a_walk_means_is_judged_anew(tmp_path: Path, monkeypatch: pytest.Mo
     assert (row.end, row.time, row.factor) == ("fell", 3.5, pytest.approx(0.1 * 30 ** (3.5 / 6)))
     assert windows == [Window(row.policy, "0.3", 3, None, 3.0, 0.2, 1.0, command="vx=0.5")]
     monkeypatch.setattr(wear_study, "record_walk", lambda *rest: pytest.fail("walked again"))
-    monkeypatch.setattr("stiction.files.straight.FOLLOWS", (1.1, 1.2))
+    monkeypatch.setattr("stiction_experiments.lab.straight.FOLLOWS", (1.1, 1.2))
     (row,), *_ = study_wear([WALKER], [path], ALONE, tmp_path / "robots", 1, silent)
     assert row.end == "too slow from the start"
 

@@ -1,6 +1,6 @@
 """Straight at 0.5 m/s: 80 to 120 % of the commanded speed, forward and backward, by every training seed, and no fall.
 
-A part of following (`files.following`), of which older results tell nothing else. A speed ratio alone is too slow,
+The definition of results from before `files.following`, which know no other command. A speed ratio alone is too slow,
 follows, or is too fast; a policy, which is one training seed, follows where it does so in both directions and never
 falls, on virtual robots on each of them. Of a training method the seeds that follow are counted.
 """
@@ -35,37 +35,9 @@ def pace(ratio: float) -> Pace:
     return "too slow" if ratio < FOLLOWS[0] else "too fast" if ratio > FOLLOWS[1] else "follows"
 
 
-def row_pace(row: ResultRow) -> Pace | Literal["fell"] | None:
-    """Return what a row is: `fell` if anybody fell in it, of virtual robots what the worst is; None where no speed is
-    commanded.
-    """
-    if row.ends is None:
-        return None
-    return "fell" if row.fall_rate > 0.0 else pace(worst(row.ends))
-
-
 def worst(ratios: Iterable[float]) -> float:
     """Return the speed ratio that is the farthest from the middle of the band [-]; at least one is given."""
     return max(ratios, key=lambda ratio: abs(ratio - sum(FOLLOWS) / 2.0))
-
-
-NOT_KNOWN = "not known"
-"""Whether a policy follows that was within the band where it walked, and did not walk both ways."""
-
-
-def paces(rows: Iterable[ResultRow]) -> set[str]:
-    """Return all that is seen in the rows of one policy under one friction, of each virtual robot: `{"follows"}` alone
-    is a policy that follows. In place of it stands `NOT_KNOWN` where it did not walk both forward and backward.
-    """
-    seen: set[str] = set()
-    ways: set[bool] = set()
-    for row in rows:
-        if row.ends is None:
-            continue
-        seen |= {"fell"} if row.fall_rate > 0.0 else {pace(ratio) for ratio in row.ends}
-        if row.command.startswith("vx=") and "," not in row.command:
-            ways.add(row.command.startswith("vx=-"))
-    return {NOT_KNOWN} if seen == {"follows"} and len(ways) < 2 else seen
 
 
 def stalled(rows: Iterable[ResultRow]) -> list[ResultRow]:
@@ -80,13 +52,10 @@ def stalled(rows: Iterable[ResultRow]) -> list[ResultRow]:
     slow: list[tuple[float, ResultRow]] = []
     for own in cells.values():
         known = [(row.slowest_walk, row) for row in own if row.slowest_walk is not None]
-        if known and paces(own) == {"follows"}:
+        seen = {"fell" if row.fall_rate else pace(ratio) for row in own for ratio in row.ends or ()}
+        if known and seen == {"follows"} and len({row.command for row in own}) == len(DIRECTIONS):
             slow.append(min(known, key=itemgetter(0)))
     return [row for slowest, row in sorted(slow, key=itemgetter(0)) if slowest < STALLS]
-
-
-FEWEST_SEEDS = 3
-"""Training seeds from which on it is said of a training, and not of its seeds alone, that it follows: a choice."""
 
 
 @dataclass(frozen=True)
@@ -120,11 +89,6 @@ class Following:
     def every_seed(self) -> bool:
         """Whether every training seed follows."""
         return self.follow == self.seeds
-
-    @property
-    def covered(self) -> bool:
-        """Whether every seed follows, of as many as it takes to say so of the training."""
-        return self.every_seed and self.seeds >= FEWEST_SEEDS
 
     @property
     def text(self) -> str:

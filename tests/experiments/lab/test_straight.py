@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from stiction.files.results import ResultRow, ends_of
-from stiction.files.straight import BAND, DEFINITION, following, pace, paces, row_pace, stalled
+from stiction_experiments.lab.straight import BAND, DEFINITION, following, pace, stalled
 
 ROW = ResultRow(
     *("p", "none", 0, "mujoco", "coulomb", 0.1, "flat", "vx=0.5"), *(1.0, 0.1, 0.0, 4.0, None, 1.0, 20.0, 0.8, 0.0, 8)
@@ -57,12 +57,8 @@ def test_each_virtual_robot_is_judged() -> None:
     (found,) = following(rows, lambda row: row.method)
     assert (found.follow, found.too_slow, found.too_fast) == (0, 1, 1)
     assert found.each == "0.60..1.40/0.90..1.10" and found.deviation == pytest.approx(0.25)
-    assert paces(rows) == {"too slow", "follows", "too fast"}
-    assert [row_pace(replace(forward, **ends_of(ratios))) for ratios in ((0.7, 1.1), (0.9, 1.5), (0.8, 1.2))] == [
-        *("too slow", "too fast", "follows")
-    ]
     within = [replace(forward, **ends_of((0.8, 1.1))), replace(backward, **ends_of((1.2, 0.9)))]
-    assert following(within, lambda row: row.method)[0].every_seed and paces(within) == {"follows"}
+    assert following(within, lambda row: row.method)[0].every_seed
 
 
 def test_a_walk_that_stalls_is_told_only_of_who_follows_in_the_mean() -> None:
