@@ -12,7 +12,7 @@ from stiction.core.errors import BundleError
 from stiction.deploy import first_run as first
 from stiction.deploy.first_run import first_run
 from stiction.deploy.network_file import MOST_BYTES, read_network
-from stiction.deploy.operators import MOST_WORK, OVERHEAD, check_network
+from stiction.deploy.operators import MOST_WORK, OVERHEAD, REDUCTIONS, check_network
 from stiction.deploy.policy import check_model
 
 onnx = pytest.importorskip("onnx", reason="the package onnx, of the extra 'train', is needed to make test networks")
@@ -60,13 +60,29 @@ def test_the_work_of_a_product_by_hand() -> None:
          {"w": np.ones((4, 2), np.float32)}),
         ([node("Unsqueeze", "observation one", "x"), node("MatMul", "x w", "y"), node("Flatten", "y")],
          {"one": [1], "w": np.ones((4, 2), np.float32)}),
+        *(([node(name, "observation one", "x"), node("Mul", "x w")], {"one": [1], "w": np.ones((1, 2), np.float32)})
+          for name in REDUCTIONS),
+        *(([node(name, "observation", "x"), node("Slice", "x a b c")], {"a": [0], "b": [2], "c": [1]})
+          for name in ("Sin", "Cos", "Log", "Reciprocal", "Sign", "Floor", "Ceil", "Round", "HardSwish", "Mish")),
+        ([onnx.helper.make_node("Clip", ["observation", "", "high"], ["x"]), node("Slice", "x a b c")],
+         {"high": np.float32(1.0), "a": [0], "b": [2], "c": [1]}),
+        ([node("PRelu", "observation s", "x"), node("Slice", "x a b c")],
+         {"s": np.ones(4, np.float32), "a": [0], "b": [2], "c": [1]}),
     ],
 )  # fmt: skip
 def test_the_sizes_are_those_that_the_runtime_finds(nodes: list, constants: dict) -> None:
     """An operator whose rule is wrong would refuse a good network, or pass a bad one."""
     model = network(*nodes, **{name: np.asarray(array) for name, array in constants.items()})
     assert check_model(model, 4, 2) > 0
-    first_run(model, np.random.default_rng(0).standard_normal((6, 4)).astype(np.float32))
+    first_run(model, np.random.default_rng(0).uniform(0.5, 2.0, (6, 4)).astype(np.float32))
+
+
+@pytest.mark.parametrize("operator", REDUCTIONS)
+def test_no_robot_of_a_batch_sees_another(operator: str) -> None:
+    """A sum over the batch would mix robots."""
+    nodes = node(operator, "observation axis", "x"), node("Slice", "x a b c")
+    with pytest.raises(BundleError, match="over the robots of a batch"):
+        check_model(network(*nodes, axis=np.array([0]), a=np.array([0]), b=np.array([2]), c=np.array([1])), 4, 2)
 
 
 def test_more_work_than_a_step_may_take_is_refused_unrun() -> None:

@@ -69,6 +69,14 @@ def test_an_exported_bundle_passes_its_check(tmp_path: Path, contract: Contract,
         export_policy(make_module(contract), contract, tmp_path / "toy")
 
 
+def test_an_export_that_fails_leaves_no_folder(tmp_path: Path, contract: Contract) -> None:
+    """An operator that no bundle has is found when the bundle is checked: the same command can be given again."""
+    module = torch.nn.Sequential(make_module(contract), torch.nn.Softmax(dim=-1))
+    with pytest.raises(BundleError, match="operator 'Softmax'"):
+        export_policy(module, contract, tmp_path / "toy")
+    assert not any(tmp_path.iterdir())
+
+
 def test_the_contract_of_a_run_says_what_was_trained() -> None:
     """`deception` at 20 % draws from 0 to 24 % of the torque limit."""
     task = TaskCfg(friction=FrictionCfg(method="deception", level=0.2))

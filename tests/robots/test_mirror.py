@@ -12,7 +12,7 @@ from stiction.core.errors import StictionError
 from stiction.robots.catalog import find_robot
 from stiction.robots.mirror import POSITION, match_links, robot_mirror
 from stiction.robots.mjcf import build_model
-from stiction.robots.model import Link
+from stiction.robots.model import Link, Robot
 
 ROBOTS = ["saturn_lite", "go1", "go2", "g1"]
 
@@ -103,3 +103,17 @@ def test_what_was_said_is_verified() -> None:
         robot_mirror(replace(robot, mirror_names=("RL_hip_joint", *said[1:])))
     with pytest.raises(StictionError, match="says mirror: none"):
         robot_mirror(replace(robot, mirror_names=()))
+
+
+@pytest.mark.parametrize("field", ["kp", "kd", "torque_limit", "action_scale"])
+def test_values_are_mirrored_up_to_their_rounding(field: str) -> None:
+    """4 in 100,000, as 0.50002 for 0.5, or as gains that follow from rounded inertias; not two per cent."""
+    go1 = find_robot("go1")
+
+    def altered(factor: float) -> Robot:
+        first = go1.joints[0]
+        return replace(go1, joints=(replace(first, **{field: factor * getattr(first, field)}), *go1.joints[1:]))
+
+    assert robot_mirror(altered(1.00004)).joints.tolist() == robot_mirror(altered(1.005)).joints.tolist()
+    with pytest.raises(StictionError, match=field):
+        robot_mirror(altered(1.02))

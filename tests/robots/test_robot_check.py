@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from quads import quad
 from stiction.robots.catalog import find_robot, robot_names
-from stiction.robots.check import check_robot, standing_torques
+from stiction.robots.check import Finding, check_robot, standing_torques
+from stiction.robots.load import load_robot
 from stiction.robots.model import Robot
 
 
@@ -78,3 +81,19 @@ def test_standing_torques_by_hand() -> None:
     assert np.abs(knees).mean() == pytest.approx(abs(GO1.weight / 4 * lever), rel=0.1)
     mirrored = torque.reshape(4, 3)
     np.testing.assert_allclose(mirrored[0], mirrored[1] * [-1, 1, 1], atol=0.2)
+
+
+def check_of(tmp_path: Path, model: str) -> Finding:
+    """Return whether the robot of a file stands."""
+    (tmp_path / "quad.xml").write_text(model)
+    return next(found for found in check_robot(load_robot(tmp_path / "quad.xml").robot) if found.check == "stands")
+
+
+def test_a_robot_on_its_knees_or_belly_does_not_stand(tmp_path: Path) -> None:
+    """Thighs at 0 and calves at -1.85: knees at 0.2 m under the hips, feet at 0.145 + 0.02; one that folds up lies."""
+    servo = '<position kp="35" kv="0.5" forcerange="-30 30"'
+    knees = check_of(tmp_path, quad('armature="0.005"', servo, calf=(-2.8, -0.9), trunk=6, key=False))
+    assert knees.state == "bad" and "FL_calf, FR_calf, RL_calf, RR_calf reach up to 0.035 m below" in knees.text
+    folds = check_of(tmp_path, quad('armature="0.005"', servo, trunk=30))
+    assert folds.state == "bad" and "on base" in folds.text
+    assert check_of(tmp_path, quad('armature="0.005"', servo, trunk=6)).state == "good"

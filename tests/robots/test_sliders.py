@@ -10,7 +10,7 @@ import pytest
 from stiction.robots.catalog import find_robot, robot_names
 from stiction.robots.model import Robot
 from stiction.robots.physics import EXACT, FAST, PhysicsCfg
-from stiction.robots.sliders import HOLDS, STIFFEST, stiff_sliders, stiffness_ratio
+from stiction.robots.sliders import HOLDS, STIFFEST, stiffness_ratio, weak_friction
 from stiction.sim.fleet import BASE_DOFS, Fleet
 
 STEP = 0.005
@@ -52,8 +52,8 @@ def test_the_bound_is_where_a_joint_breaks_away_too_early() -> None:
 def test_of_the_shipped_robots_the_ankles_of_g1_alone_are_too_light(name: str) -> None:
     """At the defaults of a training, the rotors as light as they are drawn; on rows there is nothing to say."""
     robot = find_robot(name)
-    line = stiff_sliders(robot, FAST, STEP, lightest(robot))
-    assert stiff_sliders(robot, EXACT, STEP, lightest(robot)) is None
+    line = weak_friction(robot, FAST, STEP, lightest(robot))
+    assert weak_friction(robot, EXACT, STEP, lightest(robot)) is None
     if not name.startswith("g1"):
         assert line is None
         return
@@ -65,14 +65,14 @@ def test_of_the_shipped_robots_the_ankles_of_g1_alone_are_too_light(name: str) -
 def test_what_the_line_advises_is_enough() -> None:
     """The softer slider and the shorter step pass, and those a tenth beyond do not."""
     robot = find_robot("g1")
-    line = stiff_sliders(robot, FAST, STEP, lightest(robot))
+    line = weak_friction(robot, FAST, STEP, lightest(robot))
     assert line is not None
     softer, shorter = (float(re.search(f"{flag}[ =]([0-9.]+)", line)[1]) for flag in ("stiffness", "timestep"))
     for factor, passes in ((1.0, True), (1.2, False)):
         assert (
-            stiff_sliders(robot, PhysicsCfg("plastic", stiffness=factor * softer), STEP, lightest(robot)) is None
+            weak_friction(robot, PhysicsCfg("plastic", stiffness=factor * softer), STEP, lightest(robot)) is None
         ) == passes
-        assert (stiff_sliders(robot, FAST, factor * shorter, lightest(robot)) is None) == passes
+        assert (weak_friction(robot, FAST, factor * shorter, lightest(robot)) is None) == passes
     assert stiffness_ratio(robot, FAST, shorter, lightest(robot)).max() < STIFFEST
-    stiff = stiff_sliders(robot, PhysicsCfg("plastic", stiffness=5000.0), STEP, lightest(robot))
+    stiff = weak_friction(robot, PhysicsCfg("plastic", stiffness=5000.0), STEP, lightest(robot))
     assert stiff is not None and "chatters and never sticks" in stiff

@@ -138,3 +138,25 @@ def test_radians_under_a_compiler_of_degrees_are_found(tmp_path: Path) -> None:
     """Ranges of a hundredth of a radian are none; without a keyframe the pose was inside them."""
     findings = check_robot(load_robot(write(tmp_path, model=FLAT.replace('"radian"', '"degree"'))).robot)
     assert any(one.check == "limits" and "compiler take degrees" in one.text for one in findings)
+
+
+PLACES = {
+    '<joint name="j" axis="0 1 0"/><joint name="k" typo="1"/>': ", line 3: <joint name='k'>",
+    '<joint name="j" axis="0 1 0"/><joint name="k" axis="0 x 0"/>': ", line 3: <joint name='k'>",
+    '<joint name="j" axis="0 0 0"/>': ", line 3: <joint name='j'>",
+    '<joint name="j" class="soft"/>': ", line 3: <joint name='j'>",
+    '<joint name="j"/><joint name="k" class="soft"/><joint name="l" class="soft"/>': "",
+}
+
+
+@pytest.mark.parametrize("joints", PLACES)
+@pytest.mark.parametrize("scene", [False, True], ids=["alone", "included"])
+def test_an_error_of_the_simulator_has_its_place(tmp_path: Path, joints: str, scene: bool) -> None:
+    """File, line and element, in an included file too, of which MuJoCo says line 0; where several fit, the file."""
+    model = f'<mujoco><worldbody><body name="base"><freejoint/><geom size=".1"/><body>\n\n{joints}<geom size=".1"/>'
+    (tmp_path / "robot.xml").write_text(f"{model}</body></body></worldbody></mujoco>")
+    (tmp_path / "scene.xml").write_text('<mujoco><include file="robot.xml"/></mujoco>')
+    name = "scene.xml" if scene else "robot.xml"
+    said = re.escape(f"; see robot.xml{PLACES[joints]}") if scene else "robot.xml.*line 3"
+    with pytest.raises(StictionError, match=said):
+        load_robot(tmp_path / name)

@@ -61,14 +61,14 @@ def main(arguments: list[str]) -> int:
     from stiction.learning.presets import check_settings
     from stiction.report.terminal import Terminal
     from stiction.robots.catalog import find_robot
-    from stiction.robots.sliders import stiff_sliders
+    from stiction.robots.sliders import weak_friction
     from stiction.task.audit import check_randomization
 
     check_settings(TrainCfg(task=options.task), TrainCfg())
     spec = find_robot(options.task.robot)
     task = replace(options.task, rewards=options.task.rewards.for_robot(spec))
     lightest = task.randomization.armature[0] * spec.joint_values("armature")
-    if line := stiff_sliders(spec, task.physics, task.timestep, lightest):
+    if line := weak_friction(spec, task.physics, task.timestep, lightest):
         print(f"stiction doctor: warning: {line}", file=sys.stderr)
     note = Terminal(stderr=True, quiet=options.json)
     rows = check_randomization(task, spec, lambda what: note.print(f"measuring: {what}"))

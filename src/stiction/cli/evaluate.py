@@ -183,7 +183,7 @@ def write_and_print(cfg: EvaluateCfg, rows: list[ResultRow], summary: dict[str, 
     if cfg.json:
         print(summary_text(summary), end="")
     else:
-        print_rows(rows)
+        print_rows(rows, summary.get("torque_limits"))
         print(f"report: {cfg.out / 'report.html'}")
         if "logs" in summary:
             print(f"logs: {len(summary['logs'])} in {cfg.log}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+import shutil
 from collections.abc import Collection, Iterable
 from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
@@ -18,11 +19,12 @@ from stiction.deploy.first_run import first_run
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import Policy, PolicyStep, check_model, load_policy
 from stiction.deploy.wear import WearMonitor
-from stiction.files.bundle import GOLDEN, Bundle, read_bundle
+from stiction.files.bundle import GOLDEN, Bundle, read_bundle, write_bundle
 from stiction.files.contract import ALIKE, Contract, robot_of
 from stiction.files.contract_rules import IMPORTED, TARGET_LIMITS
 from stiction.files.golden import Golden, exercise_of
 from stiction.files.signature import check_signature
+from stiction.files.wear import WearModel
 from stiction.robots.catalog import is_shipped
 from stiction.robots.model import Body
 from stiction.robots.named import check_named
@@ -104,6 +106,18 @@ class BundleCheck:
             "tolerance": TOLERANCE,
             **{name: getattr(self, name) for name in ("observation_error", "action_error", "target_error")},
         }
+
+
+def write_checked(
+    path: Path, contract: Contract, policy: bytes, golden: Golden, card: str, wear: WearModel | None = None
+) -> BundleCheck:
+    """Write a bundle and check it; one that does not pass its own check is removed. Raises `BundleError`."""
+    folder = write_bundle(path, contract, policy, golden, card, wear)
+    try:
+        return check_bundle(folder)
+    except BaseException:
+        shutil.rmtree(folder)
+        raise
 
 
 def check_bundle(

@@ -91,9 +91,10 @@ def _infer(network: NetworkFile, batch: int, observation_size: int) -> tuple[dic
                 f"policy.onnx has the operator {node.operator!r}; expected one of {', '.join(sorted(OPERATORS))}"
             )
         try:
-            if absent := [name for name in node.inputs if name not in values]:
+            names = _stated(node)
+            if absent := [name for name in names if name not in values]:
                 raise UnfitError(f"the input {absent[0]!r} is not computed before")
-            found = OPERATORS[node.operator](node, [values[name] for name in node.inputs])
+            found = OPERATORS[node.operator](node, [values[name] for name in names])
         # Rules take nodes as they come: an input that is missing, or has too few axes, fails in many ways.
         except (UnfitError, ArithmeticError, IndexError, KeyError, TypeError, ValueError) as error:
             raise BundleError(f"policy.onnx: {node.operator!r} {node.outputs} cannot be run: {error}") from error
@@ -115,17 +116,32 @@ def _infer(network: NetworkFile, batch: int, observation_size: int) -> tuple[dic
     return values, work
 
 
+def _stated(node: Node) -> list[str]:
+    """Return the inputs of a node but for those that are left out: the last ones, or any bound of a `Clip`."""
+    names = list(node.inputs)
+    while names and not names[-1]:
+        names.pop()
+    # Of others the rules know inputs by their places: what is left out in between stays, and is refused.
+    return [name for name in names if name] if node.operator == "Clip" else names
+
+
 def node_work(node: Node, inputs: Sequence[Value], outputs: Sequence[Value]) -> int:
     """Return how much work a node is, in multiplications: those of products, and ten for each number that comes out."""
     products = math.prod(outputs[0].shape) * inputs[0].shape[-1] if node.operator in PRODUCTS else 0
     if node.operator == "Gemm" and node.attributes.get("transA"):
         products = math.prod(outputs[0].shape) * inputs[0].shape[0]
-    if node.operator == "ReduceMean":
+    if node.operator in REDUCTIONS:
         products = math.prod(inputs[0].shape)
     return products + sum(10 * math.prod(value.shape) for value in outputs)
 
 
 PRODUCTS = ("MatMul", "Gemm")
+
+REDUCTIONS = (
+    *("ReduceMean", "ReduceSum", "ReduceMax", "ReduceMin", "ReduceProd", "ReduceL1", "ReduceL2"),
+    *("ReduceSumSquare", "ReduceLogSum", "ReduceLogSumExp"),
+)
+"""Operators that make one number of many along axes."""
 
 
 def _floats(inputs: Sequence[Value], least: int, most: int) -> None:
@@ -182,8 +198,8 @@ def _clip(node: Node, inputs: Sequence[Value]) -> list[Value]:
     return [Value(inputs[0].shape)]
 
 
-def _mean(node: Node, inputs: Sequence[Value]) -> list[Value]:
-    """Means along axes, which an attribute or a second input names; never over the batch."""
+def _reduce(node: Node, inputs: Sequence[Value]) -> list[Value]:
+    """Means, sums and the like along axes, which an attribute or a second input names; never over the batch."""
     _floats(inputs[:1], 1, 1)
     shape, given = inputs[0].shape, node.attributes.get("axes")
     chosen = _known(inputs[1]) if len(inputs) > 1 else given
@@ -191,7 +207,7 @@ def _mean(node: Node, inputs: Sequence[Value]) -> list[Value]:
         raise UnfitError(f"axes {chosen}: expected some axes, known beforehand")
     gone = {_axis(axis, len(shape)) for axis in chosen}
     if 0 in gone:
-        raise UnfitError(f"axes {sorted(gone)}: a mean over the robots of a batch")
+        raise UnfitError(f"axes {sorted(gone)}: reduces over the robots of a batch")
     keep = bool(node.attributes.get("keepdims", 1))
     return [Value(tuple(1 if axis in gone else size for axis, size in enumerate(shape) if keep or axis not in gone))]
 
@@ -345,8 +361,9 @@ def _constant_of_shape(node: Node, inputs: Sequence[Value]) -> list[Value]:
 OPERATORS: dict[str, Rule] = {
     **dict.fromkeys(("Elu", "Relu", "LeakyRelu", "Selu", "Celu", "Sigmoid", "HardSigmoid"), _same),
     **dict.fromkeys(("Softplus", "Softsign", "Tanh", "Exp", "Neg", "Abs", "Sqrt", "Identity", "Erf", "Atan"), _same),
-    **dict.fromkeys(("Add", "Sub", "Mul", "Div", "Pow", "Max", "Min"), _pairs),
-    "ReduceMean": _mean,
+    **dict.fromkeys(("Sin", "Cos", "Log", "Reciprocal", "Sign", "Floor", "Ceil", "Round", "HardSwish", "Mish"), _same),
+    **dict.fromkeys(("Add", "Sub", "Mul", "Div", "Pow", "Max", "Min", "PRelu"), _pairs),
+    **dict.fromkeys(REDUCTIONS, _reduce),
     "LayerNormalization": _layer_normalization,
     "Clip": _clip,
     "MatMul": _matmul,

@@ -22,13 +22,13 @@ import torch
 from stiction.core.effects import requirement
 from stiction.core.errors import BundleError, ConfigurationError, FileError, StictionError, TrainingError
 from stiction.core.files import digest_of, read_bounded
-from stiction.deploy.check import BundleCheck, check_bundle
+from stiction.deploy.check import BundleCheck, write_checked
 from stiction.deploy.observation import Sensors, friction_of_robots
 from stiction.deploy.policy import INPUT, OUTPUT, VELOCITY, PolicyStep
 from stiction.deploy.vendor import VendorMap, write_maker_targets
 from stiction.evaluation.golden import record_golden
 from stiction.evaluation.policies import nominal_known
-from stiction.files.bundle import MAX_BYTES, WEAR, write_bundle
+from stiction.files.bundle import MAX_BYTES, WEAR
 from stiction.files.contract import Contract, robot_of
 from stiction.files.contract_rules import COMMAND_CORRECTION, TARGET_LIMITS
 from stiction.files.joint_map import mapped, refuse_alone
@@ -316,7 +316,7 @@ def export_policy(module: torch.nn.Module, contract: Contract, out: Path, wear: 
         raise BundleError(f"{out} exists already; choose another --out or remove it")
     model = export_network(module, contract.observation.size, contract.estimates_velocity)
     golden = record_golden(contract, TrainedPolicy(module, contract), robot_of(contract), contract.seed)
-    return check_bundle(write_bundle(out, contract, model, golden, write_card(contract), wear))
+    return write_checked(out, contract, model, golden, write_card(contract), wear)
 
 
 class WithVelocity(torch.nn.Module):

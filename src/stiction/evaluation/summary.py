@@ -19,11 +19,14 @@ from stiction.evaluation.policies import OwnPolicy, method_of, own_policy
 from stiction.evaluation.run import BENCHES, Progress, walk_grid
 from stiction.evaluation.table import methods_of, rows_of, sample_names
 from stiction.files.bundle import Bundle, find_bundle
+from stiction.files.contract import limits_text
 from stiction.files.contract_rules import TARGET_LIMITS
 from stiction.files.following import EVERY, scaled_commands
 from stiction.files.results import ResultRow
 from stiction.files.velocity import COMMANDS, FASTEST
 from stiction.learning.identity import unrecorded_note
+from stiction.robots.catalog import find_derived, find_robot, is_shipped
+from stiction.robots.named import IMPORTED_ROBOT
 from stiction.virtual.cases import warnings_on
 
 
@@ -43,6 +46,19 @@ def bundle_of(
     if not all(simulator.is_batch for simulator in cfg.simulators):
         raise ConfigurationError("a function in a policy's place walks in the engine mujoco alone; leave --engines out")
     return own_policy(policy, robot, callable_period)
+
+
+def other_limits(bundles: Sequence[Bundle]) -> dict[str, str]:
+    """Return bundle -> its torque limits in words, where they are not those of the shipped robot that it is for.
+
+    A friction level is a share of the contract's: of two policies of one robot it may be another torque.
+    """
+    found = {}
+    for bundle in bundles:
+        name = bundle.contract.robot.removesuffix(IMPORTED_ROBOT)
+        if is_shipped(name) and (of := limits_text(bundle.contract, find_robot(name))):
+            found[bundle.name] = of
+    return found
 
 
 def evaluate_all(
@@ -65,6 +81,7 @@ def evaluate_all(
     origin, start = Origin.now(), time.perf_counter()
     done = walk_grid(bundles, cfg, out, jobs, robot, progress)
     rows, details = rows_of(done, bundles, robot)
+    limits = other_limits(bundles)
     summary = {
         "evaluation": asdict(cfg.base),
         "engines": list(cfg.engines),
@@ -72,6 +89,8 @@ def evaluate_all(
         "robots": cfg.used_robots,
         "warnings": [
             *origin.warnings(),
+            *(f"{robot}: {note}" for note in (find_derived(robot).notes if robot else ())),
+            *(f"friction levels of {name} are shares of {of}" for name, of in limits.items()),
             *_untrained_notes(bundles, cfg),
             *record_notes(bundle for bundle in bundles if not isinstance(bundle, OwnPolicy)),
             *unlimited_note(bundles),
@@ -80,6 +99,7 @@ def evaluate_all(
             *forward_notes(bundles, cfg, out / BENCHES, robot),
             *unidentified_notes(done, bundles, cfg, out / BENCHES, robot),
         ],
+        "torque_limits": limits,
         "forward": list(cfg.forward),
         "forward_by": list(cfg.forward_by),
         "conditions": cfg.base.conditions,

@@ -1,8 +1,9 @@
 """Isaac Lab: actuator groups with joint friction as an effort, and the coefficient of the older PhysX where asked for.
 
-Since PhysX 5.6 (Isaac Sim 5) `friction`, `dynamic_friction` [N m] and `viscous_friction` [N m s/rad] of an actuator are
-what their names say. Before, `friction` was a unitless coefficient c, friction at most c (|F| + |T|) of the force and
-torque that the joint transmits, so that no number in N m can be converted without saying under which load.
+On PhysX from 5.6 on (Isaac Sim 5, 6) `friction`, `dynamic_friction` [N m] and `viscous_friction` [N m s/rad] of an
+actuator are what their names say. Before, `friction` was a unitless coefficient c, friction at most c (|F| + |T|) of
+the force and torque that the joint transmits, so that no number in N m can be converted without saying under which
+load. Newton, the other backend of Isaac Lab 3, has MuJoCo's row: `friction` alone, for rest and motion.
 """
 
 from __future__ import annotations
@@ -51,8 +52,9 @@ def _group(joint: JointPhysics) -> list[str]:
 def _notes(joints: list[JointPhysics], assumed_load: float | None) -> list[str]:
     """Say which versions read this, then what was left out of each joint."""
     general = [
-        "friction as an effort [N m] needs PhysX 5.6 or later (Isaac Sim 5): there friction holds at rest, "
+        "friction as an effort [N m] needs PhysX 5.6 or later (Isaac Sim 5 or 6): there friction holds at rest, "
         "dynamic_friction brakes in motion",
+        "on Newton (Isaac Lab 3) friction alone is read, for rest and motion: give it the number of dynamic_friction",
         "before that, friction is a unitless coefficient of the load on the joint: these numbers would mean something "
         "else; set friction to 0 there, or use coefficients for one load",
     ]

@@ -6,13 +6,27 @@ v = (τ/J) (1 - d0)/d0 · timeconst/2. With MuJoCo's defaults that is a visible 
 
 from __future__ import annotations
 
+from collections.abc import Container, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
 from stiction.core.errors import ConfigurationError, FileError
 from stiction.exchange.physics import Conversion, JointPhysics, check_axis, known, notes_of, number, one_line
-from stiction.exchange.urdf import Edit, Markup, Tag, set_attributes, xml_comment
-from stiction.robots.physics import FRICTION_D0
+from stiction.exchange.urdf import Edit, Markup, Tag, parse_markup, read_model, set_attributes, xml_comment
+from stiction.robots.physics import FRICTION_D0, LEAST_ITERATIONS, LEAST_LS_ITERATIONS, budget_objection
 
 SOLIMP = (FRICTION_D0, FRICTION_D0, 0.001, 0.5, 2)
 """Impedance of the dry-friction constraint, as `solimpfriction` has it."""
+
+SLIDE_NOTE = (
+    "of a slide joint on a body of the world, the friction row counts the body's mass and leaves armature out: where "
+    'that is the larger part, friction brakes with a small share of its value, unless <flag diagexact="enable"/> is set'
+)
+"""Measured: 0.5 of 10 N at 1 kg of armature and 1 mg of body; 10 N with the flag (MuJoCo 4.0.0)."""
+
+ROTOR_NOTE = "if the actuators of these joints have armature or damping, set both to 0: MuJoCo adds them to the joint's"
 
 TIMESTEP = 0.002
 """MuJoCo's own default [s], where a model has none."""
@@ -23,8 +37,31 @@ LARGE_DAMPING = 3.0
 NOT_KINEMATIC = frozenset({"default", "equality", "tendon", "actuator", "sensor"})
 """Sections whose `joint` elements are no joints of the tree."""
 
+ACTUATORS = frozenset(
+    [
+        "general",
+        "motor",
+        "position",
+        "velocity",
+        "intvelocity",
+        "pid",
+        "dcmotor",
+        "damper",
+        "cylinder",
+        "muscle",
+        "orientation",
+    ]
+)
+"""Elements of `<actuator>`; a default of any of them gives armature, damping and gear to all."""
+
+MOST_FILES = 64
+"""Files that a model includes."""
+
+BUDGET = {"iterations": (LEAST_ITERATIONS, 100), "ls_iterations": (LEAST_LS_ITERATIONS, 50)}
+"""Attribute of `<option>` -> least value under which friction holds, and MuJoCo's own."""
+
 Defaults = dict[str, tuple[dict[str, str], str | None]]
-"""Default class -> attributes of its `joint`, and the class around it."""
+"""Default class -> attributes of one kind of element, and the class around it."""
 
 
 def joint_attributes(joint: JointPhysics, timestep: float) -> dict[str, str]:
@@ -45,6 +82,7 @@ def mujoco_snippet(joints: list[JointPhysics], timestep: float | None) -> Conver
     for joint in joints:
         tag = set_attributes(b"<joint/>", joint_attributes(joint, step)).decode()
         lines.append(f'  <default class="{_class_name(joint.name)}">\n    {tag}\n  </default>')
+    notes.append(ROTOR_NOTE)
     text = xml_comment(notes) + "<default>\n" + "\n".join(lines) + "\n</default>\n"
     return Conversion.of(text, joints, notes)
 
@@ -61,36 +99,153 @@ def model_joints(markup: Markup) -> dict[str, Tag]:
     return found
 
 
-def patch_mujoco(markup: Markup, joints: list[JointPhysics], timestep: float | None) -> Conversion:
+def joint_kinds(markup: Markup) -> dict[str, tuple[str, bool]]:
+    """Return name -> type of a joint (`hinge`, `slide`, `ball`, `free`), and whether an actuator drives it.
+
+    It does so itself, or by a fixed tendon; where the file has no actuators, all joints count as driven.
+    """
+    defaults, actuators = _defaults(markup, {"joint"}), _actuators(markup)
+    driven = {tag.attributes.get(key) for tag in actuators for key in ("joint", "jointinparent")}
+    pulled = {tag.attributes["tendon"] for tag in actuators if "tendon" in tag.attributes}
+    for tag in markup.tags:
+        if tag.name == "joint" and tag.parent is not None and markup.tags[tag.parent].attributes.get("name") in pulled:
+            driven.add(tag.attributes.get("joint"))
+    return {
+        name: (_inherited(markup, tag, "type", defaults) or "hinge", not actuators or name in driven)
+        for name, tag in model_joints(markup).items()
+    }
+
+
+def included_joints(markup: Markup, path: Path) -> dict[str, list[str]]:
+    """Return name of a file that a model includes -> the joints in it; what is not there is left out."""
+    found: dict[str, list[str]] = {}
+    left = [markup]
+    while left:
+        for tag in left.pop().tags:
+            name = tag.attributes.get("file", "")
+            # MuJoCo looks beside the first file.
+            if tag.name == "include" and name not in found and (path.parent / name).is_file():
+                if len(found) == MOST_FILES:
+                    raise FileError(f"{path.name} includes more than {MOST_FILES} files; expected a robot")
+                left.append(parse_markup(read_model(path.parent / name), name))
+                found[name] = list(model_joints(left[-1]))
+    return {name: joints for name, joints in found.items() if joints}
+
+
+def patch_mujoco(
+    markup: Markup, joints: list[JointPhysics], timestep: float | None, passive: Sequence[str] = ()
+) -> Conversion:
     """Return the model with the attributes of `joints` set, and a comment after the root tag; the rest as it was.
 
-    timestep [s]: of the simulation, where it is not the model's. Raises `StictionError` for a joint that is not a hinge
-    (or, for a linear axis, not a slide).
+    Armature and damping at the actuators of these joints become 0, since MuJoCo adds them up, and a solver's budget
+    under which friction slips is raised. timestep [s]: of the simulation, where it is not the model's; passive: joints
+    that a pattern passed over. Raises `StictionError` for a joint that is not a hinge (or, for a linear axis, not a
+    slide).
     """
-    tree, defaults = model_joints(markup), _defaults(markup)
+    tree, defaults = model_joints(markup), _defaults(markup, {"joint"})
     step = timestep or _timestep(markup)
     notes = _notes(joints, step)
-    edits: list[Edit] = []
+    edits = _budget_edits(markup, notes)
+    rotors, zeroed = _Rotors.of(markup), dict[str, list[str]]()
+    if not rotors.actuators:
+        notes.append(ROTOR_NOTE)
+    if passive:
+        notes.append(f"left as they are, as no actuator drives them: {', '.join(passive)}; a pair may name one in full")
+    # A single number would leave the powers of a default class as they are.
+    powers = any(len(tag.attributes.get("damping", "").split()) > 1 for tag in markup.tags if tag.name == "joint")
     for joint in joints:
         tag = tree[joint.name]
         kind = _inherited(markup, tag, "type", defaults) or "hinge"
         check_axis(joint, kind, ("slide",) if joint.record.axis == "linear" else ("hinge",))
-        before = _inherited(markup, tag, "damping", defaults)
-        if joint.damping is not None and before is not None and _float(before) > LARGE_DAMPING * joint.damping:
-            notes.append(
-                f"{joint.name}: the model's damping was {before}, now {number(joint.damping)}: if it stood for the "
-                "controller's kd, give that to the actuator (kv)"
-            )
+        values = joint_attributes(joint, step)
+        if "damping" in values and powers:
+            values["damping"] += " 0 0"
         # On the joint itself, over whatever its classes say.
-        edits.append(markup.set_attributes(tag, joint_attributes(joint, step)))
+        edits.append(markup.set_attributes(tag, values))
+        damping = _float(_inherited(markup, tag, "damping", defaults) or "0")
+        for actuator in rotors.driving(joint.name):
+            zeros, taken = rotors.without(actuator, joint)
+            damping += taken
+            edits += [markup.set_attributes(actuator, zeros)] if zeros else []
+            for name in zeros:
+                zeroed.setdefault(name, []).append(joint.name)
+        if joint.damping is not None and damping > LARGE_DAMPING * joint.damping:
+            notes.append(
+                f"{joint.name}: the model's damping was {number(damping)}, now {number(joint.damping)}: if it stood "
+                "for the controller's kd, give that to the actuator (kv)"
+            )
+    notes += [
+        f"{name} at the actuators of {', '.join(dict.fromkeys(names))} is 0 now: MuJoCo adds it, times gear squared, "
+        "to the joint's, which has what was identified"
+        for name, names in zeroed.items()
+    ]
     notes = [one_line(note) for note in notes]
     return Conversion.of(markup.edited(edits, notes), joints, notes)
 
 
+def _budget_edits(markup: Markup, notes: list[str]) -> list[Edit]:
+    """Return the changes of `<option>` that give the solver the budget which friction needs, and note them."""
+    options = [tag for tag in markup.tags if tag.name == "option"]
+    stated = {key: tag.attributes[key] for tag in options for key in BUDGET if key in tag.attributes}
+    had = [int(np.nan_to_num(_float(stated.get(key, str(own))))) for key, (_, own) in BUDGET.items()]
+    if (objection := budget_objection(*had)) is None:
+        return []
+    notes.append(f"{objection}: <option> has that now; a file that includes this one must not lower it")
+    edits = []
+    for tag in options:
+        low = {k: str(least) for k, (least, _) in BUDGET.items() if _float(tag.attributes.get(k, "inf")) < least}
+        edits += [markup.set_attributes(tag, low)] if low else []
+    return edits
+
+
+def _actuators(markup: Markup) -> list[Tag]:
+    """Return the actuators of a model."""
+    return [tag for tag in markup.tags if tag.name in ACTUATORS and "actuator" in tag.inside]
+
+
+@dataclass(frozen=True)
+class _Rotors:
+    """Armature and damping that stand at actuators; at the joint they count gear squared times."""
+
+    markup: Markup
+    actuators: list[Tag]
+    defaults: Defaults
+    powers: bool
+    """Whether any damping has powers of the speed."""
+
+    @classmethod
+    def of(cls, markup: Markup) -> _Rotors:
+        """Return those of a model."""
+        powers = any(len(tag.attributes.get("damping", "").split()) > 1 for tag in markup.tags if tag.name in ACTUATORS)
+        return cls(markup, _actuators(markup), _defaults(markup, ACTUATORS), powers)
+
+    def driving(self, joint: str) -> list[Tag]:
+        """Return the actuators that drive a joint."""
+        return [
+            tag for tag in self.actuators if joint in (tag.attributes.get(key) for key in ("joint", "jointinparent"))
+        ]
+
+    def without(self, tag: Tag, joint: JointPhysics) -> tuple[dict[str, str], float]:
+        """Return the attributes that take from an actuator what its joint has now, and the damping there that goes."""
+        zeros, gone = {}, 0.0
+        for name, value in (("armature", joint.armature), ("damping", joint.damping)):
+            had = _inherited(self.markup, tag, name, self.defaults)
+            if value is None or had is None or not (any(map(_float, had.split())) or self.powers):
+                continue
+            zeros[name] = "0 0 0" if name == "damping" and self.powers else "0"
+            if name == "damping":
+                gone = _float(_inherited(self.markup, tag, "gear", self.defaults) or "1") ** 2 * _float(had)
+        return zeros, gone
+
+
 def _notes(joints: list[JointPhysics], timestep: float) -> list[str]:
     """Say what holds for all joints, then what was left out of each."""
+    linear = [joint for joint in joints if joint.record.axis == "linear"]
     return notes_of(
         joints,
+        *((SLIDE_NOTE,) if linear else ()),
+        f"the rows hold with iterations {LEAST_ITERATIONS} and ls_iterations {LEAST_LS_ITERATIONS} of <option> or more "
+        "(MuJoCo's own: 100 and 50); with 10 and 20 a joint slips at 0.8 of its friction",
         f"solreffriction is twice a timestep of {number(timestep)} s: change both together",
         'integrate with <option integrator="implicitfast"/>; for no creep at all, noslip_iterations="3"',
         "damping here is the joint's own; the controller's kd belongs to the actuator",
@@ -115,15 +270,15 @@ def _timestep(markup: Markup) -> float:
     return step
 
 
-def _defaults(markup: Markup) -> Defaults:
-    """Return the joint attributes of every default class."""
+def _defaults(markup: Markup, names: Container[str]) -> Defaults:
+    """Return the attributes that every default class gives the elements called `names`."""
     found: Defaults = {}
     for tag in markup.tags:
         inside = next((up for up in markup.ancestors(tag) if up.name == "default"), None)
         if tag.name == "default":
             around = None if inside is None else inside.attributes.get("class", "main")
             found.setdefault(tag.attributes.get("class", "main"), ({}, around))
-        elif tag.name == "joint" and inside is not None:
+        elif tag.name in names and inside is not None:
             found[inside.attributes.get("class", "main")][0].update(tag.attributes)
     return found
 

@@ -17,6 +17,7 @@ from stiction.core.effects import requirement
 from stiction.core.errors import ConfigurationError, FileError
 from stiction.exchange.mujoco import SOLIMP
 from stiction.exchange.physics import Conversion, number, one_line
+from stiction.robots.physics import LEAST_ITERATIONS, LEAST_LS_ITERATIONS
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,8 @@ class Recipe:
     """In the order of the joints."""
     together: bool
     """Whether one random number a robot is for all its joints; else one each."""
+    moving: float
+    """Friction in motion over friction at rest [-], 1 where they were not identified apart."""
     notes: tuple[str, ...]
     """What the range rests on."""
 
@@ -72,7 +75,19 @@ def recipe_of(training: Mapping[str, Any], limits: Mapping[str, float]) -> Recip
         str(training.get("text", "")),
     )
     together = friction.get("per", "robot") == "robot"
-    return Recipe(ranges, together, tuple(one_line(text) for text in said if text))
+    return Recipe(ranges, together, _moving(training), tuple(one_line(text) for text in said if text))
+
+
+def _moving(training: Mapping[str, Any]) -> float:
+    """Return friction in motion over that at rest of the joint that sets the level; 1 where they are not told apart."""
+    joints = training.get("joints")
+    known = [one for one in joints.values() if isinstance(one, dict)] if isinstance(joints, dict) else []
+    worst = max(
+        known, key=lambda one: one["friction_level"] if is_number(one.get("friction_level")) else 0.0, default={}
+    )
+    ratios = [worst.get(name) for name in ("friction_ratio", "dynamic_ratio")]
+    rest, motion = (ratio.get("value", 0.0) if isinstance(ratio, dict) else 0.0 for ratio in ratios)
+    return motion / rest if is_number(rest) and is_number(motion) and 0 < motion <= rest else 1.0
 
 
 def randomization_term(recipe: Recipe, to: str, assumed_load: float | None = None) -> Conversion:
@@ -120,6 +135,8 @@ def _mjlab(recipe: Recipe, _: float | None) -> Written:
         "an actuator's own frictionloss replaces the model's when the scene is built, and is replaced by this at reset",
         "MuJoCo's friction is soft: in the model give these joints solreffriction='2*timestep 1' and "
         f"solimpfriction='{' '.join(map(str, SOLIMP))}' (`stiction convert joints.json --to mujoco`), or they creep",
+        f"played in CPU MuJoCo they hold with iterations={LEAST_ITERATIONS}, ls_iterations={LEAST_LS_ITERATIONS} of "
+        "MujocoCfg or more; with mjlab's 10 and 20 they slip there at 0.8 of the friction, in MuJoCo Warp they hold",
     ]
     if recipe.together and len(recipe.ranges) > 1:
         traps.append(
@@ -159,7 +176,7 @@ def _isaaclab(recipe: Recipe, assumed_load: float | None) -> Written:
         "not by mdp.randomize_joint_parameters: on PhysX it draws dynamic friction apart from the static one, and "
         "viscous friction [N m s/rad] from the range of the dry one",
         "an actuator's own friction and dynamic_friction are replaced at reset; its viscous friction stays",
-        "Newton has static friction alone: leave joint_dynamic_friction_coeff out there",
+        "on Newton (Isaac Lab 3) set NEWTON: it has one dry friction for rest and motion, as MuJoCo's row",
     ]
     draw = "len(env_ids), 1" if recipe.together else "len(env_ids), len(joint_ids)"
     return traps, [
@@ -172,10 +189,12 @@ def _isaaclab(recipe: Recipe, assumed_load: float | None) -> Written:
         f"FRICTION = {{  # [{'N m' if assumed_load is None else '1'}]",
         *_table(recipe, 1.0 if assumed_load is None else 1.0 / assumed_load),
         "}",
+        f"MOVING = {number(recipe.moving)}  # friction in motion over that at rest",
+        "NEWTON = False",
         "",
         "",
         "def draw_joint_friction(env, env_ids, asset_name='robot'):",
-        '    """Draw dry friction, the same at rest and in motion, for the robots that are reset."""',
+        '    """Draw dry friction at rest, and MOVING times it in motion, for the robots that are reset."""',
         "    asset = env.scene[asset_name]",
         "    if env_ids is None:",
         "        env_ids = torch.arange(env.scene.num_envs, device=asset.device)",
@@ -186,12 +205,8 @@ def _isaaclab(recipe: Recipe, assumed_load: float | None) -> Written:
         f"    friction = low + (high - low) * torch.rand({draw}, device=asset.device)",
         "    newer = getattr(asset, 'write_joint_friction_coefficient_to_sim_index', None)",
         "    write = newer or asset.write_joint_friction_coefficient_to_sim",
-        "    write(",
-        "        joint_friction_coeff=friction,",
-        "        joint_dynamic_friction_coeff=friction,",
-        "        joint_ids=joint_ids,",
-        "        env_ids=env_ids,",
-        "    )",
+        "    moving = {} if NEWTON else {'joint_dynamic_friction_coeff': MOVING * friction}",
+        "    write(joint_friction_coeff=friction, joint_ids=joint_ids, env_ids=env_ids, **moving)",
         "",
         "",
         "@configclass",
@@ -302,6 +317,9 @@ def _mujoco(recipe: Recipe, _: float | None) -> Written:
         f"        model.dof_frictionloss[dof] = low + {share} * (high - low)",
         "        model.dof_solref[dof] = [2 * model.opt.timestep, 1]",
         f"        model.dof_solimp[dof] = {list(SOLIMP)}",
+        "    # With less of a line search, loaded joints slip below their friction.",
+        f"    model.opt.iterations = max(model.opt.iterations, {LEAST_ITERATIONS})",
+        f"    model.opt.ls_iterations = max(model.opt.ls_iterations, {LEAST_LS_ITERATIONS})",
     ]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
@@ -11,12 +11,12 @@ from typing import Literal
 from stiction.core.effects import check_effects, flag_of, needs, requirement
 from stiction.core.errors import ConfigurationError, FileError
 from stiction.exchange.isaaclab import isaaclab_snippet
-from stiction.exchange.mujoco import model_joints, mujoco_snippet, patch_mujoco
+from stiction.exchange.mujoco import included_joints, joint_kinds, mujoco_snippet, patch_mujoco
 from stiction.exchange.physics import Conversion, JointPhysics, joint_physics
 from stiction.exchange.randomization import FRAMEWORKS, randomization_term, recipe_of
-from stiction.exchange.urdf import parse_markup, patch_urdf, read_model, urdf_joints, urdf_snippet
+from stiction.exchange.urdf import TYPES, Markup, parse_markup, patch_urdf, read_model, urdf_joints, urdf_snippet
 from stiction.exchange.webots_joints import patch_webots, webots_joints, webots_snippet
-from stiction.files.joint_map import map_joints, parse_joint_map
+from stiction.files.joint_map import MOST_NAMES, map_joints, parse_joint_map
 from stiction.files.joints import JointsFile, load_joints, read_training
 
 Target = Literal["mujoco", "urdf", "isaaclab", "webots", "mjlab", "legged_gym"]
@@ -77,15 +77,53 @@ def convert(file: JointsFile, options: ConvertOptions) -> Conversion:
         if to == "webots":
             return patch_webots(data, where, _joints(file, pairs, list(webots_joints(data, where))))
         markup = parse_markup(data, where)
-        names = model_joints(markup) if to == "mujoco" else urdf_joints(markup)
-        joints = _joints(file, pairs, list(names))
-        return patch_mujoco(markup, joints, options.timestep) if to == "mujoco" else patch_urdf(markup, joints)
+        return _into_mujoco(file, pairs, markup, options) if to == "mujoco" else _into_urdf(file, pairs, markup)
     joints = _joints(file, pairs, None)
     if to == "mujoco":
         return mujoco_snippet(joints, options.timestep)
     if to == "isaaclab":
         return isaaclab_snippet(joints, options.assumed_load)
     return urdf_snippet(joints) if to == "urdf" else webots_snippet(joints)
+
+
+def _into_urdf(file: JointsFile, pairs: Sequence[tuple[str, str]], markup: Markup) -> Conversion:
+    """Return a URDF with the records of its joints; patterns take those that move as their record's axis."""
+    kinds = {name: tag.attributes.get("type", "") for name, tag in urdf_joints(markup).items()}
+
+    def takes(record: str, joint: str) -> bool:
+        return kinds[joint] in TYPES[file.joints[record].axis]
+
+    return patch_urdf(markup, _joints(file, pairs, list(kinds), takes))
+
+
+def _into_mujoco(
+    file: JointsFile, pairs: Sequence[tuple[str, str]], markup: Markup, options: ConvertOptions
+) -> Conversion:
+    """Return an MJCF with the records of its joints; patterns take those that are driven, and move as their axis.
+
+    Raises `StictionError`, as where the joints stand in a file that this one includes.
+    """
+    kinds, passive = joint_kinds(markup), dict[str, None]()
+
+    def takes(record: str, joint: str) -> bool:
+        kind, driven = kinds[joint]
+        fits = kind == ("slide" if file.joints[record].axis == "linear" else "hinge")
+        if fits and not driven:
+            passive[joint] = None
+        return fits and driven
+
+    try:
+        joints = _joints(file, pairs, list(kinds), takes)
+    except ConfigurationError as error:
+        assert options.model is not None
+        for name, others in included_joints(markup, options.model).items():
+            more = f" and {len(others) - MOST_NAMES} more" if len(others) > MOST_NAMES else ""
+            raise ConfigurationError(
+                f"{error}; {options.model.name} includes {name}, which has {', '.join(others[:MOST_NAMES])}{more}: "
+                f"give --model {options.model.parent / name}"
+            ) from error
+        raise
+    return patch_mujoco(markup, joints, options.timestep, [*passive])
 
 
 def convert_training(path: Path, options: ConvertOptions) -> Conversion:
@@ -127,7 +165,12 @@ def torque_limits(path: Path, robot: str | None) -> dict[str, float]:
     return known
 
 
-def _joints(file: JointsFile, pairs: Sequence[tuple[str, str]], model: Sequence[str] | None) -> list[JointPhysics]:
-    """Return the physics of every joint that a record is for."""
-    names = map_joints(file, pairs, model)
+def _joints(
+    file: JointsFile,
+    pairs: Sequence[tuple[str, str]],
+    model: Sequence[str] | None,
+    takes: Callable[[str, str], bool] = lambda record, joint: True,
+) -> list[JointPhysics]:
+    """Return the physics of every joint that a record is for; takes: see `map_joints`."""
+    names = map_joints(file, pairs, model, takes)
     return [joint_physics(recorded, file.joints[recorded], name) for name, recorded in names.items()]

@@ -368,6 +368,23 @@ ALIKE = {"torque_limit": "torque limits", "kp": "gains kp", "kd": "gains kd"}
 """Field in which a robot has to be the contract's -> what it is: the policy learned to walk with these."""
 
 
+def limits_text(contract: Contract, robot: Robot) -> str | None:
+    """Return the torque limits in which a contract differs from a robot of the same joints, in words; None: in none."""
+    own = dict(zip(contract.joint_names, contract.torque_limit, strict=True))
+    other = dict(zip(robot.joint_names, robot.joint_values("torque_limit").tolist(), strict=True))
+    changed: dict[tuple[float, float], list[str]] = {}
+    for name, limit in own.items():
+        if name in other and not math.isclose(limit, other[name], rel_tol=1e-6):
+            changed.setdefault((limit, other[name]), []).append(name)
+    if not changed:
+        return None
+    return ", ".join(
+        f"{limit:.4g} N m at {names[0]}{f' and {len(names) - 1} more' if len(names) > 1 else ''} (of {robot.name} "
+        f"{there:.4g})"
+        for (limit, there), names in changed.items()
+    )
+
+
 def robot_of(contract: Contract, robot: str | None = None) -> Robot:
     """Return the robot that a contract was made for, checked against it.
 

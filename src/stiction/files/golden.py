@@ -258,7 +258,7 @@ def _check_recording(golden: Golden, contract: Contract) -> None:
         if outside.max() > most:
             worst = int(np.argmax(outside))
             raise BundleError(
-                f"golden.npz: {outside[worst]:.0%} of {name!r} of {contract.joint_names[worst]!r} are beyond the "
+                f"golden.npz: {outside[worst]:.1%} of {name!r} of {contract.joint_names[worst]!r} are beyond the "
                 f"contract's limits, {contract.lower[worst]:g} to {contract.upper[worst]:g} rad; at most "
                 f"{most:.0%} may be"
             )

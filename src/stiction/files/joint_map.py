@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
 
@@ -31,14 +31,17 @@ def refuse_alone(pairs: Sequence[str], file: object) -> None:
 
 
 def map_joints(
-    file: JointsFile, pairs: Sequence[tuple[str, str]], model: Sequence[str] | None = None
+    file: JointsFile,
+    pairs: Sequence[tuple[str, str]],
+    model: Sequence[str] | None = None,
+    takes: Callable[[str, str], bool] = lambda record, joint: True,
 ) -> dict[str, str]:
     """Return joint of the model -> record.
 
     A pair goes first; its right side may have wildcards (`*_calf_joint`) where a model is given. What no pair names is
     matched by name or kind, as in training: `FL_shank` takes the record `FL_shank`, else `shank`. Without a model,
-    records keep their own names. Raises `StictionError` for a pair that matches nothing, a joint claimed by two
-    records, and a record that finds no joint.
+    records keep their own names. takes: whether a record is for a joint that is not named in full. Raises
+    `StictionError` for a pair that matches nothing, a joint claimed by two records, and a record that finds no joint.
     """
     found: dict[str, str] = {}
     for recorded, pattern in pairs:
@@ -46,9 +49,16 @@ def map_joints(
             raise ConfigurationError(
                 f"--joint-map {recorded}={pattern}: {unknown_name('record', recorded, file.joints)}"
             )
-        names = [pattern] if model is None else [name for name in model if fnmatchcase(name, pattern)]
-        if not names:
-            raise ConfigurationError(f"--joint-map {recorded}={pattern}: {unknown_name('joint', pattern, model or ())}")
+        names = [pattern]
+        if model is not None and pattern not in model:
+            matching = [name for name in model if fnmatchcase(name, pattern)]
+            if not matching:
+                raise ConfigurationError(f"--joint-map {recorded}={pattern}: {unknown_name('joint', pattern, model)}")
+            if not (names := [name for name in matching if takes(recorded, name)]):
+                raise ConfigurationError(
+                    f"--joint-map {recorded}={pattern}: matches {', '.join(matching[:MOST_NAMES])}; expected a "
+                    f"joint that moves as the record's {file.joints[recorded].axis} axis, and is driven"
+                )
         for name in names:
             if found.setdefault(name, recorded) != recorded:
                 raise ConfigurationError(
@@ -59,7 +69,8 @@ def map_joints(
         return found | {name: name for name in file.joints if name not in mapped and name not in found}
     for name in model:
         key = file.key(name)
-        if name not in found and key is not None and key not in {recorded for recorded, _ in pairs}:
+        sent = {recorded for recorded, _ in pairs}
+        if name not in found and key is not None and key not in sent and takes(key, name):
             found[name] = key
     lost = [name for name in file.joints if name not in set(found.values())]
     if lost:

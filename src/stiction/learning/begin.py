@@ -25,7 +25,7 @@ from stiction.robots.catalog import find_robot
 from stiction.robots.mirror import RobotMirror, mirrored_kinds, robot_mirror
 from stiction.robots.model import Robot
 from stiction.robots.named import check_named
-from stiction.robots.sliders import stiff_sliders
+from stiction.robots.sliders import weak_friction
 from stiction.sim.fleet import Fleet
 from stiction.task.friction import FrictionCfg
 from stiction.task.load_law import load_warnings, take_coefficients
@@ -89,7 +89,7 @@ def begin_run(
     _check_own_friction(cfg, robot, identified)
     if identified is not None and mirror is not None:
         share_damping(identified["values"], robot, mirror, say)
-    if line := stiff_sliders(robot, cfg.task.physics, cfg.task.timestep, _lightest_rotors(cfg, robot, identified)):
+    if line := weak_friction(robot, cfg.task.physics, cfg.task.timestep, _lightest_rotors(cfg, robot, identified)):
         say(f"warning: {line}")
     return RunDirectory.create(out, cfg, command, identified, ranks.size), cfg
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
 from types import FrameType
 from typing import Annotated, Any, TextIO
@@ -102,14 +102,19 @@ SLOWEST_WALK = "slowest walk"
 """One more, where a row has it."""
 
 
-def print_rows(rows: Sequence[ResultRow]) -> None:
-    """Print the main columns of results on standard output, a heading and a table for each policy."""
+def print_rows(rows: Sequence[ResultRow], limits: Mapping[str, str] | None = None) -> None:
+    """Print the main columns of results on standard output, a heading and a table for each policy.
+
+    limits: policy -> torque limits that its levels are shares of, where they are not the robot's.
+    """
     console, lines = Terminal(), [result_cells(row) for row in rows]
     columns = list(COLUMNS)
     if tell_slowest_walk(rows):
         columns.insert(columns.index("speed ratio") + 1, SLOWEST_WALK)
     for policy in dict.fromkeys(row.policy for row in rows):
         console.print(policy, style="bold", soft_wrap=True, highlight=False)
+        if of := (limits or {}).get(policy):
+            console.print(f"friction is a share of {of}", soft_wrap=True, highlight=False)
         table = Table(collapse_padding=True)
         named = {"engine": [row.engine for row in rows], "ground": [row.terrain for row in rows]}
         where = [name for name, values in named.items() if len(set(values)) > 1]

@@ -18,6 +18,7 @@ from stiction.core.rotation import uprightness
 from stiction.robots.mirror import robot_mirror
 from stiction.robots.mjcf import build_model
 from stiction.robots.model import FALLEN_UP, WIDEST, Body, Robot, too_low
+from stiction.robots.shapes import reach
 
 State = Literal["good", "note", "bad"]
 """`note`: to be known; `bad`: to be mended before the robot is used."""
@@ -27,6 +28,9 @@ GRAVITY_SHARE = 0.6
 
 STANDING_TIME = 3.0
 """How long the robot has to stand under its gains [s]."""
+
+SUNK = 0.01
+"""Depth under the ground from which on a link other than a foot lies on it [m]: contacts give way by less."""
 
 NARROWEST = 0.1
 """Where most ranges are narrower than this, they were hardly meant in degrees [rad]."""
@@ -311,10 +315,19 @@ def _order(robot: Robot) -> Iterator[Finding]:
 
 
 def _stands(robot: Robot) -> Iterator[Finding]:
-    """Check that the robot stands under its gains in simulation."""
+    """Check that the robot stands on its feet under its gains in simulation, and on nothing else."""
     model = build_model(robot, timestep=0.002)
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    if sunk := _below_ground(robot, model, data):
+        depth, names = max(sunk.values()), ", ".join(list(sunk)[:4])
+        yield Finding(
+            "stands", "bad",
+            f"in the pose {names} {'reach' if len(sunk) > 1 else 'reaches'} up to {depth:.2g} m below the feet",
+            "pose: with the feet lowest; or name the feet (feet: [...])",
+        )  # fmt: skip
+        return
     for _ in range(round(STANDING_TIME / model.opt.timestep)):
         mujoco.mj_step(model, data)
         if not np.isfinite(data.qpos).all():
@@ -327,13 +340,39 @@ def _stands(robot: Robot) -> Iterator[Finding]:
         f"after {STANDING_TIME:g} s under its gains the base is at {height:.3g} m of {robot.standing_height:.3g} m, "
         f"leaning {np.degrees(np.arccos(np.clip(up, -1, 1))):.2g}°"
     )
+    grounds = _base_touches(model, data), *_below_ground(robot, model, data)
     fallen = up < FALLEN_UP or too_low(np.array(height), robot.standing_height)
-    if fallen and len(robot.feet) <= 2:
+    lying = [name for name in grounds if name]
+    if (fallen or lying) and len(robot.feet) <= 2:
         # As an inverted pendulum it needs more than m g h from its ankles, which no walking robot's gains have.
         yield Finding("stands", "note", f"it balances only under a policy: {text}")
-    elif fallen:
+    elif fallen or lying:
+        on = f", on {', '.join(lying[:4])}" if lying else ""
         yield Finding(
-            "stands", "bad", f"it falls: {text}", "pose: with the feet under the centre of mass, or a larger kp"
+            "stands", "bad", f"it falls: {text}{on}", "pose: with the feet under the centre of mass, or a larger kp"
         )
     else:
         yield Finding("stands", "good", text)
+
+
+def _base_touches(model: mujoco.MjModel, data: mujoco.MjData) -> str:
+    """Return `base` where the base lies on the ground, else nothing."""
+    pairs = [{int(model.geom_bodyid[geom]) for geom in contact.geom} for contact in data.contact]
+    return "base" if {0, model.body("base").id} in pairs else ""
+
+
+def _below_ground(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, float]:
+    """Return link -> depth under the ground [m], of those that would lie on it: by the joint that moves it, or a shape.
+
+    Only feet and trunk touch the ground in simulation; a link that carries a foot may end beside it.
+    """
+    sunk = {}
+    carriers = {foot.link for foot in robot.feet}
+    for number, link in enumerate(robot.links):
+        body = data.body(link.name)
+        down = body.xmat.reshape(3, 3).T @ np.array([0.0, 0.0, -1.0])
+        shapes = () if number in carriers else link.shapes
+        lowest = body.xpos[2] - max((reach(shape, down) for shape in shapes), default=0.0)
+        if min(lowest, body.xpos[2]) < -SUNK:
+            sunk[link.name] = -float(min(lowest, body.xpos[2]))
+    return sunk

@@ -12,12 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from stiction.core.errors import RobotError, unknown_name
-from stiction.robots.anatomy import hinges, torque_limit
+from stiction.robots.anatomy import hinges
 from stiction.robots.derive import derive
 from stiction.robots.description import Description, describe
 from stiction.robots.hold import hold
 from stiction.robots.load import described_model
 from stiction.robots.model import Robot, link_poses
+from stiction.robots.motors import torque_limit
 from stiction.robots.source import Source, read_source
 
 PLACE, AXIS, LIMIT, MASS, TORQUE = 5e-3, 1e-2, 0.05, 0.05, 0.02

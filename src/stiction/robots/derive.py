@@ -25,10 +25,11 @@ import numpy as np
 
 from stiction.core.errors import RobotError, unknown_name
 from stiction.core.names import kind_of
-from stiction.robots.anatomy import Anatomy, Part, dissect, gains, hinges, torque_limit
+from stiction.robots.anatomy import Anatomy, Part, dissect, hinges
 from stiction.robots.description import Description
 from stiction.robots.hold import hold
 from stiction.robots.model import Base, Foot, Joint, Link, Robot, tree_poses
+from stiction.robots.motors import armature, damping, gains, torque_limit
 from stiction.robots.record import Derived, Origin
 from stiction.robots.shapes import Contact, Shape, bounds, reach, vector
 from stiction.robots.source import Source
@@ -171,7 +172,15 @@ def _kind(name: str, said: Description) -> str:
 def _armature(model: mujoco.MjModel, number: int, said: Description) -> float:
     """Return the armature of a joint [kg m²], 0 where neither description nor model states one."""
     given = said.of_joint(model.joint(number).name, "armature")
-    return float(model.dof_armature[model.jnt_dofadr[number]] if given is None else given)
+    return armature(model, number) if given is None else float(given)
+
+
+def _place(model: mujoco.MjModel, number: int) -> str:
+    """Return where the armature of a joint stands."""
+    own = float(model.dof_armature[model.jnt_dofadr[number]])
+    if armature(model, number) == own:
+        return "file"
+    return "file: joint, and actuator times gear²" if own else "file: actuator times gear²"
 
 
 def _typical_armatures(model: mujoco.MjModel, anatomy: Anatomy, said: Description) -> dict[str, float]:
@@ -209,7 +218,7 @@ def _joint(
     if said.of_joint(name, "action") is False:
         # Nothing drives it, and it is gone when the robot is complete: its motor need not be known.
         return Joint(name, kind, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, min(low, angle - 1), max(high, angle + 1), angle, 1.0)
-    torque, armature = _motor(model, number, take, said)
+    torque, rotor = _motor(model, number, take, said)
     kp_file, kd_file = gains(model, number)
     omega = 2 * math.pi * FREQUENCY
     kp = take(
@@ -233,7 +242,7 @@ def _joint(
         name=name,
         kind=kind,
         torque_limit=torque,
-        armature=armature,
+        armature=rotor,
         damping=take("damping", "N m s/rad", 0.0, "rule: none until it is measured"),
         frictionloss=take("frictionloss", "N m", 0.0, "rule: none until it is measured"),
         kp=kp,
@@ -257,14 +266,15 @@ def _motor(model: mujoco.MjModel, number: int, take: Take, said: Description) ->
             f"joint {name!r} has no torque limit in the file (neither forcerange, nor a motor's ctrlrange, nor "
             f"actuatorfrcrange or effort); say in {said.source}: joints: {{{name}: {{torque_limit: ...}}}} [N m]"
         )
-    armature = take("armature", "kg m²", _armature(model, number, said), "file")
-    if not armature > 0:
+    rotor = take("armature", "kg m²", _armature(model, number, said), _place(model, number))
+    if not rotor > 0:
         raise RobotError(
-            f"joint {name!r} has no armature in the file, and without the rotor's inertia neither friction nor gains "
-            f"mean anything; say in {said.source}: joints: {{{name}: {{armature: ...}}}} (the rotor's inertia times "
-            "the gear ratio squared [kg m²], from the motor's data sheet or from stiction identify)"
+            f"joint {name!r} has no armature in the file, its own or its actuator's, and without the rotor's inertia "
+            f"neither friction nor gains mean anything; say in {said.source}: joints: {{{name}: {{armature: ...}}}} "
+            "(the rotor's inertia times the gear ratio squared [kg m²], from the motor's data sheet or from stiction "
+            "identify)"
         )
-    return torque, armature
+    return torque, rotor
 
 
 def _base(part: Part, said: Description, origins: list[Origin]) -> Base:
@@ -418,19 +428,19 @@ def _limitless(model: mujoco.MjModel, anatomy: Anatomy, said: Description) -> tu
 def _frictions(model: mujoco.MjModel, anatomy: Anatomy, said: Description) -> tuple[str, ...]:
     """Return what the file claims of friction and was not taken."""
     notes = []
-    for field, values, unit in (
-        ("frictionloss", model.dof_frictionloss, "N m"),
-        ("damping", model.dof_damping.reshape(model.nv, -1)[:, 0], "N m s/rad"),
-    ):
-        claims: dict[str, float] = {}
+    for field, unit in (("frictionloss", "N m"), ("damping", "N m s/rad")):
+        claims: dict[str, str] = {}
         for joint in anatomy.joints:
-            name, value = model.joint(joint).name, float(values[model.jnt_dofadr[joint]])
-            if value > 0 and said.of_joint(name, field) is None:
-                claims.setdefault(kind_of(name), value)
+            name = model.joint(joint).name
+            value, grows = float(model.dof_frictionloss[model.jnt_dofadr[joint]]), False
+            if field == "damping":
+                value, grows = damping(model, joint)
+            if (value > 0 or grows) and said.of_joint(name, field) is None:
+                claims.setdefault(kind_of(name), f"{value:.4g}" + (" and powers of the speed" if grows else ""))
         if claims:
-            found = ", ".join(f"{kind} {value:.4g}" for kind, value in claims.items())
+            listed = ", ".join(f"{kind} {value}" for kind, value in claims.items())
             notes.append(
-                f"the file claims {field} ({found} {unit}) and does not say who measured it; it is not taken: identify "
-                f"it, or say {field} in robot.yaml"
+                f"the file claims {field} ({listed} {unit}) and does not say who measured it; it is not taken: "
+                f"identify it, or say {field} in robot.yaml"
             )
     return tuple(notes)

@@ -14,13 +14,15 @@ import numpy as np
 
 from stiction.core.errors import RobotError
 from stiction.core.files import near_file
-from stiction.robots.anatomy import as_vector, at_zero, hinges, owners, torque_limit, tree
+from stiction.robots.anatomy import as_vector, at_zero, hinges, owners, tree
 from stiction.robots.derive import derive
 from stiction.robots.description import Description, read_description
 from stiction.robots.mechanism import Mechanism
 from stiction.robots.model import Link, Robot
+from stiction.robots.motors import armature, torque_limit
 from stiction.robots.record import Derived
 from stiction.robots.source import compile_source, one_line, read_source, read_spec
+from stiction.robots.survey import place_of
 
 LOOPS = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 """Constraints that make more of a tree."""
@@ -55,7 +57,7 @@ def load_mechanism(path: Path) -> Mechanism:
     try:
         model = spec.compile()
     except (ValueError, RuntimeError) as error:
-        raise RobotError(f"{path}: MuJoCo cannot compile it: {one_line(error)}") from error
+        raise RobotError(f"{path}: MuJoCo cannot compile it: {one_line(error)}{place_of(path, str(error))}") from error
     return mechanism_of(model, path.stem, said, notes)
 
 
@@ -82,14 +84,13 @@ def mechanism_of(model: mujoco.MjModel, name: str, said: Description, notes: tup
     limits = [
         said.of_joint(text, "torque_limit") or torque_limit(model, joint)[0] for text, joint in zip(names, driven)
     ]
-    armature = [said.of_joint(text, "armature") for text in names]
+    rotors = [said.of_joint(text, "armature") for text in names]
     return Mechanism(
         name=said.name or name,
         links=links,
         joint_names=names,
         armature=tuple(
-            float(model.dof_armature[model.jnt_dofadr[joint]]) if given is None else float(given)
-            for joint, given in zip(driven, armature)
+            armature(model, joint) if given is None else float(given) for joint, given in zip(driven, rotors)
         ),
         torque_limit=tuple(float(limit) if limit and np.isfinite(limit) else None for limit in limits),
         rest=tuple(said.angle(text) or 0.0 for text in names),

@@ -31,9 +31,12 @@ UNSIGNED = ("torque_limit", "kp", "kd", "action_scale")
 """Fields of `Joint` that a joint shares with its mirror image. What differs from motor to motor of one machine, rotor
 and friction, may differ: a policy copes with it as with a worn joint."""
 
-TOLERANCE = {"place": 2e-3, "axis": 2e-3, "mass": 0.05, "com": 0.02, "inertia": 0.2, "angle": 0.02, "limit": 0.1}
-"""How far an image may be off: places and centres of mass [m], axes [-], mass and inertia as shares, angles of the pose
-and limits [rad]."""
+TOLERANCE = {
+    **{"place": 2e-3, "axis": 2e-3, "mass": 0.05, "com": 0.02, "inertia": 0.2, "value": 0.01},
+    **{"angle": 0.02, "limit": 0.1},
+}
+"""How far an image may be off: places and centres of mass [m], axes [-], mass, inertia and values of `UNSIGNED` as
+shares, angles of the pose and limits [rad]. Gains that follow from inertias have the rounding of these."""
 
 
 @dataclass(frozen=True)
@@ -142,7 +145,8 @@ def _check_values(robot: Robot, image: np.ndarray, sign: np.ndarray) -> None:
     mirrored |= {"lower": ends.min(axis=0), "upper": ends.max(axis=0)}
     for name, value in values.items():
         slack = {"default_position": TOLERANCE["angle"], "lower": TOLERANCE["limit"], "upper": TOLERANCE["limit"]}
-        wrong = np.flatnonzero(~np.isclose(value, mirrored[name], rtol=1e-5, atol=slack.get(name, 1e-8)))
+        share = TOLERANCE["value"] if name in UNSIGNED else 1e-5
+        wrong = np.flatnonzero(~np.isclose(value, mirrored[name], rtol=share, atol=slack.get(name, 1e-8)))
         if len(wrong):
             joint, other = robot.joint_names[wrong[0]], robot.joint_names[image[wrong[0]]]
             raise RobotError(

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from stiction.robots.model import DELAY_SAMPLES, Body, Foot, Joint, Robot
-from stiction.robots.physics import EXACT, SMALLEST_YIELD, PhysicsCfg
+from stiction.robots.physics import EXACT, LEAST_LS_ITERATIONS, SMALLEST_YIELD, PhysicsCfg
 from stiction.robots.shapes import Shape, Vector, bounds
 
 STONES: tuple[Vector, Vector] = ((0.80, 0.81, 0.77), (0.72, 0.74, 0.70))
@@ -63,6 +63,7 @@ def build(
     spec.option.disableflags = mujoco.mjtDisableBit.mjDSBL_AUTORESET
     spec.option.solver = SOLVERS[physics.solver_name]
     spec.option.iterations = physics.solver_iterations
+    spec.option.ls_iterations = LEAST_LS_ITERATIONS
     _add_scene(spec)
     _add_obstacles(spec, np.zeros((0, 3)) if obstacles is None else obstacles)
     base = spec.worldbody.add_body(name="base", pos=[0, 0, robot.standing_height], **_mass(robot.base))

@@ -21,6 +21,10 @@ OF_POLICY = ("default_position", "action_scale")
 """Fields of a joint that a policy trained elsewhere sets: its pose and its scale of the action."""
 
 
+IMPORTED_ROBOT = "_imported"
+"""End of the name of a shipped robot whose gains or limits a policy from elsewhere raises."""
+
+
 def check_named(robot: Robot, elsewhere: bool = False) -> None:
     """Reject a robot that has the name of a shipped one and other numbers; robots of other names pass.
 

@@ -20,7 +20,7 @@ from stiction.core.errors import MOST_NAMES, RobotError
 from stiction.core.linear import invert
 from stiction.robots.mjcf import build_model, standing_inertia
 from stiction.robots.model import Robot
-from stiction.robots.physics import PhysicsCfg
+from stiction.robots.physics import LEAST_LS_ITERATIONS, PhysicsCfg, budget_objection
 
 HOLDS = 0.8
 """Share of its load at which a joint may break away too early [-]."""
@@ -46,17 +46,19 @@ def moved_inertia(robot: Robot, armature: np.ndarray) -> np.ndarray:
 
 
 def stiffness_ratio(robot: Robot, physics: PhysicsCfg, timestep: float, armature: np.ndarray) -> np.ndarray:
-    """Return r = k h² / 4I of each joint [-], shape (joints,); arguments as of `stiff_sliders`."""
+    """Return r = k h² / 4I of each joint [-], shape (joints,); arguments as of `weak_friction`."""
     return physics.stiffness * timestep**2 / (4.0 * moved_inertia(robot, armature))
 
 
-def stiff_sliders(robot: Robot, physics: PhysicsCfg, timestep: float, armature: np.ndarray) -> str | None:
-    """Return a line about joints whose sliders are too stiff for the physics step, None where there are none.
+def weak_friction(robot: Robot, physics: PhysicsCfg, timestep: float, armature: np.ndarray) -> str | None:
+    """Return a line about settings under which joints do not hold by their friction; None: they hold.
+
+    Sliders may be too stiff for the physics step, and rows need a solver that is done.
 
     timestep: physics step h [s]; armature: least inertia of each rotor that is drawn [kg m²], shape (joints,).
     """
     if not physics.plastic:
-        return None
+        return budget_objection(physics.solver_iterations, LEAST_LS_ITERATIONS)
     ratio = stiffness_ratio(robot, physics, timestep, armature)
     stiff = [number for number in np.argsort(-ratio, kind="stable").tolist() if ratio[number] > STIFFEST]
     if not stiff:

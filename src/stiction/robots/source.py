@@ -6,6 +6,7 @@ keeps its mass, which MuJoCo drops without a word, and a mesh is found wherever 
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -18,7 +19,9 @@ from stiction.core.errors import RobotError
 from stiction.core.files import read_bounded
 from stiction.robots.meshes import drop_broken_meshes, mend_meshes
 from stiction.robots.model import LARGEST
-from stiction.robots.survey import MOST_BYTES, survey
+from stiction.robots.motors import unread
+from stiction.robots.physics import budget_objection
+from stiction.robots.survey import MOST_BYTES, place_of, survey
 
 WIDTH = {mujoco.mjtJoint.mjJNT_FREE: 7, mujoco.mjtJoint.mjJNT_BALL: 4}
 """Numbers of a joint's position; hinges and slides have one."""
@@ -44,7 +47,7 @@ def read_source(path: Path) -> Source:
     does not weigh what the file says.
     """
     spec, notes = read_spec(path)
-    source = compile_source(spec, path.name, notes)
+    source = compile_source(spec, path.name, notes, path)
     # MuJoCo drops the mass of a root that is part of the world, and fuses links, without a word.
     expected, weight = _link_mass(path), float(source.model.body_subtreemass[_root(source.model)])
     if expected is not None and not abs(weight - expected) <= 1e-6 * expected:
@@ -63,7 +66,7 @@ def read_spec(path: Path) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
         named = path.suffix == ".xml" and not urdf
         spec = mujoco.MjSpec.from_file(str(path)) if named else mujoco.MjSpec.from_string(content)
     except (ValueError, RuntimeError) as error:
-        raise RobotError(f"{path}: MuJoCo cannot read it: {one_line(error)}") from error
+        raise RobotError(f"{path}: MuJoCo cannot read it: {one_line(error)}{place_of(path, str(error))}") from error
     if urdf:
         # A link without inertia has none; MuJoCo would weigh its shapes. And feet behind fixed joints keep their names.
         spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
@@ -77,8 +80,8 @@ def read_spec(path: Path) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
     return spec, mend_meshes(spec, path, urdf)
 
 
-def compile_source(spec: mujoco.MjSpec, name: str, notes: tuple[str, ...] = ()) -> Source:
-    """Return the model of an `MjSpec`, its base free; `name`: its file's, `notes`: what was mended in it."""
+def compile_source(spec: mujoco.MjSpec, name: str, notes: tuple[str, ...] = (), path: Path | None = None) -> Source:
+    """Return the model of an `MjSpec`, its base free; `name`: its file's, `notes`: what was mended; `path`: its own."""
     try:
         _check_structure(spec, name)
         notes += _free_base(spec, name)
@@ -91,7 +94,8 @@ def compile_source(spec: mujoco.MjSpec, name: str, notes: tuple[str, ...] = ()) 
             notes += lost
             model = spec.compile()
     except (ValueError, RuntimeError) as error:
-        raise RobotError(f"{name}: MuJoCo cannot compile it: {one_line(error)}") from error
+        place = "" if path is None else place_of(path, str(error))
+        raise RobotError(f"{name}: MuJoCo cannot compile it: {one_line(error)}{place}") from error
     _check_numbers(model, name)
     notes += tuple(_not_taken(model, _root(model)))
     return Source(spec.modelname, model, name, notes)
@@ -131,8 +135,9 @@ def _without_floating_root(root: ElementTree.Element) -> str:
 
 
 def one_line(error: Exception) -> str:
-    """Return what MuJoCo said, in one line."""
-    return " ".join(str(error).removeprefix("Error: ").split())
+    """Return what MuJoCo said, in one line, but for a place that it does not know."""
+    text = " ".join(str(error).removeprefix("Error: ").split())
+    return re.sub(r" Element (name '', id \d+|name '[^']*', id \d+|'[^']*'), line 0$", "", text)
 
 
 def _roots(spec: mujoco.MjSpec) -> list[mujoco.MjsBody]:
@@ -248,13 +253,16 @@ def _check_numbers(model: mujoco.MjModel, name: str) -> None:
 
 def _not_taken(model: mujoco.MjModel, root: int) -> Iterator[str]:
     """Yield a sentence for everything that a file has and that is not simulated; `root`: number of the base's body."""
-    stiffness = model.jnt_stiffness.reshape(model.njnt, -1)
+    stiffness = np.column_stack((model.jnt_stiffness, model.jnt_stiffnesspoly))
     springs = [model.joint(joint).name for joint in np.flatnonzero(np.any(stiffness, axis=1))]
     if springs:
         yield f"the file has springs at {', '.join(springs)}; they are not simulated"
     if model.ntendon:
         names = ", ".join(model.tendon(tendon).name or str(tendon) for tendon in range(model.ntendon))
         yield f"the file has tendons ({names}); they are not simulated, and what they couple moves freely"
+    yield from unread(model)
+    if objection := budget_objection(model.opt.iterations, model.opt.ls_iterations):
+        yield f"{objection} in the file's <option>; simulations here have 100 and 50, others of this file do not"
     floated = [model.body(body).name for body in np.flatnonzero(model.body_gravcomp)]
     if floated:
         yield f"the file takes the weight of {', '.join(floated)} away (gravcomp); here it has it"

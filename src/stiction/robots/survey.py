@@ -6,6 +6,7 @@ MuJoCo once it has begun. What a tree of rigid bodies with hinges does not need 
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from xml.parsers import expat
 
@@ -36,14 +37,16 @@ MAKERS = {
 """Element that makes more than it says -> what to do instead."""
 
 
-def survey(path: Path, content: bytes) -> None:
-    """Refuse the XML of a robot, with what it includes, that is none or could grow while it is read.
+def survey(path: Path, content: bytes) -> list[tuple[Path, bytes]]:
+    """Return the XML of a robot with what it includes; refuse what is none or could grow while it is read.
 
     Raises `RobotError`.
     """
     left, seen, elements = [(path, content)], {path.resolve()}, 0
+    files = []
     while left:
         file, text = left.pop()
+        files.append((file, text))
         found, included = _elements(file, text)
         elements += found
         if elements > MOST_ELEMENTS:
@@ -60,6 +63,52 @@ def survey(path: Path, content: bytes) -> None:
                 if len(seen) > MOST_FILES:
                     raise RobotError(f"{path}: includes more than {MOST_FILES} files")
                 left.append((place, read_bounded(place, f"XML that {file.name} includes", RobotError, MOST_BYTES)))
+    return files
+
+
+def place_of(path: Path, message: str) -> str:
+    """Return `; see robot.xml, line 3: <joint name='hip'>`, the element that an error of MuJoCo means, or its file.
+
+    MuJoCo names an element, or words in it; of what is included it says neither line nor file. Nothing is returned
+    where elements of several files may be meant.
+    """
+    said = re.search(r"Element (name )?'([^']*)'.*line (\d+)", message)
+    text = message[: said.start()] if said else message
+    words, malformed = set(re.findall(r"'([^']+)'", text)), re.search(r"bad format in attribute '([^']+)'", text)
+    meant: list[tuple[str, str]] = []
+    for file, content in survey(path, read_bounded(path, "a robot's XML", RobotError, MOST_BYTES)):
+        for tag, attributes, line in _tags(content):
+            if said and int(said[3]):
+                fits = file == path and line == int(said[3]) and said[2] in (tag, attributes.get("name", said[2]))
+            elif said and said[1] and said[2]:
+                fits = attributes.get("name") == said[2]
+            elif malformed:
+                fits = (not said or said[2] == tag) and _is_no_numbers(attributes.get(malformed[1], "0"))
+            else:
+                fits = bool(words & {*attributes, *attributes.values()}) and (not said or said[2] in ("", tag))
+            if fits:
+                name = f" name={attributes['name'][:80]!r}" if "name" in attributes else ""
+                meant.append((file.name, f", line {line}: <{tag}{name}>"))
+    if len({name for name, _ in meant}) != 1:
+        return ""
+    return f"; see {meant[0][0]}{meant[0][1] if len(meant) == 1 else ''}"
+
+
+def _is_no_numbers(text: str) -> bool:
+    """Return whether an attribute has a word that is no number."""
+    try:
+        return not [float(word) for word in text.split()]
+    except ValueError:
+        return True
+
+
+def _tags(content: bytes) -> list[tuple[str, dict[str, str], int]]:
+    """Return name, attributes and line of every element of a file that was surveyed."""
+    found: list[tuple[str, dict[str, str], int]] = []
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = lambda tag, attributes: found.append((tag, attributes, parser.CurrentLineNumber))
+    parser.Parse(content, True)
+    return found
 
 
 def _elements(path: Path, content: bytes) -> tuple[int, list[str]]:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import re
 
+import numpy as np
 import pytest
 
 from motors import joint, number
+from quads import JOINTS, quad
 from stiction.core.errors import StictionError
 from stiction.exchange.mujoco import FRICTION_D0, mujoco_snippet, patch_mujoco
+from stiction.exchange.physics import Conversion
 from stiction.exchange.urdf import parse_markup
 
 mujoco = pytest.importorskip("mujoco")
@@ -114,3 +117,92 @@ def test_a_snippet_is_a_default_class_that_compiles() -> None:
     assert model.dof_frictionloss[0] == pytest.approx(0.4) and model.dof_solref[0, 0] == pytest.approx(0.01)
     with pytest.raises(StictionError, match="does not fit"):
         mujoco_snippet([joint('a"b')], None)
+
+
+def solved(done: Conversion) -> tuple[np.ndarray, np.ndarray]:
+    """Return inertia of a quadruped's joints behind its links' [kg m²], and damping [N m s/rad], by MuJoCo."""
+    model = mujoco.MjModel.from_xml_string(done.text)
+    plain = mujoco.MjModel.from_xml_string(quad(joint=""))
+    values = []
+    for each in (model, plain):
+        data, inertia = mujoco.MjData(each), np.zeros((each.nv, each.nv))
+        data.qvel[6:] = 1.0
+        mujoco.mj_forward(each, data)
+        mujoco.mj_fullM(each, data, inertia)
+        values.append((np.diag(inertia)[6:], data.qfrc_damper[6:].copy()))
+    return values[0][0] - values[1][0], values[1][1] - values[0][1]
+
+
+@pytest.mark.parametrize(
+    ("own", "actuator", "default"),
+    [
+        ('armature="0.002" damping="0.1"', '<motor gear="10" armature="0.0001" damping="0.01"', ""),
+        (
+            "",
+            '<position kp="1" class="m"',
+            '<default class="m"><motor gear="3" armature="0.1" damping="1 2 3"/></default>',
+        ),
+        ("", '<motor damping="0"', '<general damping="1 2 3" armature="0.1"/>'),
+        ("", "<motor", '<joint damping="1 2 3"/>'),
+        ('damping="5"', "<motor", '<joint damping="1 2 3"/>'),
+    ],
+)
+def test_what_stands_at_the_actuator_is_not_counted_twice(own: str, actuator: str, default: str) -> None:
+    """The simulated inertia and damping are the identified ones, 0.03 and 0.07, whatever the file had where."""
+    text = quad(joint=own, actuator=actuator).replace("<worldbody>", f"<default>{default}</default><worldbody>")
+    done = patch_mujoco(parse_markup(text.encode(), "quad.xml"), [joint(name) for name in JOINTS], None)
+    inertia, damping = solved(done)
+    assert inertia == pytest.approx(np.full(12, 0.03)) and damping == pytest.approx(np.full(12, 0.07))
+    assert any("at the actuators of FL_hip_joint" in note for note in done.notes) == ("armature" in actuator + default)
+
+
+def test_the_damping_before_counts_that_of_the_actuator() -> None:
+    """10² 0.01 = 1 N m s/rad is far more than 0.07."""
+    text = quad(actuator='<motor gear="10" damping="0.01"')
+    done = patch_mujoco(parse_markup(text.encode(), "quad.xml"), [joint(JOINTS[0])], None)
+    assert any("damping was 1, now 0.07" in note for note in done.notes)
+
+
+def turned(model: mujoco.MjModel, share: float) -> float:
+    """Return how far a calf of 2 N m friction turns in 2 s under `share` of it, in the air without weight [rad]."""
+    model.opt.gravity[:] = 0.0
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    calf = model.joint("FL_calf_joint")
+    data.qfrc_applied[calf.dofadr[0]] = share * 2.0
+    for _ in range(round(2.0 / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+    return float(abs(data.qpos[calf.qposadr[0]] + 1.6))
+
+
+def test_a_budget_under_which_friction_slips_is_raised() -> None:
+    """At 10 and 20 a joint under 0.8 of its friction turns by more than 0.1 rad; the written model holds it."""
+    option = 'integrator="implicitfast" iterations="10" ls_iterations="20"'
+    markup = parse_markup(quad(option=option).encode(), "quad.xml")
+    record = {"inertia": number(0.005), "viscous_friction": number(0.0), "coulomb_friction": number(2.0)}
+    done = patch_mujoco(markup, [joint(name, **record) for name in JOINTS], None)
+    assert any("ls_iterations 20" in note and "expected at least 20 and 50" in note for note in done.notes)
+    model = mujoco.MjModel.from_xml_string(done.text)
+    assert (model.opt.iterations, model.opt.ls_iterations) == (20, 50)
+    assert turned(model, 0.8) < 0.01
+    model.opt.iterations, model.opt.ls_iterations = 10, 20
+    assert turned(model, 0.8) > 0.1
+    enough = patch_mujoco(parse_markup(quad().encode(), "quad.xml"), [joint(JOINTS[0])], None)
+    assert "ls_iterations=" not in enough.text
+
+
+@pytest.mark.parametrize(("flag", "least", "most"), [("disable", 0.1, 1.0), ("enable", 9.99, 10.01)])
+def test_a_slide_whose_mass_is_its_rotor_hardly_brakes(flag: str, least: float, most: float) -> None:
+    """Of 10 N, 0.5 where the body of a slide has 1 mg and the rotor 1 kg; all of it with the exact diagonal."""
+    body = '<inertial pos="0 0 0" mass="1e-6" diaginertia="1e-6 1e-6 1e-6"/>'
+    text = f'<mujoco><option><flag diagexact="{flag}"/></option><worldbody><body><joint name="s" type="slide"/>{body}'
+    record = {"inertia": number(1.0), "viscous_friction": number(0.0), "coulomb_friction": number(10.0)}
+    slide = joint("s", axis="linear", **record)
+    done = patch_mujoco(parse_markup(f"{text}</body></worldbody></mujoco>".encode(), "s.xml"), [slide], None)
+    assert any("leaves armature out" in note for note in done.notes)
+    model = mujoco.MjModel.from_xml_string(done.text)
+    data = mujoco.MjData(model)
+    data.qvel[0] = 1.0
+    mujoco.mj_step(model, data)
+    assert least < -data.qfrc_constraint[0] < most

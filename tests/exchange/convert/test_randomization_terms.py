@@ -115,26 +115,43 @@ class Asset:
         self.written = values
 
 
-@pytest.mark.parametrize(("per", "load"), [("robot", None), ("joint", None), ("robot", 50.0)])
-def test_isaac_lab_gets_the_same_friction_at_rest_and_in_motion_and_no_viscous(per: str, load: float | None) -> None:
-    """Its own term would draw viscous friction from the range of the dry one."""
+APART = {"friction_ratio": {"value": 0.3}, "dynamic_ratio": {"value": 0.2}, "friction_level": 0.3}
+
+
+@pytest.mark.parametrize(
+    ("per", "load", "joints", "moving"),
+    [
+        *(("robot", None, {}, 1.0), ("joint", None, {}, 1.0), ("robot", 50.0, {"a": None}, 1.0)),
+        ("robot", None, {"a": APART | {"friction_level": 0.1, "dynamic_ratio": None}, "b": APART}, 2 / 3),
+    ],
+)
+def test_isaac_lab_gets_friction_at_rest_and_in_motion_and_no_viscous(
+    per: str, load: float | None, joints: dict[str, Any], moving: float
+) -> None:
+    """Its own term would draw viscous friction from the range of the dry one; where rest and motion were told apart,
+    their ratio is that of the joint that sets the level.
+    """
     stand_ins = {
         "isaaclab": module(),
         "isaaclab__managers": module(EventTermCfg=lambda **values: values),
         "isaaclab__utils": module(configclass=lambda cls: cls),
     }
-    training = TRAINING | {"friction": TRAINING["friction"] | {"per": per}}
-    defined = run(randomization_term(recipe_of(training, LIMITS), "isaaclab", load).text, **stand_ins)
+    training = TRAINING | {"friction": TRAINING["friction"] | {"per": per}, "joints": joints}
+    text = randomization_term(recipe_of(training, LIMITS), "isaaclab", load).text
+    defined = run(text, **stand_ins)
     asset = Asset()
     scene = {"robot": asset}
     env = SimpleNamespace(scene=type("Scene", (dict,), {"num_envs": 300})(scene))
     defined["FrictionEvents"].joint_friction["func"](env, None)
     friction = asset.written["joint_friction_coeff"]
-    assert torch.equal(friction, asset.written["joint_dynamic_friction_coeff"])
+    torch.testing.assert_close(asset.written["joint_dynamic_friction_coeff"], moving * friction)
     assert set(asset.written) == {"joint_friction_coeff", "joint_dynamic_friction_coeff", "joint_ids", "env_ids"}
     share = friction / torch.tensor([20.0, 20.0, 45.0]) * (load or 1.0)
     assert friction.shape == (300, 3) and share.min() >= 0.0 and 0.22 < share.max() <= 0.2401
     assert bool((share.std(dim=1) < 1e-6).all()) == (per == "robot")
+    newton = run(text.replace("NEWTON = False", "NEWTON = True"), **stand_ins)
+    newton["FrictionEvents"].joint_friction["func"](env, None)
+    assert set(asset.written) == {"joint_friction_coeff", "joint_ids", "env_ids"}
 
 
 def test_legged_gym_brakes_by_the_drawn_friction_and_draws_at_reset() -> None:

@@ -1,5 +1,8 @@
 """Networks of others: what is taken of their ONNX files, and what is refused by name."""
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -7,6 +10,7 @@ from foreign import MJLAB, network
 from stiction.core.errors import BundleError
 from stiction.deploy.network_file import FLOAT, NetworkFile, Node, Port
 from stiction.deploy.policy import Network, check_model
+from stiction.exchange.policies.importer import read_network
 from stiction.exchange.policies.onnx_file import read_foreign, write_network
 
 
@@ -83,3 +87,124 @@ def test_what_cannot_be_taken_is_refused_by_name(make, message: str) -> None:
     """A policy with a state of its own would walk without it, and badly."""
     with pytest.raises(BundleError, match=message):
         read_foreign(make(), "theirs.onnx")
+
+
+WEIGHTS = np.random.default_rng(0).standard_normal((4, 2)).astype(np.float32)
+
+
+def made(*nodes: Any, opset: int = 18, layout: int = 10, domains: tuple[str, ...] = ()) -> Any:
+    """Return an ONNX model from `obs` (1, 4) to `actions` (1, 2), with the constant `w`; domains: of other sets."""
+    onnx = pytest.importorskip("onnx", reason="the package onnx, of the extra 'train', is needed to make a network")
+    port, float32 = onnx.helper.make_tensor_value_info, onnx.TensorProto.FLOAT
+    graph = onnx.helper.make_graph(
+        [onnx.helper.make_node(name, inputs.split(), outputs.split(), **more) for name, inputs, outputs, more in nodes],
+        "main",
+        [port("obs", float32, [1, 4])],
+        [port("actions", float32, [1, 2])],
+        [onnx.numpy_helper.from_array(WEIGHTS, "w")],
+    )
+    sets = [onnx.helper.make_opsetid(*one) for one in (("", opset), *((name, 1) for name in domains))]
+    return onnx.helper.make_model(graph, opset_imports=sets, ir_version=layout)
+
+
+PRODUCT = ("MatMul", "obs w", "actions", {})
+SEEN = np.array([[1.0, -2.0, 3.0, 0.5]], dtype=np.float32)
+
+
+def computed(model: bytes) -> np.ndarray:
+    """Return what a network gives for `SEEN` once it is ours."""
+    check_model(model, 4, 2)
+    return np.asarray(Network(model, 4, 2)(SEEN))
+
+
+@pytest.mark.parametrize(("opset", "layout"), [(11, 6), (12, 6), (13, 7), (23, 11), (25, 12), (28, 14)])
+def test_versions_of_years_are_read(opset: int, layout: int) -> None:
+    """From PyTorch 1.3 to what onnx writes by default today; other sets of operators may be named and not used."""
+    model = made(PRODUCT, opset=opset, layout=layout, domains=("pkg.torch", "ai.onnx.ml", "com.microsoft"))
+    np.testing.assert_allclose(
+        computed(read_foreign(model.SerializeToString(), "x").write()), SEEN @ WEIGHTS, rtol=1e-6
+    )
+
+
+def test_axes_that_were_attributes_are_inputs_now() -> None:
+    """Of version 11: over its norm the observation, split and put together again."""
+    nodes = [
+        ("ReduceSum", "square", "sum", {"axes": [1], "keepdims": 0}),
+        ("Sqrt", "sum", "root", {}),
+        ("Unsqueeze", "root", "norm", {"axes": [1]}),
+        ("Div", "obs norm", "unit", {}),
+        ("Split", "unit", "a b", {"axis": 1, "split": [1, 3]}),
+        ("Concat", "b a", "turned", {"axis": 1}),
+        ("MatMul", "turned w", "actions", {}),
+    ]
+    model = made(("Mul", "obs obs", "square", {}), *nodes, opset=11, layout=6)
+    unit = SEEN / np.linalg.norm(SEEN)
+    expected = np.roll(unit, -1, axis=1) @ WEIGHTS
+    np.testing.assert_allclose(computed(read_foreign(model.SerializeToString(), "x").write()), expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("place", "read"), [(0, True), (1, False)])
+def test_inside_is_inside(place: int, read: bool) -> None:
+    """`data_location` may say DEFAULT, as after `onnx.save(onnx.load(...))`; EXTERNAL without a file is refused."""
+    model = made(PRODUCT)
+    for tensor in model.graph.initializer:
+        tensor.data_location = place
+    if read:
+        np.testing.assert_allclose(
+            computed(read_foreign(model.SerializeToString(), "x").write()), SEEN @ WEIGHTS, rtol=1e-6
+        )
+    else:
+        with pytest.raises(BundleError, match="keeps tensors in the file"):
+            read_foreign(model.SerializeToString(), "x")
+
+
+def apart(folder: Path, location: str = "x.onnx.data", **entries: str) -> Path:
+    """Write a network whose numbers lie in a file beside it, as torch does."""
+    onnx = pytest.importorskip("onnx", reason="the package onnx, of the extra 'train', is needed to make a network")
+    model = made(PRODUCT)
+    (tensor,) = model.graph.initializer
+    content = tensor.raw_data
+    tensor.ClearField("raw_data")
+    tensor.data_location = onnx.TensorProto.EXTERNAL
+    for key, value in ({"location": location, "offset": "8", "length": str(len(content))} | entries).items():
+        entry = tensor.external_data.add()
+        entry.key, entry.value = key, value
+    (folder / "x.onnx").write_bytes(model.SerializeToString())
+    (folder / "x.onnx.data").write_bytes(bytes(8) + content)
+    return folder / "x.onnx"
+
+
+def test_numbers_in_a_file_beside_are_read(tmp_path: Path) -> None:
+    """At their offset."""
+    foreign = read_network(apart(tmp_path))[1]
+    np.testing.assert_allclose(computed(foreign.write()), SEEN @ WEIGHTS, rtol=1e-6)
+    assert foreign.files == ("x.onnx.data",)
+
+
+@pytest.mark.parametrize(
+    ("location", "entries", "message"),
+    [
+        ("y.data", {}, "'y.data', which is no file beside it.*python -c .*onnx.save"),
+        ("../x.onnx.data", {}, "plain name"),
+        ("/etc/hostname", {}, "plain name"),
+        ("", {}, "plain name"),
+        ("link", {}, "no file beside it"),
+        ("x.onnx.data", {"length": "4"}, "as many as its shape says"),
+        ("x.onnx.data", {"offset": "999999"}, "as many as its shape says"),
+        ("x.onnx.data", {"offset": "-4"}, "has the offset '-4'"),
+    ],
+)
+def test_no_other_file_is_read(tmp_path: Path, location: str, entries: dict[str, str], message: str) -> None:
+    """A network may name any path: only a plain file of its own folder is opened, and must fit the tensor."""
+    path = apart(tmp_path, location, **entries)
+    (tmp_path / "link").symlink_to("x.onnx.data")
+    with pytest.raises(BundleError, match=message):
+        read_network(path)
+
+
+def test_all_faults_are_told_at_once() -> None:
+    """Two operators that are not known, one of another set, and a version that is too old."""
+    model = made(("LSTM", "obs", "h", {}), ("Loop", "h", "k", {}), ("Fast", "k", "actions", {"domain": "own"}), opset=9)
+    said = r"version 9; expected.*operators 'LSTM', 'Loop', 'Fast' of 'own'; expected one of"
+    with pytest.raises(BundleError, match=said):
+        read_foreign(model.SerializeToString(), "x.onnx")

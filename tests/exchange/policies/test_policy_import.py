@@ -8,11 +8,15 @@ import pytest
 import yaml
 
 from foreign import JOINTS, MJLAB, ROBOT, network, written
+from quads import quad
 from stiction.core.errors import StictionError
 from stiction.deploy.check import check_bundle
+from stiction.deploy.network_file import FLOAT, NetworkFile, Node, Port
+from stiction.evaluation.summary import other_limits
 from stiction.exchange.policies.description import Said, contract_of, merged, missing, require
 from stiction.exchange.policies.importer import import_policy
 from stiction.exchange.policies.mjlab import said_by_mjlab
+from stiction.exchange.policies.onnx_file import constant, write_network
 from stiction.exchange.policies.rl_sar import said_by_rl_sar
 from stiction.exchange.policies.settings import said_in_settings
 from stiction.exchange.policies.unitree import said_in_deploy
@@ -164,3 +168,52 @@ def test_what_a_contract_cannot_hold_is_refused(change: dict, message: str) -> N
     """Half a policy would be worse than none."""
     with pytest.raises(StictionError, match=message):
         said_by_rl_sar(RL_SAR | change, "config.yaml")
+
+
+def named(tmp_path: Path, **changes: object) -> list[Path]:
+    """Return our settings of a policy of 45 inputs, as a file."""
+    terms = ("angular_velocity", "projected_gravity", "command", "joint_position", "joint_velocity", "last_action")
+    plain = {
+        **{"joints": [*JOINTS], "control_period": 0.02, "kp": 30, "kd": 1, "action_scale": 0.25, "action_clip": "none"},
+        "default_position": {".*_hip_joint": 0, ".*_thigh_joint": 0.9, ".*_calf_joint": -1.8},
+        "observation": [{"term": name} for name in terms],
+    }
+    return [written(tmp_path / "own.yaml", yaml.safe_dump(plain | changes))]
+
+
+def test_an_import_that_fails_leaves_nothing(tmp_path: Path) -> None:
+    """A network that always asks for 9 runs a joint out of its limits; the message is of the policy, not of a file."""
+    ports = (Port("obs", FLOAT, (1, 45)), Port("actions", FLOAT, (1, 12)))
+    held = {"w": constant("w", np.zeros((45, 12), np.float32)), "b": constant("b", np.full(12, 9, np.float32))}
+    far = write_network(NetworkFile((Node("Gemm", ("obs", "w", "b"), ("actions",), {}),), held, *ports), 13, 8)
+    (tmp_path / "robot.xml").write_text(quad('armature="0.005"', '<position kp="35" forcerange="-30 30"', (-2.0, 2.0)))
+    said = named(tmp_path, kp=35, kd=0, action_scale=0.5, default_position=0)
+    with pytest.raises(StictionError, match=r"theirs.onnx does not walk.*kp 35 N m/rad and kd 0.*trained with"):
+        import_policy(written(tmp_path / "theirs.onnx", far), str(tmp_path / "robot.xml"), tmp_path / "bundle", said)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["own.yaml", "robot.xml", "theirs.onnx"]
+
+
+def test_frames_follow_from_the_size_of_the_input(tmp_path: Path) -> None:
+    """135 inputs of 45 a frame are three; then only the order of the frames is asked for."""
+    model = written(tmp_path / "theirs.onnx", network(135))
+    with pytest.raises(StictionError, match=r"--settings: history.layout: .*; history.direction: .*; history.fill: "):
+        import_policy(model, ROBOT, tmp_path / "bundle", named(tmp_path))
+    one = written(tmp_path / "one.onnx", network(45))
+    contract = import_policy(one, ROBOT, tmp_path / "bundle", named(tmp_path)).bundle.contract
+    assert contract.observation.history_length == 1
+    with pytest.raises(StictionError, match=r"history.length: frames"):
+        import_policy(written(tmp_path / "odd.onnx", network(46)), ROBOT, tmp_path / "odd", named(tmp_path))
+
+
+def test_torque_limits_that_replace_the_robots_are_told(tmp_path: Path) -> None:
+    """23.5 N m at the calf, where the robot has 45.43: by import, on the card, and beside the levels of evaluate."""
+    notes: list[str] = []
+    model, out = written(tmp_path / "theirs.onnx", network(45)), tmp_path / "bundle"
+    check = import_policy(model, ROBOT, out, named(tmp_path, torque_limit=23.5), say=notes.append)
+    said = "23.5 N m at FR_calf_joint and 3 more (of go2 45.43)"
+    assert any("torque limits are" in note and said in note for note in notes)
+    card = (out / "card.md").read_text()
+    assert said in card and "| torque limits | 23.5 N m |" in card and "torque limits are the policy's" in card
+    assert said in other_limits([check.bundle])["bundle"]
+    plain = import_policy(model, ROBOT, tmp_path / "plain", named(tmp_path), say=notes.append)
+    assert other_limits([plain.bundle]) == {} and "torque limits too" in (tmp_path / "plain" / "card.md").read_text()

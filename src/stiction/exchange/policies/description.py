@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import math
 import re
-from collections.abc import Container, Mapping
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -27,7 +27,7 @@ from stiction.files.observation import (
 )
 from stiction.robots.catalog import is_shipped
 from stiction.robots.model import Robot, on_its_feet
-from stiction.robots.named import raised, reordered
+from stiction.robots.named import IMPORTED_ROBOT, raised, reordered
 
 PerJoint = float | tuple[float, ...] | Mapping[str, float]
 """One number, one for each joint in the policy's order, or regular expression of whole names -> number."""
@@ -143,11 +143,34 @@ def missing(said: Said) -> list[str]:
         needed += ["history_layout", "history_direction", "history_fill"]
     if "last_action" in names and said.action_clip is not None and said.action_clip < UNBOUNDED:
         needed.append("last_action")
-    needed += ["clock"] if set(names) & set(CLOCK_TERMS) else []
-    needed += ["heights"] if "height_scan" in names else []
+    needed += _sized(said.observation or ())
     if said.observation is not None and all(term.history is not None for term in said.observation):
         needed.remove("history_length")
     return [name for name in needed if getattr(said, name) is None]
+
+
+def with_length(said: Said, size: int, num_joints: int) -> Said:
+    """Return what is said with the frames of history that follow from the size of the network's input, if any do.
+
+    size: numbers that the network takes; num_joints: actions that it gives.
+    """
+    terms = said.observation or ()
+    free = tuple(term for term in terms if term.history is None)
+    if said.history_length is not None or not free or any(getattr(said, name) is None for name in _sized(terms)):
+        return said
+    fixed = layout_of(replace(said, observation=tuple(set(terms) - set(free))), num_joints).size
+    frame = layout_of(replace(said, observation=free, history_length=1), num_joints).size
+    length, left = divmod(size - fixed, frame)
+    if left or length < 1:
+        return said
+    note = f"the history has {length} frames, by the network's {size} inputs and {frame} of a frame"
+    return replace(said, history_length=length, notes=(*said.notes, *([note] if length > 1 else [])))
+
+
+def _sized(terms: Sequence[SaidTerm]) -> list[str]:
+    """Return what has to be said for the sizes of terms to be known."""
+    names = {term.name for term in terms}
+    return [*(["clock"] if names & set(CLOCK_TERMS) else []), *(["heights"] if "height_scan" in names else [])]
 
 
 def require(said: Said, where: str) -> None:
@@ -229,7 +252,7 @@ def robot_for(said: Said, robot: Robot) -> Robot:
     )
     varied = on_its_feet(replace(robot, joints=joints))
     if is_shipped(robot.name) and any(raised(varied, robot)):
-        return replace(varied, name=f"{robot.name}_imported")
+        return replace(varied, name=f"{robot.name}{IMPORTED_ROBOT}")
     return varied
 
 

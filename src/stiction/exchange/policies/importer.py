@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,11 +12,11 @@ from stiction.core.errors import BundleError, ConfigurationError, FileError
 from stiction.core.files import read_bounded
 from stiction.core.provenance import git_revision
 from stiction.core.yaml_files import SettingsLoader, read_yaml
-from stiction.deploy.check import BundleCheck, check_bundle
+from stiction.deploy.check import BundleCheck, write_checked
 from stiction.deploy.network_file import MOST_BYTES
 from stiction.deploy.policy import check_model, load_policy
 from stiction.evaluation.golden import record_golden
-from stiction.exchange.policies.description import Said, contract_of, merged, require
+from stiction.exchange.policies.description import Said, contract_of, merged, require, with_length
 from stiction.exchange.policies.holosoma import is_holosoma, said_by_holosoma
 from stiction.exchange.policies.mjlab import is_mjlab, said_by_mjlab
 from stiction.exchange.policies.onnx_file import ForeignNetwork, read_foreign
@@ -22,9 +24,8 @@ from stiction.exchange.policies.rl_sar import entries_of, is_rl_sar, said_by_rl_
 from stiction.exchange.policies.settings import said_in_settings
 from stiction.exchange.policies.unitree import is_deploy, said_in_deploy
 from stiction.exchange.policies.values import take
-from stiction.files.bundle import write_bundle
-from stiction.files.contract import Contract
-from stiction.robots.catalog import find_robot
+from stiction.files.contract import Contract, limits_text
+from stiction.robots.catalog import find_derived
 from stiction.robots.model import Robot
 from stiction.robots.named import check_named
 
@@ -35,8 +36,8 @@ A policy for the robot `{robot}` that was trained elsewhere. Its network is `{ne
 with our names; how it observes and acts is in `contract.json`, as these files say: {files}.
 
 What it met in training, ground, friction and randomisation, is not known: `terrain`, `method`, `seed` and the fields of
-friction of the contract say nothing. The physics step is that of the evaluation here. Masses, torque limits, rotors'
-inertia and the order of the maker's joints are those of the robot's file that was given.
+friction of the contract say nothing. The physics step is that of the evaluation here. Masses, rotors' inertia
+and the order of the maker's joints are those of the robot's file that was given{limits}.
 
 `golden.npz` was recorded in MuJoCo with this network, onnxruntime and NumPy: it shows that another machine computes the
 same, not that the files above say what the training did. {notes}
@@ -44,16 +45,34 @@ same, not that the files above say what the training did. {notes}
 | | |
 |---|---|
 | joints | {joints} |
+| torque limits | {torque} N m |
 | control period | {period:g} s |
 | observation | {observation} |
 | made by | `{command}` |
 """
 
 
+PLAIN = re.compile(r"[A-Za-z0-9_-][\w.+-]{0,199}", re.ASCII)
+"""Names of files that a network may keep its numbers in: of its own folder."""
+
+
 def read_network(path: Path) -> tuple[bytes, ForeignNetwork]:
     """Return the bytes and the content of an ONNX file of others. Raises `StictionError`."""
+
+    def beside(name: str) -> bytes:
+        file = path.parent / name
+        if not PLAIN.fullmatch(name):
+            raise FileError(f"keeps its numbers in {name[:80]!r}; expected a plain name of a file beside it")
+        if file.is_symlink() or not file.is_file():
+            one = shlex.join(["python", "-c", f"import onnx; onnx.save(onnx.load({path.name!r}), 'one.onnx')"])
+            raise FileError(
+                f"keeps its numbers in {name!r}, which is no file beside it; put it there, or make one file where it "
+                f"is: {one}"
+            )
+        return read_bounded(file, "the numbers of a network", FileError, MOST_BYTES)
+
     data = read_bounded(path, "a network in ONNX", FileError, MOST_BYTES)
-    return data, read_foreign(data, path.name)
+    return data, read_foreign(data, path.name, beside)
 
 
 def said_of(network: ForeignNetwork, name: str, settings: Sequence[Path], robot: Robot) -> Said:
@@ -91,6 +110,7 @@ def said_of(network: ForeignNetwork, name: str, settings: Sequence[Path], robot:
         said = merged(said, said_by_rl_sar(rl_sar, "config.yaml and base.yaml"))
     for content, where in own:
         said = merged(said, said_in_settings(content, where))
+    said = with_length(said, network.observation_size, network.num_actions)
     files = [name, *(path.name for path in settings)]
     require(said, f"{' and '.join(files)} {'do' if settings else 'does'}")
     return said
@@ -122,12 +142,17 @@ def import_policy(
     if out.exists():
         raise BundleError(f"{out} exists already; choose another --out or remove it")
     data, network = read_network(path)
-    spec = find_robot(robot)
+    derived = find_derived(robot)
+    spec = derived.robot
     check_named(spec)
     said = said_of(network, path.name, settings, spec)
-    for note in said.notes:
-        say(note)
     contract = contract_of(said, spec, (path.name, data), git_revision(), command)
+    outside = [f"the numbers of {path.name} lay in {', '.join(network.files)} beside it"] if network.files else []
+    replaced = limits_text(contract, spec)
+    notes = [*outside, *said.notes, *([f"the policy's torque limits are {replaced}"] if replaced else [])]
+    # What is said of the robot's file is not of the policy: the card leaves it out.
+    for note in (*(f"{robot}: {note}" for note in derived.notes), *notes):
+        say(note)
     if contract.robot != spec.name:
         say(f"gains or torque limits of the policy exceed those of {spec.name}; the bundle calls its robot "
             f"{contract.robot}")  # fmt: skip
@@ -141,20 +166,45 @@ def import_policy(
     check_model(model, *sizes)
     assert contract.anatomy is not None
     golden = record_golden(contract, load_policy(contract, model, (1,)), contract.anatomy)
-    files = ", ".join(f"`{each.name}`" for each in (path, *settings))
-    card = CARD.format(
-        name=path.stem,
+    names = tuple(each.name for each in (path, *settings))
+    card = card_of(contract, names, notes, bool(replaced), command)
+    try:
+        return write_checked(out, contract, model, golden, card)
+    except BundleError as error:
+        if not str(error).startswith("golden.npz: "):
+            raise
+        raise ConfigurationError(
+            f"{path.name} does not walk as a policy of this robot does, with kp {_span(contract.kp)} N m/rad and kd "
+            f"{_span(contract.kd)} N m s/rad: {str(error).removeprefix('golden.npz: ')}; are gains, default_position "
+            "and action_scale those that it was trained with?"
+        ) from error
+
+
+def card_of(contract: Contract, files: Sequence[str], notes: Sequence[str], limits: bool, command: str) -> str:
+    """Return the card of an imported policy.
+
+    files: names of the network and of what was said; limits: whether the policy's torque limits are not its robot's.
+    """
+    return CARD.format(
+        name=Path(files[0]).stem,
         robot=contract.robot,
-        network=path.name,
+        network=files[0],
         digest=(contract.imported or {})["sha256"],
-        files=files,
-        notes=" ".join(f"{note[0].upper()}{note[1:]}." for note in said.notes),
+        files=", ".join(f"`{name}`" for name in files),
+        limits="; torque limits are the policy's" if limits else ", torque limits too",
+        torque=_span(contract.torque_limit),
+        notes=" ".join(f"{note[0].upper()}{note[1:]}." for note in notes),
         joints=", ".join(contract.joint_names),
         period=contract.control_period,
         observation=_terms(contract),
         command=command,
     )
-    return check_bundle(write_bundle(out, contract, model, golden, card))
+
+
+def _span(values: Sequence[float]) -> str:
+    """Return the smallest and the largest of values."""
+    low, high = min(values), max(values)
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
 def _terms(contract: Contract) -> str:

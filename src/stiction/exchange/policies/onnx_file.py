@@ -7,12 +7,12 @@ metadata are not; `deploy.network_file` and `deploy.operators` then check what w
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stiction.core.errors import BundleError
+from stiction.core.errors import BundleError, StictionError
 from stiction.deploy import network_file as ours
 from stiction.deploy.network_file import (
     BYTES,
@@ -38,8 +38,25 @@ from stiction.deploy.policy import INPUT, OUTPUT, VELOCITY
 MOST_NOTES, MOST_VALUES, LARGEST_NOTE = 256, 4096, 2**20
 """Entries of metadata, notes on values, and bytes of one entry that is kept; longer ones are left out."""
 
+OPSETS, LAYOUTS = range(11, 29), range(3, 15)
+"""Versions of operators and of the file that are read: `ours.OPSETS` and `ours.IR_VERSIONS`, older ones that are
+rewritten, and newer ones that gave these operators nothing but more types."""
+
+WITH_AXES = {"Squeeze": "axes", "Unsqueeze": "axes", "ReduceSum": "axes", "Split": "split"}
+"""Operator -> its attribute that is an input since version 13."""
+
+EXTERNAL = 1
+"""Place of a tensor whose numbers lie in another file."""
+
+Beside = Callable[[str], bytes]
+"""Name of a file that holds numbers of a network -> its content. Raises `StictionError`."""
+
 NOTE: Fields = {1: ("key", BYTES, 1), 2: ("value", BYTES, 1)}
-MODEL: Fields = dict(ours.MODEL) | {6: ("doc_string", BYTES, 1), 14: ("metadata_props", BYTES, MOST_NOTES)}
+MODEL: Fields = dict(ours.MODEL) | {
+    6: ("doc_string", BYTES, 1),
+    8: ("opset_import", BYTES, ours.MOST_PARTS),
+    14: ("metadata_props", BYTES, MOST_NOTES),
+}
 GRAPH: Fields = dict(ours.GRAPH) | {
     10: ("doc_string", BYTES, 1),
     11: ("input", BYTES, ours.MOST_CONSTANTS),
@@ -58,6 +75,8 @@ TENSOR: Fields = dict(ours.TENSOR) | {
     4: ("float_data", BYTES, 1),
     7: ("int64_data", BYTES, 1),
     12: ("doc_string", BYTES, 1),
+    13: ("external_data", BYTES, 8),
+    14: ("data_location", VARINT, 1),
     16: ("metadata_props", BYTES, MOST_NOTES),
 }
 PORT: Fields = dict(ours.PORT) | {3: ("doc_string", BYTES, 1), 4: ("metadata_props", BYTES, MOST_NOTES)}
@@ -81,20 +100,22 @@ class ForeignNetwork:
     """Version of the file's own layout."""
     observation_size: int
     num_actions: int
+    files: tuple[str, ...] = ()
+    """Names of the files beside it that held its numbers."""
 
     def write(self) -> bytes:
         """Return the network as policy.onnx."""
         return write_network(self.network, self.opset, self.layout)
 
 
-def read_foreign(data: bytes, name: str) -> ForeignNetwork:
-    """Read an ONNX file of others; `name`: of the file, for messages.
+def read_foreign(data: bytes, name: str, beside: Beside | None = None) -> ForeignNetwork:
+    """Read an ONNX file of others; `name`: of the file, for messages; beside: reads files that hold its numbers.
 
-    Raises `BundleError`: not ONNX, too large, an operator that is not known, several inputs or outputs, or anything
-    else that the network of a policy does not have.
+    Raises `BundleError` with everything that the network of a policy does not have: not ONNX, too large, operators that
+    are not known, several inputs or outputs, numbers in files that are not there.
     """
     try:
-        return _read(data)
+        return _read(data, beside)
     except BundleError as error:
         raise BundleError(
             str(error)
@@ -104,42 +125,80 @@ def read_foreign(data: bytes, name: str) -> ForeignNetwork:
         ) from error
 
 
-def _read(data: bytes) -> ForeignNetwork:
+def _read(data: bytes, beside: Beside | None) -> ForeignNetwork:
     """Read the file; messages call it policy.onnx."""
     if len(data) > ours.MOST_BYTES:
         raise BundleError(f"policy.onnx has {len(data)} bytes; at most {ours.MOST_BYTES} are read")
     model = read_message(memoryview(data), "the model", MODEL)
-    layout = model["ir_version"][0] if model["ir_version"] else 0
-    operators = read_message(only(model, "opset_import", "the model"), "opset_import", ours.OPSET)
-    domain, opset = text_of(operators["domain"], "opset_import.domain"), (operators["version"] or [0])[0]
-    if layout not in ours.IR_VERSIONS or opset not in ours.OPSETS or domain not in ("", "ai.onnx"):
-        raise BundleError(
-            f"policy.onnx has the layout {layout} and operators of {domain or 'ONNX'!r}, version {opset}; expected "
-            f"layout {ours.IR_VERSIONS[0]} to {ours.IR_VERSIONS[-1]} and ONNX's own operators, {ours.OPSETS[0]} to "
-            f"{ours.OPSETS[-1]}: export it again with such an opset"
-        )
+    faults: list[str] = []
+    layout, opset = _versions(model, faults)
     graph = read_message(only(model, "graph", "the model"), "graph", GRAPH)
-    constants = {tensor.name: tensor for tensor in map(_tensor, graph["initializer"])}
+    constants, nodes = {}, []
+    outside = _Outside(beside, faults)
+    for part in graph["initializer"]:
+        tensor = _tensor(part, outside)
+        constants[tensor.name] = tensor
+    unknown: dict[str, None] = {}
+    for part in graph["node"]:
+        node = _node(part, outside, unknown)
+        if isinstance(node, Tensor):
+            constants[node.name] = node
+        elif node is not None:
+            nodes += _of_today(node, opset, constants)
+    if unknown:
+        many = "operators" if len(unknown) > 1 else "operator"
+        faults.append(f"has the {many} {', '.join(unknown)}; expected one of {', '.join(sorted(OPERATORS))}")
     # Files of before 2019 list constants among the inputs.
     inputs = [port for port in _ports(graph["input"], "input") if port.name not in constants]
     outputs = _ports(graph["output"], "output")
     # The velocity that our own networks estimate beside the action: no other runtime asks for it.
-    observed, acted = _single(inputs, "input"), _single(outputs[: len(outputs) - _estimates(outputs)], "output")
-    nodes = []
-    for part in graph["node"]:
-        node = _node(part)
-        if isinstance(node, Tensor):
-            constants[node.name] = node
-        else:
-            nodes.append(node)
-    sizes = [port.shape[-1] if len(port.shape) == 2 and port.kind == FLOAT else None for port in (observed, acted)]
-    if sizes[0] is None or sizes[1] is None:
-        raise BundleError(
-            f"policy.onnx has the input {observed.name!r} {observed.shape} and the output {acted.name!r} "
-            f"{acted.shape}; expected float32 of the shapes (batch, observations) and (batch, actions), the sizes fixed"
-        )
+    sides = (inputs, outputs[: len(outputs) - _estimates(outputs)])
+    for side, ports in zip(("input", "output"), sides, strict=True):
+        if len(ports) != 1:
+            faults.append(_several(ports, side))
+        elif len(ports[0].shape) != 2 or ports[0].kind != FLOAT or ports[0].shape[-1] is None:
+            faults.append(
+                f"has the {side} {ports[0].name!r} {ports[0].shape}; expected float32 of the shape (batch, size), the "
+                "size fixed"
+            )
+    if faults:
+        raise BundleError("; ".join([f"policy.onnx {faults[0]}", *(f"it {fault}" for fault in faults[1:])]))
+    (observed,), (acted,) = sides
     network = _renamed(NetworkFile(tuple(nodes), constants, observed, acted))
-    return ForeignNetwork(network, _notes(model["metadata_props"]), opset, layout, sizes[0], sizes[1])
+    sizes = (observed.shape[-1] or 0, acted.shape[-1] or 0)
+    # As our own networks are written.
+    opset, layout = (min(max(v, r[0]), r[-1]) for v, r in ((opset, ours.OPSETS), (layout, ours.IR_VERSIONS)))
+    return ForeignNetwork(network, _notes(model["metadata_props"]), opset, layout, *sizes, tuple(outside.files))
+
+
+def _versions(model: Mapping[str, list], faults: list[str]) -> tuple[int, int]:
+    """Return the versions of the file's layout and of ONNX's own operators; note what is wrong with them.
+
+    Other sets of operators may be named: exporters name all that they know, used or not.
+    """
+    layout, opset = (model["ir_version"] or [0])[0], 0
+    for part in model["opset_import"]:
+        one = read_message(part, "opset_import", ours.OPSET)
+        if text_of(one["domain"], "opset_import.domain") in ("", "ai.onnx"):
+            opset = (one["version"] or [0])[0]
+    if layout not in LAYOUTS or opset not in OPSETS:
+        faults.append(
+            f"has the layout {layout} and ONNX's operators of version {opset}; expected layout {LAYOUTS[0]} to "
+            f"{LAYOUTS[-1]} and version {OPSETS[0]} to {OPSETS[-1]}: export it again with such an opset"
+        )
+    return layout, opset
+
+
+def _of_today(node: Node, opset: int, constants: dict[str, Tensor]) -> list[Node]:
+    """Return an operation as version 13 has it; what was an attribute before is a constant of the network then."""
+    key = WITH_AXES.get(node.operator)
+    axes = node.attributes.get(key or "")
+    if opset >= ours.OPSETS[0] or key is None or not isinstance(axes, tuple):
+        return [node]
+    name = f"{key} of {node.outputs[0]}"
+    constants[name] = constant(name, np.array(axes, dtype=np.int64))
+    left = {other: value for other, value in node.attributes.items() if other != key}
+    return [replace(node, inputs=(*node.inputs[:1], name), attributes=left)]
 
 
 def _estimates(outputs: list[Port]) -> bool:
@@ -147,15 +206,13 @@ def _estimates(outputs: list[Port]) -> bool:
     return [port.name for port in outputs] == [OUTPUT, VELOCITY]
 
 
-def _single(ports: list[Port], side: str) -> Port:
-    """Return the one port of a side; refuse several by their names."""
-    if len(ports) != 1:
-        names = ", ".join(repr(port.name) for port in ports)
-        raise BundleError(
-            f"policy.onnx has {len(ports)} {side}s: {names}; expected one. A policy with a state, a motion or a clock "
-            "of its own is not read: export it with one input of observations and one output of actions"
-        )
-    return ports[0]
+def _several(ports: Sequence[Port], side: str) -> str:
+    """Return what is wrong with a side that has not one port."""
+    names = ", ".join(repr(port.name) for port in ports)
+    return (
+        f"has {len(ports)} {side}s: {names}; expected one. A policy with a state, a motion or a clock of its own is "
+        "not read: export it with one input of observations and one output of actions"
+    )
 
 
 def _notes(parts: Iterable[memoryview]) -> dict[str, str]:
@@ -176,23 +233,21 @@ def _ports(parts: Iterable[memoryview], side: str) -> list[Port]:
     return [read_port(part, side, PORT, SHAPE_DIMENSION) for part in parts]
 
 
-def _node(data: memoryview) -> Node | Tensor:
-    """Read one operation; a constant is a tensor."""
+def _node(data: memoryview, outside: _Outside, unknown: dict[str, None]) -> Node | Tensor | None:
+    """Read one operation; a constant is a tensor. None: it is not known, and its name is noted."""
     found = read_message(data, "node", NODE)
     operator, domain = text_of(found["op_type"], "node.op_type"), text_of(found["domain"], "node.domain")
     inputs, outputs = (tuple(text_of([part], f"node.{side}") for part in found[side]) for side in ("input", "output"))
     if domain not in ("", "ai.onnx") or operator not in {"Constant", *OPERATORS}:
-        raise BundleError(
-            f"policy.onnx has the operator {operator!r}{f' of {domain!r}' if domain else ''}; expected one of "
-            f"{', '.join(sorted(OPERATORS))}"
-        )
+        unknown[f"{operator!r}{f' of {domain!r}' if domain else ''}"] = None
+        return None
     attributes: dict[str, Attribute] = {}
     for part in found["attribute"]:
         said = read_message(part, f"attribute of {operator!r}", ATTRIBUTE)
         name, kind = text_of(said["name"], "attribute.name"), said["type"]
-        if operator == "Constant" and said["t"] and len(outputs) == 1:
+        if operator == "Constant" and len(outputs) == 1 and (tensor := _constant(said, name, outside)) is not None:
             # As a constant among the others: `deploy.network_file` knows no tensors in attributes.
-            return replace(_tensor(said["t"][0]), name=outputs[0])
+            return replace(tensor, name=outputs[0])
         number = next((field for field, value in NUMBERS.items() if kind == [value]), None)
         if number is None or operator == "Constant":
             raise BundleError(f"policy.onnx: attribute {name!r} of {operator!r}: expected a number, or integers")
@@ -204,11 +259,53 @@ def _node(data: memoryview) -> Node | Tensor:
     return Node(operator, inputs, outputs, attributes)
 
 
-def _tensor(data: memoryview) -> Tensor:
-    """Read one constant: as raw bytes, or as numbers of its type."""
-    for number, _, _ in ours.entries(data, "tensor"):
-        if number in ours.EXTERNAL:
-            raise BundleError("policy.onnx keeps tensors in other files; expected all within: save it as one file")
+def _constant(said: Mapping[str, list], name: str, outside: _Outside) -> Tensor | None:
+    """Return the value of a constant that stands in an attribute: a tensor, a number, or integers."""
+    if said["t"]:
+        return _tensor(said["t"][0], outside)
+    if name == "value_float":
+        return constant("", np.array(said["f"][0] if said["f"] else 0.0, dtype=np.float32))
+    if name == "value_int":
+        return constant("", np.array(signed(said["i"][0]) if said["i"] else 0, dtype=np.int64))
+    return constant("", np.array([*map(signed, said["ints"])], dtype=np.int64)) if name == "value_ints" else None
+
+
+class _Outside:
+    """Numbers that lie in other files; each file is read once."""
+
+    def __init__(self, beside: Beside | None, faults: list[str]) -> None:
+        """beside: reads a file; faults: where what cannot be read is noted."""
+        self._beside, self._faults = beside, faults
+        self.failed = False
+        self.files: dict[str, bytes] = {}
+
+    def content(self, parts: Sequence[memoryview]) -> memoryview:
+        """Return the stretch of a file that the entries of a tensor name; nothing where there is none."""
+        notes = [read_message(part, "external_data", NOTE) for part in parts]
+        said = {text_of(note["key"], "external_data.key"): text_of(note["value"], "external_data") for note in notes}
+        name, start, length = said.get("location", ""), said.get("offset", "0"), said.get("length", "")
+        if not start.isdecimal() or not (length or "0").isdecimal() or max(len(start), len(length)) > 15:
+            raise BundleError(
+                f"policy.onnx: a tensor outside has the offset {start[:20]!r}, the length {length[:20]!r}"
+            )
+        if name not in self.files:
+            self.files[name] = b""
+            try:
+                if self._beside is None:
+                    raise BundleError(f"keeps tensors in the file {name!r}; expected all within")
+                self.files[name] = self._beside(name)
+            except StictionError as error:
+                # One of them is enough: there may be a file for each tensor.
+                self._faults += [] if self.failed else [str(error)]
+                self.failed = True
+            if sum(map(len, self.files.values())) > ours.MOST_BYTES:
+                raise BundleError(f"policy.onnx has over {ours.MOST_BYTES} bytes in other files; a policy's are fewer")
+        whole = memoryview(self.files[name])
+        return whole[int(start) :][: int(length) if length else None]
+
+
+def _tensor(data: memoryview, outside: _Outside) -> Tensor:
+    """Read one constant: as raw bytes, as numbers of its type, or from a file beside the network."""
     found = read_message(data, "tensor", TENSOR)
     name, kind = text_of(found["name"], "tensor.name"), (found["data_type"] or [0])[0]
     shape = tuple(map(signed, found["dims"]))
@@ -217,6 +314,11 @@ def _tensor(data: memoryview) -> Tensor:
     if found["int64_data"]:
         numbers = [signed(value) for value in ours.packed(found["int64_data"][0])]
         content = memoryview(np.array(numbers, dtype="<i8").tobytes())
+    # `data_location` 0 is inside, as where nothing is said.
+    if found["data_location"] == [EXTERNAL]:
+        content = outside.content(found["external_data"])
+        if outside.failed:
+            return Tensor(name, kind, shape, content)
     ours.expect_size(name, kind, shape, content)
     return Tensor(name, kind, shape, content)
 
