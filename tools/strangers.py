@@ -622,7 +622,6 @@ def _foreign(name: str, content: bytes) -> Callable[[Path], None]:
 
 
 REFUSED = (
-    ("a bag of ROS 1", _foreign("run.bag", b"#ROSBAG V2.0\n"), "run.bag"),
     ("a pickle", _foreign("log.pkl", b"\x80\x04."), "log.pkl"),
     ("HDF5", _foreign("log.h5", b"\x89HDF\r\n"), "log.h5"),
     ("a spreadsheet", _foreign("log.xlsx", b"PK\x03\x04"), "log.xlsx"),

@@ -57,7 +57,7 @@ def with_nan() -> np.ndarray:
         ({"position": TIME}, "no time"),
         ({"time": TIME}, "no signal"),
         ({"time": TIME, "position": TIME[:-1]}, r"shape \(499,\); expected \(500,\)"),
-        ({"time": TIME, "position": np.zeros((500, 2))}, r"shape \(500, 2\); expected \(T,\)"),
+        ({"time": TIME, "position": np.zeros((500, 2, 2))}, r"shape \(500, 2, 2\); expected \(T,\)"),
         ({"time": TIME, "position": {"hip": with_nan()}}, "'hip' is nan at sample 9"),
         ({"time": TIME[::-1], "position": TIME}, "does not rise at sample 1"),
         ({"time": np.repeat(TIME[:250], 2), "position": TIME}, "does not rise at sample 1"),
@@ -83,3 +83,14 @@ def test_an_option_that_there_is_not_is_named_with_the_nearest() -> None:
         stiction.identify(log, motor_strenght=1.0)
     with pytest.raises(stiction.StictionError, match="torque_source"):
         stiction.identify(log, torque_source="sideways")  # type: ignore[arg-type]
+
+
+def test_matrices_are_joints_by_name() -> None:
+    """Of shape (T, joints), with a name each, or numbers."""
+    both = np.column_stack([np.sin(TIME), np.cos(TIME)])
+    log = stiction.from_arrays(time=TIME, position=both, torque=both, names=["hip", "knee"])
+    assert list(log.joints) == ["hip", "knee"]
+    np.testing.assert_array_equal(log.joints["knee"].torque, np.cos(TIME))
+    assert list(stiction.from_arrays(time=TIME, position=both, target=both).joints) == ["joint_0", "joint_1"]
+    with pytest.raises(stiction.StictionError, match=r"shape \(500, 2\) and names has 1"):
+        stiction.from_arrays(time=TIME, position=both, names=["hip"])

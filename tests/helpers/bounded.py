@@ -47,3 +47,10 @@ def limit_address_space(more: int) -> None:
 def peak_memory() -> int:
     """Return the most memory that this process has had [B]."""
     return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def read_here() -> None:
+    """Have formats that are read in a process of their own read in this one, for the rest of its life."""
+    from stiction.identification.logs import apart
+
+    apart.read_apart = lambda path, kind, options: apart._kinds()[kind](path, **options)

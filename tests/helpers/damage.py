@@ -22,7 +22,7 @@ import numpy as np
 from mcap.writer import CompressionType
 
 import logfiles
-from bounded import bounded, limit_address_space, peak_memory
+from bounded import bounded, limit_address_space, peak_memory, read_here
 from stiction.files.log import Log
 from stiction.identification.logs import open_log
 
@@ -219,6 +219,7 @@ def main() -> None:
     for kind in kinds:
         (folder / kind).mkdir(parents=True)
         KINDS[kind](folder / kind)
+    read_here()
     limit_address_space(MEMORY)
     np.seterr(all="ignore")
     print(json.dumps({kind: attack(folder / kind, kind, count, seed) for kind in kinds}))

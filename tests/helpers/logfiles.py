@@ -18,8 +18,30 @@ from mcap_ros2.writer import Writer as RosWriter
 from scipy.io import savemat
 
 from stiction.files.log import JointSignals, Log, LogSetup, write_log
-from stiction.identification.logs.containers import read_packets
-from stiction.identification.logs.ros import DEFINITIONS
+from stiction.identification.logs.bags import Bag
+
+HEADER = """
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+"""
+
+DEFINITIONS = {
+    "sensor_msgs/msg/JointState": "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\n"
+    "float64[] effort" + HEADER,
+    "trajectory_msgs/msg/JointTrajectory": "std_msgs/Header header\nstring[] joint_names\n"
+    "trajectory_msgs/JointTrajectoryPoint[] points"
+    + HEADER
+    + "=" * 80
+    + "\nMSG: trajectory_msgs/JointTrajectoryPoint\n"
+    "float64[] positions\nfloat64[] velocities\nfloat64[] accelerations\nfloat64[] effort\n"
+    "builtin_interfaces/Duration time_from_start\n",
+    "std_msgs/msg/Float64MultiArray": "std_msgs/MultiArrayLayout layout\nfloat64[] data\n" + "=" * 80 + "\n"
+    "MSG: std_msgs/MultiArrayLayout\nstd_msgs/MultiArrayDimension[] dim\nuint32 data_offset\n" + "=" * 80 + "\n"
+    "MSG: std_msgs/MultiArrayDimension\nstring label\nuint32 size\nuint32 stride\n",
+}
+"""Type -> its definition, the same in every ROS 2."""
 
 SAMPLES = 24
 TIME = np.arange(SAMPLES) * 0.005
@@ -125,7 +147,7 @@ def ros(folder: Path, compression: CompressionType = CompressionType.ZSTD, crcs:
 
 
 def bag(path: Path, sent: list[Sent], definitions: dict[str, str] = DEFINITIONS) -> Path:
-    """Write messages as a rosbag2 database; they are encoded by the library that reads MCAP."""
+    """Write messages as a rosbag2 database; they are encoded by a library that writes MCAP."""
     packed = mcap(path.with_suffix(".mcap"), sent, definitions=definitions)
     path.unlink(missing_ok=True)
     base = sqlite3.connect(path)
@@ -133,7 +155,8 @@ def bag(path: Path, sent: list[Sent], definitions: dict[str, str] = DEFINITIONS)
     base.execute("CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)")
     base.execute("CREATE INDEX timestamp_idx ON messages (timestamp ASC)")
     topics: dict[str, int] = {}
-    for packet in read_packets(packed):
+    opened = Bag(packed)
+    for packet in opened.packets(*opened.topics):
         name = packet.topic.name
         if name not in topics:
             topics[name] = len(topics) + 1

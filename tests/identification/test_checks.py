@@ -37,7 +37,7 @@ def changed(values: np.ndarray, place: int, value: float) -> np.ndarray:
         (TIME, replace(SIGNALS, torque=changed(WAVE, 7, np.nan)), "torque of joint 'knee' has 1 values .* sample 8;"),
         (TIME, replace(SIGNALS, target=changed(WAVE, 0, np.inf)), "target of joint 'knee' .* sample 1;"),
         (changed(TIME, 3, np.nan), SIGNALS, "time of joint 'knee' .* sample 4;"),
-        (TIME[:100], JointSignals(WAVE[:100], None, None, WAVE[:100]), "100 samples; at least 200"),
+        (TIME[:100], JointSignals(WAVE[:100], None, None, WAVE[:100]), "100 samples .* at least 200"),
         (TIME, replace(SIGNALS, position=np.full(400, 0.3)), "position .* constant at 0.3; the joint must move"),
         (TIME, replace(SIGNALS, torque=changed(WAVE, 8, 1e12)), "torque .* beyond 1e.09, the first in sample 9"),
         (TIME, replace(SIGNALS, torque=changed(WAVE, 8, 90.0)), "torque of joint 'knee' jumps .* to 90 at sample 9"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,7 +12,7 @@ from markupsafe import Markup
 from stiction.api.logs import Log, as_log
 from stiction.api.options import options_of, public, several
 from stiction.api.result import Progress, Result, html_table, silent
-from stiction.core.errors import ConfigurationError, FileError
+from stiction.core.errors import ConfigurationError, FileError, LogError
 from stiction.files import joints as files
 from stiction.files.joints import FitSignals, JointRecord, JointsFile, write_fit
 from stiction.identification.limb.setup import LimbSetup
@@ -134,7 +134,8 @@ def identify(
         joint: names of the joints to identify; all of them by default.
         repeat: further logs of the same joints that are not fitted but predicted.
         robot: for the log of a whole leg or arm that moves with its base held: a MuJoCo or URDF file, a `robot.yaml`, a
-            shipped robot, or `module:NAME`, which runs that module. All joints are then found together.
+            shipped robot, or `module:NAME`, which runs that module. All joints are then found together, also where
+            one alone moves; `joint` names those to report.
         kp: proportional gain of the controller during the log [N m/rad]; like all that follows, by default the log's.
         kd: derivative gain [N m s/rad].
         torque_limit: largest torque of the motor, at the joint [N m].
@@ -211,17 +212,30 @@ def identify_limb(
     repeats: Sequence[Log] = (),
     more: Sequence[Log] = (),
 ) -> Identified:
-    """Identify all joints of a leg or an arm at once; see `identify`. Refuses what is for single joints."""
+    """Identify all joints of a leg or an arm at once; see `identify`. Refuses what is for single joints.
+
+    joints: those to report, by their names in the log; how the others moved, or were held, counts all the same.
+    """
     from stiction.identification.limb import pipeline
+    from stiction.identification.limb.signals import match_joints
     from stiction.robots.catalog import find_mechanism
 
-    for given, what in ((joints, "--joint"), (repeats, "--repeat"), (more, "several runs")):
+    for given, what in ((repeats, "--repeat"), (more, "several runs")):
         if given:
             raise ConfigurationError(
                 f"{what} with --robot: expected one log, for all its joints at once; leave that out"
             )
-    found = pipeline.identify_limb(log, find_mechanism(robot), declared, setup)
-    return Identified(found.joints, found.signals)
+    mechanism = find_mechanism(robot)
+    numbers = match_joints(log, mechanism, setup.joint_map)
+    wanted = [mechanism.joint_names[numbers[log.joint(name)[0]]] for name in joints]
+    found = pipeline.identify_limb(log, mechanism, declared, setup)
+    if not wanted:
+        return Identified(found.joints, found.signals)
+    records = {name: record for name, record in found.joints.joints.items() if name in wanted}
+    signals = {name: one for name, one in found.signals.items() if name in wanted}
+    if not signals:
+        raise LogError(next(iter(records.values())).warnings[0])
+    return Identified(replace(found.joints, joints=records), signals)
 
 
 @public

@@ -38,7 +38,7 @@ def load_log(
     begin: float | None = None,
     end: float | None = None,
 ) -> Log:
-    """Read a log of joints: CSV, NPZ, Parquet, JSON, MCAP, `.db3`, `.pt` or MAT, with its sidecar `LOG.json`.
+    """Read a log of joints: CSV, NPZ, Parquet, JSON, MCAP, `.db3`, `.bag`, `.pt` or MAT, with its sidecar `LOG.json`.
 
     Args:
         path: the file.
@@ -73,7 +73,8 @@ def from_arrays(frame: Any = None, **given: Any) -> Log:
             with the columns `time`, `position.<joint>`, `velocity.<joint>`, `target.<joint>`, `torque.<joint>`. None of
             these libraries is needed.
         given: `time` [s], shape (T,), rising; `position` [rad], `velocity` [rad/s], `target` [rad], `torque` [N m],
-            `disturbance`, `feedforward` [N m]: an array of shape (T,) for one joint, or a mapping from joint to array.
+            `disturbance`, `feedforward` [N m]: an array of shape (T,) for one joint, of shape (T, joints) for several,
+            which `names` names, or a mapping from joint to array.
             And what a sidecar says: `kp` [N m/rad], `kd` [N m s/rad], `torque_limit` [N m], `test_condition`, ...:
             a number, or a mapping from joint to number.
 
@@ -100,7 +101,9 @@ def from_arrays(frame: Any = None, **given: Any) -> Log:
         value = given.pop(name, None)
         if value is None:
             continue
-        whose = value.items() if isinstance(value, Mapping) else [(None, value)]
+        whose = list(value.items()) if isinstance(value, Mapping) else [(None, value)]
+        if whose[0][0] is None and np.ndim(value) == 2 and name != "time":
+            whose = _by_column(name, value, given.get("names", ()))
         for joint, array in whose:
             table[name if joint is None else f"{name}.{joint}"] = array
     if "time" not in table:
@@ -111,6 +114,18 @@ def from_arrays(frame: Any = None, **given: Any) -> Log:
         raise LogError(f"{SOURCE}: no signal of a joint; expected position, and target or torque, of at least one")
     joints = by_joint(checked, None)
     return Log(SOURCE, time, joints, _setup(given, joints))
+
+
+def _by_column(name: str, matrix: Any, names: Any) -> list[tuple[str | None, Any]]:
+    """Return the columns of a signal of several joints, shape (T, joints), by joint."""
+    columns = np.asarray(matrix).T
+    joints = several(names) or tuple(f"joint_{index}" for index in range(len(columns)))
+    if len(joints) != len(columns):
+        raise LogError(
+            f"{SOURCE}: {name} has the shape {columns.T.shape} and names has {len(joints)}; expected (T, joints), "
+            "and a name for each"
+        )
+    return list(zip(joints, columns, strict=True))
 
 
 def _columns_of(frame: Any) -> dict[str, Any]:

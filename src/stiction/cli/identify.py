@@ -37,7 +37,7 @@ write joints.json, fit.npz, training.json and report.html.
 
 The log is a table of text, NPZ, Parquet or JSON with columns time, position.<joint>, target.<joint>, torque.<joint>, or
 others with a column mapping; the wide CSV of actuator-net scripts, LeRobot's, Unitree's and PlotJuggler's columns; a
-bag of ROS 2 (.mcap, .db3); PACE's .pt; MATLAB 5. Several logs are runs of the same joints and are fitted together.
+bag of ROS (.mcap, .db3, .bag); PACE's .pt; MATLAB 5. Several logs are runs of the same joints and are fitted together.
 With torque: inertia and friction in SI units. With positions and targets alone: what of them can be known, in units of
 the motor's strength. Gains, torque limit and so on come from flags or from LOG.json beside the log, where each joint
 may have its own; --init writes one to fill in. With --robot and a log in which all joints of a leg or an arm move,
@@ -144,8 +144,8 @@ class IdentifyConfig(WriteOptions, ReadOptions, IdentifySetup, LimbSetup):
     """Options of the verb; those of `LimbSetup` count with --robot."""
 
     log: Annotated[tuple[Path, ...], ARGUMENT]
-    """The log: .csv, .tsv, .txt (.gz), .npz, .parquet, .json, .jsonl, .mcap, .db3, .pt or .mat; or several runs of the
-    same joints, which are fitted together."""
+    """The log: .csv, .tsv, .txt (.gz), .npz, .parquet, .json, .jsonl, .mcap, .db3, .bag, .pt or .mat; or several
+    runs of the same joints, which are fitted together."""
     join: bool = False
     """The logs are the parts of one log, in their order, not runs."""
     init: bool = field(

@@ -21,7 +21,7 @@ EXTRAS = {
     "train": TRAIN,
     "gpu": (*TRAIN, "mujoco_warp", "warp"),
     "sign": ("cryptography",),
-    "logs": ("pyarrow", "mcap", "mcap_ros2", "lz4", "zstandard"),
+    "logs": ("pyarrow", "rosbags"),
     "engines": (*SIM, "sapien"),
     "unitree": ("cyclonedds",),
     "view": (*SIM, "viser", "mjviser"),

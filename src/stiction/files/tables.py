@@ -183,7 +183,7 @@ def _parse_array(data: bytes) -> np.ndarray:
         shape, fortran_order, dtype = readers[version](file)
     # Refused by its header, before there is an array: to read an array of objects is to run a pickle.
     if dtype.hasobject or dtype.kind not in "fiubU":
-        raise ValueError(f"{dtype} is not a plain number or text")
+        raise ValueError(f"{dtype} is not a plain number or text; save numbers, array.astype(float)")
     size = math.prod(shape) * dtype.itemsize
     if min(shape, default=0) < 0 or size != len(data) - file.tell():
         raise ValueError(f"shape {shape} of {dtype} does not fit {len(data) - file.tell()} bytes")

@@ -63,6 +63,11 @@ DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
 WORDS = re.compile(r'"([^"]*)"|(\S+)')
 """Words between blanks, in quotes or not."""
 
+TITLE = re.compile(
+    r"(t|time\w*|stamp|pos\w*|q\w?|angle|theta|vel\w*|dq|torque|tau|effort|current|target)([\W_\d]|$)", re.IGNORECASE
+)
+"""How a title begins that names a signal."""
+
 INDEX = 3
 """Rows whose first cell must count on by one before it is taken for an index without a name."""
 
@@ -132,7 +137,10 @@ def parse_stamp(cell: str) -> datetime | None:
 
 
 def find_dialect(lines: list[str]) -> Dialect | None:
-    """Return how a file is written that begins with these lines; None where they hold nothing."""
+    """Return how a file is written that begins with these lines; None where they hold nothing.
+
+    Raises `ValueError` where a header has names of signals, and another number of them than there are columns.
+    """
     numbers = [index for index, line in enumerate(lines) if line.strip() and not is_comment(line)]
     if not numbers:
         return None
@@ -141,15 +149,21 @@ def find_dialect(lines: list[str]) -> Dialect | None:
     separator = max(SEPARATORS, key=lambda mark: _fitness(texts, mark))
     rows = split_lines(texts, separator)
     width = _usual_width(rows)
+    rows = [without_empty_end(row, width) for row in rows]
     start = _start(rows, width, separator != ",")
     notes = [f"{start} lines before the header are no table and were left out"] if start else []
-    rows, numbers = rows[start:], numbers[start:]
+    all_rows, rows, numbers = rows, rows[start:], numbers[start:]
     # Between cells or within numbers: a comma cannot be both.
     comma = separator != "," and any(DECIMAL_COMMA.fullmatch(cell) for row in rows[1:] or rows for cell in row)
     # The first row of the table: numbers, or names, perhaps with units below them.
     if _is_sample(rows, comma):
         names, begin = _names_of_comments(lines[: numbers[0]], width), numbers[0]
         if not names:
+            if start and any(map(TITLE.match, rows_above := all_rows[start - 1])):
+                raise ValueError(
+                    f"the header names {len(rows_above)} columns, and most rows have {width} values; mend the header, "
+                    "or take it out and map the columns by number"
+                )
             names = [str(index) for index in range(width)]
             notes.append(f"nobody named the {width} columns: they are called 0 to {width - 1}")
     else:
@@ -159,6 +173,13 @@ def find_dialect(lines: list[str]) -> Dialect | None:
             begin = numbers[2]
     names = [name or str(index) for index, name in enumerate(names)]
     return Dialect(separator, comma, tuple(names), begin, tuple(notes))
+
+
+def without_empty_end(row: list[str], width: int) -> list[str]:
+    """Return a row without empty cells beyond `width`: many loggers end every title, or every row, with a comma."""
+    while len(row) > width and row[-1] == "":
+        row = row[:-1]
+    return row
 
 
 def _fitness(lines: list[str], separator: str) -> float:
@@ -235,8 +256,8 @@ def read_csv(path: Path) -> Table:
     """Read a table of text: numbers between commas, semicolons, tabs, bars or blanks, with or without a header.
 
     A name that ends in .gz is unpacked. A last line without an end may have been cut in the middle of a number, and
-    nothing in it would show it. It is left out, and the notes say so; where it is short of cells, the file was cut, and
-    is refused. So are rows of other widths. Raises `LogError`.
+    nothing in it would show it. It is left out, and the notes say so. Rows of other widths are refused. Raises
+    `LogError`.
     """
     blocks = _blocks(path)
     head: list[str] = []
@@ -247,7 +268,10 @@ def read_csv(path: Path) -> Table:
             break
     if any(len(line.split()) > MOST_COLUMNS or max(map(line.count, MARKS)) > MOST_COLUMNS for line in head[:HEAD]):
         raise LogError(f"{path.name}: a line of over {MOST_COLUMNS} columns; expected a row of a table")
-    dialect = find_dialect(head[:HEAD] or [last])
+    try:
+        dialect = find_dialect(head[:HEAD] or [last])
+    except ValueError as error:
+        raise LogError(f"{path.name}: {error}") from error
     if dialect is None and not last.strip():
         raise LogError(f"{path.name}: the file is empty; expected a header that names the columns, and rows of numbers")
     if dialect is None or not head:
@@ -284,8 +308,11 @@ def _decoded(source: str, file: Any, packed: int) -> Iterator[tuple[list[str], s
         check_ratio(source, packed, seen, LogError)
         claim(source, seen // 2, "half of its text has", LogError)
         if decoder is None:
-            utf16 = block.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-            decoder = codecs.getincrementaldecoder("utf-16" if utf16 else "utf-8-sig")()
+            # With its mark, or with the zero that an ASCII letter has in it.
+            marks = {codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
+            zeros = {(False, True): "utf-16-le", (True, False): "utf-16-be"}
+            name = marks.get(block[:2]) or zeros.get((block[:1] == b"\0", block[1:2] == b"\0"), "utf-8-sig")
+            decoder = codecs.getincrementaldecoder(name)()
         try:
             text = decoder.decode(block)
         except UnicodeDecodeError:
@@ -313,7 +340,6 @@ class _Column:
 
     name: str
     parts: list[np.ndarray] = field(default_factory=list)
-    blanks: int = 0
     fault: str = ""
     first: datetime | None = None
     """The first time stamp, of a column of such."""
@@ -328,7 +354,6 @@ class _Column:
             except ValueError:
                 pass
         blank = np.array([cell.lower() in EMPTY for cell in cells])
-        self.blanks += int(blank.sum())
         values = np.full(len(cells), np.nan)
         for index in np.flatnonzero(~blank):
             # The first cell that is not empty decides whether the column is of numbers or of time stamps.
@@ -400,6 +425,7 @@ class _Collected:
             rows = self.dialect.cells(lines)
         except csv.Error as error:
             raise LogError(f"{self.source}: line {numbers[0]} or later cannot be read ({error})") from error
+        rows = [without_empty_end(row, len(self.columns)) for row in rows]
         for row, line in zip(rows, numbers, strict=True):
             if len(row) != len(self.columns):
                 raise LogError(
@@ -428,14 +454,14 @@ class _Collected:
         """Return what was read; last: what has no end, line `number` of the file."""
         notes = list(self.dialect.notes)
         if last.strip() and not is_comment(last):
-            # With a quote in it, which may be cut off, the line cannot be split: it is left out without being counted.
-            cells = len(self.dialect.cells([last])[0]) if '"' not in last else len(self.columns)
-            if cells != len(self.columns):
-                raise LogError(
-                    f"{self.source}: line {number}, the last, has {cells} values and no end, the header names "
-                    f"{len(self.columns)} columns: the file was cut off; get it again, or take that line out"
-                )
-            notes.append(f"line {number}, the last, has no line end and may be cut off in a number: it is left out")
+            # With a quote in it, which may be cut off, the line cannot be split.
+            cells = len(self.dialect.cells([last])[0]) if '"' not in last else 0
+            short = (
+                f"has {cells} of {len(self.columns)} values"
+                if cells < len(self.columns)
+                else "may be cut off in a number"
+            )
+            notes.append(f"line {number}, the last, has no line end and {short}: it is left out")
         if not self.rows:
             raise LogError(f"{self.source}: no samples after the header")
         if self.remarks:
@@ -449,7 +475,9 @@ class _Collected:
                 faults[column.name] = column.fault
             found[column.name] = np.broadcast_to(np.nan, self.rows) if column.fault else np.concatenate(column.parts)
             column.parts.clear()
-        blanks = {column.name: column.blanks for column in self.columns if column.blanks}
+        # A cell that says nan is empty, too.
+        blanks = {name: int(np.isnan(values).sum()) for name, values in found.items() if name not in faults}
+        blanks = {name: count for name, count in blanks.items() if count}
         said = {name: f"{self.source}: {fault}" for name, fault in faults.items()}
         starts = {column.name: _since_1970(column.first) for column in self.columns if column.first is not None}
         return Table(found, tuple(notes), said, blanks, starts=starts)

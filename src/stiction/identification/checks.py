@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from stiction.core.errors import LogError
 from stiction.files.log import JointSignals, Log
+from stiction.identification.readings import take_readings
 from stiction.identification.setup import LARGEST_TORQUE, LARGEST_VALUE
-from stiction.identification.timing import Grid, Timing, even_grid, resample
+from stiction.identification.timing import FEWEST_PER_CYCLE, Grid, Timing, even_grid, resample
 
 FEWEST_SAMPLES = 200
 """Below this no interval can be trusted."""
+
+FEWEST_POOLED = 60
+"""Samples of one of several runs, below which nothing is left of it between the filter's ends."""
 
 LARGEST_TIME = 1e20
 """Stamps may count from 1970, in whatever unit: what is not in seconds is refused by its own message."""
@@ -34,9 +38,6 @@ LARGEST_REACH = 20.0
 
 FEWEST_REVERSALS = 4
 """The velocity must change sign this often: friction and offset differ only in what they do when the joint turns."""
-
-FEWEST_PER_CYCLE = 20
-"""Samples per period of the fastest motion; with fewer, derivatives are guesses."""
 
 
 class PoorMotion(LogError):
@@ -120,11 +121,13 @@ class Uniform:
                 object.__setattr__(self, name, np.full(len(self.time), value))
 
 
-def check_log(log: Log, joint: str, signals: JointSignals, torque_scale: float = 1.0) -> Uniform:
+def check_log(
+    log: Log, joint: str, signals: JointSignals, torque_scale: float = 1.0, fewest: int = FEWEST_SAMPLES
+) -> Uniform:
     """Check one joint's signals and put them on an even grid.
 
-    torque_scale: N m per unit of the torque column. The position must be there, and the torque or the target. Raises
-    `LogError`.
+    torque_scale: N m per unit of the torque column; fewest: samples that are needed. The position
+    must be there, and the torque or the target. Raises `LogError`.
     """
     _check_presence(log, joint, signals)
     table = {"time": log.time} | {name: values for name, values in vars(signals).items() if values is not None}
@@ -137,15 +140,19 @@ def check_log(log: Log, joint: str, signals: JointSignals, torque_scale: float =
                 f"{log.source}: {name} of joint {joint!r} has {len(bad)} values that are not finite or beyond "
                 f"{limit:.0e}, the first in sample {bad[0] + 1}; cut those rows out or log again"
             )
-    if len(log.time) < FEWEST_SAMPLES:
-        raise LogError(f"{log.source}: {len(log.time)} samples; at least {FEWEST_SAMPLES} are needed")
-    grid, timing = even_grid(log.source, log.time)
+    time, table, held = take_readings(log.time, {name: values for name, values in table.items() if name != "time"})
+    if len(time) < fewest:
+        raise LogError(
+            f"{log.source}: {len(time)} samples over {np.ptp(time):.3g} s; at least {fewest} are needed: log for "
+            f"{np.ptp(time) * FEWEST_SAMPLES / max(1, len(time) - 1):.2g} s or more at this rate"
+            + (f", or give several runs of {FEWEST_POOLED} or more at once" if fewest > FEWEST_POOLED else "")
+        )
+    grid, timing = even_grid(log.source, time, table["position"])
     for name in ("position", "torque" if signals.torque is not None else "target"):
         _check_signal(f"{log.source}: {name} of joint {joint!r}", name, table[name], grid)
     even = {
         name: resample(grid, values, command=name in ("target", "disturbance", "feedforward"))
         for name, values in table.items()
-        if name != "time"
     }
     return Uniform(
         time=grid.times,
@@ -158,7 +165,7 @@ def check_log(log: Log, joint: str, signals: JointSignals, torque_scale: float =
         feedforward=even.get("feedforward"),
         valid=grid.valid,
         bridged=~grid.valid,
-        timing=timing,
+        timing=replace(timing, notes=(*held, *timing.notes)),
     )
 
 

@@ -88,6 +88,16 @@ class Prepared:
         return ", ".join(parts)
 
     @property
+    def remedy(self) -> str:
+        """What to do where too few samples are left."""
+        if self.unusable < 0.5 * len(self.velocity):
+            return "move further, faster, or for longer"
+        return (
+            f"{self.unusable * self.step:.3g} of {len(self.velocity) * self.step:.3g} s cannot be used: log without "
+            "gaps in the time stamps, or below the torque limit"
+        )
+
+    @property
     def time(self) -> np.ndarray:
         """From zero [s]."""
         return np.arange(len(self.torque)) * self.step

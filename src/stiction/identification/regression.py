@@ -227,7 +227,7 @@ def check_rows(source: str, rows: Rows, prepared: Prepared) -> None:
         raise PoorMotion(
             source,
             f"{len(rows)} samples are left, at least {FEWEST_ROWS} are needed: {prepared.left_over}",
-            "move further, faster, or for longer",
+            prepared.remedy,
         )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from stiction.core.errors import LogError
 from stiction.files.joints import FitSignals
 from stiction.files.log import JointSignals, Log
-from stiction.identification.checks import Uniform, check_excitation, check_log
+from stiction.identification.checks import FEWEST_POOLED, FEWEST_SAMPLES, Uniform, check_excitation, check_log
 from stiction.identification.model import GRAVITY_TERMS, Model
 from stiction.identification.prepare import Prepared, Rows, make_rows, prepare, slope
 from stiction.identification.regression import MAX_INFLATION, check_rows, fit_rows
@@ -81,7 +81,7 @@ def make_run(log: Log, joint: str | None, setup: IdentifySetup, alone: bool = Tr
     alone: whether it must tell friction by itself; of several runs in one fit none needs to.
     """
     name, _ = log.joint(joint)
-    setup, signals, torque, unusable = driven_signals(log, name, setup)
+    setup, signals, torque, unusable = driven_signals(log, name, setup, FEWEST_SAMPLES if alone else FEWEST_POOLED)
     prepared = prepare(signals, torque, setup.cutoff, unusable)
     where = f"{log.source}: joint {name!r}"
     if alone:
@@ -146,7 +146,9 @@ LARGEST_PHASE = 0.02
 weight into an offset."""
 
 
-def driven_signals(log: Log, name: str, setup: IdentifySetup) -> tuple[IdentifySetup, Uniform, np.ndarray, np.ndarray]:
+def driven_signals(
+    log: Log, name: str, setup: IdentifySetup, fewest: int = FEWEST_SAMPLES
+) -> tuple[IdentifySetup, Uniform, np.ndarray, np.ndarray]:
     """Return a joint's set-up with its sidecar, its checked signals, what drove it, and the samples of unknown drive.
 
     Torque in N m, or the torque column's unit, and a mask, shape (num_samples,) each. Raises `StictionError`.
@@ -154,7 +156,7 @@ def driven_signals(log: Log, name: str, setup: IdentifySetup) -> tuple[IdentifyS
     setup = setup.with_sidecar(log.setup_of(name))
     setup.check()
     raw = in_si(log.joints[name], setup)
-    signals = check_log(log, name, raw, 1.0 if setup.torque_scale is None else setup.torque_scale)
+    signals = check_log(log, name, raw, 1.0 if setup.torque_scale is None else setup.torque_scale, fewest)
     if signals.disturbance is not None and setup.disturbance_scale is not None:
         signals = replace(signals, disturbance=setup.disturbance_scale * signals.disturbance)
     if signals.feedforward is not None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 
 from stiction.core.errors import LogError
 
@@ -17,13 +16,44 @@ SHORTEST_STEP, LONGEST_STEP = 1e-5, 0.1
 """Between these lies the step of every log that can be used [s]."""
 
 LARGEST_LOSS = 0.2
-"""Share of samples that may be missing, be double or be out of order: beyond, the log is not what it says."""
+"""Share of samples that may be missing or double: beyond, the stamps are uneven, or stand still."""
 
 LONGEST_SETBACK = 20
-"""Steps by which a stamp may lag behind the latest one; more is a second log in the file, or a clock that was set."""
+"""Steps by which a stamp may lag behind the one before; more is a second run in the file, or a clock that was set."""
+
+MOSTLY = 0.9
+"""Share of steps that go backwards in a file with its newest row first."""
+
+MOST_PARTS, SHORTEST_PART = 50, 20
+"""Runs in a file, by one clock that begins again, and samples of the shortest: otherwise rows are mixed."""
+
+PAUSE = 1.0
+"""Longest gap that keeps its length on the grid [s]."""
+
+LEAST_COHERENCE = 0.3
+"""|mean of exp(2πi t/step)| below which stamps have no common step; jitter of a fifth of a step leaves 0.45."""
+
+FEWEST_COARSE = 10
+"""Stamps that come twice, and different ones, from which on a line through them tells coarse stamps from doubles."""
+
+LONGEST_STRAY = 5.0
+"""Steps over which stamps of one log may stray from even ones and still say merely when samples arrived."""
+
+SMOOTHER = 0.5
+"""Roughness at even times over that at the stamps, below which the stamps say when samples arrived."""
+
+MOST_POINTS = 20
+"""Mean interval over the median one beyond which rows came in bursts, and points of the grid for each sample."""
+
+MOST_PAUSED = 10**6
+"""Points of the grid that pauses may take besides."""
+
+FEWEST_PER_CYCLE = 20
+"""Samples per period of the fastest motion; with fewer, derivatives are guesses."""
 
 LONGEST_BRIDGE = 3
-"""Samples missing in a row that interpolation may replace: a reversal takes longer at any rate worth logging at."""
+"""Samples missing in a row that interpolation may replace: a reversal takes longer at any rate worth logging at. Uneven
+stamps are judged by the period of the motion instead."""
 
 MARGIN = 2
 """Samples on either side of a long gap that are not valid either: what was interpolated there leans on one side."""
@@ -61,10 +91,12 @@ class Timing:
     """Longest time between two samples [s]."""
     synthetic: bool
     """The stamps are exactly even: jitter, if there was any, cannot be seen."""
+    notes: tuple[str, ...] = ()
+    """Further facts about the stamps and what was done, one sentence each."""
 
     def warnings(self) -> tuple[str, ...]:
         """Return what went wrong with the stamps and what was done, one sentence each."""
-        found = []
+        found = list(self.notes)
         step = 1 / self.rate
         if self.jitter > NOTABLE_JITTER:
             found.append(
@@ -101,47 +133,50 @@ class Grid:
     """False in a long gap and beside it, shape (num_points,)."""
     on_grid: bool
     """The samples lie on the points of the grid, so that nothing needs to be interpolated."""
+    bridge: float
+    """Longest interval over which signals are interpolated [s]; longer ones are gaps."""
 
 
-def even_grid(source: str, time: np.ndarray) -> tuple[Grid, Timing]:
+def even_grid(source: str, time: np.ndarray, motion: np.ndarray | None = None) -> tuple[Grid, Timing]:
     """Return the even grid for stamps [s], shape (num_samples,), and how good they are.
 
-    source: the log's name, for messages. Raises `LogError` for stamps that are not in seconds, run backwards at large,
-    or of which more than a fifth is missing or double.
+    source: the log's name, for messages; motion: the position, shape (num_samples,), whose period bounds the steps of
+    uneven stamps. Raises `LogError` for stamps that are not in seconds, that stand still, or that come in bursts.
     """
-    # Put the stamps in order, and refuse what is no clock.
     samples = len(time)
-    setbacks = np.maximum.accumulate(time) - time
-    order = np.argsort(time, kind="stable")
-    # Of samples with one stamp the first in the file stays, for the sort is stable.
-    fresh = np.concatenate(([True], np.diff(time[order]) > 0))
-    order = order[fresh]
-    duplicated, disordered = samples - len(order), int(np.count_nonzero(setbacks > 0))
-    stamps = time[order] - time[order[0]]
-    # Before equal stamps: those of a second log, or of a clock that was set, may be the ones of the first again.
-    if disordered:
-        _refuse_backwards(source, setbacks, disordered, float(np.median(np.diff(stamps))))
-    if duplicated > LARGEST_LOSS * samples:
-        raise LogError(
-            f"{source}: time stands still: {duplicated} of {samples} samples have the stamp of another one; log stamps "
-            "with more digits, or give the rate instead (--rate)"
-        )
+    order, stamps, disordered, notes = _in_order(source, time)
+    order, stamps, rounded = _distinct(source, order, stamps)
+    duplicated = samples - len(order)
+    notes += rounded
     step = _middle_step(source, stamps)
-    if np.diff(stamps).max() < 1.5 * step and np.diff(stamps).min() > 0.5 * step:
-        # No interval is long enough for a missing sample: a clock that alternates between 10 and 12 ms has none.
-        points = len(stamps) - 1
-        step = float(stamps[-1] / points)
-    else:
-        step, points = _refined(stamps, step)
-    dropped = max(0, points + 1 - len(order))
-    if dropped > LARGEST_LOSS * points:
-        raise LogError(
-            f"{source}: {dropped} of {points + 1} samples are missing at one every {step:.4g} s; expected at most "
-            f"{LARGEST_LOSS:.0%}: cut the log to a part without gaps, or log at an even rate"
+    # A pause shows nothing, however long it is.
+    stamps, pauses, paused = _without_pauses(stamps)
+    notes += paused
+    intervals = np.diff(stamps)
+    longest = float(np.delete(intervals, pauses).max(initial=step))
+    step, points, dropped, uneven = _fitted(intervals, stamps, step)
+    dropped = max(0, dropped - len(pauses) * (round(PAUSE / step) - 1))
+    if points > MOST_POINTS * samples + MOST_PAUSED:
+        raise LogError(f"{source}: {len(pauses)} pauses in {samples} samples; cut the log to a part without pauses")
+    times = np.arange(points + 1) * step
+    if motion is not None and (straight := _arrived(stamps, step, motion[order])) is not None:
+        notes += (
+            f"the time stamps stray by {float(np.std(stamps - straight)) / step:.1%} of a step from even ones, at "
+            "which the position is smoother: they are rounded, or say when samples arrived, and even ones were used",
+        )
+        stamps, intervals, uneven = straight, np.diff(straight), False
+    bridge = (LONGEST_BRIDGE + 1.5) * step
+    if uneven:
+        fastest = None if motion is None else fastest_motion(np.interp(times, stamps, motion[order]), step)
+        if fastest is not None:
+            bridge = max(bridge, 1 / (FEWEST_PER_CYCLE * fastest))
+        near = intervals[intervals <= bridge]
+        notes += (
+            f"the time stamps are uneven, {near.min():.3g} to {near.max():.3g} s apart: the signals were interpolated "
+            f"to one sample every {step:.3g} s"
+            + (f"; {len(intervals) - len(near)} longer gaps are not used" if len(near) < len(intervals) else ""),
         )
     # Say how good the stamps are.
-    times = np.arange(points + 1) * step
-    intervals = np.diff(stamps)
     near = (intervals if dropped == 0 else intervals[intervals < 1.5 * step]) / step
     off = np.abs(stamps - step * np.rint(stamps / step)) / step
     # Stamps may have been stored as 32-bit floats: what that rounds off is no jitter.
@@ -150,14 +185,169 @@ def even_grid(source: str, time: np.ndarray) -> tuple[Grid, Timing]:
     timing = Timing(
         samples=samples,
         rate=1 / step,
-        jitter=0.0 if even or len(near) < 2 else float(np.std(near)),
+        jitter=0.0 if even or uneven or len(near) < 2 else float(np.std(near)),
         duplicated=duplicated,
         disordered=disordered,
         dropped=dropped,
-        longest_gap=float(intervals.max()),
+        longest_gap=longest,
         synthetic=even,
+        notes=notes,
     )
-    return Grid(step, times, order, stamps, _valid(times, stamps, step), even), timing
+    return Grid(step, times, order, stamps, _valid(times, stamps, step, bridge), even, bridge), timing
+
+
+def _fitted(intervals: np.ndarray, stamps: np.ndarray, step: float) -> tuple[float, int, int, bool]:
+    """Return the step [s], the number of steps, how many samples are missing, and whether the stamps are uneven.
+
+    intervals: between `stamps`; step: their median [s].
+    """
+    if intervals.max() < 1.5 * step and intervals.min() > 0.5 * step:
+        # No interval is long enough for a missing sample: a clock that alternates between 10 and 12 ms has none.
+        return float(stamps[-1]) / len(intervals), len(intervals), 0, False
+    usual = float(intervals[intervals <= LONGEST_SETBACK * step].mean())
+    step, points, coherence = _refined(stamps, step)
+    near = intervals[intervals <= (LONGEST_BRIDGE + 1.5) * step]
+    if coherence >= LEAST_COHERENCE and float(np.sum(near / step - 1)) <= LARGEST_LOSS * float(near.sum()) / step:
+        return step, points, max(0, points - len(intervals)), False
+    # Stamps without a common step, or with so many missing that one is no use: the mean step.
+    points = max(1, round(float(stamps[-1]) / usual))
+    return float(stamps[-1]) / points, points, 0, True
+
+
+def fastest_motion(position: np.ndarray, step: float) -> float | None:
+    """Return the frequency below which 95 % of the velocity's energy lies [Hz]; None where there is no motion.
+
+    position: shape (num_samples,), with noise, which is taken for white; step [s].
+    """
+    power = np.abs(np.fft.rfft((position - position.mean()) * np.hanning(len(position)))) ** 2
+    noise = np.median(power[len(power) // 2 :]) / np.log(2)
+    frequencies = np.fft.rfftfreq(len(position), step)
+    share = np.cumsum(np.maximum(power - 4 * noise, 0.0) * frequencies**2)
+    return float(frequencies[np.searchsorted(share, 0.95 * share[-1])]) if share[-1] > 0 else None
+
+
+def _in_order(source: str, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, int, tuple[str, ...]]:
+    """Return samples in the order of their stamps, the stamps from zero [s], how many were misplaced, and notes.
+
+    A file that holds its newest row first is turned round. Parts whose clock begins again follow one another, a pause
+    between them.
+    """
+    samples, order = len(time), np.arange(len(time))
+    notes: tuple[str, ...] = ()
+    # A stamp that is far from those beside it, which are near each other, is damaged.
+    there, back = np.diff(time)[:-1], np.diff(time)[1:]
+    far = LONGEST_SETBACK * float(np.median(np.abs(np.diff(time)))) if samples > 1 else 0.0
+    stray = (np.minimum(np.abs(there), np.abs(back)) > far) & (np.abs(there + back) <= far)
+    if stray.any():
+        order = np.delete(order, np.flatnonzero(stray) + 1)
+        notes = (f"{samples - len(order)} samples have a stamp far from those before and after, and were left out",)
+        samples = len(order)
+    if np.count_nonzero(np.diff(time[order]) < 0) > MOSTLY * samples:
+        order, notes = order[::-1], (*notes, "the file has its newest row first: it was turned round")
+    stamps = time[order]
+    setbacks = np.maximum.accumulate(stamps) - stamps
+    disordered = int(np.count_nonzero(setbacks > 0))
+    steps = np.diff(stamps)
+    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    starts = np.flatnonzero(steps < -LONGEST_SETBACK * usual) + 1
+    if len(starts):
+        parts = [part[np.argsort(stamps[part], kind="stable")] for part in np.split(np.arange(samples), starts)]
+        place = int(starts[0])
+        if len(parts) > MOST_PARTS or min(map(len, parts)) < SHORTEST_PART:
+            raise LogError(
+                f"{source}: time runs backwards {len(starts)} times, first at sample {place + 1}, by "
+                f"{stamps[place - 1] - stamps[place]:.4g} s: rows of several logs or clocks are mixed; keep those of "
+                "one in the file, or sort them by a column that counts them"
+            )
+        parts.sort(key=lambda part: stamps[part[0]])
+        ends = [stamps[part[-1]] for part in parts]
+        if all(stamps[after[0]] > end for after, end in zip(parts[1:], ends[:-1], strict=True)):
+            said = f"its {len(parts)} parts lay in the file in another order, and were put in order"
+            disordered = 0
+        else:
+            # Runs by one clock that began again: behind each other, as they lie in the file.
+            parts.sort(key=lambda part: part[0])
+            shifted, end = stamps.copy(), stamps[parts[0][0]] - PAUSE
+            for part in parts:
+                shifted[part] += end + PAUSE - stamps[part[0]]
+                end = shifted[part[-1]]
+            stamps = shifted
+            disordered = int(sum(np.count_nonzero(np.diff(part) < 0) for part in parts))
+            said = (
+                f"the clock begins again at sample {place + 1}: the {len(parts)} parts were taken for runs of one "
+                "joint, one after the other; if they are not, cut the file there"
+            )
+        order, stamps = order[np.concatenate(parts)], stamps[np.concatenate(parts)]
+        return order, stamps - stamps[0], disordered, (*notes, said)
+    if disordered > LARGEST_LOSS * samples and not (np.diff(np.sort(stamps)) > 0).all():
+        raise LogError(
+            f"{source}: time runs backwards at {disordered} of {samples} samples, and stamps come twice: rows of "
+            "several logs or clocks are mixed; keep those of one in the file"
+        )
+    sort = np.argsort(stamps, kind="stable")
+    return order[sort], stamps[sort] - stamps[sort[0]], disordered, notes
+
+
+def _distinct(source: str, order: np.ndarray, stamps: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+    """Return the samples with one sample a stamp, the first in the file; a note where the stamps are merely coarse."""
+    fresh = np.concatenate(([True], np.diff(stamps) > 0))
+    doubled = int(np.count_nonzero(~fresh))
+    if doubled >= FEWEST_COARSE and fresh.sum() > FEWEST_COARSE:
+        # Even samples under rounded stamps stay within one unit of a straight line.
+        unit = float(np.diff(stamps[fresh]).min())
+        count = np.arange(len(stamps))
+        slope = float(np.polyfit(count, stamps, 1)[0])
+        if np.ptp(stamps - slope * count) <= 1.05 * unit:
+            note = f"{doubled} samples share a time stamp, rounded to {unit:.3g} s: they were taken {slope:.4g} s apart"
+            return order, slope * count, (note,)
+    if doubled > LARGEST_LOSS * len(stamps):
+        raise LogError(
+            f"{source}: time stands still: {doubled} of {len(stamps)} samples have the stamp of another one; log "
+            "stamps with more digits, or give the rate instead (--rate)"
+        )
+    return order[fresh], stamps[fresh], ()
+
+
+def _without_pauses(stamps: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+    """Return stamps whose pauses take `PAUSE` and no more, the indices of the pauses, and a note of them."""
+    intervals = np.diff(stamps)
+    pauses = np.flatnonzero(intervals > 0.999 * PAUSE)
+    if not len(pauses):
+        return stamps, pauses, ()
+    shortened = np.concatenate(([0.0], np.cumsum(np.where(intervals > PAUSE, PAUSE, intervals))))
+    first = pauses[0]
+    times = "once" if len(pauses) == 1 else f"{len(pauses)} times, first"
+    note = (
+        f"the log pauses {times} for {intervals[first]:.4g} s, at {stamps[first]:.4g} s: the parts before and after "
+        "are used as runs, and nothing between them"
+    )
+    return shortened, pauses, (note,)
+
+
+def _arrived(stamps: np.ndarray, step: float, position: np.ndarray) -> np.ndarray | None:
+    """Return even stamps for jittering ones that say when samples arrived; None where they are right as they are.
+
+    A position that was read at even times is smooth there, and as rough as its speed times the jitter at any other.
+    """
+    index = np.rint(stamps / step)
+    if abs(len(stamps) - 1 - stamps[-1] / step) < 2:
+        index = np.arange(len(stamps))
+    if (
+        len(stamps) < FEWEST_COARSE
+        or (np.diff(index) < 1).any()
+        or np.ptp(stamps - index * step) > LONGEST_STRAY * step
+    ):
+        return None
+    rough = [float(np.median(np.abs(_third_difference(times, position)))) for times in (index * step, stamps)]
+    return index * step if rough[0] < SMOOTHER * rough[1] else None
+
+
+def _third_difference(times: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return the third derivative by divided differences, shape (num_samples - 3,)."""
+    found = values
+    for order in (1, 2, 3):
+        found = order * np.diff(found) / (times[order:] - times[:-order])
+    return found
 
 
 def stands_still(time: np.ndarray) -> bool:
@@ -166,20 +356,16 @@ def stands_still(time: np.ndarray) -> bool:
     return bool(np.all(steps >= 0) and np.count_nonzero(steps == 0) > LARGEST_LOSS * len(time))
 
 
-def _refuse_backwards(source: str, setbacks: np.ndarray, disordered: int, step: float) -> None:
-    """Refuse stamps that are more than a little out of order."""
-    far = np.flatnonzero(setbacks > LONGEST_SETBACK * step)
-    if len(far) or disordered > LARGEST_LOSS * len(setbacks):
-        place = int(far[0] if len(far) else np.flatnonzero(setbacks > 0)[0])
-        raise LogError(
-            f"{source}: time runs backwards at sample {place + 1}, by {setbacks[place]:.4g} s: are there several logs "
-            "in one file? Cut them apart"
-        )
-
-
 def _middle_step(source: str, stamps: np.ndarray) -> float:
-    """Return the median interval [s]; refuse what is not in seconds."""
-    step = float(np.median(np.diff(stamps)))
+    """Return the median interval [s]; refuse what is not in seconds, and bursts."""
+    intervals = np.diff(stamps)
+    step, within = float(np.median(intervals)), intervals[intervals < PAUSE]
+    if len(within) and within.mean() > MOST_POINTS * step and within.mean() < LONGEST_STEP:
+        raise LogError(
+            f"{source}: the time stamps come in bursts, {step:.3g} s apart within one and up to {within.max():.3g} s "
+            "between them: they say when rows arrived; write the sensor's own stamps into the time column, or take "
+            "that column out and give --rate"
+        )
     if not SHORTEST_STEP <= step <= LONGEST_STEP:
         raise LogError(
             f"{source}: one sample every {step:.3g} s; expected {SHORTEST_STEP:g} s to {LONGEST_STEP:g} s: are the "
@@ -188,8 +374,10 @@ def _middle_step(source: str, stamps: np.ndarray) -> float:
     return step
 
 
-def _refined(stamps: np.ndarray, step: float) -> tuple[float, int]:
-    """Return the step [s] and the number of steps in the log, from the median interval, which jitter makes uncertain.
+def _refined(stamps: np.ndarray, step: float) -> tuple[float, int, float]:
+    """Return the step [s], the number of steps in the log, and how well the stamps fit them, 1 for even ones.
+
+    step: the median interval, which jitter makes uncertain.
 
     The step is the period at which |Σ exp(2πi t/step)| is largest, sought in the first stamps around the median, then
     more and more finely in twice as many. Counting intervals would add up the errors of jitter and missing samples.
@@ -205,10 +393,10 @@ def _refined(stamps: np.ndarray, step: float) -> tuple[float, int]:
         length = min(2 * length, len(stamps))
         candidates = step * (1 + np.arange(-4, 5) / (8 * length))
     # The first stamp jitters like all others, so the grid's phase is taken from all of them.
-    phase = float(np.angle(np.exp(2j * np.pi * stamps / step).mean())) / (2 * np.pi)
-    index = np.rint(np.minimum(stamps / step, 1e15) - phase)
+    pointer = np.exp(2j * np.pi * stamps / step).mean()
+    index = np.rint(stamps / step - float(np.angle(pointer)) / (2 * np.pi))
     points = max(1, int(index[-1] - index[0]))
-    return float(stamps[-1] / points), points
+    return float(stamps[-1] / points), points, float(np.abs(pointer))
 
 
 def _rounded(stamps: np.ndarray, step: float) -> bool:
@@ -224,11 +412,10 @@ def _rounded(stamps: np.ndarray, step: float) -> bool:
     return bool(np.ptp(residual) <= 1.05 * spread)
 
 
-def _valid(times: np.ndarray, stamps: np.ndarray, step: float) -> np.ndarray:
+def _valid(times: np.ndarray, stamps: np.ndarray, step: float, bridge: float) -> np.ndarray:
     """Return False for the points of the grid in a long gap, or within `MARGIN` points of one."""
     valid = np.ones(len(times), dtype=bool)
-    # So many missing samples make an interval of one step more; the half step is for jitter.
-    for place in np.flatnonzero(np.diff(stamps) > (LONGEST_BRIDGE + 1.5) * step):
+    for place in np.flatnonzero(np.diff(stamps) > bridge):
         first = np.searchsorted(times, stamps[place] - (MARGIN - 0.5) * step)
         last = np.searchsorted(times, stamps[place + 1] + (MARGIN - 0.5) * step)
         valid[first:last] = False
@@ -240,6 +427,9 @@ def resample(grid: Grid, values: np.ndarray, command: bool = False) -> np.ndarra
 
     values: the signal at all samples of the log, shape (num_samples,); command: if it is held between changes, hold it.
     """
+    # Imported here: whoever reads a log's rows, in a process of its own say, has no use for it.
+    from scipy.interpolate import make_interp_spline
+
     order = values[grid.order]
     if grid.on_grid and len(order) == len(grid.times):
         return order.copy()
@@ -248,7 +438,7 @@ def resample(grid: Grid, values: np.ndarray, command: bool = False) -> np.ndarra
         place = np.searchsorted(grid.stamps, grid.times + EVEN * grid.step, side="right") - 1
         return order[np.clip(place, 0, len(order) - 1)]
     result = np.interp(grid.times, grid.stamps, order)
-    breaks = np.flatnonzero(np.diff(grid.stamps) > (LONGEST_BRIDGE + 1.5) * grid.step) + 1
+    breaks = np.flatnonzero(np.diff(grid.stamps) > grid.bridge) + 1
     for part in np.split(np.arange(len(order)), breaks):
         # A cubic needs four points; the straight lines stand.
         if len(part) < 4:

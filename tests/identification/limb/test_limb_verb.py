@@ -57,7 +57,7 @@ def test_alone_the_joints_are_wrong_and_a_word_is_said(
         (["--robot", "none.xml"], "there is no such"),
         (["--robot", "go3"], "unknown robot 'go3'"),
         (["--robot", "go2"], "unknown joint 'pan'"),
-        (["--robot", ARM6.robot, "--joint", "pan"], "--joint with --robot"),
+        (["--robot", ARM6.robot, "--joint", "pant"], "unknown joint 'pant'"),
         (["--robot", ARM6.robot, "--up", "0", "0", "0"], "direction up"),
     ],
 )
@@ -69,3 +69,15 @@ def test_what_a_user_can_mend_is_one_line(
     captured = capsys.readouterr()
     assert said in captured.err and captured.err.count("\n") == 1 and not captured.out
     assert not (tmp_path / "out").exists()
+
+
+def test_one_joint_can_be_asked_for_and_has_the_arm_s_model(
+    arm: tuple[Path, Truth], tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """The elbow as among all, and alone in the results; the motion of the others is taken off."""
+    log, truth = arm
+    flags = ["--robot", ARM6.robot, "--joint", "elbow"]
+    assert main(["identify", str(log), *flags, "--out", str(tmp_path)]) == 0
+    joints = load_joints(tmp_path / "joints.json").joints
+    assert list(joints) == ["elbow"] and joints["elbow"].coulomb_friction is not None
+    assert joints["elbow"].coulomb_friction.value == pytest.approx(truth.coulomb_friction[2], rel=0.25)

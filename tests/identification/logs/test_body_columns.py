@@ -10,13 +10,12 @@ import pytest
 
 import damage
 import logfiles
-from bounded import bounded
+from bounded import bounded, read_here
 from stiction.core.errors import LogError
 from stiction.files.log import BODY, Log
 from stiction.files.tables import publish_npz, write_csv
-from stiction.identification.logs import open_log, parse_columns
+from stiction.identification.logs import apart, open_log, parse_columns
 from stiction.identification.logs.imu import IMU
-from stiction.identification.logs.ros import DEFINITIONS
 
 SAMPLES = 40
 TIME = 0.002 * np.arange(SAMPLES)
@@ -141,11 +140,11 @@ def test_a_record_a_line_of_unitree_s(tmp_path: Path) -> None:
 
 
 VECTOR = "=" * 80 + "\nMSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n"
-DEFINITIONS_HERE = DEFINITIONS | {
+DEFINITIONS_HERE = logfiles.DEFINITIONS | {
     IMU: "std_msgs/Header header\ngeometry_msgs/Quaternion orientation\nfloat64[9] orientation_covariance\n"
     "geometry_msgs/Vector3 angular_velocity\nfloat64[9] angular_velocity_covariance\n"
     "geometry_msgs/Vector3 linear_acceleration\nfloat64[9] linear_acceleration_covariance\n"
-    + DEFINITIONS["sensor_msgs/msg/JointState"].partition("float64[] effort")[2].lstrip("\n")
+    + logfiles.DEFINITIONS["sensor_msgs/msg/JointState"].partition("float64[] effort")[2].lstrip("\n")
     + "=" * 80
     + "\nMSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"
     + VECTOR
@@ -227,8 +226,10 @@ def test_unitree_s_state_holds_the_body_too(tmp_path: Path, feet: bool) -> None:
     expect(log, BODY if feet else BODY[:3], 1e-5)
 
 
-def test_damaged_walks_are_read_whole_or_refused(tmp_path: Path) -> None:
+def test_damaged_walks_are_read_whole_or_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A stranger's or a broken file must end in a log or in one line, never in a crash."""
+    monkeypatch.setattr(apart, "read_apart", apart.read_apart)
+    read_here()
     table = joint_table() | spread("gyroscope.{}", "xyz", GYROSCOPE) | spread("quaternion.{}", "wxyz", QUATERNION)
     write_csv(tmp_path / "walk.csv", table)
     seen = {True: 0, False: 0}

@@ -18,7 +18,7 @@ from stiction.cli.main import main
 REASONS = {
     "sidecar_of_names": "names has 80001 entries; expected at most 256",
     "sidecar_of_joints": "joints has 40001 entries; expected at most 256",
-    "mcap_of_zeros": "bytes",
+    "mcap_of_zeros": "not a whole bag",
     "mcap_of_one_message": "expected at most 65536",
     "mcap_of_small_messages": "is damaged",
     "npz_of_bytes": "its arrays would take 1006632960 bytes",
@@ -31,8 +31,8 @@ REASONS = {
     "json_of_depth": "not JSON",
     "parquet_of_one_number": "rows would take 805306368 bytes",
     "parquet_of_lists": "rows would take 268435",
-    "database_of_views": "without the table messages",
-    "database_of_a_column": "rosbag2",
+    "database_of_views": "not a whole bag",
+    "database_of_a_column": "not a whole bag",
     "database_of_one_cell": "expected at most 65536",
 }
 """Attack -> what it is refused for."""

@@ -39,13 +39,13 @@ def test_matrices_are_joints_whatever_their_numbers(tmp_path: Path, dtype: str) 
     ("change", "said"),
     [
         (lambda data: b"hello", "not a MATLAB 5.0 file"),
-        (lambda data: data[:126] + b"XX" + data[128:], "no byte order"),
-        (lambda data: data[:-3], "cut off: an element of"),
+        (lambda data: data[:126] + b"XX" + data[128:], "damaged MATLAB file"),
+        (lambda data: data[:-3], "damaged MATLAB file"),
         (lambda data: data + data[128:], "comes twice"),
         (lambda data: data[:128], "no arrays of samples"),
-        (lambda data: data + b"\x0f\0\0\0\xff\0\0\0garbage", "cut off"),
-        (lambda data: data.replace(np.arange(50.0).tobytes(), bytes(400)[:-8], 1), "cut off|numbers of"),
-        (lambda data: data.replace(b"\x32\0\0\0", b"\x31\0\0\0", 1), "numbers of float64 in 400 bytes"),
+        (lambda data: data + b"\x0f\0\0\0\xff\0\0\0garbage", "damaged MATLAB file"),
+        (lambda data: data.replace(np.arange(50.0).tobytes(), bytes(400)[:-8], 1), "damaged MATLAB file"),
+        (lambda data: data.replace(b"\x32\0\0\0", b"\x31\0\0\0", 1), "damaged MATLAB file"),
     ],
 )
 def test_damage_is_refused(tmp_path: Path, change: object, said: str) -> None:

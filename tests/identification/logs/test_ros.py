@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sqlite3
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,8 @@ from mcap.writer import CompressionType
 import logfiles
 from stiction.core.errors import LogError
 from stiction.identification.logs import open_log
-from stiction.identification.logs.ros import Topic, choose_topics
+from stiction.identification.logs.bags import Topic
+from stiction.identification.logs.ros import choose_topics
 
 STATE, ARRAY, TRAJECTORY = (
     "sensor_msgs/msg/JointState",
@@ -119,18 +119,12 @@ def test_topics_are_chosen_or_asked_for() -> None:
 
 
 def test_a_database_is_read_like_a_bag(tmp_path: Path) -> None:
-    """rosbag2's older form holds the same messages; every one must be there, and only tables are asked."""
+    """rosbag2's older form holds the same messages."""
     log = open_log(logfiles.database(tmp_path))
     np.testing.assert_allclose(log.time, logfiles.TIME, atol=1e-9)
     for index, signals in enumerate(log.joints.values()):
         np.testing.assert_array_equal(signals.position, logfiles.POSITION[:, index])
         np.testing.assert_array_equal(signals.target, logfiles.TARGET[:, index])
-    base = sqlite3.connect(tmp_path / "run.db3")
-    base.execute("DELETE FROM messages WHERE id = 7")
-    base.commit()
-    base.close()
-    with pytest.raises(LogError, match="message 7 is missing"):
-        open_log(tmp_path / "run.db3")
     (tmp_path / "x.db3").write_bytes(b"hello")
     with pytest.raises(LogError, match="not a rosbag2 database"):
         open_log(tmp_path / "x.db3")
@@ -167,3 +161,27 @@ def test_unitree_s_layouts_are_those_of_its_definitions(tmp_path: Path, family: 
         assert set(signals.velocity) == {100 + number} and set(signals.torque) == {200 + number}  # type: ignore[arg-type]
         assert set(signals.target) == {300 + number}  # type: ignore[arg-type]
     assert "the commands carry the gains kp 20, 20, 20; kd 1.5, 1.5, 1.5" in log.notes[-1]
+
+
+def test_a_bag_of_ros_1_is_read_without_ros(tmp_path: Path) -> None:
+    """Joint states and commands of ROS 1 are those of ROS 2 but for the header's count."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    types = get_typestore(Stores.ROS1_NOETIC)
+    made = types.types
+    with Writer(tmp_path / "run.bag") as writer:
+        topics = {
+            name: writer.add_connection(name, STATE, typestore=types) for name in ("/joint_command", "/joint_states")
+        }
+        for topic, _, received, fields in logfiles.joint_messages():
+            stamp = fields["header"]["stamp"]
+            time = made["builtin_interfaces/msg/Time"](stamp["sec"], stamp["nanosec"])
+            numbers = [np.array(fields[name], float) for name in ("position", "velocity", "effort")]
+            message = made[STATE](made["std_msgs/msg/Header"](1, time, ""), fields["name"], *numbers)
+            writer.write(topics[topic], received, types.serialize_ros1(message, STATE))
+    log = open_log(tmp_path / "run.bag")
+    np.testing.assert_allclose(log.time, logfiles.TIME, atol=1e-9)
+    for index, signals in enumerate(log.joints.values()):
+        np.testing.assert_array_equal(signals.position, logfiles.POSITION[:, index])
+        np.testing.assert_array_equal(signals.target, logfiles.TARGET[:, index])

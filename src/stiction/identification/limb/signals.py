@@ -16,6 +16,7 @@ from stiction.files.joint_map import parse_joint_map
 from stiction.files.log import Log
 from stiction.identification.checks import LARGEST_TIME, Uniform, check_excitation
 from stiction.identification.prepare import choose_cutoff, derivatives, low_pass, make_rows, position_noise, prepare
+from stiction.identification.readings import read_once
 from stiction.identification.regression import check_rows
 from stiction.identification.runs import Run, driven_signals, in_si
 from stiction.identification.setup import LARGEST_VALUE, IdentifySetup
@@ -94,6 +95,7 @@ def match_joints(log: Log, mechanism: Mechanism, pairs: tuple[str, ...]) -> dict
 def limb_run(log: Log, mechanism: Mechanism, declared: IdentifySetup, pairs: tuple[str, ...] = ()) -> LimbRun:
     """Check and filter all joints of a log. Raises `StictionError` where none can be identified."""
     numbers = match_joints(log, mechanism, pairs)
+    log = read_once(log)
     angles = _angles(log, mechanism, numbers, declared)
     checked: dict[str, tuple[IdentifySetup, Uniform, np.ndarray, np.ndarray]] = {}
     refused: dict[str, str] = {}
@@ -146,13 +148,14 @@ def _angles(log: Log, mechanism: Mechanism, numbers: dict[str, int], declared: I
                 f"{log.source}: {name} has no position, or one that is not finite; how a joint moves is needed for all "
                 "of them: cut those rows out, or log it"
             )
-    grid, _ = even_grid(log.source, log.time)
-    angles = np.tile(np.array(mechanism.rest), (len(grid.times), 1))
+    columns = {}
     for recorded, number in numbers.items():
         position = in_si(log.joints[recorded], declared.with_sidecar(log.setup_of(recorded))).position
         assert position is not None
-        angles[:, number] = resample(grid, position)
-    return angles
+        # As `check_log` does it, joint by joint: the times are the same for all.
+        columns[number] = resample(even_grid(log.source, log.time, position)[0], position)
+    samples = len(next(iter(columns.values())))
+    return np.stack([columns.get(number, np.full(samples, rest)) for number, rest in enumerate(mechanism.rest)], axis=1)
 
 
 def _check_joint(

@@ -79,6 +79,27 @@ def seconds(time: np.ndarray, name: str, scale: float | None) -> tuple[np.ndarra
     return (*_scaled(time, unit), said)
 
 
+COUNTERS = tuple(2**bits * unit for bits in (32, 16) for unit in (1e-9, 1e-6, 1e-3))
+"""Time after which a counter of 32 or 16 bits begins again, in ns, µs or ms [s]."""
+
+
+def unwrapped(time: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Return stamps [s] of a counter that did not begin again, and a note where it had.
+
+    A step back is a counter's where, on top of its range, it is a usual step, and the stamps cover no more than it.
+    """
+    steps = np.diff(time)
+    usual = _step(time)
+    for counter in COUNTERS:
+        back = steps < -0.5 * counter
+        if not back.any() or counter <= 100 * usual or np.ptp(time) > counter:
+            continue
+        if (np.abs(steps[back] + counter - usual) <= 20 * usual).all() and (steps[~back] > -20 * usual).all():
+            turns = np.concatenate(([0], np.cumsum(back)))
+            return time + counter * turns, (f"the clock's counter begins again after {counter:.6g} s: unwrapped",)
+    return time, ()
+
+
 def _scaled(time: np.ndarray, scale: float) -> tuple[np.ndarray, float]:
     """Return stamps in seconds, and what was taken off them: large ones count from the first, which keeps digits."""
     if scale == 1.0:

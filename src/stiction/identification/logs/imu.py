@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import struct
 from array import array
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -16,16 +15,13 @@ from stiction.core.errors import LogError
 from stiction.core.memory import claim
 from stiction.core.rotation import continuous
 from stiction.files.log import BodySignals
-from stiction.identification.logs.containers import LARGEST_MESSAGE, Packet, Topic
+from stiction.identification.logs.bags import Bag, Packet, Topic
 from stiction.identification.logs.unitree import STATE_KINDS, decode_body
 
 IMU = "sensor_msgs/msg/Imu"
 
 KINDS = (IMU, *STATE_KINDS)
 """Types that say how the body moves."""
-
-LONGEST_FRAME = 1024
-"""Nobody names a frame with more [B]."""
 
 WIDTHS = {"quaternion": 4, "gyroscope": 3, "accelerometer": 3, "foot_force": 4}
 
@@ -47,7 +43,7 @@ def choose_imu(source: str, found: list[Topic], asked: str | None, state: Topic)
 
 
 def read_body(
-    source: str, packets: Iterator[Packet], topic: Topic, stamps: np.ndarray, by_receipt: bool
+    source: str, bag: Bag, topic: Topic, stamps: np.ndarray, by_receipt: bool
 ) -> tuple[BodySignals, np.ndarray, tuple[str, ...]]:
     """Return the body's signals at the stamps of the states [ns], shape (T,), which of those they cover, and notes.
 
@@ -55,11 +51,9 @@ def read_body(
     """
     numbers: dict[str, array] = {name: array("d") for name in WIDTHS}
     headers, received = array("q"), array("q")
-    for packet in packets:
-        if packet.encoding != "cdr" or len(packet.data) > LARGEST_MESSAGE:
-            raise LogError(f"{source}: a message on {topic.name} is not CDR of at most {LARGEST_MESSAGE} bytes")
+    for packet in bag.packets(topic):
         try:
-            stamp, values = _decode(topic.schema, packet.data)
+            stamp, values = _content(bag, packet)
         except (struct.error, ValueError, IndexError) as error:
             raise LogError(f"{source}: a message on {topic.name} is damaged ({str(error)[:80]})") from error
         headers.append(stamp)
@@ -97,21 +91,17 @@ def read_body(
     return moved, covered, tuple(notes)
 
 
-def _decode(kind: str, data: bytes) -> tuple[int, dict[str, list[float]]]:
+def _content(bag: Bag, packet: Packet) -> tuple[int, dict[str, list[float]]]:
     """Return stamp [ns], 0 where there is none, and field -> numbers."""
-    if kind != IMU:
-        return 0, decode_body(kind, data)
-    if len(data) < 4 or data[0] != 0 or data[1] not in (0, 1):
-        raise ValueError("not plain CDR")
-    order = "<" if data[1] == 1 else ">"
-    seconds, nanoseconds, length = struct.unpack_from(f"{order}iII", data, 4)
-    if length > LONGEST_FRAME:
-        raise ValueError("its frame has a name without an end")
-    place = -(-(12 + length) // 8) * 8  # doubles stand at multiples of eight from the message's start
-    # Orientation (4), rates (3) and acceleration (3), each followed by its covariance (9).
-    read = struct.unpack_from(f"{order}37d", data, 4 + place)
-    x, y, z, w = read[:4]
-    values = {"quaternion": [w, x, y, z], "gyroscope": list(read[13:16]), "accelerometer": list(read[25:28])}
-    if read[4] == -1:  # the type's word for no orientation
+    if packet.topic.schema != IMU:
+        return 0, decode_body(packet.topic.schema, packet.data)
+    message = bag.decode(packet)
+    attitude, rate, force = message.orientation, message.angular_velocity, message.linear_acceleration
+    values = {
+        "quaternion": [attitude.w, attitude.x, attitude.y, attitude.z],
+        "gyroscope": [rate.x, rate.y, rate.z],
+        "accelerometer": [force.x, force.y, force.z],
+    }
+    if message.orientation_covariance[0] == -1:  # the type's word for no orientation
         values["quaternion"] = [0.0] * 4
-    return seconds * 10**9 + nanoseconds, values
+    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec, values

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from stiction.core.errors import LogError, unknown_name
-from stiction.files.log import BODY, SIGNALS, UNNAMED, JointSignals, by_joint, listed
+from stiction.files.log import BODY, SIGNALS, UNNAMED, JointSignals, LogSetup, TorqueColumn, by_joint, listed
 from stiction.files.tables import WIDEST_MATRIX, Columns, Table
 
 PLACE = "{joint}"
@@ -75,6 +75,34 @@ OTHER_TIMES = re.compile(
 TIME_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 """Unit in a column's name -> seconds."""
 
+UNITS = {
+    **dict.fromkeys(("deg", "degree", "degrees", "°"), ("angle", np.pi / 180)),
+    **dict.fromkeys(("deg/s", "deg/sec", "°/s", "dps", "degrees/s"), ("angle", np.pi / 180)),
+    **dict.fromkeys(("rad", "rads", "radian", "radians", "rad/s", "rad/sec", "rads/s"), ("angle", 1.0)),
+    **dict.fromkeys(("rev", "revs", "turn", "turns", "rev/s", "turns/s", "rps"), ("angle", 2 * np.pi)),
+    "rpm": ("angle", 2 * np.pi / 60),
+    "mrad": ("angle", 1e-3),
+    **dict.fromkeys(("nm", "n m", "n*m", "n·m", "n-m", "n.m"), ("torque", 1.0)),
+    **dict.fromkeys(("mnm", "mn m", "n mm", "nmm", "mn·m", "n·mm"), ("torque", 1e-3)),
+    "knm": ("torque", 1e3),
+    **dict.fromkeys(("a", "amp", "amps", "ampere"), ("current", 1.0)),
+    "ma": ("current", 1e-3),
+    **dict.fromkeys(("v", "volt", "volts"), ("voltage", 1.0)),
+    "mv": ("voltage", 1e-3),
+    **dict.fromkeys(("%", "percent"), ("duty", 0.01)),
+    **dict.fromkeys(("s", "sec", "ms", "us", "µs", "ns", "n", "m", "m/s", "-", ""), ("", 1.0)),
+}
+"""Unit in brackets behind a title, in lower case -> kind of signal, and what one of it is in SI."""
+
+TITLE = re.compile(r"\s*(.*?)[\s_]*[\[(]\s*([^\[\]()]*?)\s*[\])]\s*")
+"""A title with something in brackets behind it."""
+
+DRIVEN: tuple[TorqueColumn, ...] = ("current", "voltage", "duty")
+"""Kinds of unit that a torque column has where it holds what drives the motor."""
+
+SUFFIX = re.compile(r".*_(deg|degrees|rpm|mnm)", re.IGNORECASE)
+"""A title that ends in a unit which is not SI."""
+
 DRIVES = {
     **dict.fromkeys(("pwm", "duty", "duty_cycle", "present_pwm"), "duty"),
     **dict.fromkeys(("voltage", "motor_voltage", "volts"), "voltage"),
@@ -119,6 +147,8 @@ class Found:
     """The columns that are in use, the time's too."""
     notes: tuple[str, ...] = ()
     """What a reader of the results should know about the choice."""
+    setups: dict[str, LogSetup] = field(default_factory=dict)
+    """Joint -> scales that follow from units in the titles; joints in SI have none."""
 
 
 def parse_columns(words: Sequence[str]) -> dict[str, str]:
@@ -145,7 +175,7 @@ def find_signals(source: str, table: Table, columns: Mapping[str, str] | None, j
     none. Joints that have only a number are called `joint_0`, `joint_1`, ... Raises `LogError`, also where a column
     that is in use is none of numbers.
     """
-    names = table.columns
+    names, units = _without_units(table.columns, columns or {})
     notes: tuple[str, ...] = ()
     if columns:
         time_name, joints = _mapped(source, names, columns, joint)
@@ -160,12 +190,67 @@ def find_signals(source: str, table: Table, columns: Mapping[str, str] | None, j
     time = names[time_name] if time_name else None
     # Signals hold the table's own arrays, so identity tells which columns are in use, however they were chosen.
     used = {id(array) for signals in joints.values() for array in vars(signals).values() if array is not None}
-    chosen = tuple(name for name, array in names.items() if id(array) in used or name == time_name)
+    chosen = tuple(
+        name for name, array in table.columns.items() if id(array) in used or (time is not None and array is time)
+    )
     for name in chosen:
         if name in table.faults:
             fault = table.faults[name]
             raise LogError(fault if fault.startswith(f"{source}:") else f"{source}: {fault}")
-    return Found(time, joints, time_name or "", chosen, notes)
+    setups = {}
+    for name, signals in joints.items():
+        joints[name], setup, said = _by_units(signals, units)
+        if setup != LogSetup():
+            setups[name] = setup
+        notes += tuple(f"joint {name!r}: {one}" for one in said)
+    return Found(time, joints, time_name or "", chosen, tuple(dict.fromkeys(notes)), setups)
+
+
+def _without_units(table: Columns, mapped: Mapping[str, str]) -> tuple[Columns, dict[int, str]]:
+    """Return the columns by titles without units in brackets, and id of array -> unit.
+
+    mapped: role -> column, whose titles stay. A role's first letter may be a capital one.
+    """
+    names: Columns = {}
+    units: dict[int, str] = {}
+    kept = {word for name in mapped.values() for word in (name, *name.split(","))}
+    for name, values in table.items():
+        match, bare = TITLE.fullmatch(name), name
+        if match and match[2].lower() in UNITS and not OTHER_TIMES.fullmatch(name.lower()):
+            bare, units[id(values)] = match[1], match[2]
+        elif suffix := SUFFIX.fullmatch(name):
+            units[id(values)] = suffix[1]
+        role, dot, owner = bare.partition(".")
+        bare = f"{role.lower()}{dot}{owner}" if role.lower() in ROLES else bare
+        names[name if name in kept or PLACE in "".join(kept) or bare in table or bare in names else bare] = values
+    return names, units
+
+
+def _by_units(signals: JointSignals, units: Mapping[int, str]) -> tuple[JointSignals, LogSetup, tuple[str, ...]]:
+    """Return signals whose angles have the position's unit, the scales of a setup, and what the titles said."""
+    found = {
+        role: (unit, *UNITS[unit.lower()])
+        for role, values in vars(signals).items()
+        if values is not None and (unit := units.get(id(values)))
+    }
+    setup, changed = LogSetup(), {}
+    of_position = found["position"][2] if "position" in found else 1.0
+    if of_position != 1.0:
+        setup = replace(setup, position_scale=of_position)
+    for role, (_, kind, factor) in found.items():
+        if role in ("velocity", "target") and kind == "angle" and factor != of_position:
+            changed[role] = factor / of_position * getattr(signals, role)
+        elif role in ("disturbance", "feedforward") and factor != 1.0:
+            changed[role] = factor * getattr(signals, role)
+        elif role == "torque" and kind in ("torque", *DRIVEN):
+            setup = replace(setup, torque_scale=None if factor == 1.0 else factor)
+            setup = replace(setup, torque_column=next((one for one in DRIVEN if one == kind), None))
+    odd: dict[str, list[str]] = {}
+    for role, (unit, _, factor) in found.items():
+        if factor != 1.0:
+            odd.setdefault(unit, []).append(role)
+    said = tuple(f"{' and '.join(roles)} in {unit}, as the title says" for unit, roles in odd.items())
+    return replace(signals, **changed), setup, said
 
 
 def find_time(columns: Mapping[str, np.ndarray]) -> str | None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import wraps
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -27,26 +28,27 @@ from stiction.files.log import (
 )
 from stiction.files.run_log import find_run_log, joint_log, read_run_log
 from stiction.files.tables import Table
+from stiction.identification.logs.apart import log_apart, table_apart
 from stiction.identification.logs.body import find_body
-from stiction.identification.logs.cells import check_stamps, complete_rows, cut, seconds
-from stiction.identification.logs.matlab import read_mat
+from stiction.identification.logs.cells import check_stamps, complete_rows, cut, seconds, unwrapped
+from stiction.identification.logs.mend import mend
 from stiction.identification.logs.naming import TOPICS, find_signals
-from stiction.identification.logs.pace import read_pace
 from stiction.identification.logs.records import read_records
-from stiction.identification.logs.ros import read_ros
 from stiction.identification.timing import stands_still
 
-KINDS = ".csv (.tsv, .txt, .gz), .npz, .parquet, .json, .jsonl, .mcap, .db3, .pt or .mat"
+KINDS = ".csv (.tsv, .txt, .gz), .npz, .parquet, .json, .jsonl, .mcap, .db3, .bag, .pt or .mat"
 """What can be read."""
 
-BAGS = (".mcap", ".db3")
+BAGS = (".mcap", ".db3", ".bag")
 """Files of messages."""
+
+APART = (".mat", ".pt", ".parquet")
+"""Tables whose parsers run in a process of their own."""
 
 JSONS = (".json", ".jsonl", ".ndjson", ".json.gz", ".jsonl.gz", ".ndjson.gz")
 """Records as text."""
 
 ELSEWHERE = {
-    ".bag": "a bag of ROS 1: rostopic echo -b FILE -p /joint_states > log.csv",
     ".ulg": "a log of PX4: ulog2csv FILE",
     ".h5": "HDF5: in Python numpy.savez('log.npz', time=..., position=...)",
     ".hdf5": "HDF5: in Python numpy.savez('log.npz', time=..., position=...)",
@@ -59,10 +61,34 @@ ELSEWHERE = {
 }
 """Suffix that is not read -> what it is, and the nearest way in."""
 
-READ = (*BAGS, *JSONS, *TEXT, ".npz", ".parquet", ".pt", ".mat")
+READ = (*BAGS, *JSONS, *TEXT, *APART, ".npz")
 """How the names of files end that are read."""
 
 
+Read = TypeVar("Read")
+
+
+def _unquoted(reader: Callable[..., Read]) -> Callable[..., Read]:
+    """Return a reader whose refusal quotes nothing of a file that was reached through a link.
+
+    A log from a stranger may be a link to a file of the reader's, whose words would end in a report.
+    """
+
+    @wraps(reader)
+    def read(path: Path, *arguments: Any, **named: Any) -> Read:
+        try:
+            return reader(path, *arguments, **named)
+        except LogError as error:
+            if not path.is_symlink() or not path.exists():
+                raise
+            raise LogError(
+                f"{path.name}: a link to what cannot be read as this log; give the file itself, whose refusal says why"
+            ) from error
+
+    return read
+
+
+@_unquoted
 def open_log(
     path: Path,
     columns: Mapping[str, str] | None = None,
@@ -108,13 +134,19 @@ def open_log(
         raise LogError(f"{path.name}: {odd[0]}= is of a walking robot's body; for that kind of log: identify walk")
     if suffix in BAGS:
         _refuse(path.name, stamps, "is a bag, whose messages have stamps")
-        log = read_ros(path, columns, body)
+        log = log_apart(path, columns, body)
     elif topics:
-        raise LogError(f"{path.name}: {topics[0]}= names a topic of an MCAP file; for this kind of log map columns")
+        raise LogError(f"{path.name}: {topics[0]}= names a topic of a bag; for this kind of log map columns")
     else:
         log = _from_table(path, columns, joint, setup, body, stamps)
-    log = cut(log, setup.begin, setup.end)
-    return replace(log, setup=setup, joints=_named(path.name, log.joints, names or setup.names))
+    log = mend(cut(log, setup.begin, setup.end))
+    joints = _named(path.name, log.joints, names or setup.names)
+    for name, by_title in zip(joints, map(log.setup.of_joint, log.joints), strict=True):
+        known = setup.of_joint(name).to_dict() | {"columns": {}}
+        if scales := {key: value for key, value in by_title.to_dict().items() if key not in known}:
+            of_joint = replace(setup.joints.get(name, LogSetup()), **scales)
+            setup = replace(setup, joints={**setup.joints, name: of_joint})
+    return replace(log, setup=setup, joints=joints)
 
 
 def _beside(path: Path) -> LogSetup:
@@ -149,14 +181,13 @@ def _of_directory(path: Path) -> str:
     return f"{path} is a directory; expected a log, a {KINDS} file"
 
 
+@_unquoted
 def read_rows(path: Path) -> Table:
     """Read a file whose samples are rows of a table."""
     _refuse_kind(path)
     suffix = suffix_of(path)
-    if suffix == ".mat":
-        return read_mat(path)
-    if suffix == ".pt":
-        return read_pace(path)
+    if suffix in APART:
+        return table_apart(path, suffix[1:])
     if suffix in JSONS:
         return read_records(path)
     return read_table(path)
@@ -195,9 +226,13 @@ def _from_table(
     else:
         _refuse(path.name, {"rate": stamps["rate"]}, f"has time stamps, {found.time_name}, and a rate of its own")
         time, start, said = seconds(found.time, found.time_name, setup.time_scale)
+        time, wrapped = unwrapped(time)
+        said += wrapped
         start += table.starts.get(found.time_name, 0.0)
     joints = _named(path.name, found.joints, table.names)
-    log = Log(path.name, time, joints, notes=(*notes, *said), start=start, body=measured)
+    setups = {new: found.setups[old] for new, old in zip(joints, found.joints, strict=True) if old in found.setups}
+    titled = LogSetup(joints=setups)
+    log = Log(path.name, time, joints, titled, (*notes, *said), start, measured)
     return complete_rows(log) if blank else log
 
 

@@ -1,16 +1,15 @@
-"""Bags of ROS 2: joint states and the commands that the joints were given, brought onto the states' stamps.
+"""Bags of ROS: joint states and the commands that the joints were given, brought onto the states' stamps.
 
 Needs the extra `logs`. A state is a `sensor_msgs/msg/JointState` or Unitree's `LowState`; a command is a
 joint state too, or a `std_msgs/msg/Float64MultiArray`, a `trajectory_msgs/msg/JointTrajectory` of one point, or
-Unitree's `LowCmd`. The definitions of these are known here: those in the file are not parsed. Messages are decoded as
-they come, and of each no more is kept than its numbers.
+Unitree's `LowCmd`. Messages are decoded as they come, and of each no more is kept than its numbers.
 """
 
 from __future__ import annotations
 
 import struct
 from array import array
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -18,13 +17,12 @@ from typing import Any
 import numpy as np
 
 from stiction.core.errors import LogError
-from stiction.core.extras import remedy
 from stiction.core.memory import claim
 from stiction.files.log import BodySignals, JointSignals, Log
 from stiction.files.tables import WIDEST_MATRIX
 from stiction.files.unitree import STRUCTURES
+from stiction.identification.logs.bags import Bag, Packet, Topic
 from stiction.identification.logs.cells import take
-from stiction.identification.logs.containers import LARGEST_MESSAGE, Packet, Topic, read_packets
 from stiction.identification.logs.imu import choose_imu, read_body
 from stiction.identification.logs.naming import COMMAND_WORDS, TOPICS
 from stiction.identification.logs.unitree import STATE_KINDS, decode_motors, motors_of
@@ -40,29 +38,6 @@ STATES = (STATE, *STATE_KINDS)
 
 COMMANDS = (STATE, ARRAY, TRAJECTORY, *(kind for kind in STRUCTURES if kind not in STATE_KINDS))
 """Types that say what they were asked for; a joint state by its topic's name."""
-
-HEADER = """
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-"""
-
-DEFINITIONS = {
-    "sensor_msgs/msg/JointState": "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\n"
-    "float64[] effort" + HEADER,
-    "trajectory_msgs/msg/JointTrajectory": "std_msgs/Header header\nstring[] joint_names\n"
-    "trajectory_msgs/JointTrajectoryPoint[] points"
-    + HEADER
-    + "=" * 80
-    + "\nMSG: trajectory_msgs/JointTrajectoryPoint\n"
-    "float64[] positions\nfloat64[] velocities\nfloat64[] accelerations\nfloat64[] effort\n"
-    "builtin_interfaces/Duration time_from_start\n",
-    "std_msgs/msg/Float64MultiArray": "std_msgs/MultiArrayLayout layout\nfloat64[] data\n" + "=" * 80 + "\n"
-    "MSG: std_msgs/MultiArrayLayout\nstd_msgs/MultiArrayDimension[] dim\nuint32 data_offset\n" + "=" * 80 + "\n"
-    "MSG: std_msgs/MultiArrayDimension\nstring label\nuint32 size\nuint32 stride\n",
-}
-"""Type -> its definition, the same in every ROS 2."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +57,7 @@ class Series:
 
 
 def read_ros(path: Path, topics: Mapping[str, str], body: bool = False) -> Log:
-    """Read the joints of an MCAP file or a rosbag2 database, and what is known of the body where that is asked for.
+    """Read the joints of a bag, and what is known of the body where that is asked for.
 
     topics: `state`, `command` and `imu` -> topic; what is not named is chosen if there is only one candidate. The log's
     time is that of the states' headers, or of their receipt where the headers have none, in seconds from the first; the
@@ -90,13 +65,11 @@ def read_ros(path: Path, topics: Mapping[str, str], body: bool = False) -> Log:
     """
     wrong = sorted(set(topics) - set(TOPICS))
     if wrong:
-        raise LogError(f"{path.name}: {wrong[0]}= maps a column; an MCAP file has topics: state=TOPIC command=TOPIC")
-    # The file is read twice or three times rather than kept: what to keep of it depends on all of its topics.
-    found = list(dict.fromkeys(packet.topic for packet in read_packets(path)))
+        raise LogError(f"{path.name}: {wrong[0]}= maps a column; a bag has topics: state=TOPIC command=TOPIC")
+    bag = Bag(path)
     asked = {role: name for role, name in topics.items() if role != "imu"}
-    state, command = choose_topics(path.name, found, asked)
-    wanted = [state] if command is None else [state, command]
-    series = read_series(path.name, (packet for packet in read_packets(path) if packet.topic in wanted), wanted)
+    state, command = choose_topics(path.name, bag.topics, asked)
+    series = read_series(path.name, bag, [state] if command is None else [state, command])
     states = state_series(series[state])
     notes = list(states.notes)
     joints = {
@@ -116,11 +89,10 @@ def read_ros(path: Path, topics: Mapping[str, str], body: bool = False) -> Log:
     # Subtracted as integers: since 1970 there are more nanoseconds than a float has digits for.
     first = int(stamps.min())
     log = Log(path.name, (stamps - first) * 1e-9, joints, notes=tuple(notes), start=first * 1e-9)
-    imu = choose_imu(path.name, found, topics.get("imu"), state) if body else None
+    imu = choose_imu(path.name, bag.topics, topics.get("imu"), state) if body else None
     if imu is None:
         return replace(log, body=BodySignals()) if body else log
-    packets = (packet for packet in read_packets(path) if packet.topic == imu)
-    measured, covered, warned = read_body(path.name, packets, imu, stamps, states.by_receipt)
+    measured, covered, warned = read_body(path.name, bag, imu, stamps, states.by_receipt)
     return take(replace(log, body=measured), covered, warned)
 
 
@@ -265,20 +237,13 @@ Content = tuple[int, "Sequence[str]", "dict[str, Sequence[float]]"]
 """Stamp [ns], names of joints, field -> numbers."""
 
 
-def read_series(source: str, packets: Iterator[Packet], topics: list[Topic]) -> dict[Topic, Collected]:
+def read_series(source: str, bag: Bag, topics: list[Topic]) -> dict[Topic, Collected]:
     """Return the numbers of each topic. Raises `LogError`."""
     found = {topic: Collected(f"{source}: {topic.name}", topic.schema) for topic in topics}
-    decoders = {topic: _decoder(source, topic) for topic in topics}
-    for packet in packets:
+    for packet in bag.packets(*topics):
         topic = packet.topic
-        if packet.encoding != "cdr":
-            raise LogError(f"{source}: {topic.name} is encoded as {packet.encoding[:40]!r}; expected cdr")
-        if len(packet.data) > LARGEST_MESSAGE:
-            raise LogError(
-                f"{source}: a message on {topic.name} has {len(packet.data)} bytes; expected at most {LARGEST_MESSAGE}"
-            )
         try:
-            stamp, names, values = decoders[topic](packet.data)
+            stamp, names, values = _content(f"{source}: {topic.name}", bag, packet)
             found[topic].take(packet.received, stamp, names, values)
         except BROKEN_MESSAGE as error:
             raise LogError(f"{source}: a message on {topic.name} is damaged ({str(error)[:80]})") from error
@@ -286,34 +251,17 @@ def read_series(source: str, packets: Iterator[Packet], topics: list[Topic]) -> 
 
 
 BROKEN_MESSAGE = (struct.error, ValueError, IndexError, KeyError, OverflowError, RuntimeError, TypeError)
-"""What the decoder lets through for damaged messages; `UnicodeDecodeError` is of the second kind."""
+"""What the decoders let through for damaged messages; `UnicodeDecodeError` is of the second kind."""
 
 
-def _decoder(source: str, topic: Topic) -> Callable[[bytes], Content]:
-    """Return what turns a message of a topic into its stamp, names and numbers."""
-    if topic.schema in STRUCTURES:
-        names = [f"joint_{index}" for index in range(motors_of(topic.schema))]
-        return lambda data: (0, names, dict(decode_motors(topic.schema, data)))
-    try:
-        from mcap.exceptions import McapError
-        from mcap.records import Schema
-        from mcap_ros2.decoder import DecoderFactory
-    except ImportError as error:
-        raise LogError(f"{source}: bags need mcap and mcap-ros2-support; {remedy('logs')}") from error
-    schema = Schema(id=1, name=topic.schema, encoding="ros2msg", data=DEFINITIONS[topic.schema].encode())
-    decode = DecoderFactory().decoder_for("cdr", schema)
-    if decode is None:
-        raise LogError(f"{source}: {topic.schema} cannot be decoded; is mcap-ros2-support up to date?")
-    take = {STATE: _of_state, ARRAY: _of_array, TRAJECTORY: _of_trajectory}[topic.schema]
-
-    def decoded(data: bytes) -> Content:
-        try:
-            return take(f"{source}: {topic.name}", decode(data))
-        # As a ValueError it is caught with all other damage, where mcap, which Unitree's do not need, may be missing.
-        except McapError as error:
-            raise ValueError(str(error)) from error
-
-    return decoded
+def _content(source: str, bag: Bag, packet: Packet) -> Content:
+    """Return stamp, names and numbers of a message."""
+    schema = packet.topic.schema
+    if schema in STRUCTURES:
+        names = [f"joint_{index}" for index in range(motors_of(schema))]
+        return 0, names, dict(decode_motors(schema, packet.data))
+    turn = {STATE: _of_state, ARRAY: _of_array, TRAJECTORY: _of_trajectory}[schema]
+    return turn(source, bag.decode(packet))
 
 
 def _nanoseconds(stamp: Any) -> int:
