@@ -93,7 +93,7 @@ def test_a_result_never_replaces_a_log_or_its_sidecar(
         ([".", "--init"], "is a directory"),
         (["loop.csv"], "no log at loop.csv"),
         (["swing.csv", "--up", "0", "0", "1"], "--up requires --robot; add --robot"),
-        (["swing.csv", "--repeat", "half.csv"], "half.csv cannot be a repeat, leave it out or mend it: half.csv: "),
+        (["swing.csv", "--repeat", "half.csv"], "half.csv cannot be compared, leave it out or mend it: half.csv: "),
         (["swing.csv", "--set", "delay=1e200"], "delay 1e+200: expected at most 1"),
         (["swing.csv", "--out", "\udcff"], "'\\udcff' is no UTF-8 text, in which results name the command"),
     ],
@@ -103,7 +103,7 @@ def test_what_a_user_can_mend_is_one_line_and_status_1(
 ) -> None:
     """No traceback, nothing on standard output, one line on standard error."""
     monkeypatch.chdir(log.parent)
-    Path("half.csv").write_bytes(log.read_bytes()[:-12])
+    Path("half.csv").write_text("words, and no table\n")
     Path("loop.csv").symlink_to("loop.csv")
     Path("bare.csv").write_bytes(log.read_bytes())
     Path("limit.json").write_text('{"torque_limit": 2001}')

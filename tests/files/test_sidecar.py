@@ -64,7 +64,13 @@ def test_every_flag_of_a_joint_has_its_field(tmp_path: Path) -> None:
     assert flags <= {item.name for item in fields(LogSetup)}
     own = {
         **{"torque_scale": -0.12, "disturbance_scale": 35.1, "position_scale": 0.0174533, "velocity_delay": 0.001},
-        **{"hanging_angle": 0.3, "gravity": True, "cutoff": 20.0, "unknowns": ["delay"], "torque_source": "motor_side"},
+        **{
+            "hanging_angle": 0.3,
+            "gravity": True,
+            "cutoff": 20.0,
+            "unknowns": ["encoder_bias"],
+            "torque_source": "motor_side",
+        },
     }
     setup = setup_from_dict({"torque_scale": 2.0, "gravity": False, "joints": {"wrist": own}}, "x.json")
     assert setup_from_dict(setup.to_dict(), "x.json") == setup

@@ -117,8 +117,8 @@ def test_nobody_reads_a_level_from_an_invalid_fit() -> None:
 
 @pytest.mark.usefixtures("undrawn")
 def test_no_training_file_is_written_and_an_old_one_goes(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """Else the next command trains with what the run before proposed; the missing file's reason stands beside it. The
-    status is 0 as documented: results were written.
+    """Else the next command trains with what the run before proposed; the missing file's reason stands beside it. All is
+    written, and the status is 1, for a script to see.
     """
     write_log(tmp_path / "shank.csv", example_log(SATURN_LITE, SHORT))
     out = tmp_path / "out"
@@ -127,7 +127,7 @@ def test_no_training_file_is_written_and_an_old_one_goes(tmp_path: Path, capsys:
     assert (out / "training.json").exists()
     right = capsys.readouterr().out
     assert right.startswith("Dry friction is 0.4") and right.splitlines()[1].startswith("Does it matter? ")
-    assert main([*command, "--torque-scale", "2", "--overwrite"]) == 0
+    assert main([*command, "--torque-scale", "2", "--overwrite"]) == 1
     told = capsys.readouterr().out.splitlines()
     assert not (out / "training.json").exists() and load_joints(out / "joints.json").joints["shank"].objections
     assert told[0].startswith("Do first: check --torque-scale") and "2 times kp" in told[1]

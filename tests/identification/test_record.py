@@ -10,7 +10,6 @@ import pytest
 from carried import late_motion, without_torque
 from equation import equation_rows
 from stiction.files.log import JointSignals, Log, LogSetup
-from stiction.identification.consistency import disagreement
 from stiction.identification.example import LEG, SATURN_LITE, Excitation, Motor, SensorNoise, example_log
 from stiction.identification.model import Model
 from stiction.identification.pipeline import identify_joint
@@ -99,36 +98,13 @@ def test_a_log_whose_angle_is_ahead_of_the_controllers(bias: float) -> None:
 
 @pytest.mark.parametrize("measured", [True, False], ids=["torque", "positions"])
 def test_a_late_controller_is_found_and_frees_friction_of_it(measured: bool) -> None:
-    """4 ms late: found within 10 %; undeclared it would take a quarter off the viscous friction.
-
-    Without it the torque of the PD law is 4 ms early, and looks like friction that rises toward rest; with measured
-    torque the equation holds, the loop as declared does not, and the gap is named.
-    """
+    """4 ms late: found within 5 % without being asked for; unseen it would take a quarter off the viscous friction."""
     log = late_log(0.004) if measured else without_torque(late_log(0.004))
-    asked, blind = (identify_joint(log, setup=IdentifySetup(unknowns=unknowns)).record for unknowns in (("delay",), ()))
-    assert asked.delay is not None and asked.delay.value == pytest.approx(0.004, rel=0.1)
-    assert blind.delay is None
-    assert asked.diagnostics["output_error"]["viscous_friction"]["value"] == pytest.approx(0.0704, rel=0.03)
-    assert blind.diagnostics["output_error"]["viscous_friction"]["value"] < 0.8 * 0.0704
-    if measured:
-        gap = blind.diagnostics["disagreement"]["viscous_friction"]
-        assert gap["relative"] > 0.2 and gap["sigmas"] > 3
-        warning = next(text for text in blind.warnings if "disagree on viscous_friction" in text)
-        assert f"by {gap['relative']:.0%}" in warning and not any("disagree" in text for text in asked.warnings)
-    else:
-        assert (blind.friction_law["law"], asked.friction_law["law"]) == ("stribeck", "coulomb")
-        assert asked.combinations["(B + k·kd)/k"].value == pytest.approx(0.5704, rel=0.003)
-
-
-def test_a_gap_between_estimators_by_hand() -> None:
-    """The regression says 0.07, output error 0.08 with twice the deviation: the gap in √5 of the regression's."""
-    fit = fit_rows(equation_rows(PLAIN | {"viscous_friction": 0.07}, noise=0.01 * np.cos(np.arange(2000.0))), Model())
-    own = fit.estimates()["viscous_friction"]
-    other = replace(own, value=0.08, std=2 * own.std)
-    gap = disagreement(fit, {"viscous_friction": other, "offset": own})
-    assert set(gap) == {"viscous_friction"}
-    assert gap["viscous_friction"]["relative"] == pytest.approx(abs(own.value - 0.08) / own.value)
-    assert gap["viscous_friction"]["sigmas"] == pytest.approx(abs(own.value - 0.08) / (own.std * 5**0.5))
+    record = identify_joint(log).record
+    assert record.delay is not None and record.delay.value == pytest.approx(0.004, rel=0.05)
+    assert record.friction_law["law"] == "coulomb"
+    viscous = record.viscous_friction if measured else record.combinations["(B + k·kd)/k"]
+    assert viscous.value == pytest.approx(0.0704 if measured else 0.5704, rel=0.01)
 
 
 def test_friction_that_drifts_is_a_warning() -> None:

@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 
 from stiction.core.errors import LogError
-from stiction.files.joints import Estimate
 from stiction.files.log import JointSignals, Log
 from stiction.identification.checks import moving_beside
 from stiction.identification.example import SATURN_LITE, Excitation, example_log
 from stiction.identification.pipeline import identify_joint, identify_log
-from stiction.identification.record import admitting, contradicted
 from stiction.identification.setup import IdentifySetup
 from stiction.identification.warnings import repeat_lines
 
@@ -94,14 +92,3 @@ def test_a_joint_that_others_disturb_is_not_told_to_move_faster() -> None:
     assert "excitation too poor" not in str(caught.value)
     with pytest.raises(LogError, match=r"joint 'knee': excitation too poor: .*; use at least two frequencies"):
         identify_joint(replace(log, joints={"knee": poor}))
-
-
-def test_an_interval_that_contradicts_the_laws_own_is_widened() -> None:
-    """12.9 to 17.3 beside 18.5 to 23: from 12.9 to 23; intervals that touch stay as they are, and so does friction."""
-    plain = {"inertia": Estimate(15.1, 1.1, (12.9, 17.3)), "coulomb_friction": Estimate(1.0, 0.1, (0.8, 1.2))}
-    law = {"inertia": Estimate(20.7, 1.1, (18.5, 23.0)), "coulomb_friction": Estimate(3.0, 0.1, (2.8, 3.2))}
-    assert contradicted(plain, law) == ("inertia",)
-    wide = admitting(plain, law)
-    assert wide["inertia"].interval95 == (12.9, 23.0) and wide["inertia"].std == pytest.approx(2.8)
-    assert wide["coulomb_friction"] == plain["coulomb_friction"] and wide["inertia"].value == 15.1
-    assert contradicted(plain, law | {"inertia": Estimate(18.0, 1.0, (17.0, 19.0))}) == ()

@@ -60,12 +60,15 @@ def test_verdict_and_level_are_decided_at_rest(rest: float, motion: float) -> No
     assert judge(held(rest, motion, "loaded")).level == math.ceil(100 * 1.02 * rest / LIMIT - 1e-9) / 100
 
 
-def test_a_joint_whose_friction_at_rest_is_not_found_is_not_called_harmless() -> None:
-    """2.4 N m at rest in too short a log: simulation and regression disagree, and there is no level."""
-    record = identify_joint(held_log(2.4, 0.1, seed=1, seconds=12.0)).record
-    assert [one.reason for one in record.objections] == ["estimators"]
-    assert "holds the joint at rest" in record.objections[0].seen
-    assert record.diagnostics["verdict"]["friction_level"] is None
+@pytest.mark.parametrize(("rest", "motion"), [(2.4, 0.1), (0.5, 0.3)])
+def test_friction_at_rest_is_found_in_a_short_log(rest: float, motion: float) -> None:
+    """12 s are enough: both frictions within 2.5 %, and their intervals hold the truth."""
+    record = identify_joint(held_log(rest, motion, seed=1, seconds=12.0)).record
+    assert record.objections == () and record.friction_law["law"] == "breakaway"
+    for estimate, true in ((record.static_friction, rest), (record.coulomb_friction, motion)):
+        assert estimate is not None and estimate.value == pytest.approx(true, rel=0.025)
+    low, high = record.static_friction.interval95
+    assert low <= rest <= high and record.friction_ratio.value == pytest.approx(rest / LIMIT, rel=0.01)
 
 
 def test_an_older_file_is_read_as_what_holds_the_joint() -> None:
@@ -85,5 +88,15 @@ def test_a_simulator_gets_friction_in_motion_and_says_so() -> None:
     """MuJoCo has one number: the one in motion, with a note that nothing more holds the model at rest."""
     found = joint_physics("shank", held(2.4, 0.1))
     assert found.friction == pytest.approx(0.1)
-    notes = beyond_coulomb(held(2.4, 0.1))
+    notes = " ".join(beyond_coulomb(held(2.4, 0.1)))
     assert "static_friction 2.4 is not represented: at rest the model is held by its friction in motion alone" in notes
+    assert "the joint by 24 times more (--friction static)" in notes
+
+
+def test_a_simulator_gets_friction_at_rest_where_that_is_asked_for() -> None:
+    """One number, that at rest, and a note on what brakes the real joint; a joint with one friction keeps it."""
+    found = joint_physics("shank", held(2.4, 0.1), which="static")
+    assert found.friction == pytest.approx(2.4) and found.record.static_friction is None
+    assert any("in motion it has 0.1, and the model is braked by too much" in note for note in found.notes)
+    plain = replace(held(2.4, 0.1), static_friction=None, friction_law=None)
+    assert joint_physics("shank", plain, which="static").friction == pytest.approx(0.1)

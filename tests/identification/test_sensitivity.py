@@ -22,6 +22,7 @@ TRUTH = {
     **{"viscous_friction_forward": 0.07, "viscous_friction_backward": 0.09},
     **{"coulomb_friction_forward": 0.44, "coulomb_friction_backward": 0.34},
     **{"static_friction": 0.5, "stribeck_velocity": 0.4, "load_coefficient": 0.1},
+    "effort_coefficient": 0.1,
     **{"position_slope": 0.2, "position_curvature": 0.3, "gravity_sin": 2.0, "gravity_cos": 0.5},
 }
 
@@ -38,11 +39,15 @@ def errors(
 
     made, joint = run(values), model.joint([values[name] for name in model.names])
     cut = segments(joint, gains, step, target, made, load)
-    torques = parameter_torques(model, values, joint, cut)
+    asked = gains.kp * (cut.target - cut.position) - gains.kd * cut.velocity
+    effort = np.where(cut.side == 0, asked, cut.side * gains.torque_limit)
+    torques = parameter_torques(model, values, joint, cut, effort)
     start = np.zeros((2, len(values)))
     start[:, len(model.names) : len(model.names) + 2] = np.eye(2)
     nothing = np.zeros_like(cut.load)
-    every = np.stack([*torques.values(), nothing, nothing, strength_torque(gains, cut)], axis=2)
+    every = np.stack(
+        [*torques.values(), nothing, nothing, strength_torque(gains, cut, joint.friction.effort_coefficient)], axis=2
+    )
     found = vary(joint, gains, cut, every, start)
     wrong = {}
     for index, name in enumerate(values):

@@ -11,8 +11,7 @@ import pytest
 from equation import equation_rows
 from held import held_log
 from stiction.core.errors import StictionError
-from stiction.files.joints import Estimate
-from stiction.identification.consistency import disagreement, friction_at
+from stiction.identification.consistency import friction_at
 from stiction.identification.example import SATURN_LITE, example_log
 from stiction.identification.intervals import jackknife_covariance, make_blocks, robust_covariance
 from stiction.identification.limb.regression import fit_limb
@@ -30,11 +29,11 @@ ALIKE = np.column_stack([np.linspace(1, 2, 40)] * 2)
 
 
 def test_a_joint_that_slips_at_once_is_identified() -> None:
-    """0.5 N m at rest, 0.3 in motion: at the Stribeck speed of the simulation the regression has no slow rows."""
+    """0.5 N m at rest, 0.3 in motion: the regression has no row of a joint at rest."""
     record = identify_joint(held_log(0.5, 0.3, 1)).record
-    assert record.objections == () and record.friction_law["law"] == "stribeck"
+    assert record.objections == () and record.friction_law["law"] == "breakaway"
     assert record.coulomb_friction.value == pytest.approx(0.3, rel=0.01)
-    assert record.static_friction.value == pytest.approx(0.5, rel=0.2)
+    assert record.static_friction.value == pytest.approx(0.5, rel=0.01)
 
 
 @pytest.mark.parametrize("speed", [1e-3, 1e-5])
@@ -50,8 +49,6 @@ def test_a_fall_of_friction_below_all_rows_leaves_the_rest_known(speed: float) -
     for name in PLAIN:
         assert estimates[name].std == pytest.approx(plain.estimates()[name].std, rel=1e-2), name
     assert np.isfinite(friction_at(fit, 1.0).std)
-    gap = disagreement(fit, {"inertia": Estimate(0.03, 0.001, (0.028, 0.032))})
-    assert gap["inertia"]["relative"] == pytest.approx(0.5, rel=0.02) and np.isfinite(gap["inertia"]["sigmas"])
 
 
 def test_covariances_of_two_alike_columns() -> None:

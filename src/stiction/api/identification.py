@@ -115,6 +115,7 @@ def identify(
     *more_logs: Log | str | Path | Any,
     joint: str | Sequence[str] = (),
     repeat: Log | str | Path | Sequence[Any] = (),
+    held_out: Log | str | Path | Any | None = None,
     robot: str | Path | None = None,
     kp: float | None = None,
     kd: float | None = None,
@@ -132,7 +133,8 @@ def identify(
         log: from `load_log` or `from_arrays`; or the path of one, or a data frame.
         more_logs: further runs of the same joints, fitted together with it.
         joint: names of the joints to identify; all of them by default.
-        repeat: further logs of the same joints that are not fitted but predicted.
+        repeat: further logs of the same joints, compared with it: hot and cold, with and without a payload.
+        held_out: a log that is predicted and not fitted; by default the last part of the log is.
         robot: for the log of a whole leg or arm that moves with its base held: a MuJoCo or URDF file, a `robot.yaml`, a
             shipped robot, or `module:NAME`, which runs that module. All joints are then found together, also where
             one alone moves; `joint` names those to report.
@@ -173,7 +175,8 @@ def identify(
     elif limb:
         raise ConfigurationError(f"{next(iter(limb))} is for the log of a whole limb; name its robot too")
     else:
-        found = identify_joints(first, setup, wanted, repeats, others, jobs, progress)
+        unseen = None if held_out is None else as_log(held_out)
+        found = identify_joints(first, setup, wanted, repeats, others, jobs, progress, unseen)
     if out is not None:
         found.save(out)
     return found
@@ -187,6 +190,7 @@ def identify_joints(
     more: Sequence[Log] = (),
     jobs: int | None = None,
     progress: Progress = silent,
+    held_out: Log | None = None,
 ) -> Identified:
     """Identify the joints of one log, or of several runs; see `identify`."""
     several = len(joints or log.joints) > 1
@@ -198,6 +202,7 @@ def identify_joints(
         lambda joint: progress(f"identifying {joint}", 1.0) if several else None,
         jobs,
         more,
+        held_out,
     )
     records = {name: result.record for name, result in found.items()} | refused
     return Identified(JointsFile(records), {name: result.fit for name, result in found.items()})
@@ -220,7 +225,7 @@ def identify_limb(
     from stiction.identification.limb.signals import match_joints
     from stiction.robots.catalog import find_mechanism
 
-    for given, what in ((repeats, "--repeat"), (more, "several runs")):
+    for given, what in ((repeats, "--repeat or --held-out"), (more, "several runs")):
         if given:
             raise ConfigurationError(
                 f"{what} with --robot: expected one log, for all its joints at once; leave that out"

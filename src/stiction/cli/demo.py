@@ -37,7 +37,7 @@ EMPS = Path("emps") / "DATA_EMPS.mat"
 
 EMPS_OPTIONS = (
     *("--columns", "time=t", "position=qm", "target=qg", "torque=vir", "--torque-scale", "35.15065"),
-    *("--kp", "1370750", "--kd", "8557.5", "--velocity-delay", "0.001", "--axis", "linear", "--joint", "drive"),
+    *("--kp", "1370750", "--kd", "8557.5", "--set", "velocity_delay=0.001", "--axis", "linear", "--joint", "drive"),
     *("--torque-source", "motor_side", "--test-condition", "loaded"),
 )
 """Columns, gains and set-up of the record, as in docs/identification.md. Its command is in volts, 35.15 N each. Its

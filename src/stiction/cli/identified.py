@@ -13,6 +13,7 @@ from stiction.files.joints import PARAMETERS, JointRecord, JointsFile
 
 def show(console: Console, joints: JointsFile, folder: Path) -> None:
     """Print for a person what was found, and lies in a folder: the verdict in three lines, numbers, and warnings."""
+    from stiction.identification.held_out import prediction_text, predictions_text
     from stiction.identification.warnings import repeat_lines
     from stiction.report.identification import lead_lines, own_warnings, remaining_warnings
 
@@ -30,6 +31,11 @@ def show(console: Console, joints: JointsFile, folder: Path) -> None:
     for name, record in found.items():
         for line in repeat_lines(record):
             console.print(f"{name}: {line}", highlight=False, markup=False, soft_wrap=True)
+        if len(found) == 1 and (held := record.diagnostics.get("held_out")) is not None:
+            line = f"{name}: {held['source']}, held out: {prediction_text(held, record.axis)}"
+            console.print(line, highlight=False, markup=False, soft_wrap=True)
+    if len(found) > 1 and (line := predictions_text(found)):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
     for text in remaining_warnings(joints):
         console.print(f"warning: {text}", highlight=False, markup=False, soft_wrap=True)
     own = own_warnings(joints)

@@ -58,7 +58,7 @@ ODD = ("--columns", "--names", "--torque-scale", "--position-scale", "--time-sca
 
 GROUPS = {
     "usually needed": (*USUAL, "--test-condition", "--joint"),
-    "odd logs": ("--init", *ODD, "--torque-column", "--join", "--repeat", "--axis"),
+    "odd logs": ("--init", *ODD, "--torque-column", "--join", "--repeat", "--held-out", "--axis"),
 }
 """The options that people use."""
 
@@ -161,6 +161,9 @@ class IdentifyConfig(WriteOptions, ReadOptions, IdentifySetup, LimbSetup):
     shipped one. All joints are then identified together, with the links' torques from the model."""
     repeat: tuple[Path, ...] = ()
     """Further logs of the same joints: repeats, hot and cold, with and without a payload. Each may have a sidecar."""
+    held_out: Path | None = None
+    """A log of the same joints that is predicted and not fitted, with a sidecar of its own; by default the last part of
+    the log is."""
     repeat_columns: Annotated[tuple[str, ...], SETTING] = field(default=(), metadata=needs("--repeat"))
     """ROLE=NAME pairs that the repeats have and the log has not: disturbance=pulses, say."""
 
@@ -214,7 +217,8 @@ def _identify_joints(config: IdentifyConfig, command: str) -> int:
     if config.init:
         print(_start_sidecar(config))
         return 0
-    for log in (*config.log, *config.repeat):
+    held_out = [] if config.held_out is None else [config.held_out]
+    for log in (*config.log, *config.repeat, *held_out):
         _keep_inputs(log, config.out)
     # Before anything is read: a folder of other results is refused at once, not after minutes of fitting.
     check_settings(config.out, _verb(config), config, RESULTS, _inputs(config))
@@ -224,22 +228,29 @@ def _identify_joints(config: IdentifyConfig, command: str) -> int:
     if config.join:
         first, more = join_logs([first, *more]), []
     repeats = [_open_repeat(config, path, joint) for path in config.repeat]
+    unseen = [_open_repeat(config, path, joint) for path in held_out]
     if config.robot is None:
         with work_progress() as progress:
-            found = identify_joints(first, setup, config.joint, repeats, more, progress=progress)
+            held = next(iter(unseen), None)
+            found = identify_joints(first, setup, config.joint, repeats, more, progress=progress, held_out=held)
     else:
         limb = part_of(LimbSetup, config)
         with Terminal(stderr=True).status("fitting all joints at once"):
-            found = identify_limb(first, config.robot, setup, limb, config.joint, repeats, more)
+            found = identify_limb(first, config.robot, setup, limb, config.joint, [*repeats, *unseen], more)
     with results_folder(config.out, _verb(config), config, RESULTS, _inputs(config)):
         found.write(config.out, command)
     if config.robot is not None:
         _print_results(config, found.file, partial(show_limb, model_error=config.model_error))
-        return 0
+        return _status(found.file)
     _print_results(config, found.file, show)
     if len(found.signals) > 1 and setup.test_condition != "bare_motor":
         Terminal(stderr=True).print(COUPLED, highlight=False, soft_wrap=True)
-    return 0
+    return _status(found.file)
+
+
+def _status(joints: JointsFile) -> int:
+    """Return the exit status: 1 where the fit of a joint is not valid."""
+    return int(any(record.objection_to("inertia") is not None for record in joints.joints.values()))
 
 
 def _start_sidecar(config: IdentifyConfig) -> str:
@@ -259,7 +270,7 @@ def _start_sidecar(config: IdentifyConfig) -> str:
 
 
 def _open_repeat(config: IdentifyConfig, path: Path, joint: str | None) -> Log:
-    """Open a repeat, which is whole, and has a sidecar of its own."""
+    """Open a repeat or a held-out log, which is whole, and has a sidecar of its own."""
     from stiction.identification.logs import parse_columns
 
     columns = parse_columns(config.columns) | parse_columns(config.repeat_columns)
@@ -267,7 +278,7 @@ def _open_repeat(config: IdentifyConfig, path: Path, joint: str | None) -> Log:
     try:
         return replace(config, columns=words, sidecar=None, begin=None, end=None).open(path, joint)
     except LogError as error:
-        raise LogError(f"{path.name} cannot be a repeat, leave it out or mend it: {error}") from error
+        raise LogError(f"{path.name} cannot be compared, leave it out or mend it: {error}") from error
 
 
 def memory_of(limit: float) -> int:
@@ -313,7 +324,7 @@ def _identify_walk(arguments: list[str]) -> int:
             write_walk_fit(options.out / "fit.npz", found.fit)
             write_walking_page(options.out, shlex.join(["stiction", "identify", WALK, *arguments]))
     _print_results(options, found.joints, show_walk)
-    return 0
+    return _status(found.joints)
 
 
 def _refuse_declared(options: WalkOptions) -> None:
@@ -342,6 +353,9 @@ def _inputs(options: IdentifyConfig | WalkOptions) -> Inputs:
         "log": with_sidecars(logs) if options.sidecar is None else logs,
         "sidecar": options.sidecar,
         "repeat": with_sidecars(repeats),
+        "held_out": []
+        if isinstance(options, WalkOptions) or options.held_out is None
+        else with_sidecars([options.held_out]),
         "robot": options.robot,
     }
 

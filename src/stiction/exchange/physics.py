@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 from stiction.core.errors import FileError
 from stiction.files.joints import ARMATURE, LOAD_REGRESSORS, Estimate, JointRecord
@@ -46,7 +47,11 @@ class Conversion:
         return cls(text, {joint.name: joint.recorded for joint in joints}, tuple(notes))
 
 
-def joint_physics(recorded: str, record: JointRecord, name: str | None = None) -> JointPhysics:
+Which = Literal["moving", "static"]
+"""Dry friction for a place with one number: in motion, or at rest where that is more."""
+
+
+def joint_physics(recorded: str, record: JointRecord, name: str | None = None, which: Which = "moving") -> JointPhysics:
     """Return what the record `recorded` gives the joint `name` of a model (by default called the same).
 
     Raises `StictionError` for a record of which nothing can be used.
@@ -65,6 +70,13 @@ def joint_physics(recorded: str, record: JointRecord, name: str | None = None) -
             else Estimate.from_dict(given.get(name), f"friction_law.parameters.{name}")
             for name in ("coulomb_friction", "viscous_friction")
         )
+    held = record.static_friction
+    if which == "static" and held is not None and coulomb is not None and held.value > coulomb.value:
+        notes.append(
+            f"dry friction is what holds the joint at rest, {number(held.value)}: in motion it has "
+            f"{number(coulomb.value)}, and the model is braked by too much"
+        )
+        coulomb, record = held, replace(record, static_friction=None)
     if (objection := record.objection_to("coulomb_friction")) is not None:
         coulomb = None
         notes.append(f"dry friction is left out: {objection.text}")
@@ -98,7 +110,7 @@ def beyond_coulomb(record: JointRecord, represented: frozenset[str] = frozenset(
     load = "" if regressor is None else f" of {LOAD_REGRESSORS[regressor]}"
     notes = [
         f"{quantity} {number(estimate.value)}{load if quantity == 'load_coefficient' else ''} is not represented"
-        + (": at rest the model is held by its friction in motion alone" if quantity == "static_friction" else "")
+        + (_held_more(record) if quantity == "static_friction" else "")
         for quantity in richer
         if quantity not in represented and (estimate := getattr(record, quantity)) is not None
     ]
@@ -112,10 +124,21 @@ def beyond_coulomb(record: JointRecord, represented: frozenset[str] = frozenset(
     return notes
 
 
+def _held_more(record: JointRecord) -> str:
+    """Say how much more than the model's friction holds the joint at rest."""
+    static, moving = record.static_friction, record.coulomb_friction
+    ratio = "" if static is None or moving is None or moving.value <= 0 else f"{static.value / moving.value:.2g} times "
+    return f": at rest the model is held by its friction in motion alone, the joint by {ratio}more (--friction static)"
+
+
 def stribeck_law(record: JointRecord) -> bool:
     """Return whether friction at rest was identified in N m: Coulomb and viscous friction are then the law's own."""
     law = record.friction_law or {}
-    return law.get("law") == "stribeck" and not law.get("over_strength") and record.static_friction is not None
+    return (
+        law.get("law") in ("stribeck", "breakaway")
+        and not law.get("over_strength")
+        and record.static_friction is not None
+    )
 
 
 def notes_of(

@@ -12,7 +12,7 @@ from stiction.core.effects import check_effects, flag_of, needs, requirement
 from stiction.core.errors import ConfigurationError, FileError
 from stiction.exchange.isaaclab import isaaclab_snippet
 from stiction.exchange.mujoco import included_joints, joint_kinds, mujoco_snippet, patch_mujoco
-from stiction.exchange.physics import Conversion, JointPhysics, joint_physics
+from stiction.exchange.physics import Conversion, JointPhysics, Which, joint_physics
 from stiction.exchange.randomization import FRAMEWORKS, randomization_term, recipe_of
 from stiction.exchange.urdf import TYPES, Markup, parse_markup, patch_urdf, read_model, urdf_joints, urdf_snippet
 from stiction.exchange.webots_joints import patch_webots, webots_joints, webots_snippet
@@ -42,6 +42,8 @@ class ConvertOptions:
     assumed_load: float | None = field(default=None, metadata=needs("--to isaaclab or legged_gym"))
     """|F| + |T| on the joint [N + N m], for the coefficient of PhysX before 5.6, which is right at this load: beside
     the values, or in place of the range."""
+    friction: Which = "moving"
+    """Dry friction of a target with one number: that in motion, or what holds the joint at rest where that is more."""
     robot: str | None = None
     """Of a training.json: the robot whose joints and torque limits its shares are of; its name, robot.yaml, MJCF or
     URDF. By default the joints of the joints.json that lies beside it."""
@@ -75,10 +77,14 @@ def convert(file: JointsFile, options: ConvertOptions) -> Conversion:
     if options.model is not None:
         data, where = read_model(options.model), options.model.name
         if to == "webots":
-            return patch_webots(data, where, _joints(file, pairs, list(webots_joints(data, where))))
+            return patch_webots(
+                data, where, _joints(file, pairs, list(webots_joints(data, where)), which=options.friction)
+            )
         markup = parse_markup(data, where)
-        return _into_mujoco(file, pairs, markup, options) if to == "mujoco" else _into_urdf(file, pairs, markup)
-    joints = _joints(file, pairs, None)
+        return (
+            _into_mujoco(file, pairs, markup, options) if to == "mujoco" else _into_urdf(file, pairs, markup, options)
+        )
+    joints = _joints(file, pairs, None, which=options.friction)
     if to == "mujoco":
         return mujoco_snippet(joints, options.timestep)
     if to == "isaaclab":
@@ -86,14 +92,16 @@ def convert(file: JointsFile, options: ConvertOptions) -> Conversion:
     return urdf_snippet(joints) if to == "urdf" else webots_snippet(joints)
 
 
-def _into_urdf(file: JointsFile, pairs: Sequence[tuple[str, str]], markup: Markup) -> Conversion:
+def _into_urdf(
+    file: JointsFile, pairs: Sequence[tuple[str, str]], markup: Markup, options: ConvertOptions
+) -> Conversion:
     """Return a URDF with the records of its joints; patterns take those that move as their record's axis."""
     kinds = {name: tag.attributes.get("type", "") for name, tag in urdf_joints(markup).items()}
 
     def takes(record: str, joint: str) -> bool:
         return kinds[joint] in TYPES[file.joints[record].axis]
 
-    return patch_urdf(markup, _joints(file, pairs, list(kinds), takes))
+    return patch_urdf(markup, _joints(file, pairs, list(kinds), takes, options.friction))
 
 
 def _into_mujoco(
@@ -113,7 +121,7 @@ def _into_mujoco(
         return fits and driven
 
     try:
-        joints = _joints(file, pairs, list(kinds), takes)
+        joints = _joints(file, pairs, list(kinds), takes, options.friction)
     except ConfigurationError as error:
         assert options.model is not None
         for name, others in included_joints(markup, options.model).items():
@@ -133,8 +141,8 @@ def convert_training(path: Path, options: ConvertOptions) -> Conversion:
     ignored.
     """
     options.check()
-    for name in ("model", "timestep", "joint_map"):
-        if getattr(options, name):
+    for name in ("model", "timestep", "joint_map", "friction"):
+        if getattr(options, name) not in (None, (), "moving"):
             raise ConfigurationError(requirement(flag_of(name), "a joints.json"))
     if options.to not in FRAMEWORKS:
         raise ConfigurationError(
@@ -170,7 +178,8 @@ def _joints(
     pairs: Sequence[tuple[str, str]],
     model: Sequence[str] | None,
     takes: Callable[[str, str], bool] = lambda record, joint: True,
+    which: Which = "moving",
 ) -> list[JointPhysics]:
-    """Return the physics of every joint that a record is for; takes: see `map_joints`."""
+    """Return the physics of every joint that a record is for; takes: see `map_joints`; which: friction it gets."""
     names = map_joints(file, pairs, model, takes)
-    return [joint_physics(recorded, file.joints[recorded], name) for name, recorded in names.items()]
+    return [joint_physics(recorded, file.joints[recorded], name, which) for name, recorded in names.items()]

@@ -37,7 +37,7 @@ WHOLE_LOG = ("rate", "names", "joints", "columns", "time_scale", "begin", "end")
 WRITTEN = {"from": "begin", "to": "end"}
 """Name in the file, and on the command line -> field, where Python keeps the name for itself."""
 
-UNKNOWNS = ("delay", "encoder_bias")
+UNKNOWNS = ("encoder_bias",)
 """What output error may be asked to find besides."""
 
 MOST_JOINTS = 256

@@ -1,79 +1,37 @@
 """Choice of the friction law: the simplest that no richer one beats beyond noise.
 
-A law is judged on parts of the log that its fit did not see, and by the Bayesian information criterion with as many
-samples as are independent. Torque regression is asked first, with every law. It leaves out the samples around turning
-points, where Stribeck's fall of friction with speed often lies; output error simulates them. So where the two
-estimators disagree on friction, that law is fitted by simulation as well.
+A law is judged by torque regression on parts of the log that its fit did not see, and by the Bayesian information
+criterion with as many samples as are independent. What is chosen so must also follow the log better in simulation.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from stiction.identification.consistency import beyond_chance, disagreement
-from stiction.identification.in_loop import InLoop, fit_in_loop, fit_late, respond
-from stiction.identification.intervals import block_count, correlation_time
+from stiction.identification.evidence import MIN_EVIDENCE, Gain, evidence_of, gain_of
+from stiction.identification.intervals import block_count
 from stiction.identification.model import GRAVITY_TERMS, LAWS, Law, Model
-from stiction.identification.output_error import OutputError
 from stiction.identification.prepare import Rows
-from stiction.identification.regression import MAX_INFLATION, Fit, fit_at, fit_rows, predict_torque
+from stiction.identification.regression import MAX_INFLATION, Fit, fit_rows, predict_torque
 from stiction.identification.runs import Run
 
 FOLDS = 10
 """Blocks of which one is left out at a time."""
 
-DEVIATIONS = 2.0
-"""Standard deviations by which the held-out error must fall for a richer law."""
-
-MIN_GAIN = 0.02
-"""Share by which the held-out error must fall: less is not worth a parameter to anybody."""
-
 MAX_GRAVITY_INFLATION = 30.0
 """Inflation of the gravity terms beyond which the load that they stand for is guesswork."""
 
-MIN_EVIDENCE = 6.0
-"""Drop of the information criterion for a richer law; 6 is called strong."""
+SIMULATED = ("breakaway", "effort")
+"""Laws that simulation alone can choose: rows are of a joint in motion, and the motor's torque is what they explain."""
 
 LAW_PARAMETER_SUFFIXES = ("friction", "_forward", "_backward", "stribeck_velocity", "coefficient", "slope", "curvature")
 """How the names of the friction laws' parameters end."""
 
 NOT_NEGATIVE = ("viscous", "coulomb", "load", "static")
 """How the names of parameters begin that are friction: a law in which one is below zero is not chosen."""
-
-MIN_STATIC_RATIO = 1.2
-"""Static over Coulomb friction in simulation: a controller that holds its torque for 2 ms looks like a rise by a
-tenth."""
-
-BLOCKS_OF_HALF = 5
-"""Blocks of a half of the log, whose scatter gives the deviation of the gain in simulation."""
-
-START_STATIC_RATIO, START_STRIBECK_SHARE = 1.3, 0.1
-"""Where the search by simulation begins: static over Coulomb friction, and v_s over the top speed."""
-
-
-@dataclass(frozen=True)
-class Gain:
-    """By how much a held-out squared error fell, as a share, with the deviation that the blocks' scatter gives it."""
-
-    mean: float
-    """The share by which it fell [1]."""
-    std: float
-    """Its deviation [1]."""
-
-    @property
-    def certain(self) -> bool:
-        """Whether it is beyond noise and worth a parameter."""
-        return self.mean > DEVIATIONS * self.std and self.mean > MIN_GAIN
-
-
-def gain_of(error: np.ndarray, reference: np.ndarray) -> Gain:
-    """Compare squared errors block by block; shape (num_blocks,) each."""
-    shares = (reference - error) * len(error) / max(float(reference.sum()), 1e-300)
-    return Gain(float(shares.mean()), float(shares.std(ddof=1) / np.sqrt(len(shares))))
 
 
 @dataclass(frozen=True)
@@ -104,31 +62,11 @@ class Choice:
     """Chosen."""
     candidates: tuple[Candidate, ...]
     """All that were tried, the simplest first."""
-    by_simulation: bool = False
-    """Whether it was a simulation of the loop that chose."""
 
     @property
     def law(self) -> Law:
         """Its law."""
         return self.model.law
-
-    def with_simulated_law(self, found: SimulatedLaw) -> Choice:
-        """Return the choice with the law that simulation calls for in place of viscous and Coulomb friction."""
-        chosen = {
-            "gain": found.gain.mean,
-            "gain_std": found.gain.std,
-            "evidence": found.evidence,
-            "verdict": "chosen by simulation, which sees the turning points",
-        }
-        changes: dict[Law, dict[str, Any]] = {"coulomb": {"verdict": "beaten"}, found.fit.model.law: chosen}
-        candidates = tuple(replace(entry, **changes.get(entry.law, {})) for entry in self.candidates)
-        return Choice(found.fit.model, candidates, True)
-
-    def without_richer(self, base: Fit, reason: str) -> Choice:
-        """Return the choice with viscous and Coulomb friction in place of the law that was chosen; reason: why."""
-        changes: dict[Law, str] = {self.law: reason, "coulomb": "chosen, for the richer law cannot be"}
-        candidates = tuple(replace(one, verdict=changes.get(one.law, one.verdict)) for one in self.candidates)
-        return Choice(base.model, candidates)
 
     @property
     def text(self) -> str:
@@ -136,37 +74,18 @@ class Choice:
         if self.law == "coulomb":
             return "No richer law than viscous and Coulomb friction predicts unseen blocks better beyond noise."
         chosen = next(candidate for candidate in self.candidates if candidate.law == self.law)
-        if self.by_simulation:
-            return (
-                f"The {self.law} law was chosen: simulated in its loop, on halves of the log that the fit did not see, "
-                f"its squared error is {chosen.gain:.0%} (± {chosen.gain_std:.0%}) lower than that of viscous and "
-                "Coulomb friction. Torque regression, which leaves turning points out, does not see it."
-            )
         return (
             f"The {self.law} law was chosen: on blocks that the fit did not see its squared error is {chosen.gain:.0%} "
             f"(± {chosen.gain_std:.0%}) lower than that of viscous and Coulomb friction."
         )
 
 
-@dataclass(frozen=True)
-class SimulatedLaw:
-    """A Stribeck law that simulation calls for."""
-
-    found: OutputError
-    """Output error with it."""
-    fit: Fit
-    """The same values as a torque equation, for prediction and figures."""
-    gain: Gain
-    """By how much it lowers the squared simulation error in halves that the fit did not see."""
-    evidence: float
-    """Drop of the information criterion."""
-
-
 def choose_law(rows: Rows, base: Fit, strength_unknown: bool = False) -> Choice:
     """Choose among the laws that the log can tell; base: the fit of viscous and Coulomb friction."""
     gravity = base.model.gravity
     middle = float(rows.position.min() + rows.position.max()) / 2
-    laws = [law for law in LAWS if law != "load" or gravity or np.ptp(rows.load) > 0]
+    loaded = gravity or np.ptp(rows.load) > 0
+    laws = [law for law in LAWS if law not in SIMULATED and (law != "load" or loaded)]
     fold = rows.blocks(min(FOLDS, block_count(base.residual)))
     fits: dict[Law, Fit] = {"coulomb": base}
     fits |= {law: fit_rows(rows, Model(law, gravity, middle), strength_unknown) for law in laws[1:]}
@@ -207,21 +126,6 @@ def _held_out(rows: Rows, model: Model, strength_unknown: bool, fold: np.ndarray
         fit = fit_rows(rows.take(fold != block), model, strength_unknown)
         errors.append(float(np.sum((unseen.torque - predict_torque(fit, unseen)) ** 2)))
     return np.array(errors)
-
-
-def evidence_of(plain: Sequence[np.ndarray], rich: Sequence[np.ndarray], more: int) -> float:
-    """Return by how much the Bayesian information criterion falls from a law to a richer one.
-
-    plain, rich: residuals by either law of every signal, in the same order, shape (num_samples,) each, of the samples
-    that count alone; more: the richer law's further parameters. Σ n ln(Σ r₀² / Σ r₁²) − more ln Σ n over the signals,
-    where n counts independent samples, by the residual with the longer memory.
-    """
-    total, samples = 0.0, 0.0
-    for before, after in zip(plain, rich, strict=True):
-        independent = len(before) / max(correlation_time(before), correlation_time(after))
-        total += independent * float(np.log(np.sum(before**2) / max(float(np.sum(after**2)), 1e-300)))
-        samples += independent
-    return total - more * float(np.log(samples))
 
 
 @dataclass(frozen=True)
@@ -273,8 +177,8 @@ def _objection(rows: Rows, fit: Fit, base: Fit, gain: Gain, evidence: float) -> 
         return f"the motion does not tell {unidentified[0]}"
     if fit.model.law == "stribeck" and found["static_friction"] <= found["coulomb_friction"]:
         return "friction does not rise toward rest"
-    if fit.model.law == "load" and max(fit.inflation.get(name, 0.0) for name in GRAVITY_TERMS) > MAX_GRAVITY_INFLATION:
-        return "over this range of angles gravity cannot be told from the offset, so the load is not known"
+    if fit.model.law == "load" and not load_known(fit):
+        return LOAD_UNKNOWN
     if negative := negative_friction(found):
         return negative
     if fit.model.law == "position" and _least_friction(fit, rows) < 0:
@@ -285,6 +189,14 @@ def _objection(rows: Rows, fit: Fit, base: Fit, gain: Gain, evidence: float) -> 
     if evidence < MIN_EVIDENCE:
         return f"the information criterion does not support it ({evidence:.1f}, at least {MIN_EVIDENCE:.0f})"
     return ""
+
+
+LOAD_UNKNOWN = "over this range of angles gravity cannot be told from the offset, so the load is not known"
+
+
+def load_known(fit: Fit) -> bool:
+    """Return True if gravity is told from the offset well enough to be a load, or none is fitted."""
+    return max(fit.inflation.get(name, 0.0) for name in GRAVITY_TERMS) <= MAX_GRAVITY_INFLATION
 
 
 def negative_friction(values: Mapping[str, float]) -> str:
@@ -299,64 +211,3 @@ def _least_friction(fit: Fit, rows: Rows) -> float:
     away = np.linspace(rows.position.min(), rows.position.max(), 50) - fit.model.middle
     friction = found["coulomb_friction"] + found["position_slope"] * away + found["position_curvature"] * away**2
     return float(friction.min())
-
-
-def choose_in_loop(run: Run, base: Fit, loop: InLoop) -> SimulatedLaw | None:
-    """Return the Stribeck law if simulation calls for it; base and loop: the symmetric fits, which must disagree."""
-    plain = loop.symmetric
-    if plain is None:
-        return None
-    gaps = disagreement(base, plain.estimates)
-    if not any(beyond_chance(gaps[name]) for name in ("viscous_friction", "coulomb_friction") if name in gaps):
-        return None
-    rich = replace(base, model=Model("stribeck", base.model.gravity))
-    start = base.by_name | plain.values
-    start["static_friction"] = START_STATIC_RATIO * start["coulomb_friction"]
-    start["stribeck_velocity"] = START_STRIBECK_SHARE * float(np.quantile(np.abs(run.prepared.velocity), 0.99))
-    found = fit_in_loop(run, rich, start)
-    if found is None or not _rises(found) or negative_friction(found.values):
-        return None
-    # A late controller looks like friction that rises toward rest: if that explains the log better, it is that.
-    late = fit_late(run, base, start)
-    if late is not None and _misfit(late, plain) < _misfit(found, plain):
-        return None
-    gain = _gain_in_loop(run, base, rich, start)
-    both = plain.counted & found.counted
-    before, after = ([fit.residuals[name][both] for name in plain.residuals] for fit in (plain, found))
-    evidence = evidence_of(before, after, len(rich.model.names) - len(base.model.names))
-    if gain is None or not gain.certain or evidence < MIN_EVIDENCE:
-        return None
-    return SimulatedLaw(found, fit_at(base.rows, rich.model, start | found.values), gain, evidence)
-
-
-def _rises(found: OutputError) -> bool:
-    """Return whether friction at rest is above Coulomb friction, clearly."""
-    static, coulomb = found.estimates["static_friction"], found.estimates["coulomb_friction"]
-    return static.interval95[0] > coulomb.interval95[1] and static.value > MIN_STATIC_RATIO * coulomb.value
-
-
-def _misfit(found: OutputError, plain: OutputError) -> float:
-    """Return the squared error of a simulation, each signal in units of the symmetric law's."""
-    return sum(
-        float(np.sum(row**2) / max(float(np.sum(plain.residuals[name] ** 2)), 1e-300))
-        for name, row in found.residuals.items()
-    )
-
-
-def _gain_in_loop(run: Run, base: Fit, rich: Fit, start: dict[str, float]) -> Gain | None:
-    """Compare both laws on each half of the log, fitted to the other one; None where a half tells too little."""
-    half, valid = run.signals.time < run.signals.time[-1] / 2, run.signals.valid
-    errors: list[list[float]] = [[], []]
-    # Fitted to `part`, judged in the other half.
-    for part in (half, ~half):
-        plain, richer = (fit_in_loop(run, fit, start, part) for fit in (base, rich))
-        if plain is None or richer is None:
-            return None
-        sizes = {name: float(np.std(row[part & valid])) for name, row in plain.residuals.items()}
-        blocks = np.array_split(np.flatnonzero(~part & valid), BLOCKS_OF_HALF)
-        for model, found, own in zip((base.model, rich.model), (plain, richer), errors, strict=True):
-            response = respond(run, model, found.values)
-            rows = {name: getattr(response, name) - getattr(run.signals, name) for name in sizes}
-            squares = sum((row / max(sizes[name], 1e-300)) ** 2 for name, row in rows.items())
-            own += [float(np.sum(np.asarray(squares)[block])) for block in blocks]
-    return gain_of(np.array(errors[1]), np.array(errors[0]))

@@ -4,11 +4,13 @@ A loop that is late by d as a whole computes its torque from target, angle and s
 this is a loop without delay whose target is late by d, on a joint with inertia I − kd d + kp d²/2 and viscous friction
 B − kp d (from θ(t − d) = θ − d θ' + d² θ''/2 in kp θ + kd θ', the term kd d² θ'''/2 left out). A velocity that is late
 by a further δ (a difference over samples, a filter) takes δ kd more off the inertia that the position shows, and
-nothing off the one that the torque shows. At the torque limit, where nothing of this holds, the same joint is used.
+nothing off the one that the torque shows. What this leaves out, at the torque limit too, is a torque along the path of
+the simulation before (`ClosedLoop.correct`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +22,7 @@ from stiction.identification.prepare import low_pass
 from stiction.identification.timing import near
 from stiction.joints.pd import PDGains, pd_torque
 from stiction.joints.simulate import Joint, Trajectory, simulate
-from stiction.joints.variation import segments, vary
+from stiction.joints.variation import Segments, segments, vary
 
 EXTRAS = ("delay", "log_bias", "motor_strength")
 """What may be unknown about the loop. `delay`: d [s]. `log_bias`: the log's angle minus the loop's own [rad]; with
@@ -50,6 +52,12 @@ class Response:
     gains: PDGains
     """Gains with the motor's strength."""
 
+    def thinned(self, pieces: int) -> Response:
+        """Return the same on every so many-th sample."""
+        motion = self.motion
+        thin = Trajectory(motion.position[::pieces], motion.velocity[::pieces], motion.torque[::pieces])
+        return replace(self, motion=thin, position=self.position[::pieces], torque=self.torque[::pieces])
+
 
 class ClosedLoop:
     """One joint under its controller, following the target of a log."""
@@ -62,6 +70,8 @@ class ClosedLoop:
         self.fixed = dict.fromkeys(EXTRAS, 0.0) | {"motor_strength": gains.strength} | fixed
         self.goal = np.asarray(signals.target, float)
         self.rate = np.gradient(self.goal, signals.step)
+        self.outside = signals.disturbance
+        """Torque that acts from outside, the correction of the late loop included [N m], shape (num_samples,)."""
 
     def delayed(self, values: np.ndarray, time: float) -> np.ndarray:
         """Return `values` of shape (num_samples,) or (num_samples, n) as they were `time` seconds before."""
@@ -102,13 +112,33 @@ class ClosedLoop:
         signals, target = self.signals, self.delayed(self.goal, delay)
         start = values["start_position"], values["start_velocity"]
         try:
-            motion = simulate(joint, gains, signals.step, target, *start, signals.disturbance, guess)
+            motion = simulate(joint, gains, signals.step, target, *start, self.outside, guess)
         except StictionError as error:
             raise LoopError(f"output error is not done: {error}") from error
         commanded = self._commanded(gains, target, motion, delay)
         # The log has what was asked for: a motor of strength k is at its limit from limit/k on.
         limit = gains.torque_limit / gains.strength
         return Response(motion, motion.position + values["log_bias"], np.clip(commanded, -limit, limit), joint, gains)
+
+    def correct(self, response: Response, free: dict[str, float]) -> None:
+        """Add what the late controller gave along a simulated path beyond the joint that stands for it.
+
+        free: values that were simulated. The next simulation has that torque from outside.
+        """
+        values, motion, gains = self.fixed | free, response.motion, response.gains
+        delay, kp, kd = values["delay"], gains.strength * gains.kp, gains.strength * gains.kd
+        if delay + self.velocity_delay == 0.0:
+            return
+        target = self.delayed(self.goal, delay)
+        late = kd * (delay + self.velocity_delay) - 0.5 * kp * delay**2
+        exact = np.clip(
+            gains.strength * self._commanded(gains, target, motion, delay), -gains.torque_limit, gains.torque_limit
+        )
+        acceleration = np.gradient(motion.velocity, self.signals.step)
+        stand_in = pd_torque(gains, target, motion.position, motion.velocity)
+        stand_in = stand_in + late * acceleration + kp * delay * motion.velocity
+        disturbance = 0.0 if self.signals.disturbance is None else self.signals.disturbance
+        self.outside = disturbance + exact - stand_in
 
     def _commanded(self, gains: PDGains, target: np.ndarray, motion: Trajectory, delay: float) -> np.ndarray:
         """Return what the controller asks for, before any limit [N m], shape (num_samples,)."""
@@ -126,9 +156,9 @@ class ClosedLoop:
         delay, strength = values["delay"], values["motor_strength"]
         kp, kd, late = self.gains.kp, self.gains.kd, delay + self.velocity_delay
         target = self.delayed(self.goal, delay)
-        pieces = segments(response.joint, response.gains, signals.step, target, motion, signals.disturbance)
-        torques = parameter_torques(self.model, values, response.joint, pieces)
+        pieces, effort = self._cut(response, values)
         zero, unsaturated = np.zeros_like(pieces.load), pieces.side == 0
+        torques = parameter_torques(self.model, values, response.joint, pieces, effort)
         grid = np.arange(len(target))
         rate = np.interp(pieces.instant, grid, self.delayed(self.rate, delay))
         torques |= dict.fromkeys((*START, "log_bias"), zero)
@@ -137,16 +167,11 @@ class ClosedLoop:
         torques["delay"] = strength * (
             (kd - kp * delay) * pieces.acceleration + kp * pieces.velocity - kp * unsaturated * rate
         )
-        torques["motor_strength"] = strength_torque(self.gains, pieces) + (
+        torques["motor_strength"] = strength_torque(self.gains, pieces, response.joint.friction.effort_coefficient) + (
             (kd * late - 0.5 * kp * delay**2) * pieces.acceleration + kp * delay * pieces.velocity
         )
         start = np.array([[name == wanted for name in names] for wanted in START], float)
-        try:
-            changes = vary(
-                response.joint, response.gains, pieces, np.stack([torques[name] for name in names], axis=2), start
-            )
-        except StictionError as error:
-            raise LoopError(f"output error is not done: {error}") from error
+        changes = _vary(response, pieces, [torques[name] for name in names], start)
         commanded = -kp * self.delayed(changes[0], delay) - kd * self.delayed(changes[1], late)
         if "delay" in names:
             speed, growth = (
@@ -162,16 +187,41 @@ class ClosedLoop:
             changes[0][:, names.index("log_bias")] += 1.0
         return np.stack([changes[0], commanded])
 
+    def torque_changes(
+        self,
+        response: Response,
+        free: dict[str, float],
+        torques: Callable[[Segments, np.ndarray], list[np.ndarray]],
+    ) -> np.ndarray:
+        """Return the change of the position per unit of further torques, shape (num_samples, num_torques).
 
-LARGEST_MISMATCH = 0.15
-"""Relative size of logged torque − PD torque beyond which gains, torque unit or timing must be wrong."""
+        torques: pieces of the motion and the motor's torque [N m] -> torque at both ends of each step, shape
+        (2, num_steps) each. Raises `LoopError` as `derivatives`.
+        """
+        pieces, effort = self._cut(response, self.fixed | free)
+        columns = torques(pieces, effort)
+        return _vary(response, pieces, columns, np.zeros((2, len(columns))))[0]
+
+    def _cut(self, response: Response, values: dict[str, float]) -> tuple[Segments, np.ndarray]:
+        """Return a motion cut at its events, and the motor's torque at both ends of each step [N m]."""
+        target = self.delayed(self.goal, values["delay"])
+        pieces = segments(response.joint, response.gains, self.signals.step, target, response.motion, self.outside)
+        asked = self.gains.kp * (pieces.target - pieces.position) - self.gains.kd * pieces.velocity
+        limit = pieces.side * min(self.gains.torque_limit, 1e300)
+        return pieces, np.where(pieces.side == 0, values["motor_strength"] * asked, limit)
 
 
-SMALL_MISMATCH = 0.1
-"""The same under which no other multiple of the gains is looked for."""
+def _vary(response: Response, pieces: Segments, torques: list[np.ndarray], start: np.ndarray) -> np.ndarray:
+    """Return the changes of angle and speed per unit of torques, (2, num_samples, num_torques); raises `LoopError`."""
+    try:
+        return vary(response.joint, response.gains, pieces, np.stack(torques, axis=2), start)
+    except StictionError as error:
+        raise LoopError(f"output error is not done: {error}") from error
 
-EXPLAINED = 0.03
-"""Relative size of what is left of it where lateness alone explains the rest, and no multiple is looked for."""
+
+TRUSTED = 0.1
+"""Relative size of logged torque − PD torque, at the lateness that suits it best, up to which the declared controller
+is believed and simulated."""
 
 LONGEST_LATENESS = 0.04
 """Lateness of a loop that is looked for before its torque is called another multiple [s]."""
@@ -186,9 +236,20 @@ class Mismatch:
 
     size: float
     """|τ_logged − PD(target, position, velocity)| / |τ_logged| [1]."""
+    rest: float
+    """The same at the lateness that suits it best, a constant apart [1]."""
     scales: tuple[float, float]
     """Multiples of kp (target − position) and of −kd θ' that, with a constant and a lateness, come nearest to the
-    logged torque [1]; 1 where the size is at most `SMALL_MISMATCH`."""
+    logged torque [1]; 1 where a lateness alone leaves at most `EXPLAINED`."""
+
+    @property
+    def trusted(self) -> bool:
+        """True if the declared controller is the one that made the log."""
+        return self.rest <= TRUSTED
+
+
+EXPLAINED = 0.03
+"""Relative size of what is left where lateness alone explains the rest, and no multiple is looked for."""
 
 
 def controller_mismatch(
@@ -209,21 +270,25 @@ def controller_mismatch(
         clear = ~signals.bridged
     difference = (expected - measured)[clear]
     size = float(np.linalg.norm(difference - difference.mean() * biased) / np.linalg.norm(measured[clear]))
-    if size <= SMALL_MISMATCH:
-        return Mismatch(size, (1.0, 1.0))
+    if size <= EXPLAINED:
+        return Mismatch(size, size, (1.0, 1.0))
     signals_below = np.stack([target, position, velocity, measured])
-    scales = _late_scales(signals_below, gains, clear, int(LONGEST_LATENESS / signals.step))
-    return Mismatch(size, (scales[0], scales[1] if gains.kd > 0 else 1.0))
+    rest, scales = _late_scales(signals_below, gains, clear, int(LONGEST_LATENESS / signals.step))
+    return Mismatch(size, min(size, rest), (scales[0], scales[1] if gains.kd > 0 else 1.0))
 
 
-def _late_scales(signals: np.ndarray, gains: PDGains, clear: np.ndarray, most: int) -> tuple[float, float]:
-    """Return the multiples of a controller's two terms that a logged torque is nearest to, however late the loop is.
+def _late_scales(
+    signals: np.ndarray, gains: PDGains, clear: np.ndarray, most: int
+) -> tuple[float, tuple[float, float]]:
+    """Return what is left of a logged torque at the lateness that suits it best, and the multiples it is nearest to.
 
     A command takes its time to the motor, and so does what the motor reports on its way back: torque of now came from
-    an angle of so many samples ago, and from a target older still. With the target taken to be as late as the angle, a
-    joint that follows it freely seems to have other gains, for little more than that lateness is left of kp (a − θ).
+    an angle of so many samples ago, and from a target older still; it may be early too, where the angle is late. With
+    the target taken to be as late as the angle, a joint that follows it freely seems to have other gains, for little
+    more than that lateness is left of kp (a − θ).
 
-    Both are 1 where some lateness alone explains it: a motion of few frequencies does not tell lags from multiples.
+    Both multiples are 1 where some lateness alone explains it: a motion of few frequencies does not tell lags from
+    multiples.
 
     signals: target, position, velocity and torque, shape (4, num_samples); clear: samples that count, (num_samples,);
     most: samples that a loop may be late.
@@ -236,7 +301,8 @@ def _late_scales(signals: np.ndarray, gains: PDGains, clear: np.ndarray, most: i
 
     def fit(late: int, older: int) -> tuple[float, float, np.ndarray]:
         """Return what is left at some lags, by the declared gains and by the nearest multiples, and those."""
-        rows = np.flatnonzero(free[late + older :]) + older
+        reach = max(late, 0) + older
+        rows = np.flatnonzero(free[reach : len(free) + min(late, 0)]) + reach - late
         spring = gains.kp * (target[rows - older] - position[rows])
         columns = np.stack([spring, damper[rows], np.ones(len(rows))], axis=1)
         measured = logged[rows + late]
@@ -245,23 +311,25 @@ def _late_scales(signals: np.ndarray, gains: PDGains, clear: np.ndarray, most: i
         return declared, float(np.mean((measured - columns @ found) ** 2)), found
 
     # In wide steps over all lags, then sample by sample about the best pair.
-    best, at, scales = np.inf, (0, 0), np.ones(3)
+    best, least, at, scales = np.inf, np.inf, (0, 0), np.ones(3)
     steps = {max(1, most // LATENESS_STEPS), 1}
     for step in sorted(steps, reverse=True):
         middle = at
         for late, older in _lags(most, step, None if step == max(steps) else middle, max(steps)):
             declared, rest, found = fit(late, older)
+            least = min(least, declared)
             if declared <= EXPLAINED**2:
-                return 1.0, 1.0
+                return declared**0.5, (1.0, 1.0)
             if rest < best:
                 best, at, scales = rest, (late, older), found
-    return float(scales[0]), float(scales[1])
+    return least**0.5, (float(scales[0]), float(scales[1]))
 
 
 def _lags(most: int, step: int, about: tuple[int, int] | None, reach: int) -> list[tuple[int, int]]:
-    """Return pairs of lags, together at most `most`: all in steps, or within `reach` of a pair."""
+    """Return pairs of lags, together at most `most`, the first down to −`most`/2: all in steps, or near a pair."""
     places = range(0, most + 1, step)
-    pairs = [(one, other) for one in places for other in places if one + other <= most]
+    early = range(-step, -most // 2, -step)
+    pairs = [(late, older) for late in (*places, *early) for older in places if late + older <= most]
     if about is None:
         return pairs
     return [pair for pair in pairs if max(abs(pair[0] - about[0]), abs(pair[1] - about[1])) < reach]

@@ -31,7 +31,7 @@ DAMPED = "(B + k·kd)/k"
 
 STRENGTH_ERROR = 0.005
 """Share of k by which its interval is widened where torque regression found it: noisy regressors bias it by more than
-their scatter, and no instruments span several logs."""
+their scatter."""
 
 HOLDING = "holding torque at mid-range"
 """Offset and gravity together, in the middle of the range: known even where the two are not told apart."""

@@ -26,14 +26,11 @@ LARGEST_SIGMAS = 3.0
 SMALLEST_GAP = 0.02
 """Gap of two parts, over the mean of both, that is not worth a word, however certain."""
 
-LARGEST_GAP = 0.03
-"""Relative disagreement of two estimators that matters, if it is also beyond `LARGEST_SIGMAS`."""
+REPEAT = "repeat"
+"""How the label of a comparison with another log of the joint begins."""
 
 MAX_SHIFT = 1.5
 """Samples by which torque may be early or late: more means that the friction law is wrong, not the timing."""
-
-REPEAT = "repeat"
-"""How the label of a comparison with another log of the joint begins."""
 
 TIMING = "timing"
 """Label of a comparison with a log whose torque may be late or early."""
@@ -213,28 +210,6 @@ def widened(estimates: dict[str, Estimate], comparisons: tuple[Comparison, ...])
             ends = (min(old.interval95[0], *reached), max(old.interval95[1], *reached))
             result[name] = Estimate(old.value, max(old.std, abs(values[0] - values[1]) / 2), ends)
     return result
-
-
-def disagreement(fit: Fit, other: dict[str, Estimate]) -> dict[str, dict[str, float]]:
-    """Return per parameter |a − b| in combined standard deviations (`sigmas`) and over |a| (`relative`).
-
-    a is the regression's value, b the other estimator's. Both come from one log, so the errors are not independent.
-    """
-    result = {}
-    for name, a in fit.estimates().items():
-        if name in other and name in COMPARED:
-            b = other[name]
-            gap = abs(a.value - b.value)
-            result[name] = {
-                "sigmas": gap / max(float(np.hypot(a.std, b.std)), 1e-300),
-                "relative": gap / max(abs(a.value), 1e-300),
-            }
-    return result
-
-
-def beyond_chance(gap: dict[str, float]) -> bool:
-    """Return whether a gap of `disagreement` is beyond chance and large enough to matter."""
-    return gap["sigmas"] > LARGEST_SIGMAS and gap["relative"] > LARGEST_GAP
 
 
 def compare_timing(prepared: Prepared, base: Fit) -> Comparison | None:

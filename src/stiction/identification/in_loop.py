@@ -1,9 +1,9 @@
-"""The estimators that simulate the joint under its controller: output error and instrumental variables."""
+"""Fits that simulate the joint under its controller, and what they say about how the log is to be read."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from stiction.core.errors import StictionError
 from stiction.files.joints import Estimate
 from stiction.identification.checks import Uniform
 from stiction.identification.closed_loop import (
-    LARGEST_MISMATCH,
+    EXPLAINED,
     ClosedLoop,
     LoopError,
     Mismatch,
@@ -19,68 +19,163 @@ from stiction.identification.closed_loop import (
     controller_mismatch,
 )
 from stiction.identification.combinations import shifted
-from stiction.identification.consistency import COMPARED, TIMING, Comparison, common_speed, splits
+from stiction.identification.consistency import COMPARED, Comparison, common_speed, splits
+from stiction.identification.evidence import MIN_EVIDENCE, evidence_of
 from stiction.identification.model import GRAVITY_TERMS, Model, nearest_joint
-from stiction.identification.output_error import OutputError, fit_output_error
-from stiction.identification.regression import INVERSE_STRENGTH, Fit, fit_instrumental
-from stiction.identification.runs import Run
+from stiction.identification.output_error import FEW_TRIALS, MAX_ITERATIONS, OutputError, Signal, fit_output_error
+from stiction.identification.prepare import position_noise
+from stiction.identification.reading import Reading, fine_steps, first_part, may_hold, refine, torque_lag
+from stiction.identification.regression import INVERSE_STRENGTH, Fit
+from stiction.identification.runs import Run, reread
 from stiction.identification.setup import Payload
 from stiction.joints.pd import PDGains
 
-LOOP_UNKNOWNS = {"delay": "delay", "encoder_bias": "log_bias"}
-"""What the user may ask for -> what the simulated loop calls it."""
-
 CONFOUNDED = ("offset", "gravity_sin", "gravity_cos")
 """Parameters that a small range of angles does not tell apart: no harm to the others."""
+
+MOST_GAPS = 10
+"""Long gaps of a log through which its loop is simulated."""
+
+NOISY = 3.0
+"""Residual of a simulation over the position's noise, beyond which a torque that the declared controller does not quite
+explain is believed in its place."""
+
+FIRST_DELAY = 1e-3
+"""Delay at which the search begins [s]."""
 
 
 @dataclass(frozen=True)
 class InLoop:
     """What the simulations of one run gave; None where one could not be done."""
 
-    mismatch: float | None = None
-    """Relative gap between logged torque and the declared controller's; None without torque or gains."""
     symmetric: OutputError | None = None
     """Output error with viscous and Coulomb friction."""
     chosen: OutputError | None = None
     """Output error with the law that was chosen, if that is a richer one."""
-    instrumental: Fit | None = None
-    """Regression with simulated instruments."""
     scaled: OutputError | None = None
     """Output error with viscous and Coulomb friction and k, where a known load of one log tells it; in SI units."""
+    mismatch: Mismatch | None = None
+    """Gap between the logged torque and the declared controller's; None without torque or gains."""
     reason: str | None = None
     """Why it was not done."""
-    scales: tuple[float, float] | None = None
-    """What multiples of the declared kp and kd the logged torque looks like; None without torque or gains."""
+    doubt: dict[str, float] = field(default_factory=dict)
+    """Parameter -> its relative change if the target was held between samples; empty where the log says which it is."""
+
+    @property
+    def best(self) -> OutputError | None:
+        """Output error with the richest law that was simulated."""
+        return self.chosen or self.symmetric
 
 
-def close_loop(run: Run, base: Fit, chosen: Fit) -> InLoop:
-    """Run both estimators from the regression's values; base: the symmetric fit; chosen: that of the chosen law."""
+def close_loop(run: Run, base: Fit) -> tuple[Run, InLoop]:
+    """Fit viscous and Coulomb friction by simulation; return the run as it is to be read, and the fit.
+
+    base: the symmetric regression, where the search begins.
+    """
     try:
         controller(run)
         if INVERSE_STRENGTH in base.names:
-            return InLoop(scaled=fit_strength(run, base))
+            return run, InLoop(scaled=fit_strength(run, base))
     except LoopError as error:
-        return InLoop(reason=str(error))
-    difference = compare_controller(run)
-    mismatch = None if difference is None else difference.size
-    if difference is not None and difference.size > LARGEST_MISMATCH and "delay" not in run.setup.unknowns:
-        return InLoop(
-            mismatch,
-            scales=difference.scales,
-            reason=f"the logged torque differs from kp (target − position) − kd velocity by {mismatch:.0%}: gains, the "
-            "torque's unit or the timing are not as declared, or kd feeds back much noise; output error is not done",
+        return run, InLoop(reason=str(error))
+    mismatch = compare_controller(run)
+    if mismatch is not None and not mismatch.trusted:
+        return run, InLoop(
+            mismatch=mismatch,
+            reason=f"the logged torque differs from kp (target − position) − kd velocity by {mismatch.rest:.0%}, "
+            "however late: gains, the torque's unit or its joint are not as declared, or kd feeds back much noise; "
+            "output error is not done",
         )
-    symmetric, reason = None, None
     try:
-        symmetric = simulate_fit(run, base)
+        read, symmetric, doubt = _read(run, base)
     except LoopError as error:
-        reason = str(error)
-    richer = fit_in_loop(run, chosen) if chosen is not base else None
-    # By identity: rows of several logs are of no single run that could be simulated.
-    instrumental = fit_with_instruments(run, base) if base.rows is run.rows else None
-    scales = None if difference is None else difference.scales
-    return InLoop(mismatch, symmetric, richer, instrumental, None, reason, scales)
+        return run, InLoop(mismatch=mismatch, reason=str(error))
+    noise = position_noise(run.signals.position)
+    if mismatch is not None and mismatch.rest > EXPLAINED and symmetric.rms > NOISY * noise:
+        return run, InLoop(
+            mismatch=mismatch,
+            reason=f"the logged torque is the declared controller's but for {mismatch.rest:.0%}, and under that "
+            f"controller the simulation leaves {symmetric.rms / noise:.1f} times the position's noise: the torque is "
+            "believed, as with play between motor and encoder; output error is not done",
+        )
+    return read, InLoop(symmetric, mismatch=mismatch, doubt=doubt)
+
+
+LEAST_LATE = 0.3
+"""Delay of a straight target, over a sample interval, from which on a held one is tried: it would lag by half."""
+
+CONTEST = 6.0
+"""First part of a log on which a straight and a held target are compared [s]."""
+
+APART = 1.02
+"""Residual of one reading over that of the other from which on the positions tell them apart: less is what a simulation
+leaves out of either."""
+
+NEAR_HALF = 0.15
+"""Distance of a straight target's delay from half a sample interval, over the interval, within which a held target is
+the likelier reading: a target that is held lags by half an interval in the mean."""
+
+
+def _read(run: Run, base: Fit) -> tuple[Run, OutputError, dict[str, float]]:
+    """Simulate with a straight target and, at low rates, with a held one, and keep what the log says.
+
+    Returns the run read so, its simulation and, where the log does not say which it is, parameter -> relative change
+    under the other reading. Raises `LoopError` where neither can be done.
+    """
+    found, doubt = simulate_fit(run, base), dict[str, float]()
+    late = found.values.get("delay", run.setup.delay or 0.0)
+    if may_hold(run.signals) and late > LEAST_LATE * run.signals.step:
+        held, doubt = _contest(run, base, found)
+        if held:
+            run = replace(run, reading=Reading(held=True))
+            found = simulate_fit(run, base, found.values)
+    return read_again(run, found), found, doubt
+
+
+def _contest(run: Run, base: Fit, whole: OutputError) -> tuple[bool, dict[str, float]]:
+    """Return whether the target was held between the samples, and relative changes where that is not told.
+
+    On the first part of the log, by its positions. Where both readings follow them equally well it is held if the
+    straight one is late by half a sample interval, and either way the other one is admitted.
+    """
+    part = first_part(run.signals, CONTEST)
+    velocity = run.prepared.velocity[: len(part.time)]
+    short = replace(run, signals=part, prepared=replace(run.prepared, velocity=velocity))
+    pieces = fine_steps(part, True)
+    fits: list[OutputError] = []
+    for held in (False, True):
+        start = base.by_name | (fits[0] if fits else whole).values
+        fit = fit_in_loop(replace(short, reading=Reading(held=held)), base, start, pieces, FEW_TRIALS)
+        if fit is None:
+            return False, {}
+        fits.append(fit)
+    straight, held_fit = fits
+    evidence = evidence_between(straight, held_fit, 0)
+    if abs(evidence) >= MIN_EVIDENCE and max(straight.rms, held_fit.rms) > APART * min(straight.rms, held_fit.rms):
+        return evidence > 0, {}
+    late = straight.values.get("delay", 0.0) / part.step
+    held = abs(late - 0.5) < NEAR_HALF
+    best, other = (held_fit, straight) if held else (straight, held_fit)
+    change = {name: other.values[name] / best.values[name] - 1 for name in ("inertia", "viscous_friction")}
+    # Another minimum, which a short part may have, is no other reading of this one.
+    return held, change if max(map(abs, change.values())) < 1 else {}
+
+
+def read_again(run: Run, found: OutputError) -> Run:
+    """Return the run with its torque moved to where the simulation says that it acted."""
+    delay = found.values.get("delay", run.setup.delay or 0.0)
+    lag = 0.0
+    if run.signals.torque is not None:
+        simulated = found.simulated.torque
+        lag = torque_lag(run.signals.time, run.signals.torque, simulated, found.counted)
+    return reread(run, replace(run.reading, delay=delay, torque_lag=lag))
+
+
+def evidence_between(plain: OutputError, rich: OutputError, more: int) -> float:
+    """Return by how much the information criterion falls from a simulation to another; more: its further parameters."""
+    both = plain.counted & rich.counted
+    before, after = ([fit.residuals[name][both] for name in plain.residuals] for fit in (plain, rich))
+    return evidence_of(before, after, more)
 
 
 def controller(run: Run) -> PDGains:
@@ -99,6 +194,12 @@ def controller(run: Run) -> PDGains:
         raise LoopError("no kp and kd: output error is not done; give --kp and --kd")
     if run.signals.target is None:
         raise LoopError("no target in the log: output error is not done; log the position asked for")
+    gaps = int(np.count_nonzero(np.diff(run.signals.bridged.astype(int)) == 1))
+    if gaps > MOST_GAPS:
+        raise LoopError(
+            f"output error is not done: the log has {gaps} gaps, and in none of them the target is known; log without "
+            "pauses"
+        )
     return run.gains
 
 
@@ -111,75 +212,64 @@ def compare_controller(run: Run) -> Mismatch | None:
         return None
     lag = (run.setup.velocity_delay or 0.0) + (run.setup.delay or 0.0)
     late = np.interp(run.signals.time - lag, run.signals.time, run.prepared.velocity)
-    biased = "encoder_bias" in run.setup.unknowns and _shows(run, "encoder_bias")
-    return controller_mismatch(run.signals, controller(run), late, run.prepared.cutoff, biased)
-
-
-def fit_with_instruments(run: Run, base: Fit) -> Fit | None:
-    """Regress with instruments from simulations; None where no simulation follows the log."""
-
-    def simulate(values: np.ndarray) -> np.ndarray | None:
-        try:
-            return respond(run, base.model, replace(base, values=values).by_name).position
-        except StictionError:
-            return None
-
-    return fit_instrumental(run.prepared, run.setup.payload, base, simulate)
+    return controller_mismatch(run.signals, controller(run), late, run.prepared.cutoff, _finds_bias(run))
 
 
 def fit_in_loop(
-    run: Run,
-    fit: Fit,
-    start: dict[str, float] | None = None,
-    part: np.ndarray | None = None,
-    known: dict[str, float] | None = None,
+    run: Run, fit: Fit, start: dict[str, float] | None = None, pieces: int | None = None, trials: int = MAX_ITERATIONS
 ) -> OutputError | None:
     """Return what `simulate_fit` does, or None where it raises `LoopError`: for fits that the user need not have."""
     try:
-        return simulate_fit(run, fit, start, part, known)
+        return simulate_fit(run, fit, start, pieces, trials)
     except LoopError:
         return None
 
 
-def fit_late(run: Run, base: Fit, start: dict[str, float]) -> OutputError | None:
-    """Fit the symmetric law, from `start`, under a controller that may be late; None where that cannot be done."""
-    return fit_in_loop(replace(run, setup=replace(run.setup, unknowns=("delay",))), base, start)
-
-
 def simulate_fit(
-    run: Run,
-    fit: Fit,
-    start: dict[str, float] | None = None,
-    part: np.ndarray | None = None,
-    known: dict[str, float] | None = None,
+    run: Run, fit: Fit, start: dict[str, float] | None = None, pieces: int | None = None, trials: int = MAX_ITERATIONS
 ) -> OutputError:
-    """Fit by output error.
+    """Fit by output error, of the positions alone, with the loop's delay unless that is declared.
 
     fit: the regression, whose model is fitted; start: where the search begins, by default where the regression ended;
-    part: samples to judge the simulation in, all by default; known: what not to fit.
+    pieces: steps of the simulation in each sample interval, by default as many as the reading needs; trials: points
+    tried in each round of the search.
 
     Raises:
         LoopError: the loop cannot be simulated, or the best simulation does not depend on all of the model's
             parameters.
 
     """
-    setup, extra, signals = run.setup, _payload(run), _signals(run)
-    start, known = start or fit.by_name, dict(known or {})
+    setup, extra = run.setup, _payload(run)
+    start, known = start or fit.by_name, dict[str, float]()
     model = replace(fit.model, gravity=fit.model.gravity or bool(extra))
     # A payload has weight: the simulation needs gravity, which is then known and not fitted.
     if extra and not fit.model.gravity:
         known |= dict.fromkeys(GRAVITY_TERMS, 0.0)
+    signals, velocity = _signals(run), run.prepared.velocity
+    pieces = pieces or fine_steps(signals, run.reading.held)
+    if pieces > 1:
+        signals = refine(signals, run.reading.held, pieces)
+        velocity = np.interp(signals.time, run.signals.time, velocity)
+    # Where the search begins the delay may not take half of the inertia.
+    begin = max(run.reading.delay, 0.0) or FIRST_DELAY
+    begin = min(begin, 0.2 * max(start["inertia"], 1e-9) / max(controller(run).kd, 1e-9))
+    # The log's angle against the controller's shows in the torque alone.
+    judged: tuple[Signal, ...] = ("position", "torque") if _finds_bias(run) else ("position",)
+    unknown = ("delay",) if setup.delay is None else ()
     found = fit_output_error(
-        signals if part is None else replace(signals, valid=signals.valid & part),
+        signals,
         controller(run),
         model,
         {name: start.get(name, 0.0) + extra.get(name, 0.0) for name in model.names},
-        run.prepared.velocity,
+        velocity,
         velocity_delay=setup.velocity_delay or 0.0,
-        delay=setup.delay or 0.0,
-        unknown=tuple(LOOP_UNKNOWNS[name] for name in setup.unknowns if _shows(run, name)),
+        delay=begin if setup.delay is None else setup.delay,
+        unknown=(*unknown, "log_bias") if _finds_bias(run) else unknown,
         known={name: value + extra.get(name, 0.0) for name, value in known.items()},
+        judged=judged,
+        trials=trials,
     )
+    found = found.thinned(pieces)
     _check_identified(found, [name for name in fit.model.names if name not in CONFOUNDED])
     return replace(found, estimates={name: shifted(e, -extra.get(name, 0.0)) for name, e in found.estimates.items()})
 
@@ -255,27 +345,32 @@ def _over_k(run: Run) -> float:
     return 1 / (run.setup.motor_strength or 1.0)
 
 
-def _shows(run: Run, unknown: str) -> bool:
-    """Whether the loop can show an unknown; without torque a bias of the encoder is one with the offset."""
-    return unknown == "delay" or (run.measured and run.setup.hanging_angle is None)
+def _finds_bias(run: Run) -> bool:
+    """Return True if the encoder's bias is asked for, and shows: without torque it is one with the offset."""
+    return "encoder_bias" in run.setup.unknowns and run.measured and run.setup.hanging_angle is None
 
 
 def respond(run: Run, model: Model, values: dict[str, float]) -> Response:
-    """Simulate the whole of a run with the joint's own values, the payload's added.
+    """Simulate the whole of a run with the joint's own values, the payload's added, on the log's own samples.
 
     What is not given is zero, and so is friction below zero. Raises `StictionError` as `controller` and
     `ClosedLoop.run`.
     """
-    extra = _payload(run)
+    gains, extra, signals = controller(run), _payload(run), _signals(run)
     model = replace(model, gravity=model.gravity or bool(extra))
     begin = {
         "start_position": float(run.signals.position[0]),
         "start_velocity": float(run.prepared.velocity[0]),
-        "delay": run.setup.delay or 0.0,
+        "delay": run.reading.delay if run.setup.delay is None else run.setup.delay,
     }
-    loop = ClosedLoop(_signals(run), controller(run), model, begin, run.setup.velocity_delay or 0.0)
+    pieces = fine_steps(signals, run.reading.held)
+    if pieces > 1:
+        signals = refine(signals, run.reading.held, pieces)
+    loop = ClosedLoop(signals, gains, model, begin, run.setup.velocity_delay or 0.0)
     whole = {name: values.get(name, 0.0) + extra.get(name, 0.0) for name in model.names}
-    return loop.run(nearest_joint(whole), run.signals.position)
+    joint = nearest_joint(whole)
+    loop.correct(loop.run(joint, signals.position), joint)
+    return loop.run(joint, signals.position).thinned(pieces)
 
 
 def predict_run(run: Run, fit: Fit) -> dict[str, float] | None:
@@ -299,59 +394,26 @@ def predict_run(run: Run, fit: Fit) -> dict[str, float] | None:
     }
 
 
-def compare_in_loop(run: Run, base: Fit, whole: OutputError | None) -> tuple[Comparison, ...]:
-    """Compare parts of the log with each other, and a log without torque with itself under a late controller.
+def compare_in_loop(run: Run, whole: OutputError | None) -> tuple[Comparison, ...]:
+    """Compare the parts of a log, each as the whole simulation's derivatives say it would be fitted by itself.
 
-    base: the regression; whole: output error on the whole log. Returns nothing where there is none.
+    Gravity, offset and delay stay as the whole log has them: the link is the same one, and a part tells them less
+    apart. Nothing where there is no simulation.
     """
-    if whole is None:
+    if whole is None or not set(COMPARED) <= set(whole.estimates):
         return ()
-    late = () if run.measured else _compare_delay(run, base, whole)
-    return (*_compare_parts(run, base, whole), *late)
-
-
-def _compare_parts(run: Run, base: Fit, whole: OutputError) -> tuple[Comparison, ...]:
-    """Fit the parts of the log by themselves; the joint is simulated all along, and judged in one part.
-
-    Gravity and offset stay as the whole log has them: the link is the same one, and a part tells them less apart.
-    """
-    start = base.by_name | whole.values
-    known = {name: start[name] for name in CONFOUNDED if name in base.names}
     found = []
     for split in splits(run.signals.time, run.prepared.velocity):
-        parts = (split.first, ~split.first)
-        one, other = (fit_in_loop(run, base, start, part, known) for part in parts)
+        kept = (*CONFOUNDED, "delay")
+        parts = [whole.part(part & run.signals.valid, kept) for part in (split.first, ~split.first)]
+        one, other = parts
         if one is None or other is None:
             continue
-        speed = common_speed(*(run.prepared.velocity[part] for part in parts))
-        found.append(_comparison(split.label, split.parts, one, other, speed))
+        speed = common_speed(*(run.prepared.velocity[part] for part in (split.first, ~split.first)))
+        values = {name: (one[name], other[name]) for name in COMPARED}
+        friction = _friction(one, speed), _friction(other, speed)
+        found.append(Comparison(split.label, split.parts, values, speed, friction))
     return tuple(found)
-
-
-def _compare_delay(run: Run, base: Fit, whole: OutputError) -> tuple[Comparison, ...]:
-    """Set the fit beside one whose controller may be late, unless that was declared or asked for."""
-    if run.setup.delay is not None or run.setup.unknowns:
-        return ()
-    late = fit_late(run, base, base.by_name | whole.values)
-    if late is None or "delay" not in late.estimates:
-        return ()
-    speed = float(np.quantile(np.abs(run.prepared.velocity), 0.9))
-    parts = ("as declared", f"controller {1e3 * late.values['delay']:.2g} ms late")
-    return (_comparison(TIMING, parts, whole, late, speed, True),)
-
-
-def _comparison(
-    label: str,
-    parts: tuple[str, str],
-    one: OutputError,
-    other: OutputError,
-    speed: float,
-    alternative: bool = False,
-) -> Comparison:
-    """Compare two fits by output error, also in their friction at a speed [rad/s]."""
-    values = {name: (one.estimates[name], other.estimates[name]) for name in COMPARED}
-    friction = _friction(one.estimates, speed), _friction(other.estimates, speed)
-    return Comparison(label, parts, values, speed, friction, alternative)
 
 
 def _friction(estimates: dict[str, Estimate], speed: float) -> Estimate:

@@ -6,7 +6,9 @@ k its strength (1 where the torque is in N m), and d a known torque from outside
     coulomb      f = b_c                                               b_c at rest
     asymmetric   f = b_c and B for each direction; the offset is the difference of the two b_c
     stribeck     f = b_c + (b_s - b_c) exp(-(θ'/v_s)²)                 b_s > b_c at rest
+    breakaway    f = b_c                                               b_s > b_c at rest
     load         f = b_c + c |load|, the load being gravity and d      the same at rest
+    effort       f = b_c + c |τ|                                       the same at rest
     position     f = b_c + slope (θ - θ_m) + curvature (θ - θ_m)²      the same at rest; θ_m is mid-range
 """
 
@@ -33,7 +35,7 @@ GRAVITY_TERMS = ("gravity_sin", "gravity_cos")
 """Torque that holds the link: gravity_sin sin θ + gravity_cos cos θ [N m]."""
 
 
-NOT_NEGATIVE = ("coulomb_friction", "static_friction", "load_coefficient")
+NOT_NEGATIVE = ("coulomb_friction", "static_friction", "load_coefficient", "effort_coefficient")
 """Parameters that no joint has below zero. An estimate may be: where there is no friction it scatters about zero."""
 
 
@@ -76,11 +78,13 @@ class Model:
         return Joint(of["inertia"], of.get("viscous_friction", 0.0), friction, offset, gravity)
 
 
-def parameter_torques(model: Model, values: dict[str, float], joint: Joint, motion: Segments) -> dict[str, np.ndarray]:
+def parameter_torques(
+    model: Model, values: dict[str, float], joint: Joint, motion: Segments, effort: np.ndarray
+) -> dict[str, np.ndarray]:
     """Return for each of the model's parameters the torque of a unit change at both ends of each step.
 
-    values: the model's parameters; joint: what was simulated; motion: what it did, cut at its events. Arrays of shape
-    (2, num_steps).
+    values: the model's parameters; joint: what was simulated; motion: what it did, cut at its events; effort: torque
+    of the motor [N m]. Arrays of shape (2, num_steps).
     """
     ones = np.ones_like(motion.position)
     sign, forward, backward = motion.sign * ones, (motion.sign > 0) * ones, (motion.sign < 0) * ones
@@ -96,7 +100,11 @@ def parameter_torques(model: Model, values: dict[str, float], joint: Joint, moti
         "coulomb_friction_backward": backward,
         "offset": -ones,
         "load_coefficient": -sign * np.abs(motion.load),
+        # At rest alone, against the direction in which the joint breaks away at the end of the step.
+        "static_friction": -np.append(motion.sign[1:], 0) * (motion.sign == 0) * ones,
     }
+    if "effort_coefficient" in model.names:
+        torques["effort_coefficient"] = -sign * np.abs(effort)
     if "stribeck_velocity" in model.names:
         torques |= _stribeck(values, sign, motion)
     if "position_slope" in model.names:
@@ -133,6 +141,10 @@ def _at_angle(
     }
 
 
-def strength_torque(gains: PDGains, motion: Segments) -> np.ndarray:
-    """Return the torque of a unit change of the motor's strength, shape (2, num_steps); none at the torque limit."""
-    return (motion.side == 0) * (gains.kp * (motion.target - motion.position) - gains.kd * motion.velocity)
+def strength_torque(gains: PDGains, motion: Segments, effort_coefficient: float = 0.0) -> np.ndarray:
+    """Return the torque of a unit change of the motor's strength, shape (2, num_steps); none at the torque limit.
+
+    effort_coefficient: friction per torque of the motor, which takes its share of the change [1].
+    """
+    asked = gains.kp * (motion.target - motion.position) - gains.kd * motion.velocity
+    return (motion.side == 0) * (asked - effort_coefficient * motion.sign * np.abs(asked))

@@ -17,8 +17,9 @@ from stiction.core.errors import LogError
 from stiction.files.joints import FRICTION_REACHES_ZERO, Estimate, JointRecord, Objection
 from stiction.identification.back_emf import VISCOUS
 from stiction.identification.checks import coupled_text, unit_doubts
-from stiction.identification.closed_loop import LoopError
-from stiction.identification.consistency import LARGEST_SIGMAS, beyond_chance
+from stiction.identification.closed_loop import LoopError, Mismatch
+from stiction.identification.consistency import LARGEST_SIGMAS
+from stiction.identification.held_out import prediction_text
 from stiction.identification.in_loop import compare_controller
 from stiction.identification.prepare import make_rows, prepare
 from stiction.identification.record import JointFits
@@ -72,12 +73,12 @@ def find_objections(fits: JointFits, record: JointRecord, moving: Sequence[str] 
     found = [
         *_units(run, record),
         *_clipped(run),
-        *_controller(run, fits.loop.scales, fits.loop.mismatch),
+        *_controller(run, fits.loop.mismatch),
         *_hangs(run),
         *_weight(run, record),
-        *_coupled([*_position(record), *_negative(fits), *_rest(record)], moving),
-        *_estimators(record),
-        *_cutoff(fits),
+        *_coupled([*_position(record), *_negative(fits), *([] if fits.follows else _rest(record))], moving),
+        *([] if fits.by_simulation else _cutoff(fits)),
+        *_held_out(fits),
     ]
     shown = record.moving_friction or fits.symmetric()["coulomb_friction"]
     return (*found, *no_friction_shown(record, shown))
@@ -129,23 +130,20 @@ def contradicted(run: Run) -> str:
         found = compare_controller(run)
     except LoopError:
         found = None
-    objections = [] if found is None else _controller(run, found.scales, found.size)
+    objections = _controller(run, found)
     return "; ".join(f"{one.seen}; {one.remedy}" for one in objections) or _against(run)
 
 
-def _controller(run: Run, scales: tuple[float, float] | None, mismatch: float | None) -> list[Objection]:
-    """Object to a logged torque that is another multiple of the position's error, or speed, than the gains say.
-
-    scales, mismatch: as of `InLoop`.
-    """
-    if scales is None or mismatch is None:
+def _controller(run: Run, mismatch: Mismatch | None) -> list[Objection]:
+    """Object to a logged torque that is another multiple of the position's error, or speed, than the gains say."""
+    if mismatch is None:
         return []
-    spring, damper = scales
+    spring, damper = mismatch.scales
     if _gap(spring) <= LARGEST_SCALE and _gap(damper) <= LARGEST_DAMPING_SCALE:
         return []
     seen = (
         f"the logged torque is {spring:.3g} times kp (target − position) less {damper:.3g} times kd velocity, and is "
-        f"off by {mismatch:.0%}: torque, angles or stamps are in another unit, belong to another joint, "
+        f"off by {mismatch.size:.0%}: torque, angles or stamps are in another unit, belong to another joint, "
         "or the gains are not as declared"
     )
     return [Objection("controller", seen, _against(run) or _other_scale(run.setup, spring, damper))]
@@ -358,6 +356,21 @@ def _rest(record: JointRecord) -> list[Objection]:
     ]
 
 
+def _held_out(fits: JointFits) -> list[Objection]:
+    """Object to a model that predicts a record which no fit saw no better than one without friction."""
+    held = fits.held_out
+    if held is None or not held.fails:
+        return []
+    return [
+        Objection(
+            "held_out",
+            f"{held.source} is predicted no better than by a joint without friction "
+            f"({prediction_text(held.to_dict(), fits.run.setup.axis or 'rotary')})",
+            "check that its gains, load and temperature are those of the log that was fitted; log this joint alone",
+        )
+    ]
+
+
 def _cutoff(fits: JointFits) -> list[Objection]:
     """Object where a filter of half the corner finds another friction: then the filter decides, not the joint."""
     run, base = fits.run, fits.base
@@ -377,24 +390,5 @@ def _cutoff(fits: JointFits) -> list[Objection]:
             f"coulomb_friction is {one.value:.4g} with the filter at {run.prepared.cutoff:.3g} Hz and {two.value:.4g} "
             "at half of that: the filter decides, not the joint",
             f"log faster and with less noise, and some of it slower; {EXCITE}",
-        )
-    ]
-
-
-def _estimators(record: JointRecord) -> list[Objection]:
-    """Object where regression and simulation dispute the dry friction itself."""
-    gap = (record.diagnostics["disagreement"] or {}).get("coulomb_friction")
-    if record.diagnostics["method"] == "output_error" or gap is None:
-        return []
-    if not beyond_chance(gap) or gap["relative"] <= SERIOUS:
-        return []
-    return [
-        Objection(
-            "estimators",
-            f"regression and output error disagree on coulomb_friction by {gap['relative']:.0%} ({gap['sigmas']:.1f} "
-            "combined standard deviations): the model, the gains or the timing are not quite right, or more friction "
-            "holds the joint at rest than it has in motion",
-            "check --kp, --kd and --velocity-delay; log some of it slower, for the regression leaves turning points "
-            "out",
         )
     ]

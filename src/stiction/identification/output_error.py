@@ -1,15 +1,16 @@
 """Closed-loop output error: simulate the joint under its controller and fit what it does to what was measured.
 
-The residual is simulated − measured (the paper minimises reference − measurement, which measures the controller). In a
-closed loop the position hardly depends on the parameters and the torque does, so both are fitted, each in units of its
-own residual's size; without torque, the position alone. No derivative of a noisy signal enters. The state at the first
-sample is fitted with the rest.
+The residual is simulated − measured (the paper minimises reference − measurement, which measures the controller). With
+known gains the torque is a function of target and position, so positions alone tell as much, and a torque that was
+logged late or early cannot mislead them; where both are judged each is in units of its own residual's size. No
+derivative of a noisy signal enters. The state at the first sample is fitted with the rest.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -17,18 +18,27 @@ from stiction.core.errors import ConfigurationError, StictionError
 from stiction.core.linear import MIN_SHARE
 from stiction.files.joints import Estimate
 from stiction.identification.checks import Uniform
-from stiction.identification.closed_loop import EXTRAS, START, ClosedLoop, Response
+from stiction.identification.closed_loop import EXTRAS, START, ClosedLoop, LoopError, Response
 from stiction.identification.intervals import (
     block_count,
     bootstrap_reach,
+    correlation_time,
     make_blocks,
     robust_covariance,
     with_intervals,
 )
 from stiction.identification.model import NOT_NEGATIVE, Model, nearest_joint
+from stiction.identification.reading import FINE_STEP
 from stiction.identification.timing import settling
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Trajectory
+from stiction.joints.variation import Segments
+
+Signal = Literal["position", "torque"]
+"""Signal of a log that a simulation is judged by."""
+
+FEWEST_SAMPLES = 50
+"""Samples of a part of a log that is fitted by itself."""
 
 MAX_ITERATIONS = 40
 """Points tried before the search ends where it is."""
@@ -50,16 +60,18 @@ def levenberg_marquardt(
     lower: np.ndarray,
     upper: np.ndarray,
     tolerance: Callable[[float], float],
+    trials: int = MAX_ITERATIONS,
 ) -> np.ndarray:
     """Return the point, shape (num_parameters,), at which half the sum of squared residuals is least.
 
     residual: point -> shape (num_rows,); jacobian: point -> shape (num_rows, num_parameters); lower, upper: bounds,
-    shape (num_parameters,) each; tolerance: cost -> predicted decrease of the cost that is not worth another step.
+    shape (num_parameters,) each; tolerance: cost -> predicted decrease of the cost that is not worth a step; trials:
+    points tried.
     """
     point = np.clip(start, lower, upper)
     rows, slopes = residual(point), jacobian(point)
     cost, damping, growth, rejected = 0.5 * float(rows @ rows), 1e-4, 2.0, 0
-    for _ in range(MAX_ITERATIONS):
+    for _ in range(trials):
         step, predicted = _damped_step(slopes, rows, (point >= upper).astype(int) - (point <= lower), damping)
         if predicted <= tolerance(cost) or rejected > MAX_REJECTED_STEPS:
             break
@@ -98,11 +110,20 @@ def _damped_step(slopes: np.ndarray, rows: np.ndarray, bound: np.ndarray, dampin
     return step, float(np.sum(moved * gradient - 0.5 * np.where(known, values, 0.0) * moved**2))
 
 
+FEW_TRIALS = 8
+"""Points tried in each round where fits are compared with each other: the one that is kept is fitted to the end."""
+
+ROUNDS, MOST_ROUNDS = 3, 8
+"""Rounds of the search, at least and at most, each with weights and exact delay of what the one before found."""
+
+SETTLED_DELAY = 0.02
+"""Change of the delay from round to round, in steps, at which it is settled."""
+
 COST_TOLERANCE = 1e-3
 """The first fit, whose residuals weigh position against torque in the second, ends at this relative change of cost."""
 
 CHI2_TOLERANCE = 1e-2
-"""The second ends where chi² would fall by less than this: a tenth of a standard deviation."""
+"""The others end where chi² would fall by less than this: a tenth of a standard deviation."""
 
 MAX_EXTRAPOLATION = 0.2
 """Change of the motion up to which its derivatives are trusted to predict it, as the guess of a simulation [rad]."""
@@ -132,8 +153,9 @@ STRIBECK_SPEEDS = (0.005, 0.5)
 """Stribeck velocities that the search may try, over the top speed: under the first the fall of the friction does not
 show, over the second it looks like less viscous friction."""
 
-LOWER_BOUNDS = dict.fromkeys((*NOT_NEGATIVE, "delay"), 0.0)
-"""Bounds; inertia and motor strength stay above a hundredth of where they start."""
+LOWER_BOUNDS = dict.fromkeys(NOT_NEGATIVE, 0.0)
+"""Bounds. Inertia and motor strength stay above a hundredth of where they start, a delay above half a step of the
+simulation before zero: a held target jumps within one."""
 
 
 @dataclass(frozen=True)
@@ -151,13 +173,87 @@ class OutputError:
     counted: np.ndarray
     """Samples that the simulation was judged in, bool, shape (num_samples,): neither in a gap nor soon after one."""
     residuals: dict[str, np.ndarray]
-    """Simulated − measured for position and, where there is, torque; zero at samples that do not count. Shape
-    (num_samples,) each."""
+    """Simulated − measured of what was judged; zero at samples that do not count. Shape (num_samples,) each."""
+    names: tuple[str, ...]
+    """Columns of `slopes`, start included."""
+    slopes: np.ndarray
+    """Derivatives of `weighted` by `names`, shape (num_rows, num_names): the samples that count of each signal judged,
+    one signal after the other."""
+    weighted: np.ndarray
+    """Residuals in units of their sizes, shape (num_rows,)."""
+    covariance: np.ndarray
+    """Covariance of `names`, shape (num_names, num_names)."""
+    reach: np.ndarray
+    """Half-width of each 95 % interval in standard deviations, shape (num_names,)."""
+    loop: ClosedLoop
+    """The loop that was simulated."""
+    response: Response
+    """Its response, on the grid of the simulation."""
+    pieces: int = 1
+    """Steps of the simulation in each sample interval of the log."""
 
     @property
     def values(self) -> dict[str, float]:
         """The best estimates by name."""
         return {name: estimate.value for name, estimate in self.estimates.items()}
+
+    def combination(self, weights: Mapping[str, float], like: str) -> Estimate:
+        """Return a weighted sum of estimates, its interval as many deviations wide as that of `like`."""
+        row = np.array([weights.get(name, 0.0) for name in self.names])
+        value = sum(weight * self.values[name] for name, weight in weights.items())
+        std = float(np.sqrt(max(row @ self.covariance @ row, 0.0)))
+        reach = float(self.reach[self.names.index(like)]) * std
+        return Estimate(value, std, (value - reach, value + reach))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the position's residual [rad]."""
+        return float(np.std(self.residuals["position"][self.counted]))
+
+    def position_rows(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return residuals and slopes of the position at the samples that count [rad], (num_rows,), (num_rows, P)."""
+        rows = self.residuals["position"][self.counted]
+        scale = float(np.linalg.norm(rows) / max(float(np.linalg.norm(self.weighted[: len(rows)])), 1e-300))
+        return rows, scale * self.slopes[: len(rows)]
+
+    def torque_columns(self, torques: Callable[[Segments, np.ndarray], list[np.ndarray]]) -> np.ndarray:
+        """Return the change of the position at the samples that count per unit of further torques, (num_rows, n).
+
+        torques: as of `ClosedLoop.torque_changes`; `LoopError` is raised as there.
+        """
+        return self.loop.torque_changes(self.response, self.values, torques)[:: self.pieces][self.counted]
+
+    def part(self, chosen: np.ndarray, kept: tuple[str, ...] = ()) -> dict[str, Estimate] | None:
+        """Return what a part of the log says by itself, a Gauss-Newton step from the whole; None where it is too poor.
+
+        chosen: samples of the part, bool, shape (num_samples,); kept: parameters that stay as the whole log has them.
+        """
+        signals = len(self.residuals)
+        rows = np.tile(chosen[self.counted], signals)
+        columns = [place for place, name in enumerate(self.names) if name not in (*kept, *START)]
+        slopes, weighted = self.slopes[rows][:, columns], self.weighted[rows]
+        samples = int(rows.sum()) // signals
+        if samples < FEWEST_SAMPLES or len(unidentified(slopes, tuple(self.names[place] for place in columns))[1]) > 0:
+            return None
+        change = np.linalg.lstsq(slopes, -weighted, rcond=None)[0]
+        left = weighted + slopes @ change
+        count = min(block_count(row) for row in left.reshape(signals, -1))
+        blocks = make_blocks(slopes, left, np.tile(np.arange(samples) * count // samples, signals))
+        names = [self.names[place] for place in columns]
+        values = np.array([self.estimates[name].value if name in self.estimates else 0.0 for name in names]) + change
+        bounded = with_intervals(values, robust_covariance(blocks), bootstrap_reach(blocks))
+        return {name: one for name, one in zip(names, bounded, strict=True) if name in self.estimates}
+
+    def thinned(self, pieces: int) -> OutputError:
+        """Return the same on every so many-th sample: the log's own, where a finer grid was simulated."""
+        motion = self.simulated
+        return replace(
+            self,
+            pieces=pieces,
+            simulated=Trajectory(motion.position[::pieces], motion.velocity[::pieces], motion.torque[::pieces]),
+            counted=self.counted[::pieces],
+            residuals={name: row[::pieces] for name, row in self.residuals.items()},
+        )
 
 
 def fit_output_error(
@@ -171,13 +267,16 @@ def fit_output_error(
     delay: float = 0.0,
     unknown: tuple[str, ...] = (),
     known: Mapping[str, float] | None = None,
+    judged: tuple[Signal, ...] = ("position", "torque"),
+    trials: int = MAX_ITERATIONS,
 ) -> OutputError:
     """Fit the model's parameters, and unknowns of the loop, to position and torque, or to position alone.
 
     signals: with a target; start: where the search begins, for each of `model.names`, at zero where friction is
     below it; velocity: filtered θ' [rad/s], shape (num_samples,); velocity_delay: how late the controller's velocity is
     beyond its loop [s]; delay: how late the loop is, known or, if unknown, where the search begins [s]; unknown: which
-    of `EXTRAS` to fit; known: parameters of the model that are not to be fitted.
+    of `EXTRAS` to fit; known: parameters of the model that are not to be fitted; judged: signals that the simulation
+    has to follow, where the log has them; trials: points tried in each of three rounds.
 
     Raises:
         StictionError: a name is none of these, or the delays would take away half of the inertia.
@@ -212,8 +311,8 @@ def fit_output_error(
     loop = ClosedLoop(signals, gains, model, fixed, velocity_delay)
     wait = int(np.ceil(SETTLING * _slowest(gains, fixed | free) / signals.step))
     valid = signals.valid & ~settling(signals.bridged, np.abs(velocity) > STILL * top, wait)
-    search = _Search(loop, signals, valid, free, top)
-    return _result(search, search.fit(), velocity)
+    search = _Search(loop, signals, valid, free, top, judged)
+    return _result(search, search.fit(trials), velocity)
 
 
 def _slowest(gains: PDGains, values: Mapping[str, float]) -> float:
@@ -228,15 +327,21 @@ class _Search:
     """The least-squares problem: residuals and derivatives of the samples that count, each signal in its own unit."""
 
     def __init__(
-        self, loop: ClosedLoop, signals: Uniform, valid: np.ndarray, free: dict[str, float], top_speed: float
+        self,
+        loop: ClosedLoop,
+        signals: Uniform,
+        valid: np.ndarray,
+        free: dict[str, float],
+        top_speed: float,
+        judged: tuple[Signal, ...],
     ) -> None:
         self.top_speed = top_speed
         self.loop, self.names, self.start = loop, tuple(free), np.array(list(free.values()))
-        self.measured = {"position": signals.position}
-        if signals.torque is not None:
-            self.measured["torque"] = signals.torque
+        logged = {name: getattr(signals, name) for name in ("position", "torque")}
+        self.logged = {name: values for name, values in logged.items() if values is not None}
+        self.measured: dict[str, np.ndarray] = {name: one for name, one in self.logged.items() if name in judged}
         self.valid = valid
-        self.weights = dict.fromkeys(self.measured, 1.0)
+        self.weights: dict[str, float] = dict.fromkeys(self.measured, 1.0)
         self.phases = 0
         self._latest: tuple[bytes, Response] | None = None
         self._accepted: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
@@ -254,6 +359,14 @@ class _Search:
             self._latest = values.tobytes(), self.loop.run(dict(zip(self.names, values)), guess)
             self.phases += len(self._latest[1].motion.phases)
         return self._latest[1]
+
+    def correct(self, values: np.ndarray) -> None:
+        """Give the loop the torque of its exact delay along what it does with these values, where it can do them."""
+        try:
+            self.loop.correct(self.respond(values), dict(zip(self.names, values)))
+        except StictionError:
+            return
+        self._latest = self._accepted = None
 
     def residuals(self, values: np.ndarray) -> dict[str, np.ndarray]:
         """Return simulated − measured of each signal, zero where a sample does not count."""
@@ -280,26 +393,44 @@ class _Search:
         both = np.where(self.valid[:, None], self._accepted[2], 0.0)
         return np.concatenate([self.weights[name] * rows for name, rows in zip(self.measured, both)])
 
-    def fit(self) -> np.ndarray:
-        """Return the values with which the simulation follows the log best."""
+    def fit(self, trials: int) -> np.ndarray:
+        """Return the values with which the simulation follows the log best; trials: points tried in each round."""
         values = np.array(self.start)
         lower = np.array([LOWER_BOUNDS.get(name, -np.inf) for name in self.names])
         upper = np.full(len(self.names), np.inf)
         for place, name in enumerate(self.names):
             if name in ("inertia", "motor_strength"):
                 lower[place] = 1e-2 * self.start[place]
+            elif name == "delay":
+                lower[place] = -0.5 * min(self.loop.signals.step, FINE_STEP)
             elif name == "stribeck_velocity":
                 lower[place], upper[place] = (share * self.top_speed for share in STRIBECK_SPEEDS)
-        tolerances: tuple[Callable[[float], float], ...] = (
-            lambda cost: COST_TOLERANCE * cost if self.phases < MAX_PHASES else np.inf,
-            lambda cost: 0.5 * CHI2_TOLERANCE if self.phases < MAX_PHASES else np.inf,
-        )
-        for tolerance in tolerances:
+        # Residuals that remember each other tell less than their number: a decrease within their noise is no step.
+        least = 0.5 * CHI2_TOLERANCE
+        late = self.names.index("delay") if "delay" in self.names else None
+        before = np.inf
+        for rounds in range(MOST_ROUNDS if trials > FEW_TRIALS else ROUNDS):
+            # The delay's exact torque is of the path before, so rounds go on until both agree.
+            if rounds >= ROUNDS and (
+                late is None or abs(values[late] - before) < SETTLED_DELAY * self.loop.signals.step
+            ):
+                break
+            before = np.inf if late is None else values[late]
+            if rounds:
+                memory = max(correlation_time(row[self.valid]) for row in self.residuals(values).values())
+                least = 0.5 * CHI2_TOLERANCE * memory
+
+            def tolerance(cost: float, least: float = least, first: bool = not rounds) -> float:
+                if self.phases >= MAX_PHASES:
+                    return np.inf
+                return COST_TOLERANCE * cost if first or trials <= FEW_TRIALS else least
+
+            self.correct(values)
             for name, row in self.residuals(values).items():
                 size = float(np.std(row[self.valid]))
                 # A simulated log without noise leaves nothing, and its weight must be finite all the same.
                 self.weights[name] = 1.0 / max(size, 1e-9 * float(np.std(self.measured[name])))
-            values = levenberg_marquardt(self.weighted, self.slopes, values, lower, upper, tolerance)
+            values = levenberg_marquardt(self.weighted, self.slopes, values, lower, upper, tolerance, trials)
         return values
 
 
@@ -328,17 +459,24 @@ def _result(search: _Search, values: np.ndarray, velocity: np.ndarray) -> Output
     response, rows = search.respond(values), search.residuals(values)
     weighted, slopes = search.weighted(values), search.slopes(values)
     identified, lost = unidentified(slopes, search.names)
+    if not identified:
+        raise LoopError("output error is not done: the simulation does not depend on any parameter")
     count = min(block_count(row[search.valid]) for row in rows.values())
     samples, counted = int(search.valid.sum()), np.tile(search.valid, len(rows))
+    slopes, weighted = slopes[counted][:, identified], weighted[counted]
     # Position and torque of one time are of one block, for their residuals depend on each other.
     block = np.tile(np.arange(samples) * count // samples, len(rows))
-    blocks = make_blocks(slopes[counted][:, identified], weighted[counted], block)
-    bounded = with_intervals(values[identified], robust_covariance(blocks), bootstrap_reach(blocks))
+    blocks = make_blocks(slopes, weighted, block)
+    covariance, reach = robust_covariance(blocks), bootstrap_reach(blocks)
+    bounded = with_intervals(values[identified], covariance, reach)
     found = {search.names[place]: estimate for place, estimate in zip(identified, bounded, strict=True)}
     lost |= {name for name, estimate in found.items() if not estimate.std < MAX_STD.get(name, np.inf)}
     motion = response.motion
     simulated = Trajectory(response.position, motion.velocity, response.torque, motion.phases)
-    compared = {name: (rows[name], measured) for name, measured in search.measured.items()}
+    logged = search.logged.items()
+    compared = {
+        name: (np.where(search.valid, getattr(response, name) - values, 0.0), values) for name, values in logged
+    }
     compared["velocity"] = (np.where(search.valid, simulated.velocity - velocity, 0.0), velocity)
     return OutputError(
         estimates={name: value for name, value in found.items() if name not in lost and name not in START},
@@ -350,4 +488,11 @@ def _result(search: _Search, values: np.ndarray, velocity: np.ndarray) -> Output
         },
         counted=search.valid,
         residuals=rows,
+        names=tuple(search.names[place] for place in identified),
+        slopes=slopes,
+        weighted=weighted,
+        covariance=covariance,
+        reach=reach,
+        loop=search.loop,
+        response=response,
     )

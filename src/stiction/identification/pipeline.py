@@ -18,17 +18,12 @@ from stiction.files.joints import FitSignals, JointRecord
 from stiction.files.log import UNNAMED, Log
 from stiction.identification.back_emf import BackEmf, find_back_emf
 from stiction.identification.checks import PoorMotion, coupled_text, moving_beside
-from stiction.identification.choice import (
-    MIN_EVIDENCE,
-    choose_gravity,
-    choose_in_loop,
-    choose_law,
-    evidence_of,
-    negative_friction,
-)
+from stiction.identification.choice import choose_gravity, choose_law
 from stiction.identification.combinations import strength_identified
 from stiction.identification.consistency import REPEAT, Comparison, compare, compare_parts, compare_timing
-from stiction.identification.in_loop import InLoop, close_loop, compare_in_loop, predict_run
+from stiction.identification.evidence import MIN_EVIDENCE, evidence_of
+from stiction.identification.held_out import hold_out
+from stiction.identification.in_loop import InLoop, close_loop, compare_in_loop, predict_run, read_again
 from stiction.identification.model import GRAVITY_TERMS, Model
 from stiction.identification.objections import NEGATIVE_FRICTION, contradicted, find_objections
 from stiction.identification.pooling import compare_runs, pooled_rows
@@ -40,12 +35,14 @@ from stiction.identification.regression import (
     Fit,
     check_fit,
     check_rows,
+    fit_at,
     fit_rows,
     predict_torque,
     rigid_torque,
 )
 from stiction.identification.runs import Run, fit_signals, make_run
 from stiction.identification.setup import IdentifySetup
+from stiction.identification.simulated_choice import choose_simulated
 from stiction.identification.verdict import is_leg, judge
 from stiction.identification.warnings import NAMELESS, find_warnings
 
@@ -56,7 +53,7 @@ REFUSED = "not identified: "
 """How the warning of a refused joint begins."""
 
 
-_Job = tuple[Log, str | None, IdentifySetup | None, tuple[Log, ...], tuple[Log, ...], tuple[str, ...]]
+_Job = tuple[Log, str | None, IdentifySetup | None, tuple[Log, ...], tuple[Log, ...], tuple[str, ...], Log | None]
 """What `_attempt` is called with."""
 
 
@@ -79,13 +76,15 @@ def identify_joint(
     repeats: Sequence[Log] = (),
     more: Sequence[Log] = (),
     moving: tuple[str, ...] | None = None,
+    held_out: Log | None = None,
 ) -> Identification:
     """Identify one joint of a log.
 
     joint: its name, or None for the only one; repeats: further logs of the same joint, each with what its sidecar says.
     They show whether the joint says the same again; if a payload hangs on it in some of them, they are fitted together.
     more: further runs, which are fitted together with the log whatever hangs on them, each with its own sidecar;
-    moving: joints that moved at the same time, by default those of the log that did. Raises `StictionError` with one
+    moving: joints that moved at the same time, by default those of the log that did; held_out: a log to be predicted,
+    with its own sidecar; by default the last part of the log is. Raises `StictionError` with one
     line for whatever the logs lack.
     """
     setup = setup or IdentifySetup()
@@ -94,7 +93,7 @@ def identify_joint(
     if moving is None:
         moving = moving_beside(log, log.joint(joint)[0])
     try:
-        return _identify(log, joint, setup, repeats, more, moving)
+        return _identify(log, joint, setup, repeats, more, moving, held_out)
     except PoorMotion as error:
         if moving:
             raise error.because(coupled_text(moving)) from error
@@ -108,6 +107,7 @@ def _identify(
     repeats: Sequence[Log],
     more: Sequence[Log],
     moving: tuple[str, ...],
+    held_out: Log | None = None,
     found_ke: BackEmf | None = None,
 ) -> Identification:
     """Identify one joint; arguments as of `identify_joint`. found_ke: ke from the data, already in `setup`."""
@@ -127,30 +127,35 @@ def _identify(
     drive = find_back_emf(runs, base) if found_ke is None else None
     # A motor by voltage brakes itself: where the data told ke, all is done again, once, with the brake taken off.
     if drive is not None:
-        return _identify(log, joint, replace(setup, ke=drive.ke), repeats, more, moving, drive)
+        return _identify(log, joint, replace(setup, ke=drive.ke), repeats, more, moving, held_out, drive)
     _check_values(run, base)
-    # Choose a law, by regression and, where that does not see a richer one, by simulation.
-    choice = choose_law(rows, base, strength_unknown)
-    chosen = base if choice.law == "coulomb" else fit_rows(rows, choice.model, strength_unknown)
-    loop = close_loop(run, base, chosen) if not more else InLoop(reason=SEVERAL)
-    simulated = choose_in_loop(run, base, loop) if choice.law == "coulomb" and rows is run.rows else None
-    if simulated is not None:
-        choice, chosen, loop = (
-            choice.with_simulated_law(simulated),
-            simulated.fit,
-            replace(loop, chosen=simulated.found),
-        )
-    if loop.chosen is not None and (negative := negative_friction(loop.chosen.values)):
-        choice, chosen, loop = choice.without_richer(base, negative), base, replace(loop, chosen=None)
-    delay = _found_delay(run, loop)
-    # Torque made without the delay is too early, which looks like another friction law: all is done again, once.
-    if delay is not None:
-        return _identify(log, joint, replace(setup, delay=delay), repeats, more, moving, found_ke)
+    # Simulate, and read the log as the simulation says; then choose a law.
+    loop = InLoop(reason=SEVERAL)
+    if not more:
+        reread, loop = close_loop(run, base)
+        if reread is not run and rows is run.rows:
+            run, base = reread, _symmetric(reread, others)
+            rows = base.rows
+    if loop.symmetric is not None and rows is run.rows:
+        choice, richer, chosen = choose_simulated(run, loop.symmetric, base)
+        loop = replace(loop, chosen=richer)
+        if richer is not None:
+            run = read_again(run, richer)
+            base = _symmetric(run, others)
+            rows, chosen = base.rows, fit_at(base.rows, chosen.model, chosen.by_name)
+    else:
+        choice = choose_law(rows, base, strength_unknown)
+        chosen = base if choice.law == "coulomb" else fit_rows(rows, choice.model, strength_unknown)
     # Compare and predict; repeats that were fitted as well are no test of the fit.
     unseen = others if rows is run.rows else ()
     comparisons = compare_parts(rows, base) if more else _comparisons(run, base, loop, unseen)
     predictions = (*_predictions(chosen, unseen), *unusable)
-    fits = JointFits(run, rows, base, chosen, choice, loop, comparisons, gravity, predictions, pooling, found_ke)
+    unseen_run = None if held_out is None else make_run(held_out, joint, shared, alone=False)
+    simulated = loop.symmetric, loop.best
+    predicted = hold_out(run, base, chosen, simulated, unseen_run) if rows is run.rows else None
+    fits = JointFits(
+        run, rows, base, chosen, choice, loop, comparisons, gravity, predictions, pooling, found_ke, predicted
+    )
     # Make the record, which objections, verdict and warnings read in this order.
     record = make_record(fits)
     record = replace(record, objections=find_objections(fits, record, moving))
@@ -250,14 +255,6 @@ def _symmetric(run: Run, others: Sequence[Run]) -> Fit:
     return fit_rows(run.rows, model)
 
 
-def _found_delay(run: Run, loop: InLoop) -> float | None:
-    """Return the delay that the loop showed and that the torque made from the PD law did not have [s], else None."""
-    if run.measured or run.setup.delay is not None or loop.symmetric is None:
-        return None
-    found = loop.symmetric.estimates.get("delay")
-    return None if found is None else found.value
-
-
 def _check_values(run: Run, fit: Fit) -> None:
     """Refuse values that no joint has."""
     found = fit.estimates()
@@ -319,9 +316,10 @@ def _comparisons(run: Run, base: Fit, loop: InLoop, others: Sequence[Run]) -> tu
         compare(f"{REPEAT} {index}", (run.source, other.source), run.rows, other.rows, base)
         for index, other in enumerate(alike, 1)
     )
-    parts = compare_in_loop(run, base, loop.symmetric) or compare_parts(run.rows, base)
-    timing = compare_timing(run.prepared, base) if run.measured and base.rows is run.rows else None
-    return (*parts, *([timing] if timing else []), *runs)
+    parts = compare_in_loop(run, loop.best) or compare_parts(run.rows, base)
+    # Where the loop is simulated the log has told when its torque acted.
+    late = compare_timing(run.prepared, base) if loop.symmetric is None and base.rows is run.rows else None
+    return (*parts, *([late] if late else []), *runs)
 
 
 def _predictions(fit: Fit, others: Sequence[Run]) -> tuple[dict[str, Any], ...]:
@@ -343,7 +341,7 @@ def _fit_signals(fits: JointFits) -> FitSignals:
     run, prepared = fits.run, fits.run.prepared
     whole = replace(prepared, used=np.arange(len(prepared.torque)))
     everything = make_rows([whole], [run.setup.payload], run.setup.motor_strength or 1.0)
-    best = fits.loop.chosen or fits.loop.symmetric
+    best = fits.loop.best
     return fit_signals(
         run,
         predict_torque(fits.base, everything),
@@ -362,12 +360,14 @@ def identify_log(
     done: Done = lambda name: None,
     workers: int | None = None,
     more: Sequence[Log] = (),
+    held_out: Log | None = None,
 ) -> tuple[dict[str, Identification], dict[str, JointRecord]]:
     """Identify several joints, every one of the log's by default.
 
     Returns the joints that were identified, and for those that were refused an empty record whose warning says why,
-    both in the order of the log, or of `joints`. more: further runs, fitted together with the log; workers: processes,
-    by default one a core. Raises `StictionError` where a joint is not in the log, or none could be identified.
+    both in the order of the log, or of `joints`. more: further runs, fitted together with the log; held_out: a log to
+    be predicted; workers: processes, by default one a core. Raises `StictionError` where a joint is not in the log, or
+    none could be identified.
     """
     names = [log.joint(name)[0] for name in joints] or list(log.joints)
     found: dict[str, Identification] = {}
@@ -382,6 +382,7 @@ def identify_log(
             tuple(_single_joint(one, name) for one in repeats),
             tuple(_single_joint(one, name) for one in more),
             moving_beside(log, name),
+            None if held_out is None else _single_joint(held_out, name),
         )
         for name in names
     }
@@ -416,9 +417,10 @@ def _attempt(
     repeats: Sequence[Log],
     more: Sequence[Log],
     moving: tuple[str, ...],
+    held_out: Log | None,
 ) -> Identification | StictionError:
     """Identify one joint; what is wrong with it comes back as a value, for an exception would lose its class."""
     try:
-        return identify_joint(log, name, setup, repeats, more, moving)
+        return identify_joint(log, name, setup, repeats, more, moving, held_out)
     except StictionError as error:
         return error

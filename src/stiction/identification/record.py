@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, is_dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from stiction.files.joints import LOAD_REGRESSORS, Estimate, JointRecord
+from stiction.files.joints import LOAD_REGRESSORS, PARAMETERS, Estimate, JointRecord
 from stiction.identification.assumption import torque_unit
 from stiction.identification.back_emf import BackEmf, Braking, brake_summary, braking, split_viscous
 from stiction.identification.choice import Choice, GravityChoice
@@ -20,12 +21,13 @@ from stiction.identification.combinations import (
     product,
     shifted,
 )
-from stiction.identification.consistency import REPEAT, Comparison, Drift, disagreement, find_drift, whiteness, widened
+from stiction.identification.consistency import REPEAT, Comparison, Drift, find_drift, whiteness, widened
+from stiction.identification.held_out import HeldOut
 from stiction.identification.in_loop import InLoop
 from stiction.identification.model import GRAVITY_TERMS
 from stiction.identification.output_error import OutputError
 from stiction.identification.pooling import Pooling
-from stiction.identification.prepare import Rows
+from stiction.identification.prepare import Rows, position_noise
 from stiction.identification.regression import INVERSE_STRENGTH, MAX_INFLATION, Fit
 from stiction.identification.runs import Run
 from stiction.joints.friction import dead_band, friction_ratio
@@ -46,7 +48,7 @@ def loop_unknowns(base: Fit, loop: InLoop, hanging: float | None) -> dict[str, E
     hanging: true angle at which the link hangs straight down [rad], if it is known: gravity then tells the bias.
     Otherwise the bias is that of the log's angle against the controller's.
     """
-    found = {} if loop.symmetric is None else loop.symmetric.estimates
+    found = {} if loop.best is None else loop.best.estimates
     bias = found.get("log_bias") if hanging is None else hanging_bias(base, hanging)
     delay = found.get("delay")
     if delay is not None:
@@ -117,6 +119,8 @@ class JointFits:
     """What several runs that were fitted together say one by one."""
     back_emf: BackEmf | None = None
     """ke, where the data show it."""
+    held_out: HeldOut | None = None
+    """How well a record that no fit saw is predicted."""
 
     @property
     def braking(self) -> Braking | None:
@@ -135,8 +139,14 @@ class JointFits:
 
     @property
     def by_simulation(self) -> bool:
-        """Whether the stated values are output error's: without measured torque least squares suffers from noise."""
-        return not self.run.measured and self.loop.symmetric is not None
+        """True if the stated values are output error's: wherever the controller that made the log is known."""
+        return self.loop.symmetric is not None
+
+    @property
+    def follows(self) -> bool:
+        """True if the simulation follows the log's positions nearly to their noise: then nothing is missing in it."""
+        best = self.loop.best
+        return best is not None and best.rms <= NEAR_NOISE * position_noise(self.run.signals.position)
 
     @property
     def method(self) -> str:
@@ -146,43 +156,75 @@ class JointFits:
         return "torque_regression" if self.run.measured else "position_regression"
 
     def symmetric(self) -> dict[str, Estimate]:
-        """Return the stated estimates of viscous and Coulomb friction, in the unit of the torque."""
-        if self.by_simulation and self.loop.symmetric is not None:
-            return self.loop.symmetric.estimates
-        return self.base.estimates()
+        """Return the estimates of viscous and Coulomb friction, in the unit of the torque."""
+        return self.loop.symmetric.estimates if self.loop.symmetric is not None else self.base.estimates()
 
     def law(self) -> dict[str, Estimate]:
-        """Return the stated estimates of the law that was chosen, by output error where that was done."""
+        """Return the estimates of the law that was chosen, in the unit of the torque."""
         if self.chosen is self.base:
             return self.symmetric()
-        if self.loop.chosen is not None:
-            return self.loop.chosen.estimates
-        return self.chosen.estimates()
+        return self.loop.chosen.estimates if self.loop.chosen is not None else self.chosen.estimates()
 
+    def standard(self) -> dict[str, Estimate]:
+        """Return what the chosen law says of inertia, viscous and Coulomb friction, offset and gravity.
+
+        Of friction that depends on direction, load, torque or angle it is the mean over the log's motion.
+        """
+        estimates = self.law()
+        if self.chosen is self.base:
+            return estimates
+        fit = self.loop.chosen or self.chosen
+        standard = {name: estimates[name] for name in SHARED if name in estimates}
+        for name, (weights, like) in mean_friction(self.chosen).items():
+            if set(weights) <= set(estimates):
+                standard[name] = fit.combination(weights, like)
+        return standard
+
+
+NEAR_NOISE = 2.0
+"""Residual of a simulation over the position's noise up to which nothing is missing in the model."""
 
 SHARED = ("inertia", "offset", *GRAVITY_TERMS)
 """Parameters that mean the same under every friction law."""
 
-
-def contradicted(plain: dict[str, Estimate], law: dict[str, Estimate]) -> tuple[str, ...]:
-    """Return the parameters of `SHARED` whose interval under one law lies apart from that under another."""
-    return tuple(
-        name
-        for name in SHARED
-        if name in plain
-        and name in law
-        and (plain[name].interval95[1] < law[name].interval95[0] or law[name].interval95[1] < plain[name].interval95[0])
-    )
+MODEL_ERROR, DAMPING_ERROR = 0.005, 0.001
+"""Share of each value, and of kd in viscous friction, by which intervals are widened: gains, clocks and samples of a
+loop are not known better, and a simulation of it is not more exact."""
 
 
-def admitting(plain: dict[str, Estimate], law: dict[str, Estimate]) -> dict[str, Estimate]:
-    """Return estimates whose intervals also hold those of the law that was chosen, where the two lie apart."""
-    result = dict(plain)
-    for name in contradicted(plain, law):
-        (low, high), (first, last) = plain[name].interval95, law[name].interval95
-        gap = abs(plain[name].value - law[name].value) / 2
-        ends = min(low, first), max(high, last)
-        result[name] = Estimate(plain[name].value, max(plain[name].std, gap), ends)
+def mean_friction(fit: Fit) -> dict[str, tuple[dict[str, float], str]]:
+    """Return viscous and Coulomb friction as sums of a law's parameters, over the motion of the rows.
+
+    Name -> weights by parameter, and the parameter whose interval it takes after.
+    """
+    rows, away = fit.rows, fit.rows.position - fit.model.middle
+    if fit.model.law == "asymmetric":
+        halves = {
+            name: {f"{name}_forward": 0.5, f"{name}_backward": 0.5} for name in ("viscous_friction", "coulomb_friction")
+        }
+        halves["offset"] = {"coulomb_friction_forward": 0.5, "coulomb_friction_backward": -0.5}
+        return {name: (weights, max(weights)) for name, weights in halves.items()}
+    weights = {"coulomb_friction": 1.0}
+    if fit.model.law == "load":
+        column = fit.jacobian[:, fit.names.index("load_coefficient")]
+        weights["load_coefficient"] = float(np.mean(np.abs(column)))
+    elif fit.model.law == "effort":
+        weights["effort_coefficient"] = float(np.mean(np.abs(rows.torque)))
+    elif fit.model.law == "position":
+        weights |= {"position_slope": float(np.mean(away)), "position_curvature": float(np.mean(away**2))}
+    return {
+        "viscous_friction": ({"viscous_friction": 1.0}, "viscous_friction"),
+        "coulomb_friction": (weights, "coulomb_friction"),
+    }
+
+
+def modelled(estimates: Mapping[str, Estimate], kd: float) -> dict[str, Estimate]:
+    """Return estimates whose intervals admit what no simulation of a loop knows better; kd: derivative gain."""
+    result = {}
+    for name, old in estimates.items():
+        floor = MODEL_ERROR * abs(old.value) + DAMPING_ERROR * kd * name.startswith("viscous")
+        low, high = (float(np.hypot(end - old.value, floor)) for end in old.interval95)
+        result[name] = Estimate(old.value, float(np.hypot(old.std, floor / 2)), (old.value - low, old.value + high))
     return result
 
 
@@ -201,7 +243,7 @@ def make_record(fits: JointFits) -> JointRecord:
     run, base, setup = fits.run, fits.base, fits.run.setup
     # State the parameters where k is known, else the combinations that the log tells.
     strength = find_strength(base, run.measured, setup.calibrated, setup.motor_strength)
-    estimates = admitting(all_admitting(fits, fits.symmetric()), fits.law())
+    estimates = all_admitting(fits, fits.standard())
     middle = float(run.signals.position.min() + run.signals.position.max()) / 2
     parameters, combinations = combine(base, estimates, strength, kd_assumed(run), middle)
     scaled = fits.loop.scaled
@@ -269,6 +311,16 @@ def make_record(fits: JointFits) -> JointRecord:
 def all_admitting(fits: JointFits, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
     """Return estimates whose intervals admit what parts of the log say, and runs that were fitted together."""
     found = widened(estimates, fits.admitted)
+    if fits.by_simulation:
+        found = modelled(found, fits.run.setup.kd or 0.0)
+    for name, change in fits.loop.doubt.items():
+        old = found[name]
+        ends = [end * (1 + change) for end in old.interval95]
+        found[name] = Estimate(
+            old.value,
+            float(np.hypot(old.std, change * old.value / 2)),
+            (min(*old.interval95, *ends), max(*old.interval95, *ends)),
+        )
     return fits.pooling.admitted(found) if fits.pooling else found
 
 
@@ -294,6 +346,8 @@ def _law(fits: JointFits, strength: Strength) -> dict[str, Any]:
     stated = fits.law()
     if fit is fits.base:
         stated = all_admitting(fits, stated)
+    elif fits.by_simulation:
+        stated = modelled(stated, fits.run.setup.kd or 0.0)
     for name, estimate in stated.items():
         identified = fits.loop.chosen is not None or fit.inflation.get(name, np.inf) < MAX_INFLATION
         if name not in fit.names or name == INVERSE_STRENGTH or not identified:
@@ -305,7 +359,14 @@ def _law(fits: JointFits, strength: Strength) -> dict[str, Any]:
                 continue
         unitless = name in UNITLESS
         parameters[name] = (own if strength.value is None or unitless else product(own, strength.value)).to_dict()
-    named = {"regressor": "gravity", "load": LOAD_REGRESSORS["gravity"]} if fit.model.law == "load" else {}
+    regressor = {"load": "gravity", "effort": "motor_torque"}.get(fit.model.law)
+    named: dict[str, Any] = {"regressor": regressor, "load": LOAD_REGRESSORS[regressor]} if regressor else {}
+    if fit is not fits.base:
+        named["symmetric"] = {
+            name: (one if strength.value is None else product(one, strength.value)).to_dict()
+            for name, one in fits.symmetric().items()
+            if name in PARAMETERS
+        }
     return named | {
         "law": fit.model.law,
         "parameters": parameters,
@@ -322,7 +383,7 @@ def _law(fits: JointFits, strength: Strength) -> dict[str, Any]:
     }
 
 
-UNITLESS = ("stribeck_velocity", "load_coefficient")
+UNITLESS = ("stribeck_velocity", "load_coefficient", "effort_coefficient")
 """Parameters that do not grow with the motor strength."""
 
 
@@ -330,6 +391,7 @@ def _law_fields(law: dict[str, Any], strength: Strength) -> dict[str, Estimate |
     """Return the fields of the record that only a richer law fills."""
     names = ("static_friction", "stribeck_velocity", "load_coefficient")
     known = {name: law["parameters"].get(name) for name in names}
+    known["load_coefficient"] = known["load_coefficient"] or law["parameters"].get("effort_coefficient")
     if strength.value is None:
         known["static_friction"] = None
     return {name: None if data is None else Estimate.from_dict(data, name) for name, data in known.items()}
@@ -345,14 +407,6 @@ def _simulated(result: OutputError | None) -> dict[str, Any] | None:
     return None if result is None else {**result.estimates, "relative_errors": result.relative_errors}
 
 
-def _disagreement(fits: JointFits) -> dict[str, dict[str, float]] | None:
-    """Compare the estimators under the law that was chosen: under another one each errs in its own way."""
-    fit, found = fits.base, fits.loop.symmetric
-    if fits.loop.chosen is not None:
-        fit, found = fits.chosen, fits.loop.chosen
-    return None if found is None else disagreement(fit, found.estimates)
-
-
 def sampling(run: Run) -> dict[str, Any]:
     """Return how a run was sampled and filtered, for the diagnostics."""
     return {
@@ -362,6 +416,11 @@ def sampling(run: Run) -> dict[str, Any]:
         "cutoff": run.prepared.cutoff,
         "speed_threshold": run.prepared.threshold,
     }
+
+
+def needs_position_check(fits: JointFits) -> bool:
+    """Return True if a torque that follows the position may be missing in the model."""
+    return not (fits.run.setup.fits_gravity or fits.run.setup.payload or fits.follows)
 
 
 def _diagnostics(fits: JointFits, strength: Strength) -> dict[str, Any]:
@@ -384,19 +443,18 @@ def _diagnostics(fits: JointFits, strength: Strength) -> dict[str, Any]:
         "relative_torque_error": _relative_error(base, rows),
         "whiteness": whiteness(base.residual),
         "blocks": base.blocks.count,
-        "position_torque": None if run.setup.fits_gravity or run.setup.payload else position_torque(rows, base),
+        "position_torque": position_torque(rows, base) if needs_position_check(fits) else None,
         "comparisons": [comparison.to_dict() for comparison in fits.comparisons],
         "predictions": fits.predictions,
-        "contradicted": contradicted(widened(fits.symmetric(), fits.admitted), fits.law()),
         "inertia_known": fits.by_simulation or inertia_known(base),
         "gravity": fits.gravity and fits.gravity.text,
         "drift": find_drift(rows, base) if alone else Drift(None, "several logs were fitted together"),
-        "controller_mismatch": loop.mismatch,
+        "controller_mismatch": loop.mismatch and loop.mismatch.size,
         "torque_unit": torque_unit(run),
         "closed_loop": loop.reason,
         "output_error": _simulated(loop.symmetric),
         "output_error_law": _simulated(loop.chosen),
-        "disagreement": _disagreement(fits) if alone else None,
-        "instrumental_variable": loop.instrumental and loop.instrumental.estimates(),
+        "reading": run.reading,
+        "held_out": fits.held_out and fits.held_out.to_dict(),
         **({"runs": fits.pooling.to_dict()} if fits.pooling else {}),
     }

@@ -1,13 +1,12 @@
 """Torque regression: least squares of the torque equation, for any of its friction laws, over the rows of a log.
 
-In a closed loop the noise of the position comes back through the motor's torque, so least squares is biased. Free of
-that is (ZᵀW) p = Zᵀτ with instruments Z: the same regressors made from a simulation of the loop with the last
-estimates. After Janot, Vandanjon and Gautier, IEEE Transactions on Control Systems Technology 22(1), 2014.
+In a closed loop the noise of the position comes back through the motor's torque, so least squares is biased: where
+gains and target are known, output error is the answer, and this where its search begins.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,7 +14,6 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from stiction.core.errors import LogError
-from stiction.core.linear import invert
 from stiction.files.joints import Estimate
 from stiction.identification.checks import PoorMotion
 from stiction.identification.intervals import (
@@ -27,8 +25,7 @@ from stiction.identification.intervals import (
     with_intervals,
 )
 from stiction.identification.model import GRAVITY_TERMS, Model
-from stiction.identification.prepare import Prepared, Rows, derivatives, low_pass, make_rows
-from stiction.identification.setup import Payload
+from stiction.identification.prepare import Prepared, Rows
 
 FEWEST_ROWS = 50
 """Fewer say nothing about their own scatter."""
@@ -62,14 +59,12 @@ class Fit:
     """Measured less fitted torque [N m], shape (R,)."""
     rows: Rows
     """What it was fitted to."""
-    instrument: np.ndarray | None = None
-    """Columns whose noise is not that of the residual, shape (R, P); None for least squares."""
 
     @cached_property
     def blocks(self) -> Blocks:
         """The estimating equations, summed over blocks that outlast the residual's memory."""
         block = self.rows.blocks(block_count(self.residual))
-        return make_blocks(self.jacobian, self.residual, block, self.instrument)
+        return make_blocks(self.jacobian, self.residual, block)
 
     @cached_property
     def reach(self) -> np.ndarray:
@@ -126,12 +121,11 @@ class Fit:
     def estimates(self) -> dict[str, Estimate]:
         """Return each parameter with deviation and interval, which admits the bias of least squares in the inertia."""
         named = self.scatter()
-        if self.instrument is None:
-            inertia = named["inertia"]
-            more = self.rows.attenuation * abs(inertia.value)
-            # Noise in a regressor draws its coefficient towards zero, so that the truth can only lie further up.
-            ends = (inertia.interval95[0], inertia.interval95[1] + more)
-            named["inertia"] = Estimate(inertia.value, float(np.hypot(inertia.std, more / 2)), ends)
+        inertia = named["inertia"]
+        more = self.rows.attenuation * abs(inertia.value)
+        # Noise in a regressor draws its coefficient towards zero, so that the truth can only lie further up.
+        ends = (inertia.interval95[0], inertia.interval95[1] + more)
+        named["inertia"] = Estimate(inertia.value, float(np.hypot(inertia.std, more / 2)), ends)
         return named
 
 
@@ -162,14 +156,18 @@ def fit_with_column(fit: Fit, name: str, column: np.ndarray) -> Fit:
     values = np.linalg.lstsq(jacobian, torque, rcond=None)[0]
     residual = torque - jacobian @ values
     names = (*fit.names, name)
-    return replace(fit, names=names, values=values, jacobian=jacobian, residual=residual, instrument=None)
+    return replace(fit, names=names, values=values, jacobian=jacobian, residual=residual)
 
 
-def fit_at(rows: Rows, model: Model, values: dict[str, float]) -> Fit:
-    """Return a Stribeck equation at values that another estimator found, as if it had been fitted."""
-    columns = _columns(rows, model.middle) | _rise(rows, values["stribeck_velocity"])
-    rise = values["static_friction"] - values["coulomb_friction"]
-    columns["stribeck_velocity"] = rise * columns["steepening"]
+def fit_at(rows: Rows, model: Model, values: Mapping[str, float]) -> Fit:
+    """Return an equation at values that a simulation found, as if it had been fitted to the rows."""
+    columns = _columns(rows, model.middle)
+    if model.law == "stribeck":
+        columns |= _rise(rows, values["stribeck_velocity"])
+        rise = values["static_friction"] - values["coulomb_friction"]
+        columns["stribeck_velocity"] = rise * columns["steepening"]
+    elif model.law == "load":
+        columns["load_coefficient"] = _load(rows, dict(values), columns) * rows.direction
     jacobian = np.stack([columns[name] for name in model.names], axis=1)
     # A stand-in for the residual: to predict takes the fit that it belongs to.
     fit = Fit(model, model.names, np.array([values[name] for name in model.names]), jacobian, rows.torque, rows)
@@ -242,6 +240,9 @@ def _columns(rows: Rows, middle: float = 0.0) -> dict[str, np.ndarray]:
         "viscous_friction_backward": np.clip(rows.velocity, None, 0.0),
         "coulomb_friction_forward": np.clip(rows.direction, 0.0, None),
         "coulomb_friction_backward": np.clip(rows.direction, None, 0.0),
+        "effort_coefficient": rows.direction * np.abs(rows.torque),
+        # Rows are of a joint in motion.
+        "static_friction": np.zeros(len(rows)),
         "gravity_sin": np.sin(rows.position),
         "gravity_cos": np.cos(rows.position),
         "position_slope": rows.direction * (rows.position - middle),
@@ -303,58 +304,3 @@ def _stribeck_velocity(rows: Rows, names: tuple[str, ...], columns: dict[str, np
     best = int(np.argmin([cost(speed) for speed in tried]))
     ends = tried[max(best - 1, 0)], tried[min(best + 1, SPEEDS - 1)]
     return float(np.exp(minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": 1e-3}).x))
-
-
-MOST_ROUNDS = 5
-"""Simulations; two or three usually do."""
-
-SETTLED = 0.02
-"""Largest change of an estimate from round to round, in its standard deviations."""
-
-WEAKEST = 0.5
-"""Cosine between instrument and regressor under which the simulation does not follow the log."""
-
-Simulator = Callable[[np.ndarray], np.ndarray | None]
-"""Estimates, shape (P,) -> simulated position [rad], shape (num_samples,); None where it cannot be simulated."""
-
-
-def fit_instrumental(prepared: Prepared, payload: Payload | None, start: Fit, simulate: Simulator) -> Fit | None:
-    """Fit the equation of `start`, which is linear in its parameters, with simulated instruments.
-
-    prepared, payload: the run behind the rows of `start`. Returns None where no simulation follows the log or
-    tells the parameters apart, and where the rounds do not settle.
-    """
-    fit, torque = start, start.jacobian @ start.values + start.residual
-    for _ in range(MOST_ROUNDS):
-        position = simulate(fit.values)
-        if position is None:
-            return None
-        columns = _columns(_simulated_rows(prepared, payload, position))
-        instrument = np.stack([columns[name] for name in fit.names], axis=1)
-        if _cosines(instrument, start.jacobian).min() < WEAKEST:
-            return None
-        matrix = instrument.T @ start.jacobian
-        if not invert(matrix)[1].all():
-            return None
-        values = np.linalg.solve(matrix, instrument.T @ torque)
-        residual = torque - start.jacobian @ values
-        previous, fit = fit, replace(start, values=values, residual=residual, instrument=instrument)
-        deviations = np.sqrt(np.diag(fit.covariance))
-        if np.all(np.abs(fit.values - previous.values) < SETTLED * deviations):
-            return fit
-    return None
-
-
-def _simulated_rows(prepared: Prepared, payload: Payload | None, position: np.ndarray) -> Rows:
-    """Return the rows that a simulated position would have given, at the same samples."""
-    velocity, acceleration = derivatives(position, prepared.step, prepared.cutoff)
-    direction = low_pass(np.sign(velocity), prepared.cutoff, prepared.step)
-    angle = low_pass(position, prepared.cutoff, prepared.step)
-    noiseless = replace(prepared, position=angle, velocity=velocity, acceleration=acceleration, direction=direction)
-    return make_rows([noiseless], [payload])
-
-
-def _cosines(instrument: np.ndarray, regressor: np.ndarray) -> np.ndarray:
-    """Return the cosine between matching columns, shape (P,)."""
-    lengths = np.linalg.norm(instrument, axis=0) * np.linalg.norm(regressor, axis=0)
-    return np.sum(instrument * regressor, axis=0) / np.maximum(lengths, 1e-300)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from stiction.files.log import JointSignals, Log
 from stiction.identification.checks import FEWEST_POOLED, FEWEST_SAMPLES, Uniform, check_excitation, check_log
 from stiction.identification.model import GRAVITY_TERMS, Model
 from stiction.identification.prepare import Prepared, Rows, make_rows, prepare, slope
+from stiction.identification.reading import Reading, controller_torque
 from stiction.identification.regression import MAX_INFLATION, check_rows, fit_rows
 from stiction.identification.setup import IdentifySetup
 from stiction.joints.pd import PDGains
@@ -43,6 +44,10 @@ class Run:
     """What counts."""
     notes: tuple[str, ...] = ()
     """What was said of the file when it was read."""
+    reading: Reading = field(default_factory=Reading)
+    """What happens between the samples."""
+    driven: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """Torque that drove the joint, where the reading says that it acted [N m], shape (num_samples,)."""
 
     @property
     def where(self) -> str:
@@ -91,7 +96,19 @@ def make_run(log: Log, joint: str | None, setup: IdentifySetup, alone: bool = Tr
     rows = make_rows([prepared], [setup.payload], setup.motor_strength or 1.0)
     if alone:
         check_rows(where, rows, prepared)
-    return Run(log.source, name, setup, signals, torque, prepared, rows, log.notes)
+    return Run(log.source, name, setup, signals, torque, prepared, rows, log.notes, driven=torque)
+
+
+def reread(run: Run, reading: Reading) -> Run:
+    """Return the run with its torque where `reading` says that it acted; the signals stay as they were logged."""
+    signals, setup, unusable = run.signals, run.setup, None
+    if signals.torque is not None and not reading.held:
+        torque = np.interp(signals.time + reading.torque_lag, signals.time, signals.torque)
+    else:
+        torque, unusable = _controller_torque(run.where, signals, setup, reading)
+    prepared = prepare(signals, torque, run.prepared.cutoff, unusable)
+    rows = make_rows([prepared], [setup.payload], setup.motor_strength or 1.0)
+    return replace(run, reading=reading, prepared=prepared, rows=rows, driven=torque)
 
 
 def fit_signals(
@@ -206,12 +223,18 @@ def in_si(raw: JointSignals, setup: IdentifySetup) -> JointSignals:
 
 
 def _driving_torque(source: str, signals: Uniform, setup: IdentifySetup) -> tuple[np.ndarray, np.ndarray]:
-    """Return the torque that drove the joint, and the samples at which it is not known.
-
-    Without measured torque it is the PD law's, late by the delay; a motor at its limit does not follow that law.
+    """Return the torque that drove the joint, and the samples at which it is not known; the PD law's where none was
+    measured.
     """
     if signals.torque is not None:
         return signals.torque, np.zeros(len(signals.time), bool)
+    return _controller_torque(source, signals, setup, Reading(delay=setup.delay or 0.0))
+
+
+def _controller_torque(
+    source: str, signals: Uniform, setup: IdentifySetup, reading: Reading
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the torque of the PD law, and the samples at which its motor is at the limit and does not follow it."""
     if signals.target is None or setup.kp is None or setup.kd is None:
         missing = "target" if signals.target is None else "kp" if setup.kp is None else "kd"
         raise LogError(
@@ -219,9 +242,8 @@ def _driving_torque(source: str, signals: Uniform, setup: IdentifySetup) -> tupl
             "torque, or log the target and give --kp and --kd"
         )
     # Not filtered here: this torque passes through the same filter as everything else later.
-    velocity = np.gradient(signals.position, signals.step)
-    spring, damper = setup.kp * (signals.target - signals.position), setup.kd * velocity
-    unusable = np.abs(spring - damper) > SATURATED * (setup.torque_limit or np.inf)
+    torque = controller_torque(signals, setup.kp, setup.kd, reading)
+    unusable = np.abs(torque) > SATURATED * (setup.torque_limit or np.inf)
     if unusable.mean() > MOST_SATURATED:
         raise LogError(
             f"{source}: kp (target − position) − kd velocity is beyond the torque limit in {unusable.mean():.0%} of "
@@ -229,5 +251,4 @@ def _driving_torque(source: str, signals: Uniform, setup: IdentifySetup) -> tupl
             "samples; expected a controller that its motor can follow: are the angles in degrees, is the target this "
             "joint's and of its sign, and are --kp, --kd and --torque-limit right?"
         )
-    delay = setup.delay or 0.0
-    return np.interp(signals.time - delay, signals.time, spring - damper), unusable
+    return torque, unusable

@@ -86,7 +86,7 @@ class IdentifySetup:
     position_scale: float | None = None
     """rad (or m) per unit of position, target and velocity; 1 if not given. 0.0174533 for degrees, one over the gear
     ratio for the angle of a motor."""
-    velocity_delay: float | None = None
+    velocity_delay: Annotated[float | None, SETTING] = None
     """How late the velocity is that the controller uses [s]: half a sample for a difference over one sample, plus its
     filter; 0 if not given. It matters to output error alone."""
     delay: Annotated[float | None, SETTING] = None
@@ -113,8 +113,8 @@ class IdentifySetup:
     hanging_angle: Annotated[float | None, SETTING] = None
     """Angle of the joint, known from the geometry, at which the link hangs straight down [rad]: gravity then tells
     the encoder's bias."""
-    unknowns: Annotated[tuple[Literal["delay", "encoder_bias"], ...], SETTING] = ()
-    """What output error is to find besides: the delay of the controller, the bias of the encoder."""
+    unknowns: Annotated[tuple[Literal["encoder_bias"], ...], SETTING] = ()
+    """Bias of the encoder, to be found too."""
     gravity: bool | None = None
     """Fit gravity on the link; by default for a leg in the air, and where the test condition is loaded or not stated,
     if it predicts parts of the log that the fit did not see better."""

@@ -9,7 +9,6 @@ import numpy as np
 from stiction.files.joints import JointRecord
 from stiction.identification.back_emf import brake_text
 from stiction.identification.combinations import OVER_K
-from stiction.identification.consistency import beyond_chance
 from stiction.identification.intervals import FEWEST_BLOCKS
 from stiction.identification.objections import SERIOUS, follows_position
 from stiction.identification.record import predicted_badly
@@ -29,16 +28,6 @@ UNDECLARED = (
     "it); declare it with --torque-source"
 )
 
-HINTS = {
-    "inertia": "; is the controller's velocity late (--velocity-delay)?",
-    **dict.fromkeys(
-        ("viscous_friction", "coulomb_friction"),
-        "; or friction is higher at rest, which the regression sees in slow motion alone, for it leaves turning points "
-        "out: log some of it slower",
-    ),
-}
-"""What a disagreement on a parameter may come from."""
-
 NAMELESS = (
     "nobody named the joint, so it is called 'joint': `stiction train --joints` finds a robot's joints by name or "
     "kind; give --joint FL_shank, or --joint shank for all of its kind"
@@ -54,7 +43,6 @@ def find_warnings(record: JointRecord, run: Run) -> tuple[str, ...]:
         *_fit(record),
         *_repeats(record),
         *_parts(record, run),
-        *_estimators(record),
         *(run.signals.timing.warnings() if run.signals.timing else ()),
         *_signals(record, run),
     )
@@ -103,7 +91,7 @@ def _unknown(record: JointRecord, run: Run) -> list[str]:
     if not run.measured and run.setup.kd and not run.setup.velocity_delay:
         found.append(
             f"I/k holds for a controller whose velocity is not late: each millisecond of lateness adds "
-            f"{1e-3 * run.setup.kd:.3g} to it (--velocity-delay)"
+            f"{1e-3 * run.setup.kd:.3g} to it (--set velocity_delay)"
         )
     if "encoder_bias" in run.setup.unknowns and record.encoder_bias is not None and run.setup.hanging_angle is None:
         found.append(
@@ -153,14 +141,6 @@ def _fit(record: JointRecord) -> list[str]:
         if estimate is not None and estimate.interval95[0] <= 0 <= estimate.interval95[1]:
             found.append(
                 f"the interval of {name} reaches zero: the log does not show that there is any; move more, or longer"
-            )
-    for name in record.diagnostics["contradicted"]:
-        own = (record.friction_law or {})["parameters"].get(name)
-        if own is not None:
-            low, high = own["interval95"]
-            found.append(
-                f"{name} is {own['value']:.4g} ({low:.4g} to {high:.4g}) under the law that was chosen, and otherwise "
-                "under viscous and Coulomb friction alone: the stated interval is widened until it admits both"
             )
     found += _position_torque(record.diagnostics["position_torque"])
     if record.diagnostics["blocks"] == FEWEST_BLOCKS:
@@ -230,15 +210,10 @@ def _parts(record: JointRecord, run: Run) -> list[str]:
     for comparison in record.diagnostics["comparisons"]:
         one, two = comparison["parts"]
         if comparison["disputed"] and comparison["alternative"]:
-            reason = (
-                "torque and angle of the log are not of the same instant, as with a controller that holds its torque "
-                "between updates; log faster"
-                if run.measured
-                else "give --set delay, and --velocity-delay, if they are known"
-            )
             found.append(
                 f"with the {two}, {' and '.join(comparison['disputed'])} come out otherwise, beyond their intervals, "
-                f"which are widened until they admit both: {reason}"
+                f"which are widened until they admit both: torque and angle of the log are not of "
+                "the same instant; log the target too and give --kp and --kd, and the log tells when the torque acted"
             )
         elif comparison["disputed"]:
             found.append(
@@ -253,9 +228,9 @@ def _parts(record: JointRecord, run: Run) -> list[str]:
     law = (record.friction_law or {}).get("law")
     if law not in (None, "coulomb"):
         found.append(
-            f"this joint's friction is not plain Coulomb friction: the {law} law (see friction_law) predicts unseen "
-            "parts of the log better; the standard values are the best symmetric description, over all speeds, "
-            "directions and angles of the log"
+            f"this joint's friction is not plain Coulomb friction: the {law} law predicts unseen parts of the log "
+            "better, and the stated values are its own, over the motion of the log; those of viscous and Coulomb "
+            "friction alone stand beside them (friction_law.symmetric)"
         )
     change = record.diagnostics["drift"]["change"]
     if change is not None:
@@ -278,21 +253,6 @@ def _reason(comparison: dict[str, Any]) -> str:
     if gap < SAME_FRICTION:
         return f": {where}, so they differ in how it splits into viscous and dry, not in how much there is"
     return f": {where}"
-
-
-def _estimators(record: JointRecord) -> list[str]:
-    """Warn where the estimators do not agree."""
-    found: list[str] = []
-    if record.diagnostics["method"] == "output_error":
-        # Least squares on torque that was not measured is known to be the worse estimator: no news.
-        return found
-    for name, gap in (record.diagnostics["disagreement"] or {}).items():
-        if beyond_chance(gap) and (name != "coulomb_friction" or gap["relative"] <= SERIOUS):
-            found.append(
-                f"regression and output error disagree on {name} by {gap['relative']:.0%} ({gap['sigmas']:.1f} "
-                "combined standard deviations): the model, the gains or the timing are not quite right" + HINTS[name]
-            )
-    return found
 
 
 def _signals(record: JointRecord, run: Run) -> list[str]:

@@ -47,6 +47,7 @@ NOT_NEGATIVE = {
     **{"level": "Coulomb friction", "coulomb": "Coulomb friction", "static": "static friction"},
     **{"forward": "Coulomb friction forward", "backward": "Coulomb friction backward"},
     "load_coefficient": "load coefficient",
+    "effort_coefficient": "effort coefficient",
 }
 """Number of a law that would drive the joint below zero -> the same in words."""
 
@@ -58,8 +59,10 @@ class FrictionLaw:
     """b_c [N m]."""
     load_coefficient: float = 0.0
     """Friction per torque that the load transmits, at every speed and at rest [1]."""
+    effort_coefficient: float = 0.0
+    """Friction per torque of the motor, at every speed and at rest [1]."""
     depends_on_angle: bool = False
-    """Whether `at_angle` is anything but zero."""
+    """True if friction depends on the joint angle."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -70,6 +73,10 @@ class FrictionLaw:
     def pieces(self, direction: int) -> tuple[Piece, ...]:
         """Return the friction of the unloaded joint turning in `direction`, 1 or -1, continuous from zero speed on."""
         return (Piece(0.0, self.level, 0.0),)
+
+    def hold(self, direction: int) -> float:
+        """Return the friction at rest of the unloaded joint that is pushed in `direction`, 1 or -1 [N m]."""
+        return self.pieces(direction)[0].level
 
     def at_angle(self, position: np.ndarray) -> np.ndarray:
         """Return what comes on top at an angle [rad], at every speed and at rest [N m], in the shape of `position`."""
@@ -91,6 +98,30 @@ class Coulomb(FrictionLaw):
     """b_c [N m]."""
     load_coefficient: float = 0.0
     """c [1]."""
+
+
+@dataclass(frozen=True)
+class Effort(FrictionLaw):
+    """f = b_c + c |τ|, the motor's own torque: what the teeth of a gear lose of the torque that they carry."""
+
+    level: float
+    """b_c [N m]."""
+    effort_coefficient: float = 0.0
+    """c [1]."""
+
+
+@dataclass(frozen=True)
+class Breakaway(FrictionLaw):
+    """f = b_c in motion at any speed, and up to b_s at rest: a joint that sticks, and gives way all at once."""
+
+    level: float
+    """b_c [N m]."""
+    static: float
+    """b_s, where it is above b_c [N m]."""
+
+    def hold(self, direction: int) -> float:
+        """Return b_s, at least b_c."""
+        return max(self.static, self.level)
 
 
 @dataclass(frozen=True)
@@ -206,6 +237,7 @@ UNITS = {
     "static_friction": "N m",
     "stribeck_velocity": "rad/s",
     "load_coefficient": "1",
+    "effort_coefficient": "1",
     "position_slope": "N m/rad",
     "position_curvature": "N m/rad²",
 }
@@ -320,6 +352,13 @@ for _law in (
         joint=lambda of: Stribeck(of["coulomb_friction"], of["static_friction"], of["stribeck_velocity"]),
     ),
     LawSpec(
+        name="breakaway",
+        meaning="a torque, more of it at rest than at any speed",
+        unit="torque",
+        parameters=(*SYMMETRIC, "static_friction"),
+        joint=lambda of: Breakaway(of["coulomb_friction"], of["static_friction"]),
+    ),
+    LawSpec(
         name="load",
         meaning="in proportion to the force and torque that the joint transmits",
         unit="coefficient",
@@ -339,6 +378,8 @@ for _law in (
         label="effort friction c, N m per N m of the motor",
         factor=lambda torque: np.abs(torque),
         reads=("torque",),
+        parameters=(*SYMMETRIC, "effort_coefficient"),
+        joint=lambda of: Effort(of["coulomb_friction"], of["effort_coefficient"]),
     ),
     LawSpec(
         name="position",

@@ -119,12 +119,12 @@ def simulate(
         course = StickSlip(mechanism, gains, step, target)
         return course.run(position, velocity), tuple(course.phases)
 
-    if joint.gravity is None and not joint.friction.depends_on_angle:
+    if joint.gravity is None and not joint.friction.depends_on_angle and not joint.friction.effort_coefficient:
         # Nothing depends on where the joint is, so that one pass is exact.
         motion, phases = run(outside - joint.offset, joint.friction.load_coefficient * np.abs(outside), 0.0)
     else:
         path = np.asarray(target if guess is None else guess, float)
-        motion, phases = _settle(joint, gains, outside, path, run)
+        motion, phases = _settle(joint, gains, step, target, outside, path, run)
     return Trajectory(motion[0], motion[1], pd_torque(gains, target, motion[0], motion[1]), phases)
 
 
@@ -135,6 +135,8 @@ Motion = tuple[np.ndarray, tuple[Phase, ...]]
 def _settle(
     joint: Joint,
     gains: PDGains,
+    step: float,
+    target: np.ndarray,
     outside: np.ndarray,
     path: np.ndarray,
     run: Callable[[np.ndarray, np.ndarray, float], Motion],
@@ -144,13 +146,15 @@ def _settle(
     run: of known torque beside motor, friction and spring [N m], friction beyond the law's own [N m], and spring.
     """
     gravity = joint.gravity or Gravity(0.0, 0.0)
-    spring, change = mean_slope(gravity, path), np.inf
+    spring, change, velocity = mean_slope(gravity, path), np.inf, np.gradient(path, step)
     for _ in range(MOST_PASSES):
         weight = gravity.torque(path)
         more_friction = joint.friction.load_coefficient * np.abs(outside - weight) + joint.friction.at_angle(path)
+        if joint.friction.effort_coefficient:
+            more_friction += joint.friction.effort_coefficient * np.abs(pd_torque(gains, target, path, velocity))
         motion, phases = run(outside - joint.offset - (weight - spring * path), more_friction, spring)
         previous, change = change, float(np.abs(motion[0] - path).max())
-        path = motion[0]
+        path, velocity = motion
         if change < SETTLED:
             return motion, phases
         # Not `>`: a path of NaN ends here too.

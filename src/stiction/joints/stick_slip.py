@@ -229,6 +229,7 @@ class StickSlip:
         self.mechanism, self.gains, self.step, self.target = mechanism, gains, step, target
         self.phases: list[Phase] = []
         self.pieces: dict[int, tuple[Piece, ...]] = {sign: mechanism.friction.pieces(sign) for sign in (-1, 1)}
+        self.holds = {sign: mechanism.friction.hold(sign) for sign in (-1, 1)}
         self.limited = bool(np.isfinite(gains.torque_limit))
         self.loaded = bool(mechanism.load_friction.any())
         # At single samples numbers of Python are many times as fast as those of NumPy.
@@ -300,7 +301,7 @@ class StickSlip:
             ahead = slice(index + 1, index + 1 + length)
             pull = self.pull(ahead, position)
             more = self.mechanism.load_friction[ahead] if self.loaded else 0.0
-            free = (pull > self.pieces[1][0].level + more) | (-pull > self.pieces[-1][0].level + more)
+            free = (pull > self.holds[1] + more) | (-pull > self.holds[-1] + more)
             first = int(free.argmax())
             if free[first]:
                 return index + 1 + first
@@ -315,7 +316,7 @@ class StickSlip:
         pull, pull_next = self.pull_at(index, position), self.pull_at(index + 1, position)
         soonest, direction = self.step, 0
         for sign in (1, -1):
-            hold = self.pieces[sign][0].level
+            hold = self.holds[sign]
             begin = sign * pull - hold - self._loads[index]
             end = sign * pull_next - hold - self._loads[index + 1]
             if begin + (end - begin) * since / self.step > 0:

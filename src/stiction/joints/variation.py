@@ -4,7 +4,9 @@ Between two events the change s of the angle obeys the joint's own equation, lin
 I s'' + D s' + K s = φ(t), with φ the torque that the parameter's change amounts to. Events move with the parameter:
 where the joint comes to rest s' ends; where it turns round without resting, s' is multiplied by the ratio of the
 accelerations after and before; where it breaks away inside a sample, or friction passes to its next piece, the
-acceleration is continuous and nothing happens. All samples and events together are one banded linear system.
+acceleration is continuous and nothing happens, and where friction at rest is more than in motion s' jumps, by the
+acceleration that it breaks away with times the change of that instant. All samples and events together are one banded
+linear system.
 
 This is exact where φ is straight within a step: for Coulomb friction, offset and the start. A φ that bends, −θ'' for
 the inertia, −θ' for viscous friction, is taken as straight between its ends, an error of second order in the step.
@@ -120,6 +122,7 @@ def _acceleration(joint: Joint, gains: PDGains, cut: Segments) -> np.ndarray:
     # `where` computes both branches, and zero times an infinite limit would be NaN, with a warning.
     motor = np.where(cut.side == 0, commanded, cut.side * min(gains.torque_limit, 1e300))
     more = joint.friction.load_coefficient * np.abs(cut.load) + joint.friction.at_angle(cut.position)
+    more = more + joint.friction.effort_coefficient * np.abs(motor)
     friction = cut.sign * (level + more) + slope * cut.velocity
     force = motor + cut.load - joint.offset - joint.viscous * cut.velocity - friction
     return np.where(cut.sign == 0, 0.0, force / joint.inertia)
@@ -137,12 +140,20 @@ def vary(joint: Joint, gains: PDGains, cut: Segments, torque: np.ndarray, start:
     if joint.gravity is not None:
         # Any spring would do, for `slope` has the rest; at the mean little is left that must be straight within a step.
         spring = mean_slope(joint.gravity, cut.position[0])
-        share = 1.0 - cut.sign * joint.friction.load_coefficient * np.sign(cut.load)
-        slope = slope + moving * (joint.gravity.slope(cut.position) * share - spring) / joint.inertia
+        carried = 1.0 - cut.sign * joint.friction.load_coefficient * np.sign(cut.load)
+        slope = slope + moving * (joint.gravity.slope(cut.position) * carried - spring) / joint.inertia
     free = cut.side == 0
-    stiffness = (gains.strength * gains.kp * free + spring) / joint.inertia
-    damping = (gains.strength * gains.kd * free + joint.viscous + _laws(joint, cut)[1]) / joint.inertia
-    response = _responses(stiffness, damping, cut.span, cut.kind)
+    # Friction in proportion to the motor's torque takes its share of the gains, or adds to them where it brakes.
+    motor = np.sign(gains.kp * (cut.target - cut.position) - gains.kd * cut.velocity).mean(axis=0)
+    share = 1.0 - joint.friction.effort_coefficient * cut.sign * motor
+    stiffness = (gains.strength * gains.kp * free * share + spring) / joint.inertia
+    damping = (gains.strength * gains.kd * free * share + joint.viscous + _laws(joint, cut)[1]) / joint.inertia
+    kind = (
+        cut.kind
+        if not joint.friction.effort_coefficient
+        else np.where(cut.kind < 0, 5 * cut.kind - 2 * motor, cut.kind)
+    )
+    response = _responses(stiffness, damping, cut.span, kind)
     rest = cut.sign == 0
     response[rest] = 0.0
     response[rest, 0, 0] = 1.0
@@ -156,10 +167,14 @@ def vary(joint: Joint, gains: PDGains, cut: Segments, torque: np.ndarray, start:
     # `late` is the answer to a torque that rises from 0 to 1 over the step, `early` to one that falls from 1 to 0.
     transition, late = response[:, :, :2], response[:, :, 3]
     early = response[:, :, 2] - late
+    places, stiff, forced = _break_away(joint, gains, cut, spring)
+    transition[places, 1, 0] = stiff
+    jump = forced[:, None] * torque[1, places]
     torque = torque * (moving / joint.inertia)[:, None]
     right = np.empty((len(rest) + 1, 2, torque.shape[2]))
     right[0] = start
     right[1:] = early[:, :, None] * torque[0][:, None, :] + late[:, :, None] * torque[1][:, None, :]
+    right[1 + places, 1] += jump
     # Each step's state depends on the one before, so the whole run is a lower triangle of three diagonals beside the
     # main one: LAPACK solves all steps and all changes at once. A slope over the angle makes a torque of the change
     # itself, at either end of a step, which is why it is in the matrix and not on the right.
@@ -176,6 +191,27 @@ def vary(joint: Joint, gains: PDGains, cut: Segments, torque: np.ndarray, start:
     if singular or not np.isfinite(solved).all():
         raise StictionError("the derivatives of the simulated motion are not finite; log with a shorter period")
     return np.moveaxis(solved.reshape(len(rest) + 1, 2, -1)[cut.samples], 1, 0)
+
+
+def _break_away(
+    joint: Joint, gains: PDGains, cut: Segments, spring: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the steps at whose end the joint breaks away, and s' after them per s and per φ; shape (num_events,) each.
+
+    spring: slope of gravity [N m/rad]. It breaks away when the pull p reaches the friction at rest: later by
+    δt = (σ (k kp + spring) s − σ φ)/(σ p'), and is slower by q'' δt from then on; σ: the direction it goes.
+    """
+    places = np.flatnonzero((cut.sign[:-1] == 0) & (cut.sign[1:] != 0))
+    direction, starts = cut.sign[places + 1], cut.acceleration[0, places + 1]
+    free = cut.side[places] == 0
+    stiffness = gains.strength * gains.kp * free
+    pull = stiffness * cut.target[:, places] + cut.load[:, places]
+    friction = joint.friction.load_coefficient * np.abs(cut.load[:, places])
+    rate = direction * (pull[1] - pull[0]) - (friction[1] - friction[0])
+    # In a step that ends on the very sample at which it began nothing can be said of the rate.
+    known = rate > 1e-9 * np.abs(pull).max(initial=1e-300)
+    later = np.divide(cut.span[places], rate, out=np.zeros(len(places)), where=known) * direction
+    return places, -starts * later * (stiffness + spring), starts * later
 
 
 def _responses(stiffness: np.ndarray, damping: np.ndarray, span: np.ndarray, kind: np.ndarray) -> np.ndarray:

@@ -76,7 +76,7 @@ def agreement(record: JointRecord) -> tuple[Markup, ...]:
 
 
 def _caption(comparison: dict[str, Any], how: str) -> str:
-    """Return the caption of a comparison; repeats and moved torque are always by torque regression."""
+    """Return the caption of a comparison; repeats are always by torque regression."""
     if comparison["alternative"]:
         return "Torque and angle at the same instant, or not"
     if comparison["label"].startswith(REPEAT):
@@ -85,17 +85,16 @@ def _caption(comparison: dict[str, Any], how: str) -> str:
 
 
 def estimators(record: JointRecord) -> tuple[Markup, ...]:
-    """Tabulate regression against output error and instrumental variables, those that were done."""
-    names = {"instrumental_variable": "instrumental variable", "output_error": "output error"}
-    others = {label: data for key, label in names.items() if (data := record.diagnostics.get(key))}
-    if not others:
+    """Tabulate regression against output error, where that was done."""
+    simulated = record.diagnostics.get("output_error")
+    if not simulated:
         reason = record.diagnostics.get("closed_loop") or "gains and target are not known"
         return (paragraph(f"Only the torque regression was done: {reason}."),)
     seen = record.diagnostics["seen"]
     rows = [
         [
             label(record, name),
-            *("" if name not in data else _plus_minus(data[name]) for data in (seen, *others.values())),
+            *("" if name not in data else _plus_minus(data[name]) for data in (seen, simulated)),
         ]
         for name in (*COMPARED, "offset")
         if name in seen
@@ -103,13 +102,10 @@ def estimators(record: JointRecord) -> tuple[Markup, ...]:
     caption = "Estimators that fail in different ways: where they agree, the number can be trusted"
     if not record.torque_source:
         caption += "; in units of k"
-    blocks = [table(["", "regression", *others], rows, caption)]
-    if "output error" in others:
-        errors = others["output error"]["relative_errors"]
-        law = record.diagnostics.get("output_error_law")
-        text = f"Simulation error: {_errors(errors)} of the signal, with viscous and Coulomb friction"
-        blocks.append(paragraph(text + (f"; {_errors(law['relative_errors'])} with the law chosen." if law else ".")))
-    return tuple(blocks)
+    law = record.diagnostics.get("output_error_law")
+    text = f"Simulation error: {_errors(simulated['relative_errors'])} of the signal, with viscous and Coulomb friction"
+    text += f"; {_errors(law['relative_errors'])} with the law chosen." if law else "."
+    return table(["", "regression", "output error"], rows, caption), paragraph(text)
 
 
 def _errors(errors: dict[str, float]) -> str:

@@ -76,11 +76,11 @@ def test_what_was_declared_is_written_and_goes_before_what_is_guessed(tmp_path: 
     """`--init --kp 77 --torque-limit 9 --torque-scale 3` wrote kp 20, guessed, and null for the rest."""
     write_log(tmp_path / "swing.csv", example_log())
     (tmp_path / "swing.json").unlink()
-    flags = "--kp 77 --torque-limit 9 --torque-scale 3 --from 2 --test-condition in_air --set unknowns=[delay]"
+    flags = "--kp 77 --torque-limit 9 --torque-scale 3 --from 2 --test-condition in_air --set unknowns=[encoder_bias]"
     assert main(["identify", str(tmp_path / "swing.csv"), "--init", *flags.split()]) == 0
     setup = read_setup(tmp_path / "swing.csv")
     assert (setup.kp, setup.torque_limit, setup.torque_scale, setup.begin) == (77, 9, 3, 2)
-    assert (setup.test_condition, setup.unknowns) == ("in_air", ("delay",))
+    assert (setup.test_condition, setup.unknowns) == ("in_air", ("encoder_bias",))
     # The one gain that was not declared is guessed, of the torque in N m: 0.5 times the scale.
     assert setup.kd == pytest.approx(1.5, rel=0.3)
 

@@ -152,7 +152,6 @@ def _diagnostics(
         "drift": find_drift(own.rows, own),
         "closed_loop": ALONE,
         "output_error": None,
-        "disagreement": None,
         "lateness": fit.estimate(LATENESS),
         "model_error": float(fit.prior[fit.index[fit.link_names[0]]]) if fit.link_names else None,
         "link_mass_errors": {

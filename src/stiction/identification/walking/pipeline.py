@@ -150,7 +150,6 @@ def _record(
         "swings": swing.swings,
         "samples_used": swing.rows,
         "output_error": None,
-        "disagreement": None,
         "load": {
             "refusal": load.refusal or load.refused.get(kind, ""),
             "equations": load.rows,

@@ -1,0 +1,229 @@
+"""Prediction of a record that no fit saw: in its loop, and open loop from restarts, in units that people feel.
+
+Every model is fitted to one part of the log and predicts the rest, or another log: what was chosen, viscous and Coulomb
+friction, the textbook's least squares on torque, and no friction at all. A record that is predicted need not tell any
+parameter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from stiction.core.errors import StictionError
+from stiction.files.joints import JointRecord
+from stiction.identification.in_loop import respond
+from stiction.identification.model import Model, nearest_joint
+from stiction.identification.output_error import OutputError
+from stiction.identification.regression import FEWEST_ROWS, INVERSE_STRENGTH, Fit, fit_rows
+from stiction.identification.runs import Run
+from stiction.joints.pd import PDGains
+from stiction.joints.simulate import simulate
+
+HORIZONS = (0.1, 0.5, 2.0)
+"""Times after a restart over which the open loop is predicted [s]."""
+
+MOST_RESTARTS = 12
+"""Restarts of one horizon, evenly over the record."""
+
+TRAINED = 0.7
+"""First share of a log that is fitted where the rest of it is predicted."""
+
+FRICTION = ("viscous_friction", "coulomb_friction")
+"""Parameters that are zero in a model without friction."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """How far a model's prediction is from what was measured, root mean square."""
+
+    model: str
+    """`chosen`, `coulomb`, `textbook` or `no friction`."""
+    closed_loop: float | None
+    """Of the position in its loop [rad]; None without gains and target."""
+    open_loop: tuple[float | None, ...]
+    """Of the position driven by the torque of the log, over each of `HORIZONS` after a restart [rad]."""
+    torque: float | None
+    """Of the torque in its loop, over the rms of the log's torque [1]; None without a loop or a torque."""
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Predictions of one record."""
+
+    source: str
+    """Name of the log, or the part of it."""
+    seconds: float
+    """Length of the record [s]."""
+    predictions: tuple[Prediction, ...]
+
+    def error(self, model: str) -> float | None:
+        """Return a model's error in its loop, else that over half a second [rad]; None where neither is known."""
+        found = next((one for one in self.predictions if one.model == model), None)
+        if found is None:
+            return None
+        return found.closed_loop if found.closed_loop is not None else found.open_loop[1]
+
+    @property
+    def fails(self) -> bool:
+        """True if what was chosen predicts the record no better than no friction at all."""
+        chosen, none = self.error("chosen"), self.error("no friction")
+        return chosen is not None and none is not None and chosen >= none
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        return {
+            "source": self.source,
+            "seconds": self.seconds,
+            "horizons": list(HORIZONS),
+            "predictions": [vars(one) for one in self.predictions],
+        }
+
+
+Values = tuple[Model, Mapping[str, float]]
+"""A torque equation and its parameters by name."""
+
+
+def hold_out(
+    run: Run, base: Fit, chosen: Fit, simulated: Sequence[OutputError | None], other: Run | None
+) -> HeldOut | None:
+    """Predict a record that the models have not seen; None where the log is too short to be cut.
+
+    base, chosen: regressions with viscous and Coulomb friction, and with the law that was chosen; simulated: output
+    error with either, None where it was not done; other: another log, by default the last part of this one.
+    """
+    if INVERSE_STRENGTH in base.names:
+        return None
+    count = len(run.signals.time)
+    seen = np.arange(count) < (count if other is not None else int(TRAINED * count))
+    models = _models(run, base, chosen, simulated, seen)
+    if models is None:
+        return None
+    record = other or run
+    judged = record.signals.valid & (np.ones(len(record.signals.time), bool) if other is not None else ~seen)
+    record = replace(record, reading=run.reading)
+    predictions = tuple(_predict(name, model, values, record, judged) for name, (model, values) in models.items())
+    source = record.source if other is not None else f"last {1 - TRAINED:.0%} of {run.source}"
+    return HeldOut(source, float(judged.sum() * record.signals.step), predictions)
+
+
+def _models(
+    run: Run, base: Fit, chosen: Fit, simulated: Sequence[OutputError | None], seen: np.ndarray
+) -> dict[str, Values] | None:
+    """Return the models as the seen samples of a run have them; None where these are too few."""
+    rows = base.rows.take(seen[run.prepared.used]) if len(base.rows) == len(run.prepared.used) else base.rows
+    if len(rows) < FEWEST_ROWS:
+        return None
+    textbook = fit_rows(rows, base.model)
+    models: dict[str, Values] = {"textbook": (base.model, textbook.by_name)}
+    for name, fit, best in (("coulomb", base, simulated[0]), ("chosen", chosen, simulated[1])):
+        if best is not None:
+            part = best.part(seen & run.signals.valid) if not seen.all() else best.estimates
+            if part is None:
+                return None
+            values = {key: one.value for key, one in part.items()}
+        elif fit.model.law == "breakaway":
+            values = dict(fit.by_name)
+        else:
+            values = fit_rows(rows, fit.model).by_name
+        models[name] = (fit.model, values)
+    bare = {name: 0.0 if name in FRICTION else value for name, value in models["coulomb"][1].items()}
+    return {"chosen": models["chosen"], "coulomb": models["coulomb"], "textbook": models["textbook"]} | {
+        "no friction": (base.model, bare)
+    }
+
+
+def _predict(name: str, model: Model, values: Mapping[str, float], record: Run, judged: np.ndarray) -> Prediction:
+    """Predict the judged samples of a record with one model."""
+    closed = torque = None
+    try:
+        response = respond(record, model, dict(values))
+        closed = _rms((response.position - record.signals.position)[judged])
+        if record.signals.torque is not None:
+            size = _rms(record.signals.torque[judged])
+            torque = _rms((response.torque - record.signals.torque)[judged]) / max(size, 1e-300)
+    except StictionError:
+        closed = torque = None
+    return Prediction(name, closed, tuple(_open_loop(model, values, record, judged, span) for span in HORIZONS), torque)
+
+
+def _open_loop(
+    model: Model, values: Mapping[str, float], record: Run, judged: np.ndarray, horizon: float
+) -> float | None:
+    """Return the error over a horizon after restarts from the measured state [rad]; None where that cannot be done."""
+    signals, step = record.signals, record.signals.step
+    length = round(horizon / step) + 1
+    whole = nearest_joint({name: float(values.get(name, 0.0)) for name in model.names})
+    # A torque that is made from positions would bring them back.
+    if record.setup.payload is not None or not record.measured:
+        return None
+    try:
+        joint = model.joint([whole[name] for name in model.names])
+    except StictionError:
+        return None
+    pushed = record.driven if signals.disturbance is None else record.driven + signals.disturbance
+    starts = [start for start in range(0, len(judged) - length, length) if judged[start : start + length].all()]
+    chosen = starts[:: max(1, -(-len(starts) // MOST_RESTARTS))]
+    # A spring too weak to matter, for the simulation is of a joint under a controller.
+    gains, errors = PDGains(kp=1e-9, kd=0.0), []
+    for start in chosen:
+        part = slice(start, start + length)
+        begin = float(record.prepared.position[start]), float(record.prepared.velocity[start])
+        try:
+            motion = simulate(joint, gains, step, np.zeros(length), *begin, pushed[part], signals.position[part])
+        except StictionError:
+            return None
+        errors.append(float(np.mean((motion.position - signals.position[part]) ** 2)))
+    return float(np.sqrt(np.mean(errors))) if errors else None
+
+
+def _rms(values: np.ndarray) -> float:
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def prediction_text(held: Mapping[str, Any], axis: str) -> str:
+    """Return the errors of `HeldOut.to_dict` in words: `0.012° in closed loop, without friction 1.3°`.
+
+    axis: `rotary` or `linear`.
+    """
+    errors = {one["model"]: one for one in held["predictions"]}
+    closed = errors["chosen"]["closed_loop"] is not None
+    place = "in closed loop" if closed else f"over {HORIZONS[1]:g} s from a restart"
+    known = {
+        model: value
+        for model, one in errors.items()
+        if (value := one["closed_loop"] if closed else one["open_loop"][1]) is not None
+    }
+    words = {"coulomb": "with viscous and Coulomb friction alone", "textbook": "by the textbook's regression"}
+    parts = [f"{angle_text(known['chosen'], axis)} {place}"] if "chosen" in known else ["not known"]
+    parts += [
+        f"{words.get(model, model)} {angle_text(value, axis)}" for model, value in known.items() if model != "chosen"
+    ]
+    return ", ".join(parts)
+
+
+def predictions_text(records: Mapping[str, JointRecord]) -> str:
+    """Return the range of the errors of several joints, and without friction; empty where none is known."""
+    ranges = {}
+    for model in ("chosen", "no friction"):
+        known = [
+            (one["closed_loop"], record.axis)
+            for record in records.values()
+            for one in (record.diagnostics.get("held_out") or {"predictions": ()})["predictions"]
+            if one["model"] == model and one["closed_loop"] is not None
+        ]
+        if known:
+            ranges[model] = " to ".join(angle_text(value, axis) for value, axis in (min(known), max(known)))
+    if "chosen" not in ranges:
+        return ""
+    without = f", without friction {ranges['no friction']}" if "no friction" in ranges else ""
+    return f"held out, of {len(records)} joints: {ranges['chosen']} in closed loop{without}"
+
+
+def angle_text(value: float, axis: str) -> str:
+    """Return an rms error of the position as people feel it: degrees, or millimetres of a linear axis."""
+    return f"{1e3 * value:.2g} mm" if axis == "linear" else f"{np.rad2deg(value):.2g}°"
