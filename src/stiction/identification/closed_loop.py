@@ -33,6 +33,10 @@ START = ("start_position", "start_velocity")
 """θ [rad] and θ' [rad/s] at the first sample, in the loop's frame; of no interest, but they must be fitted too."""
 
 
+SETTLED = 1e-6
+"""Change of the path between two passes of a simulation at which it is taken [rad]: well below any encoder's step."""
+
+
 class LoopError(StictionError):
     """The loop cannot be simulated, or what it does in simulation does not tell the joint's parameters."""
 
@@ -112,7 +116,7 @@ class ClosedLoop:
         signals, target = self.signals, self.delayed(self.goal, delay)
         start = values["start_position"], values["start_velocity"]
         try:
-            motion = simulate(joint, gains, signals.step, target, *start, self.outside, guess)
+            motion = simulate(joint, gains, signals.step, target, *start, self.outside, guess, SETTLED)
         except StictionError as error:
             raise LoopError(f"output error is not done: {error}") from error
         commanded = self._commanded(gains, target, motion, delay)

@@ -105,9 +105,13 @@ def hold_out(
     record = other or run
     judged = record.signals.valid & (np.ones(len(record.signals.time), bool) if other is not None else ~seen)
     record = replace(record, reading=run.reading)
-    predictions = tuple(_predict(name, model, values, record, judged) for name, (model, values) in models.items())
+    predictions: dict[str, Prediction] = {}
+    for name, model in models.items():
+        # Where no richer law was chosen both are one.
+        same = predictions.get("chosen") if model == models["chosen"] else None
+        predictions[name] = replace(same, model=name) if same else _predict(name, *model, record, judged)
     source = record.source if other is not None else f"last {1 - TRAINED:.0%} of {run.source}"
-    return HeldOut(source, float(judged.sum() * record.signals.step), predictions)
+    return HeldOut(source, float(judged.sum() * record.signals.step), tuple(predictions.values()))
 
 
 def _models(

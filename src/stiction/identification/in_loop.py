@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -58,8 +58,8 @@ class InLoop:
     """Gap between the logged torque and the declared controller's; None without torque or gains."""
     reason: str | None = None
     """Why it was not done."""
-    doubt: dict[str, float] = field(default_factory=dict)
-    """Parameter -> its relative change if the target was held between samples; empty where the log says which it is."""
+    told: bool = True
+    """True if the log says whether its target was held between the samples, or at its rate that makes no difference."""
 
     @property
     def best(self) -> OutputError | None:
@@ -87,7 +87,7 @@ def close_loop(run: Run, base: Fit) -> tuple[Run, InLoop]:
             "output error is not done",
         )
     try:
-        read, symmetric, doubt = _read(run, base)
+        read, symmetric, told = _read(run, base)
     except LoopError as error:
         return run, InLoop(mismatch=mismatch, reason=str(error))
     noise = position_noise(run.signals.position)
@@ -98,11 +98,14 @@ def close_loop(run: Run, base: Fit) -> tuple[Run, InLoop]:
             f"controller the simulation leaves {symmetric.rms / noise:.1f} times the position's noise: the torque is "
             "believed, as with play between motor and encoder; output error is not done",
         )
-    return read, InLoop(symmetric, mismatch=mismatch, doubt=doubt)
+    return read, InLoop(symmetric, mismatch=mismatch, told=told)
 
 
 LEAST_LATE = 0.3
 """Delay of a straight target, over a sample interval, from which on a held one is tried: it would lag by half."""
+
+TELLING = 3.0
+"""Residual of the straight reading over the position's noise up to which a held one is tried: more hides it."""
 
 CONTEST = 6.0
 """First part of a log on which a straight and a held target are compared [s]."""
@@ -116,49 +119,62 @@ NEAR_HALF = 0.15
 the likelier reading: a target that is held lags by half an interval in the mean."""
 
 
-def _read(run: Run, base: Fit) -> tuple[Run, OutputError, dict[str, float]]:
-    """Simulate with a straight target and, at low rates, with a held one, and keep what the log says.
+def _read(run: Run, base: Fit) -> tuple[Run, OutputError, bool]:
+    """Simulate with a straight target and, where it may have been held, so, and keep what the log says.
 
-    Returns the run read so, its simulation and, where the log does not say which it is, parameter -> relative change
-    under the other reading. Raises `LoopError` where neither can be done.
+    Returns the run read so, its simulation, and whether the log says which it is. Raises `LoopError` where it cannot
+    be simulated.
     """
-    found, doubt = simulate_fit(run, base), dict[str, float]()
-    late = found.values.get("delay", run.setup.delay or 0.0)
-    if may_hold(run.signals) and late > LEAST_LATE * run.signals.step:
-        held, doubt = _contest(run, base, found)
+    found, told = simulate_fit(run, base), not may_hold(run.signals)
+    if not told and _late(run, found):
+        held, told = _contest(run, base, found)
         if held:
             run = replace(run, reading=Reading(held=True))
             found = simulate_fit(run, base, found.values)
-    return read_again(run, found), found, doubt
+    return read_again(run, found), found, told
 
 
-def _contest(run: Run, base: Fit, whole: OutputError) -> tuple[bool, dict[str, float]]:
-    """Return whether the target was held between the samples, and relative changes where that is not told.
+def _late(run: Run, found: OutputError) -> bool:
+    """Return True if a straight target comes late enough to be a held one, which lags by half a sample interval."""
+    return found.values.get("delay", run.setup.delay or 0.0) > LEAST_LATE * run.signals.step
 
-    On the first part of the log, by its positions. Where both readings follow them equally well it is held if the
-    straight one is late by half a sample interval, and either way the other one is admitted.
+
+def _contest(run: Run, base: Fit, whole: OutputError) -> tuple[bool, bool]:
+    """Return whether the target was held between the samples, and whether the log says so.
+
+    On the first part of the log, by its positions. Where both readings follow them equally well, or what a law lacks
+    hides it, it is taken as held if the straight one is late by half a sample interval.
     """
+    half = abs(whole.values.get("delay", 0.0) / run.signals.step - 0.5) < NEAR_HALF
+    if whole.rms > TELLING * position_noise(run.signals.position):
+        return half, False
     part = first_part(run.signals, CONTEST)
     velocity = run.prepared.velocity[: len(part.time)]
     short = replace(run, signals=part, prepared=replace(run.prepared, velocity=velocity))
-    pieces = fine_steps(part, True)
-    fits: list[OutputError] = []
-    for held in (False, True):
-        start = base.by_name | (fits[0] if fits else whole).values
-        fit = fit_in_loop(replace(short, reading=Reading(held=held)), base, start, pieces, FEW_TRIALS)
-        if fit is None:
-            return False, {}
-        fits.append(fit)
-    straight, held_fit = fits
-    evidence = evidence_between(straight, held_fit, 0)
-    if abs(evidence) >= MIN_EVIDENCE and max(straight.rms, held_fit.rms) > APART * min(straight.rms, held_fit.rms):
-        return evidence > 0, {}
-    late = straight.values.get("delay", 0.0) / part.step
-    held = abs(late - 0.5) < NEAR_HALF
-    best, other = (held_fit, straight) if held else (straight, held_fit)
-    change = {name: other.values[name] / best.values[name] - 1 for name in ("inertia", "viscous_friction")}
-    # Another minimum, which a short part may have, is no other reading of this one.
-    return held, change if max(map(abs, change.values())) < 1 else {}
+    pieces, start = fine_steps(part, True), base.by_name | whole.values
+    straight, held = (
+        fit_in_loop(replace(short, reading=Reading(held=way)), base, start, pieces, FEW_TRIALS) for way in (False, True)
+    )
+    if straight is None or held is None:
+        return False, False
+    evidence = evidence_between(straight, held, 0)
+    told = abs(evidence) >= MIN_EVIDENCE and max(straight.rms, held.rms) > APART * min(straight.rms, held.rms)
+    return evidence > 0 if told else half, told
+
+
+def doubt(run: Run, loop: InLoop) -> dict[str, float]:
+    """Return what inertia and viscous friction change by in the other reading of the target, where that may be right.
+
+    A held target lags by half a step, by which the loop itself is then less late, and a loop that is late by d is a
+    joint of inertia I − kd d + kp d²/2 and viscous friction B − kp d (`closed_loop`).
+    """
+    best, held, step = loop.best, run.reading.held, run.signals.step
+    if best is None or loop.told or not (held or _late(run, best)):
+        return {}
+    gains, less = controller(run), 0.5 * step
+    kp, kd, delay = gains.strength * gains.kp, gains.strength * gains.kd, best.values.get("delay", 0.0) + less * held
+    inertia = -kd * less + 0.5 * kp * (delay**2 - (delay - less) ** 2)
+    return {name: -one if held else one for name, one in (("inertia", inertia), ("viscous_friction", -kp * less))}
 
 
 def read_again(run: Run, found: OutputError) -> Run:

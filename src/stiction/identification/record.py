@@ -23,7 +23,7 @@ from stiction.identification.combinations import (
 )
 from stiction.identification.consistency import REPEAT, Comparison, Drift, find_drift, whiteness, widened
 from stiction.identification.held_out import HeldOut
-from stiction.identification.in_loop import InLoop
+from stiction.identification.in_loop import InLoop, doubt
 from stiction.identification.model import GRAVITY_TERMS
 from stiction.identification.output_error import OutputError
 from stiction.identification.pooling import Pooling
@@ -313,12 +313,12 @@ def all_admitting(fits: JointFits, estimates: dict[str, Estimate]) -> dict[str, 
     found = widened(estimates, fits.admitted)
     if fits.by_simulation:
         found = modelled(found, fits.run.setup.kd or 0.0)
-    for name, change in fits.loop.doubt.items():
+    for name, change in doubt(fits.run, fits.loop).items():
         old = found[name]
-        ends = [end * (1 + change) for end in old.interval95]
+        ends = [end + change for end in old.interval95]
         found[name] = Estimate(
             old.value,
-            float(np.hypot(old.std, change * old.value / 2)),
+            float(np.hypot(old.std, change / 2)),
             (min(*old.interval95, *ends), max(*old.interval95, *ends)),
         )
     return fits.pooling.admitted(found) if fits.pooling else found

@@ -94,13 +94,15 @@ def simulate(
     velocity: float = 0.0,
     load: np.ndarray | None = None,
     guess: np.ndarray | None = None,
+    settled: float = SETTLED,
 ) -> Trajectory:
     """Simulate a joint that follows `target`.
 
     step: time between samples [s]; target: a [rad], shape (num_samples,), a straight line from sample to sample;
     position, velocity: θ and θ' at the first sample; load: d, known torque on the joint from outside [N m], shape
     (num_samples,), straight between samples; guess: roughly where the joint will be [rad], shape (num_samples,), the
-    target by default: with gravity a good guess saves passes. Raises `StictionError` if an input is not finite or too
+    target by default: with gravity a good guess saves passes; settled: change of the path between two passes at which
+    they end [rad]. Raises `StictionError` if an input is not finite or too
     short, and if gravity is too strong for the controller to hold.
     """
     target = np.asarray(target, float)
@@ -124,7 +126,7 @@ def simulate(
         motion, phases = run(outside - joint.offset, joint.friction.load_coefficient * np.abs(outside), 0.0)
     else:
         path = np.asarray(target if guess is None else guess, float)
-        motion, phases = _settle(joint, gains, step, target, outside, path, run)
+        motion, phases = _settle(joint, gains, step, target, outside, path, run, settled)
     return Trajectory(motion[0], motion[1], pd_torque(gains, target, motion[0], motion[1]), phases)
 
 
@@ -140,6 +142,7 @@ def _settle(
     outside: np.ndarray,
     path: np.ndarray,
     run: Callable[[np.ndarray, np.ndarray, float], Motion],
+    settled: float,
 ) -> Motion:
     """Run with weight and friction along the path of the run before, until the path stays where it is.
 
@@ -155,7 +158,7 @@ def _settle(
         motion, phases = run(outside - joint.offset - (weight - spring * path), more_friction, spring)
         previous, change = change, float(np.abs(motion[0] - path).max())
         path, velocity = motion
-        if change < SETTLED:
+        if change < settled:
             return motion, phases
         # Not `>`: a path of NaN ends here too.
         if not change < 1e6 * max(1.0, previous):
