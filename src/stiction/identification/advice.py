@@ -28,7 +28,7 @@ TRAINED_IN = "mujoco"
 TOLD = "told"
 """Method that observes its joints' friction: it is shown, and not chosen, for the robot has to tell it."""
 
-PLACES = {TRAINED_IN: "in the simulator of the training", "physx": "in PhysX", "ode-webots": "in ODE"}
+PLACES = {TRAINED_IN: "in the simulator of the training", "physx": "in PhysX", "ode": "in ODE", "ode-webots": "in ODE"}
 """Engine -> how people call it; a plus in its name means a virtual robot."""
 
 GROUND_AND_LAW = "on flat ground, under Coulomb friction"
