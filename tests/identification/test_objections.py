@@ -117,8 +117,8 @@ def test_nobody_reads_a_level_from_an_invalid_fit() -> None:
 
 @pytest.mark.usefixtures("undrawn")
 def test_no_training_file_is_written_and_an_old_one_goes(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """Else the next command trains with what the run before proposed; the missing file's reason stands beside it. All is
-    written, and the status is 1, for a script to see.
+    """Else the next command trains with what the run before proposed; the missing file's reason stands beside it. All
+    is written, and the status is 1, for a script to see.
     """
     write_log(tmp_path / "shank.csv", example_log(SATURN_LITE, SHORT))
     out = tmp_path / "out"

@@ -62,10 +62,10 @@ class HeldOut:
 
     def error(self, model: str) -> float | None:
         """Return a model's error in its loop, else that over half a second [rad]; None where neither is known."""
-        found = next((one for one in self.predictions if one.model == model), None)
-        if found is None:
+        prediction = next((one for one in self.predictions if one.model == model), None)
+        if prediction is None:
             return None
-        return found.closed_loop if found.closed_loop is not None else found.open_loop[1]
+        return prediction.closed_loop if prediction.closed_loop is not None else prediction.open_loop[1]
 
     @property
     def fails(self) -> bool:

@@ -125,18 +125,18 @@ def _read(run: Run, base: Fit) -> tuple[Run, OutputError, bool]:
     Returns the run read so, its simulation, and whether the log says which it is. Raises `LoopError` where it cannot
     be simulated.
     """
-    found, told = simulate_fit(run, base), not may_hold(run.signals)
-    if not told and _late(run, found):
-        held, told = _contest(run, base, found)
+    fitted, told = simulate_fit(run, base), not may_hold(run.signals)
+    if not told and _late(run, fitted):
+        held, told = _contest(run, base, fitted)
         if held:
             run = replace(run, reading=Reading(held=True))
-            found = simulate_fit(run, base, found.values)
-    return read_again(run, found), found, told
+            fitted = simulate_fit(run, base, fitted.values)
+    return read_again(run, fitted), fitted, told
 
 
-def _late(run: Run, found: OutputError) -> bool:
+def _late(run: Run, fitted: OutputError) -> bool:
     """Return True if a straight target comes late enough to be a held one, which lags by half a sample interval."""
-    return found.values.get("delay", run.setup.delay or 0.0) > LEAST_LATE * run.signals.step
+    return fitted.values.get("delay", run.setup.delay or 0.0) > LEAST_LATE * run.signals.step
 
 
 def _contest(run: Run, base: Fit, whole: OutputError) -> tuple[bool, bool]:
@@ -177,13 +177,13 @@ def doubt(run: Run, loop: InLoop) -> dict[str, float]:
     return {name: -one if held else one for name, one in (("inertia", inertia), ("viscous_friction", -kp * less))}
 
 
-def read_again(run: Run, found: OutputError) -> Run:
+def read_again(run: Run, fitted: OutputError) -> Run:
     """Return the run with its torque moved to where the simulation says that it acted."""
-    delay = found.values.get("delay", run.setup.delay or 0.0)
+    delay = fitted.values.get("delay", run.setup.delay or 0.0)
     lag = 0.0
     if run.signals.torque is not None:
-        simulated = found.simulated.torque
-        lag = torque_lag(run.signals.time, run.signals.torque, simulated, found.counted)
+        simulated = fitted.simulated.torque
+        lag = torque_lag(run.signals.time, run.signals.torque, simulated, fitted.counted)
     return reread(run, replace(run.reading, delay=delay, torque_lag=lag))
 
 
@@ -272,7 +272,7 @@ def simulate_fit(
     # The log's angle against the controller's shows in the torque alone.
     judged: tuple[Signal, ...] = ("position", "torque") if _finds_bias(run) else ("position",)
     unknown = ("delay",) if setup.delay is None else ()
-    found = fit_output_error(
+    fitted = fit_output_error(
         signals,
         controller(run),
         model,
@@ -285,9 +285,9 @@ def simulate_fit(
         judged=judged,
         trials=trials,
     )
-    found = found.thinned(pieces)
-    _check_identified(found, [name for name in fit.model.names if name not in CONFOUNDED])
-    return replace(found, estimates={name: shifted(e, -extra.get(name, 0.0)) for name, e in found.estimates.items()})
+    fitted = fitted.thinned(pieces)
+    _check_identified(fitted, [name for name in fit.model.names if name not in CONFOUNDED])
+    return replace(fitted, estimates={name: shifted(e, -extra.get(name, 0.0)) for name, e in fitted.estimates.items()})
 
 
 def fit_strength(run: Run, base: Fit) -> OutputError:
@@ -313,7 +313,7 @@ def fit_strength(run: Run, base: Fit) -> OutputError:
     weight = {} if payload is None else _weight(payload)
     added = 0.0 if payload is None else payload.inertia
     start["inertia"] += added
-    found = fit_output_error(
+    fitted = fit_output_error(
         run.signals,
         replace(controller(run), strength=strength),
         Model("coulomb", bool(weight)),
@@ -324,13 +324,13 @@ def fit_strength(run: Run, base: Fit) -> OutputError:
         unknown=("motor_strength",),
         known=weight,
     )
-    _check_identified(found, ["motor_strength", *COMPARED])
-    return replace(found, estimates=found.estimates | {"inertia": shifted(found.estimates["inertia"], -added)})
+    _check_identified(fitted, ["motor_strength", *COMPARED])
+    return replace(fitted, estimates=fitted.estimates | {"inertia": shifted(fitted.estimates["inertia"], -added)})
 
 
-def _check_identified(found: OutputError, needed: Sequence[str]) -> None:
+def _check_identified(fitted: OutputError, needed: Sequence[str]) -> None:
     """Raise `LoopError` where the simulation that follows a log best does not tell all of some parameters."""
-    if lost := [name for name in needed if name in found.unidentified]:
+    if lost := [name for name in needed if name in fitted.unidentified]:
         raise LoopError(
             f"output error is not done: the simulation that follows the log best does not tell {', '.join(lost)}"
         )
@@ -418,7 +418,7 @@ def compare_in_loop(run: Run, whole: OutputError | None) -> tuple[Comparison, ..
     """
     if whole is None or not set(COMPARED) <= set(whole.estimates):
         return ()
-    found = []
+    comparisons = []
     for split in splits(run.signals.time, run.prepared.velocity):
         kept = (*CONFOUNDED, "delay")
         parts = [whole.part(part & run.signals.valid, kept) for part in (split.first, ~split.first)]
@@ -428,8 +428,8 @@ def compare_in_loop(run: Run, whole: OutputError | None) -> tuple[Comparison, ..
         speed = common_speed(*(run.prepared.velocity[part] for part in (split.first, ~split.first)))
         values = {name: (one[name], other[name]) for name in COMPARED}
         friction = _friction(one, speed), _friction(other, speed)
-        found.append(Comparison(split.label, split.parts, values, speed, friction))
-    return tuple(found)
+        comparisons.append(Comparison(split.label, split.parts, values, speed, friction))
+    return tuple(comparisons)
 
 
 def _friction(estimates: dict[str, Estimate], speed: float) -> Estimate:

@@ -149,7 +149,7 @@ def _screen(run: Run, plain: OutputError, base: Fit) -> list[_Screened]:
     rows, slopes = plain.position_rows()
     basis = np.linalg.qr(slopes / np.linalg.norm(slopes, axis=0).clip(1e-300))[0]
     left, columns = rows - basis @ (basis.T @ rows), columns - basis @ (basis.T @ columns)
-    found: dict[Law, _Screened] = {}
+    promising: dict[Law, _Screened] = {}
     for law, more, own in groups:
         places = [names.index(name) for name in own]
         values = np.linalg.lstsq(columns[:, places], -left, rcond=None)[0]
@@ -158,9 +158,9 @@ def _screen(run: Run, plain: OutputError, base: Fit) -> list[_Screened]:
         start = dict(zip(own, values.tolist(), strict=True))
         if law == "stribeck":
             start = {"stribeck_velocity": float(own[0]) * top}
-        if law not in found or evidence > found[law].evidence:
-            found[law] = _Screened(law, evidence, start)
-    return sorted(found.values(), key=lambda one: -one.evidence)
+        if law not in promising or evidence > promising[law].evidence:
+            promising[law] = _Screened(law, evidence, start)
+    return sorted(promising.values(), key=lambda one: -one.evidence)
 
 
 def _fit(
