@@ -39,6 +39,16 @@ def test_an_identification_says_its_verdict_in_three_lines(found: Identified) ->
     assert low < 0.442 < high and found.valid
 
 
+def test_a_fit_that_is_not_valid_hands_out_no_number(log: Log) -> None:
+    """Torque in another unit: the record by its name has no friction and no interval, and says why."""
+    wrong = stiction.identify(log, torque_scale=2.0)
+    (name,) = wrong
+    record = wrong[name]
+    assert not wrong.valid and record.objections and record.combinations == {}
+    assert record.coulomb_friction is record.inertia is record.friction_ratio is record.dead_band is None
+    assert wrong.joints[name].coulomb_friction is not None and "not known" in str(wrong.table())
+
+
 def test_it_is_what_the_verb_prints_and_writes(
     log: Log, found: Identified, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -61,8 +61,11 @@ class Identified(Result):
         return propose(self.file)
 
     def __getitem__(self, joint: str) -> JointRecord:
-        """Return the record of a joint, or of its kind; raise `StictionError` where there is none."""
-        return self.file.record(joint)
+        """Return the record of a joint, or of its kind; raise `StictionError` where there is none.
+
+        Quantities of a fit that is not valid are None; `joints` has them, to show what is wrong.
+        """
+        return self.file.record(joint).usable()
 
     def __iter__(self) -> Iterator[str]:
         """Iterate over the names of the joints."""
@@ -94,7 +97,7 @@ class Identified(Result):
         shown = ["inertia", "viscous_friction", "coulomb_friction", "friction_ratio"]
         if any(record.static_friction is not None for record in self.joints.values()):
             shown.insert(3, "static_friction")
-        rows = [[name, *(cell(record, part) for part in shown)] for name, record in self.joints.items()]
+        rows = [[name, *(cell(self[name], part) for part in shown)] for name in self.joints]
         return html_table(["joint", *(name.replace("_", " ") for name in shown)], rows)
 
     def write(self, folder: Path, command: str = "") -> None:

@@ -178,6 +178,13 @@ class JointRecord:
                 return objection
         return None
 
+    def usable(self) -> JointRecord:
+        """Return the record without the quantities that its objections forbid to use."""
+        withheld: dict[str, Any] = {name: None for name in QUANTITIES if self.objection_to(name) is not None}
+        if self.objection_to("inertia") is not None:
+            withheld["combinations"] = {}
+        return replace(self, **withheld)
+
     @property
     def moving_friction(self) -> Estimate | None:
         """Dry friction in motion [N m], or over the motor strength k where newton metres are not known."""
