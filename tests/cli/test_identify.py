@@ -57,7 +57,7 @@ def test_people_get_a_table_and_the_verdict(log: Path, tmp_path: Path, capsys: p
     """Without --json the answer is readable."""
     assert main(["identify", str(log), "--out", str(tmp_path / "out"), "--test-condition", "loaded"]) == 0
     out = capsys.readouterr().out
-    assert "N m s/rad" in out and "output error" in out
+    assert "N m s/rad" in out and "held out: " in out
     assert "coulomb_friction" in out
     beginnings = [line.partition(" ")[0] for line in out.splitlines()[:3]]
     assert beginnings == ["Dry", "Does", "Run:"] and "Provisional" not in out

@@ -47,23 +47,23 @@ def show(console: Console, joints: JointsFile, folder: Path) -> None:
 
 
 def _one(name: str, record: JointRecord) -> Table:
-    """Tabulate one joint: both estimators, and combinations where parameters are not known."""
+    """Tabulate one joint: values, combinations where parameters are not known, the symmetric fit beside a law."""
     from stiction.report.identification import EXTRA
     from stiction.report.page import number, unit
 
-    other = record.diagnostics.get("output_error") or {}
+    symmetric = (record.friction_law or {}).get("symmetric") or {}
     title = f"{name}: NOT VALID, see above" if record.objections else name
-    table = Table("", "unit", "value", "95 % interval", "output error", title=title)
+    table = Table("", "unit", "value", "95 % interval", *(["symmetric"] if symmetric else []), title=title)
     for quantity in (*PARAMETERS, *EXTRA, "friction_ratio", "dynamic_ratio", "dead_band"):
         estimate = getattr(record, quantity)
         if estimate is None:
             if quantity in (*PARAMETERS, "friction_ratio", "dead_band"):
-                table.add_row(quantity, unit(record, quantity), "not known", "", "")
+                table.add_row(quantity, unit(record, quantity), "not known")
             continue
-        second = number(other[quantity]["value"]) if quantity in other else ""
-        table.add_row(quantity, unit(record, quantity), number(estimate.value), _interval(estimate.interval95), second)
+        second = [number(symmetric[quantity]["value"])] if quantity in symmetric else []
+        table.add_row(quantity, unit(record, quantity), number(estimate.value), _interval(estimate.interval95), *second)
     for label, estimate in record.combinations.items():
-        table.add_row(label, "", number(estimate.value), _interval(estimate.interval95), "")
+        table.add_row(label, "", number(estimate.value), _interval(estimate.interval95))
     return table
 
 
