@@ -119,7 +119,8 @@ def test_a_first_run_is_bounded(name: str, value: int, monkeypatch: pytest.Monke
         f"import sys; sys.argv = ['x']; from stiction.deploy import first_run; first_run.{name} = {value}; "
         "first_run.main()"
     )
-    monkeypatch.setattr(first, "python_module", lambda module: [first.sys.executable, "-P", "-c", program])
+    command = [first.sys.executable, "-P", "-c", program]
+    monkeypatch.setattr("stiction.core.isolation.python_module", lambda module, words: command)
     monkeypatch.setattr(first, "_passed", set())
     with pytest.raises(BundleError, match="did not run within"):
         first_run(model, observations)

@@ -7,6 +7,7 @@ run. `-P` and PYTHONSAFEPATH leave it out; an empty entry of PYTHONPATH, which m
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 import threading
 from collections.abc import Iterable, Iterator, Mapping
@@ -26,6 +27,23 @@ _MAIN_HIDDEN = threading.Lock()
 def python_module(module: str, words: Iterable[object] = ()) -> list[str]:
     """Return the command that runs a module with these words in a Python of its own; `isolated_environment` with it."""
     return [sys.executable, "-P", "-m", module, *map(str, words)]
+
+
+def run_apart(
+    module: str, patience: float, words: Iterable[object] = (), content: bytes = b""
+) -> subprocess.CompletedProcess[bytes]:
+    """Run a module in a Python of its own, on one thread, and return what it put out; content: its standard input.
+
+    Raises `subprocess.TimeoutExpired` after `patience` seconds, and `OSError` where no process can be started.
+    """
+    return subprocess.run(
+        python_module(module, words),
+        input=content,
+        env=isolated_environment(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1"),
+        capture_output=True,
+        timeout=patience,
+        check=False,
+    )
 
 
 def bare_python(program: str) -> list[str]:

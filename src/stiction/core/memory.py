@@ -81,6 +81,16 @@ def address_space() -> int | None:
     return int(pages.read_text().split()[0]) * resource.getpagesize() if pages.exists() else None
 
 
+def bound(kind: int, most: int) -> None:
+    """Bound a resource of this process, such as `resource.RLIMIT_CPU`, for good.
+
+    Never above what it had, and the hard limit too: nothing in this process can raise it again.
+    """
+    _, hard = resource.getrlimit(kind)
+    least = most if hard == resource.RLIM_INFINITY else min(most, hard)
+    resource.setrlimit(kind, (least, least))
+
+
 @contextmanager
 def _held(size: int) -> Iterator[None]:
     """Let the address space grow by `size` bytes and no more, where the system can say how large it is."""

@@ -14,8 +14,8 @@ import sys
 import numpy as np
 
 from stiction.core.errors import BundleError, PolicyError
-from stiction.core.isolation import isolated_environment, python_module
-from stiction.core.memory import address_space
+from stiction.core.isolation import run_apart
+from stiction.core.memory import address_space, bound
 
 MEMORY = 384 * 2**20
 """Address space that loading and running may take, beyond what Python and onnxruntime have then [B]."""
@@ -44,14 +44,8 @@ def first_run(model: bytes, observations: np.ndarray) -> None:
     if digest in _passed:
         return
     try:
-        done = subprocess.run(
-            python_module("stiction.deploy.first_run"),
-            input=struct.pack("<2q", *rows.shape) + rows.tobytes() + model,
-            env=isolated_environment(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1"),
-            capture_output=True,
-            timeout=PATIENCE,
-            check=False,
-        )
+        content = struct.pack("<2q", *rows.shape) + rows.tobytes() + model
+        done = run_apart("stiction.deploy.first_run", PATIENCE, content=content)
     except subprocess.TimeoutExpired as error:
         raise BundleError(f"policy.onnx: its first run took more than {PATIENCE:.0f} s; do not use it") from error
     except OSError as error:
@@ -70,14 +64,10 @@ def _limit() -> None:
     """Bound the memory and the processor time of this process, where the system can, and never above what it had."""
     import resource
 
-    bounds = {resource.RLIMIT_CPU: SECONDS, resource.RLIMIT_CORE: 0}
+    bound(resource.RLIMIT_CPU, SECONDS)
+    bound(resource.RLIMIT_CORE, 0)
     if (taken := address_space()) is not None:
-        bounds[resource.RLIMIT_AS] = taken + MEMORY
-    for kind, most in bounds.items():
-        _, hard = resource.getrlimit(kind)
-        # Never above what it had, and the hard limit too: nothing in this process can raise it again.
-        least = most if hard == resource.RLIM_INFINITY else min(most, hard)
-        resource.setrlimit(kind, (least, least))
+        bound(resource.RLIMIT_AS, taken + MEMORY)
 
 
 def main() -> None:

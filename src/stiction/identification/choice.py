@@ -1,12 +1,12 @@
 """Choice of the friction law: the simplest that no richer one beats beyond noise.
 
-A law is judged by torque regression on parts of the log that its fit did not see, and by the Bayesian information
-criterion with as many samples as are independent. What is chosen so must also follow the log better in simulation.
+A law is judged on parts of the log that its fit did not see, and by the Bayesian information criterion with as many
+samples as are independent: here by torque regression, where the loop is known by simulation (`simulated_choice`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -97,11 +97,7 @@ def choose_law(rows: Rows, base: Fit, strength_unknown: bool = False) -> Choice:
     objections = {law: _objection(rows, fits[law], base, gains[law], evidence[law]) for law in laws}
     admissible = [law for law in laws if not objections[law]] or ["coulomb"]
     best = min(admissible, key=lambda law: errors[law].sum())
-    # The simplest that the best does not beat beyond noise: laws are in the order of their number of parameters.
-    chosen = next(law for law in admissible if law == best or not gain_of(errors[best], errors[law]).certain)
-    reasons = {law: objections[law] or "no simpler law is as good, and this one is not beyond it" for law in laws}
-    reasons |= {"coulomb": "predicts as well as any richer law" if chosen == "coulomb" else "beaten"}
-    reasons |= {chosen: "chosen"}
+    chosen, reasons = settle(admissible, best, lambda law: gain_of(errors[best], errors[law]), objections)
     size = float(np.sum(rows.torque**2))
     candidates = tuple(
         Candidate(
@@ -116,6 +112,21 @@ def choose_law(rows: Rows, base: Fit, strength_unknown: bool = False) -> Choice:
         for law in laws
     )
     return Choice(fits[chosen].model, candidates)
+
+
+def settle(
+    admissible: Sequence[Law], best: Law, gain: Callable[[Law], Gain], objections: Mapping[Law, str]
+) -> tuple[Law, dict[Law, str]]:
+    """Return the simplest law that the best one does not beat beyond noise, and the verdict on each law.
+
+    admissible: in the order of their number of parameters; gain: of the best over a law; objections: law -> why it
+    cannot be chosen, empty where it can.
+    """
+    chosen = next(law for law in admissible if law == best or not gain(law).certain)
+    unbeaten = "no simpler law is as good, and this one is not beyond it"
+    verdicts = {law: objections[law] or unbeaten for law in objections}
+    verdicts |= {"coulomb": "predicts as well as any richer law" if chosen == "coulomb" else "beaten"}
+    return chosen, verdicts | {chosen: "chosen"}
 
 
 def _held_out(rows: Rows, model: Model, strength_unknown: bool, fold: np.ndarray) -> np.ndarray:

@@ -58,9 +58,8 @@ class Response:
 
     def thinned(self, pieces: int) -> Response:
         """Return the same on every so many-th sample."""
-        motion = self.motion
-        thin = Trajectory(motion.position[::pieces], motion.velocity[::pieces], motion.torque[::pieces])
-        return replace(self, motion=thin, position=self.position[::pieces], torque=self.torque[::pieces])
+        motion = self.motion.thinned(pieces)
+        return replace(self, motion=motion, position=self.position[::pieces], torque=self.torque[::pieces])
 
 
 class ClosedLoop:

@@ -23,7 +23,6 @@ from stiction.identification.consistency import COMPARED, Comparison, common_spe
 from stiction.identification.evidence import MIN_EVIDENCE, evidence_of
 from stiction.identification.model import GRAVITY_TERMS, Model, nearest_joint
 from stiction.identification.output_error import FEW_TRIALS, MAX_ITERATIONS, OutputError, Signal, fit_output_error
-from stiction.identification.prepare import position_noise
 from stiction.identification.reading import Reading, fine_steps, first_part, may_hold, refine, torque_lag
 from stiction.identification.regression import INVERSE_STRENGTH, Fit
 from stiction.identification.runs import Run, reread
@@ -90,7 +89,7 @@ def close_loop(run: Run, base: Fit) -> tuple[Run, InLoop]:
         read, symmetric, told = _read(run, base)
     except LoopError as error:
         return run, InLoop(mismatch=mismatch, reason=str(error))
-    noise = position_noise(run.signals.position)
+    noise = run.prepared.noise
     if mismatch is not None and mismatch.rest > EXPLAINED and symmetric.rms > NOISY * noise:
         return run, InLoop(
             mismatch=mismatch,
@@ -146,7 +145,7 @@ def _contest(run: Run, base: Fit, whole: OutputError) -> tuple[bool, bool]:
     hides it, it is taken as held if the straight one is late by half a sample interval.
     """
     half = abs(whole.values.get("delay", 0.0) / run.signals.step - 0.5) < NEAR_HALF
-    if whole.rms > TELLING * position_noise(run.signals.position):
+    if whole.rms > TELLING * run.prepared.noise:
         return half, False
     part = first_part(run.signals, CONTEST)
     velocity = run.prepared.velocity[: len(part.time)]
@@ -263,9 +262,8 @@ def simulate_fit(
         known |= dict.fromkeys(GRAVITY_TERMS, 0.0)
     signals, velocity = _signals(run), run.prepared.velocity
     pieces = pieces or fine_steps(signals, run.reading.held)
-    if pieces > 1:
-        signals = refine(signals, run.reading.held, pieces)
-        velocity = np.interp(signals.time, run.signals.time, velocity)
+    signals = refine(signals, run.reading.held, pieces)
+    velocity = np.interp(signals.time, run.signals.time, velocity)
     # Where the search begins the delay may not take half of the inertia.
     begin = max(run.reading.delay, 0.0) or FIRST_DELAY
     begin = min(begin, 0.2 * max(start["inertia"], 1e-9) / max(controller(run).kd, 1e-9))
@@ -380,8 +378,7 @@ def respond(run: Run, model: Model, values: dict[str, float]) -> Response:
         "delay": run.reading.delay if run.setup.delay is None else run.setup.delay,
     }
     pieces = fine_steps(signals, run.reading.held)
-    if pieces > 1:
-        signals = refine(signals, run.reading.held, pieces)
+    signals = refine(signals, run.reading.held, pieces)
     loop = ClosedLoop(signals, gains, model, begin, run.setup.velocity_delay or 0.0)
     whole = {name: values.get(name, 0.0) + extra.get(name, 0.0) for name in model.names}
     joint = nearest_joint(whole)

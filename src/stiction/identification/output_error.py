@@ -246,11 +246,10 @@ class OutputError:
 
     def thinned(self, pieces: int) -> OutputError:
         """Return the same on every so many-th sample: the log's own, where a finer grid was simulated."""
-        motion = self.simulated
         return replace(
             self,
             pieces=pieces,
-            simulated=Trajectory(motion.position[::pieces], motion.velocity[::pieces], motion.torque[::pieces]),
+            simulated=self.simulated.thinned(pieces),
             counted=self.counted[::pieces],
             residuals={name: row[::pieces] for name, row in self.residuals.items()},
         )

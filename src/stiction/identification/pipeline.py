@@ -137,12 +137,13 @@ def _identify(
             run, base = reread, _symmetric(reread, others)
             rows = base.rows
     if loop.symmetric is not None and rows is run.rows:
-        choice, richer, chosen = choose_simulated(run, loop.symmetric, base)
+        choice, richer = choose_simulated(run, loop.symmetric, base)
         loop = replace(loop, chosen=richer)
         if richer is not None:
             run = read_again(run, richer)
             base = _symmetric(run, others)
-            rows, chosen = base.rows, fit_at(base.rows, chosen.model, chosen.by_name)
+        rows = base.rows
+        chosen = base if richer is None else fit_at(rows, choice.model, richer.values)
     else:
         choice = choose_law(rows, base, strength_unknown)
         chosen = base if choice.law == "coulomb" else fit_rows(rows, choice.model, strength_unknown)

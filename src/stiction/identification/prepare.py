@@ -64,6 +64,8 @@ class Prepared:
     """Share by which noise of the acceleration makes the inertia too small, in least squares [1]."""
     unusable: int = 0
     """Samples in long gaps, and at the torque limit where the torque is the PD law's."""
+    noise: float = 0.0
+    """Standard deviation of the position's white noise [rad]."""
 
     @property
     def mask(self) -> np.ndarray:
@@ -137,6 +139,7 @@ def prepare(
         threshold=threshold,
         attenuation=(acceleration_noise(noise, signals.step, corner) / float(np.std(acceleration))) ** 2,
         unusable=int(left_out.sum()),
+        noise=noise,
         used=_clear_samples(velocity, threshold, corner, signals.step, left_out),
     )
 

@@ -52,8 +52,10 @@ def fine_steps(signals: Uniform, held: bool) -> int:
 def refine(signals: Uniform, held: bool, pieces: int) -> Uniform:
     """Return signals with `pieces` steps in each sample interval; no other sample than the log's own counts.
 
-    The target is held between the samples, or a cubic spline through them.
+    The target is held between the samples, or a cubic spline through them; one step is the signals as they are.
     """
+    if pieces == 1:
+        return signals
     time = np.arange((len(signals.time) - 1) * pieces + 1) * (signals.step / pieces)
     latest = np.arange(len(time)) // pieces
     valid = np.zeros(len(time), bool)

@@ -27,7 +27,7 @@ from stiction.identification.in_loop import InLoop, doubt
 from stiction.identification.model import GRAVITY_TERMS
 from stiction.identification.output_error import OutputError
 from stiction.identification.pooling import Pooling
-from stiction.identification.prepare import Rows, position_noise
+from stiction.identification.prepare import Rows
 from stiction.identification.regression import INVERSE_STRENGTH, MAX_INFLATION, Fit
 from stiction.identification.runs import Run
 from stiction.joints.friction import dead_band, friction_ratio
@@ -146,7 +146,7 @@ class JointFits:
     def follows(self) -> bool:
         """True if the simulation follows the log's positions nearly to their noise: then nothing is missing in it."""
         best = self.loop.best
-        return best is not None and best.rms <= NEAR_NOISE * position_noise(self.run.signals.position)
+        return best is not None and best.rms <= NEAR_NOISE * self.run.prepared.noise
 
     @property
     def method(self) -> str:

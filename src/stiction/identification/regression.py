@@ -160,14 +160,15 @@ def fit_with_column(fit: Fit, name: str, column: np.ndarray) -> Fit:
 
 
 def fit_at(rows: Rows, model: Model, values: Mapping[str, float]) -> Fit:
-    """Return an equation at values that a simulation found, as if it had been fitted to the rows."""
+    """Return an equation at values that a simulation found, zero where it has none, as if fitted to the rows."""
+    values = dict.fromkeys(model.names, 0.0) | dict(values)
     columns = _columns(rows, model.middle)
     if model.law == "stribeck":
         columns |= _rise(rows, values["stribeck_velocity"])
         rise = values["static_friction"] - values["coulomb_friction"]
         columns["stribeck_velocity"] = rise * columns["steepening"]
     elif model.law == "load":
-        columns["load_coefficient"] = _load(rows, dict(values), columns) * rows.direction
+        columns["load_coefficient"] = _load(rows, values, columns) * rows.direction
     jacobian = np.stack([columns[name] for name in model.names], axis=1)
     # A stand-in for the residual: to predict takes the fit that it belongs to.
     fit = Fit(model, model.names, np.array([values[name] for name in model.names]), jacobian, rows.torque, rows)

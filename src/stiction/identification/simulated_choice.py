@@ -12,14 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stiction.identification.choice import FOLDS, LOAD_UNKNOWN, Candidate, Choice, load_known, negative_friction
+from stiction.identification.choice import FOLDS, LOAD_UNKNOWN, Candidate, Choice, load_known, negative_friction, settle
 from stiction.identification.closed_loop import LoopError
 from stiction.identification.evidence import MIN_EVIDENCE, evidence_of, gain_by_block
 from stiction.identification.in_loop import evidence_between, fit_in_loop
 from stiction.identification.intervals import block_count
 from stiction.identification.model import Law, Model
 from stiction.identification.output_error import FEW_TRIALS, OutputError
-from stiction.identification.prepare import position_noise
 from stiction.identification.regression import Fit, fit_at
 from stiction.identification.runs import Run
 from stiction.joints.variation import Segments
@@ -51,15 +50,15 @@ class _Screened:
     """Values of the law's own parameters at which its search begins."""
 
 
-def choose_simulated(run: Run, plain: OutputError, base: Fit) -> tuple[Choice, OutputError | None, Fit]:
-    """Return the choice, the simulation of a richer law where that was chosen, and its torque equation.
+def choose_simulated(run: Run, plain: OutputError, base: Fit) -> tuple[Choice, OutputError | None]:
+    """Return the choice, and the simulation of a richer law where that was chosen.
 
     plain: output error with viscous and Coulomb friction; base: the regression with that law.
     """
     gravity, parameters = base.model.gravity, len(base.model.names)
     only = Candidate("coulomb", parameters, _share(run, plain), 0.0, 0.0, 0.0, "follows the log to its noise")
-    if plain.rms <= AT_NOISE * position_noise(run.signals.position):
-        return Choice(base.model, (only,)), None, base
+    if plain.rms <= AT_NOISE * run.prepared.noise:
+        return Choice(base.model, (only,)), None
     screened = _screen(run, plain, base)
     fits, reasons = _fit(run, plain, base, screened)
     rows = {"coulomb": plain} | fits
@@ -78,11 +77,8 @@ def choose_simulated(run: Run, plain: OutputError, base: Fit) -> tuple[Choice, O
         else:
             admissible.append(law)
     best = max(admissible, key=lambda law: gains[law].mean)
-    chosen = next(law for law in admissible if law == best or not gain_by_block(errors[best], errors[law]).certain)
-    unchosen = "no simpler law is as good, and this one is not beyond it"
-    verdicts = {law: reasons.get(law, unchosen) for law in rows}
-    verdicts |= {"coulomb": "predicts as well as any richer law" if chosen == "coulomb" else "beaten"}
-    verdicts |= {chosen: "chosen"}
+    objections = {law: reasons.get(law, "") for law in rows}
+    chosen, verdicts = settle(admissible, best, lambda law: gain_by_block(errors[best], errors[law]), objections)
     candidates = [
         Candidate(
             law=law,
@@ -95,13 +91,11 @@ def choose_simulated(run: Run, plain: OutputError, base: Fit) -> tuple[Choice, O
         )
         for law, one in rows.items()
     ]
-    model = base.model if chosen == "coulomb" else _model(run, base, chosen)
     if chosen == "coulomb":
-        return Choice(model, tuple(candidates)), None, base
-    blank = dict.fromkeys(model.names, 0.0)
-    first = fits[chosen]
-    last = fit_in_loop(run, fit_at(base.rows, model, blank | first.values), dict(first.values)) or first
-    return Choice(model, tuple(candidates)), last, fit_at(base.rows, model, blank | last.values)
+        return Choice(base.model, tuple(candidates)), None
+    model, first = _model(run, base, chosen), fits[chosen]
+    last = fit_in_loop(run, fit_at(base.rows, model, first.values), dict(first.values)) or first
+    return Choice(model, tuple(candidates)), last
 
 
 def _share(run: Run, fit: OutputError) -> float:
@@ -177,10 +171,9 @@ def _fit(
         tried.append(_Screened("breakaway", 0.0, {}))
     for one in tried:
         model = _model(run, base, one.law)
-        blank = dict.fromkeys(model.names, 0.0)
         fit = None
         for start in _starts(one, values, model):
-            fit = fit_in_loop(run, fit_at(base.rows, model, blank | start), start, trials=FEW_TRIALS)
+            fit = fit_in_loop(run, fit_at(base.rows, model, start), start, trials=FEW_TRIALS)
             if fit is not None and fit.rms < plain.rms:
                 break
         if fit is None:

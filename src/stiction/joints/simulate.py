@@ -84,6 +84,10 @@ class Trajectory:
     phases: tuple[Phase, ...] = ()
     """When it stuck and slid, in the order of time."""
 
+    def thinned(self, pieces: int) -> Trajectory:
+        """Return every so many-th sample, without phases."""
+        return Trajectory(self.position[::pieces], self.velocity[::pieces], self.torque[::pieces])
+
 
 def simulate(
     joint: Joint,

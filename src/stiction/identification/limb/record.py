@@ -145,7 +145,6 @@ def _diagnostics(
         "blocks": fit.blocks,
         "position_torque": None,
         "predictions": [],
-        "contradicted": [],
         "inertia_known": True,
         "gravity": None,
         "comparisons": [comparison.to_dict() for comparison in comparisons],

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from stiction.core.errors import LogError
-from stiction.core.isolation import isolated_environment, python_module
-from stiction.core.memory import SHARES, allowance, limit_memory
+from stiction.core.isolation import run_apart
+from stiction.core.memory import SHARES, allowance, bound, limit_memory
 from stiction.files.log import BODY, SIGNALS, BodySignals, JointSignals, Log
 from stiction.files.tables import Table, read_parquet
 
@@ -44,14 +44,7 @@ def read_apart(path: Path, kind: str, options: Mapping[str, Any]) -> Parcel:
     """Read a file in another process. kind: one of `_kinds`; options: of its reader. Raises `LogError`."""
     words = (kind, path, allowance() * SHARES, json.dumps(dict(options)))
     try:
-        done = subprocess.run(
-            python_module("stiction.identification.logs.apart", words),
-            stdin=subprocess.DEVNULL,
-            env=isolated_environment(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1"),
-            capture_output=True,
-            timeout=PATIENCE,
-            check=False,
-        )
+        done = run_apart("stiction.identification.logs.apart", PATIENCE, words)
     except subprocess.TimeoutExpired as error:
         raise LogError(f"{path.name}: reading it took more than {PATIENCE:.0f} s; export it as CSV or NPZ") from error
     except OSError as error:
@@ -131,10 +124,8 @@ def _kinds() -> dict[str, Callable[..., Parcel]]:
 def main(words: list[str]) -> None:
     """Read one file and write what `read_apart` expects; words: its kind, path, memory [B], and options as JSON."""
     kind, path, memory, options = words
-    for limit, most in ((resource.RLIMIT_CPU, SECONDS), (resource.RLIMIT_CORE, 0)):
-        hard = resource.getrlimit(limit)[1]
-        most = most if hard == resource.RLIM_INFINITY else min(most, hard)
-        resource.setrlimit(limit, (most, most))
+    bound(resource.RLIMIT_CPU, SECONDS)
+    bound(resource.RLIMIT_CORE, 0)
     # Whatever a library prints must not reach the parcel.
     output, sys.stdout = sys.stdout.buffer, sys.stderr
     try:
