@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from stiction.identification.checks import Uniform
-from stiction.identification.prepare import choose_cutoff, prepare
+from stiction.identification.filters import choose_cutoff
+from stiction.identification.prepare import prepare
 
 STEP = 0.002
 TIME = np.arange(5000) * STEP

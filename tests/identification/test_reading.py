@@ -9,7 +9,7 @@ from held import INERTIA, KD, KP, VISCOUS, sampled_log
 from stiction.files.joints import JointRecord
 from stiction.identification.checks import Uniform
 from stiction.identification.pipeline import identify_joint
-from stiction.identification.reading import Reading, controller_torque, first_part, refine, torque_lag
+from stiction.identification.reading import Reading, controller_torque, cut, refine, torque_lag
 
 TRUTH = {"inertia": INERTIA, "viscous_friction": VISCOUS, "coulomb_friction": 0.3}
 
@@ -78,7 +78,7 @@ def test_finer_signals_count_at_the_samples_of_the_log_alone() -> None:
     np.testing.assert_array_equal(held.target, [0, 0, 1, 1, 4, 4, 9, 9, 16])
     np.testing.assert_allclose(straight.target[1::2], [0.25, 2.25, 6.25, 12.25])
     np.testing.assert_array_equal(held.valid, [True, False] * 4 + [True])
-    assert held.step == 0.005 and len(first_part(signals, 0.02).time) == 3
+    assert held.step == 0.005 and len(cut(signals, slice(3)).time) == 3
 
 
 def test_the_lag_of_a_sine_by_hand() -> None:

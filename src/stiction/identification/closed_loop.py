@@ -17,8 +17,8 @@ import numpy as np
 
 from stiction.core.errors import ConfigurationError, StictionError
 from stiction.identification.checks import Uniform
+from stiction.identification.filters import low_pass
 from stiction.identification.model import Model, parameter_torques, strength_torque
-from stiction.identification.prepare import low_pass
 from stiction.identification.timing import near
 from stiction.joints.pd import PDGains, pd_torque
 from stiction.joints.simulate import Joint, Trajectory, simulate
@@ -33,8 +33,9 @@ START = ("start_position", "start_velocity")
 """θ [rad] and θ' [rad/s] at the first sample, in the loop's frame; of no interest, but they must be fitted too."""
 
 
-SETTLED = 1e-6
-"""Change of the path between two passes of a simulation at which it is taken [rad]: well below any encoder's step."""
+SETTLED = 1e-5
+"""Change of the path between two passes of a simulation at which it is taken [rad]: the next one would change it by a
+tenth of that or less, well below any encoder's step."""
 
 
 class LoopError(StictionError):

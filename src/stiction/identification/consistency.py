@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from stiction.files.joints import Estimate
 from stiction.identification.intervals import correlation_time
@@ -194,7 +194,7 @@ def whiteness(residual: np.ndarray) -> Whiteness:
     lags = np.arange(1, LAGS + 1)
     correlations = np.array([float(centred[lag:] @ centred[:-lag]) / power for lag in lags])
     statistic = count * (count + 2) * float(np.sum(correlations**2 / (count - lags)))
-    return Whiteness(correlation_time(residual), float(correlations[0]), float(chi2.sf(statistic, LAGS)))
+    return Whiteness(correlation_time(residual), float(correlations[0]), float(chdtrc(LAGS, statistic)))
 
 
 def widened(estimates: dict[str, Estimate], comparisons: tuple[Comparison, ...]) -> dict[str, Estimate]:

@@ -18,6 +18,7 @@ from stiction.files.joints import JointRecord
 from stiction.identification.in_loop import respond
 from stiction.identification.model import Model, nearest_joint
 from stiction.identification.output_error import OutputError
+from stiction.identification.reading import cut
 from stiction.identification.regression import FEWEST_ROWS, INVERSE_STRENGTH, Fit, fit_rows
 from stiction.identification.runs import Run
 from stiction.joints.pd import PDGains
@@ -31,6 +32,9 @@ MOST_RESTARTS = 12
 
 TRAINED = 0.7
 """First share of a log that is fitted where the rest of it is predicted."""
+
+LEAD = 2.0
+"""Time before the record that is predicted from which on its loop is simulated [s]."""
 
 FRICTION = ("viscous_friction", "coulomb_friction")
 """Parameters that are zero in a model without friction."""
@@ -105,13 +109,27 @@ def hold_out(
     record = other or run
     judged = record.signals.valid & (np.ones(len(record.signals.time), bool) if other is not None else ~seen)
     record = replace(record, reading=run.reading)
+    seconds = float(judged.sum() * record.signals.step)
+    if other is None:
+        record, judged = _last_part(record, judged)
     predictions: dict[str, Prediction] = {}
     for name, model in models.items():
         # Where no richer law was chosen both are one.
         same = predictions.get("chosen") if model == models["chosen"] else None
         predictions[name] = replace(same, model=name) if same else _predict(name, *model, record, judged)
     source = record.source if other is not None else f"last {1 - TRAINED:.0%} of {run.source}"
-    return HeldOut(source, float(judged.sum() * record.signals.step), tuple(predictions.values()))
+    return HeldOut(source, seconds, tuple(predictions.values()))
+
+
+def _last_part(run: Run, judged: np.ndarray) -> tuple[Run, np.ndarray]:
+    """Return what of a run has to be simulated to predict its judged samples, and these; shape (num_samples,).
+
+    A simulation forgets where it began well within `LEAD`.
+    """
+    first = max(0, int(np.argmax(judged)) - round(LEAD / run.signals.step))
+    prepared = replace(run.prepared, position=run.prepared.position[first:], velocity=run.prepared.velocity[first:])
+    part = replace(run, signals=cut(run.signals, slice(first, None)), prepared=prepared, driven=run.driven[first:])
+    return part, judged[first:]
 
 
 def _models(

@@ -23,7 +23,7 @@ from stiction.identification.consistency import COMPARED, Comparison, common_spe
 from stiction.identification.evidence import MIN_EVIDENCE, evidence_of
 from stiction.identification.model import GRAVITY_TERMS, Model, nearest_joint
 from stiction.identification.output_error import FEW_TRIALS, MAX_ITERATIONS, OutputError, Signal, fit_output_error
-from stiction.identification.reading import Reading, fine_steps, first_part, may_hold, refine, torque_lag
+from stiction.identification.reading import Reading, cut, fine_steps, may_hold, refine, torque_lag
 from stiction.identification.regression import INVERSE_STRENGTH, Fit
 from stiction.identification.runs import Run, reread
 from stiction.identification.setup import Payload
@@ -147,7 +147,7 @@ def _contest(run: Run, base: Fit, whole: OutputError) -> tuple[bool, bool]:
     half = abs(whole.values.get("delay", 0.0) / run.signals.step - 0.5) < NEAR_HALF
     if whole.rms > TELLING * run.prepared.noise:
         return half, False
-    part = first_part(run.signals, CONTEST)
+    part = cut(run.signals, slice(int(np.searchsorted(run.signals.time, CONTEST, "right"))))
     velocity = run.prepared.velocity[: len(part.time)]
     short = replace(run, signals=part, prepared=replace(run.prepared, velocity=velocity))
     pieces, start = fine_steps(part, True), base.by_name | whole.values
@@ -265,7 +265,7 @@ def simulate_fit(
     signals = refine(signals, run.reading.held, pieces)
     velocity = np.interp(signals.time, run.signals.time, velocity)
     # Where the search begins the delay may not take half of the inertia.
-    begin = max(run.reading.delay, 0.0) or FIRST_DELAY
+    begin = max(start.get("delay", run.reading.delay), 0.0) or FIRST_DELAY
     begin = min(begin, 0.2 * max(start["inertia"], 1e-9) / max(controller(run).kd, 1e-9))
     # The log's angle against the controller's shows in the torque alone.
     judged: tuple[Signal, ...] = ("position", "torque") if _finds_bias(run) else ("position",)
@@ -382,8 +382,11 @@ def respond(run: Run, model: Model, values: dict[str, float]) -> Response:
     loop = ClosedLoop(signals, gains, model, begin, run.setup.velocity_delay or 0.0)
     whole = {name: values.get(name, 0.0) + extra.get(name, 0.0) for name in model.names}
     joint = nearest_joint(whole)
-    loop.correct(loop.run(joint, signals.position), joint)
-    return loop.run(joint, signals.position).thinned(pieces)
+    response = loop.run(joint, signals.position)
+    if begin["delay"] + loop.velocity_delay > 0.0:
+        loop.correct(response, joint)
+        response = loop.run(joint, response.motion.position)
+    return response.thinned(pieces)
 
 
 def predict_run(run: Run, fit: Fit) -> dict[str, float] | None:

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from stiction.core.linear import check_condition, invert
 from stiction.files.joints import Estimate
@@ -63,8 +62,8 @@ def correlation_time(residual: np.ndarray) -> float:
     """
     centred = residual - residual.mean()
     # Twice as long, with zeros: the transform is periodic, and would correlate the end with the beginning.
-    length = next_fast_len(2 * len(centred), real=True)
-    correlation = irfft(np.abs(rfft(centred, length)) ** 2, length)[: len(centred)]
+    length = 2 << len(centred).bit_length()
+    correlation = np.fft.irfft(np.abs(np.fft.rfft(centred, length)) ** 2, length)[: len(centred)]
     if correlation[0] <= 0:
         return 1.0
     correlation /= correlation[0]
@@ -133,7 +132,7 @@ def bootstrap_reach(blocks: Blocks) -> np.ndarray:
 
     At least Student's point for B − 1 degrees of freedom, at most `LARGEST_REACH` times it.
     """
-    least = float(student.ppf(0.975, blocks.count - 1))
+    least = float(stdtrit(blocks.count - 1, 0.975))
     draws = _draws(blocks.count)
     # As products of matrices: sums over single indices, of three factors above all, take several times as long.
     parameters = blocks.gradient.shape[1]

@@ -110,8 +110,9 @@ def _damped_step(slopes: np.ndarray, rows: np.ndarray, bound: np.ndarray, dampin
     return step, float(np.sum(moved * gradient - 0.5 * np.where(known, values, 0.0) * moved**2))
 
 
-FEW_TRIALS = 8
-"""Points tried in each round where fits are compared with each other: the one that is kept is fitted to the end."""
+FEW_TRIALS, FEW_ROUNDS = 8, 1
+"""Points tried in each round, and rounds, where fits are compared with each other: the one that is kept is fitted to
+the end."""
 
 ROUNDS, MOST_ROUNDS = 3, 8
 """Rounds of the search, at least and at most, each with weights and exact delay of what the one before found."""
@@ -408,7 +409,7 @@ class _Search:
         least = 0.5 * CHI2_TOLERANCE
         late = self.names.index("delay") if "delay" in self.names else None
         before = np.inf
-        for rounds in range(MOST_ROUNDS if trials > FEW_TRIALS else ROUNDS):
+        for rounds in range(MOST_ROUNDS if trials > FEW_TRIALS else FEW_ROUNDS):
             # The delay's exact torque is of the path before, so rounds go on until both agree.
             if rounds >= ROUNDS and (
                 late is None or abs(values[late] - before) < SETTLED_DELAY * self.loop.signals.step

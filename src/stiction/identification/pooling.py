@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2, norm
-from scipy.stats import t as student
+from scipy.special import chdtrc, ndtri, stdtrit
 
 from stiction.files.joints import Estimate
 from stiction.identification.consistency import COMPARED
@@ -60,10 +59,10 @@ class Pooling:
             return float("nan")
         # Deviations from the intervals, which know how few blocks a short run has.
         widths = [found[name].interval95[1] - found[name].interval95[0] for found in self.telling]
-        weights = (2 * float(norm.ppf(0.975)) / np.array(widths).clip(1e-300)) ** 2
+        weights = (2 * float(ndtri(0.975)) / np.array(widths).clip(1e-300)) ** 2
         values = self.values(name)
         centre = float(weights @ values / weights.sum())
-        return float(chi2.sf(float(weights @ (values - centre) ** 2), len(values) - 1))
+        return float(chdtrc(len(values) - 1, float(weights @ (values - centre) ** 2)))
 
     def admitted(self, estimates: Mapping[str, Estimate]) -> dict[str, Estimate]:
         """Return estimates whose intervals reach as far as the mean of the runs' own is uncertain."""
@@ -73,7 +72,7 @@ class Pooling:
             if name not in found or count < 2:
                 continue
             old, std = found[name], self.spread(name) / np.sqrt(count)
-            reach = float(student.ppf(0.975, count - 1)) * std
+            reach = float(stdtrit(count - 1, 0.975)) * std
             ends = (min(old.interval95[0], old.value - reach), max(old.interval95[1], old.value + reach))
             found[name] = Estimate(old.value, max(old.std, float(std)), ends)
         return found

@@ -16,20 +16,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from stiction.core.errors import ConfigurationError
 from stiction.identification.checks import Uniform
+from stiction.identification.filters import acceleration_noise, choose_cutoff, derivatives, low_pass, position_noise
 from stiction.identification.setup import Payload
-
-ORDER = 4
-"""Order of the Butterworth filter; it is run forward and backward."""
-
-LARGEST_NOISE = 0.03
-"""Noise over signal, in the acceleration. Noisy regressors shrink the inertia by the square of this: 0.1 %."""
 
 LOW_SPEED = 0.005
 """Samples slower than this share of the top speed do not say which way friction points, and are left out. Small,
@@ -142,56 +135,6 @@ def prepare(
         noise=noise,
         used=_clear_samples(velocity, threshold, corner, signals.step, left_out),
     )
-
-
-def low_pass(values: np.ndarray, cutoff: float, step: float) -> np.ndarray:
-    """Return `values`, shape (num_samples,), through the Butterworth filter forward and backward: no delay."""
-    return sosfiltfilt(_butterworth(2 * cutoff * step), values)
-
-
-@lru_cache(maxsize=256)
-def _butterworth(corner: float) -> np.ndarray:
-    """Return the filter's sections for a corner over half the sampling rate, cached: designing them is slow."""
-    return butter(ORDER, corner, output="sos")
-
-
-def derivatives(position: np.ndarray, step: float, cutoff: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return filtered velocity and acceleration by differences over five samples, shape (num_samples,) each."""
-    velocity = slope(low_pass(position, cutoff, step), step)
-    return velocity, slope(velocity, step)
-
-
-def slope(values: np.ndarray, step: float) -> np.ndarray:
-    """Return the derivative, shape (num_samples,), off by (2π f step)⁴/30 of itself at the frequency f."""
-    found = np.gradient(values, step)
-    found[2:-2] = (8 * (values[3:-1] - values[1:-3]) - (values[4:] - values[:-4])) / (12 * step)
-    return found
-
-
-def position_noise(position: np.ndarray) -> float:
-    """Return the standard deviation of the position's white noise [rad], from the upper half of its spectrum."""
-    rest = position - sosfiltfilt(butter(ORDER, 0.5, output="sos"), position)
-    # Half of the spectrum holds half of the variance; near the ends the filter works on padding.
-    return float(np.std(rest[20:-20]) * np.sqrt(2.0))
-
-
-def choose_cutoff(position: np.ndarray, step: float, noise: float) -> float:
-    """Return the highest corner [Hz] at which noise leaves the acceleration usable, at most a quarter of the rate."""
-    corner = 0.25 / step
-    while corner > 0.01 / step:
-        size = float(np.std(derivatives(position, step, corner)[1]))
-        if acceleration_noise(noise, step, corner) <= LARGEST_NOISE * size:
-            break
-        corner *= 0.8
-    return corner
-
-
-def acceleration_noise(noise: float, step: float, corner: float) -> float:
-    """Return the standard deviation of the acceleration under white noise of the position [rad/s²].
-
-    White noise of size σ has, below f, the acceleration variance 2 σ² step (2π)⁴ f⁵ / 5.
-    """
-    return noise * float(np.sqrt(2 * step * (2 * np.pi) ** 4 * corner**5 / 5))
 
 
 def _clear_samples(

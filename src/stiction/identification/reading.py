@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from stiction.identification.checks import Uniform
 
@@ -61,6 +60,13 @@ def refine(signals: Uniform, held: bool, pieces: int) -> Uniform:
     valid = np.zeros(len(time), bool)
     valid[::pieces] = signals.valid
     target = np.asarray(signals.target)
+    if held:
+        target = target[latest]
+    else:
+        # Imported here: few logs are so slow, and it takes as long to import as to simulate them.
+        from scipy.interpolate import CubicSpline
+
+        target = CubicSpline(signals.time, target)(time)
 
     def straight(values: np.ndarray | None) -> np.ndarray | None:
         return None if values is None else np.interp(time, signals.time, values)
@@ -74,19 +80,18 @@ def refine(signals: Uniform, held: bool, pieces: int) -> Uniform:
         disturbance=straight(signals.disturbance),
         feedforward=straight(signals.feedforward),
         step=signals.step / pieces,
-        target=target[latest] if held else CubicSpline(signals.time, target)(time),
+        target=target,
         valid=valid,
         bridged=signals.bridged[latest],
     )
 
 
-def first_part(signals: Uniform, seconds: float) -> Uniform:
-    """Return the first seconds of signals."""
-    count = int(np.searchsorted(signals.time, seconds, "right"))
-    cut: dict[str, Any] = {
-        name: values[:count] for name, values in vars(signals).items() if isinstance(values, np.ndarray)
+def cut(signals: Uniform, part: slice) -> Uniform:
+    """Return some of the samples of signals, their time from zero."""
+    kept: dict[str, Any] = {
+        name: values[part] for name, values in vars(signals).items() if isinstance(values, np.ndarray)
     }
-    return replace(signals, **cut)
+    return replace(signals, **kept | {"time": kept["time"] - kept["time"][0]})
 
 
 def controller_torque(signals: Uniform, kp: float, kd: float, reading: Reading) -> np.ndarray:

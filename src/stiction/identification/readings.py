@@ -10,10 +10,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
-from scipy.signal import butter, sosfiltfilt
 
 from stiction.files.log import SIGNALS, JointSignals, Log
+from stiction.identification.filters import low_pass
 from stiction.identification.timing import fastest_motion
 
 READINGS = ("position", "velocity", "torque")
@@ -117,6 +116,9 @@ def read_once(log: Log) -> Log:
 
 def _at(time: np.ndarray, values: np.ndarray, fresh: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Return a held signal at other rows, by a cubic spline through its readings."""
+    # Imported here, for few logs need it, and it takes long.
+    from scipy.interpolate import make_interp_spline
+
     inside = np.clip(time[rows], time[fresh[0]], time[fresh[-1]])
     return make_interp_spline(time[fresh], values[fresh], k=3)(inside)
 
@@ -131,12 +133,12 @@ def _is_command(time: np.ndarray, position: np.ndarray, torque: np.ndarray, fres
     even = np.arange(time[0], time[-1], step)
     angle = np.interp(even, time, position)
     corner = min(0.5 / hold, 5 * (fastest_motion(angle, step) or np.inf))
-    low_pass = butter(2, min(0.9, 2 * step * corner), output="sos")
-    angle = sosfiltfilt(low_pass, angle)
+    corner = min(0.45 / step, corner)
+    angle = low_pass(angle, corner, step)
     velocity = np.gradient(angle, step)
-    direction = sosfiltfilt(low_pass, np.sign(velocity))
+    direction = low_pass(np.sign(velocity), corner, step)
     place = np.clip(np.searchsorted(time, even, side="right") - 1, 0, len(time) - 1)
-    driven = sosfiltfilt(low_pass, torque[place])
+    driven = low_pass(torque[place], corner, step)
     columns = [np.gradient(velocity, step), velocity, direction, np.sin(angle), np.cos(angle), np.ones_like(angle)]
     found, *_ = np.linalg.lstsq(np.column_stack([*columns, -np.gradient(driven, step)]), driven, rcond=None)
     return float(found[-1]) < LATE * hold

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from stiction.core.errors import LogError
 from stiction.files.joints import Estimate
@@ -292,6 +291,9 @@ def _stribeck_velocity(rows: Rows, names: tuple[str, ...], columns: dict[str, np
 
     It is sought between the speed that one row in twenty is under and half of the top speed.
     """
+    # Imported here, for it takes long and few logs need it.
+    from scipy.optimize import minimize_scalar
+
     # All else is linear and solved for at each v_s, so that the search has one unknown. It finds one valley only: a
     # grid says which.
     linear = [name for name in names if name != "stribeck_velocity"]

@@ -10,8 +10,9 @@ from stiction.core.errors import LogError
 from stiction.files.joints import FitSignals
 from stiction.files.log import JointSignals, Log
 from stiction.identification.checks import FEWEST_POOLED, FEWEST_SAMPLES, Uniform, check_excitation, check_log
+from stiction.identification.filters import slope
 from stiction.identification.model import GRAVITY_TERMS, Model
-from stiction.identification.prepare import Prepared, Rows, make_rows, prepare, slope
+from stiction.identification.prepare import Prepared, Rows, make_rows, prepare
 from stiction.identification.reading import Reading, controller_torque
 from stiction.identification.regression import MAX_INFLATION, check_rows, fit_rows
 from stiction.identification.setup import IdentifySetup

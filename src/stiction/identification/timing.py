@@ -427,9 +427,6 @@ def resample(grid: Grid, values: np.ndarray, command: bool = False) -> np.ndarra
 
     values: the signal at all samples of the log, shape (num_samples,); command: if it is held between changes, hold it.
     """
-    # Imported here: whoever reads a log's rows, in a process of its own say, has no use for it.
-    from scipy.interpolate import make_interp_spline
-
     order = values[grid.order]
     if grid.on_grid and len(order) == len(grid.times):
         return order.copy()
@@ -437,6 +434,9 @@ def resample(grid: Grid, values: np.ndarray, command: bool = False) -> np.ndarra
         # A hair late, or rounding would keep a command that came at a point of the grid for the next one.
         place = np.searchsorted(grid.stamps, grid.times + EVEN * grid.step, side="right") - 1
         return order[np.clip(place, 0, len(order) - 1)]
+    # Imported here, for it takes long, and an even log has no use for it.
+    from scipy.interpolate import make_interp_spline
+
     result = np.interp(grid.times, grid.stamps, order)
     breaks = np.flatnonzero(np.diff(grid.stamps) > grid.bridge) + 1
     for part in np.split(np.arange(len(order)), breaks):

@@ -8,10 +8,11 @@ is known in closed form: whole stretches are computed at once, and states betwee
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import cos, exp, sin
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.linalg.lapack import dtbtrs
 
 from stiction.core.errors import ConfigurationError
 from stiction.joints.friction import FrictionLaw, Piece
@@ -19,6 +20,9 @@ from stiction.joints.pd import PDGains
 
 LONGEST_SERIES = 4.0
 """Time constants that one Taylor series spans; longer spans are cut, or large terms would cancel."""
+
+LEAST_STIFF, LEAST_APART = 1e-4, 1e-2
+"""Stiffness, and distance of the two rates, times the step (squared): under either the closed form loses digits."""
 
 LARGEST_GROWTH = 200.0
 """Growth of an unstable motion, as the logarithm, after which a stretch is cut: floating point ends at 700."""
@@ -42,14 +46,19 @@ class Regime:
         growth = (max(-damping, 0.0) + max(-stiffness, 0.0) ** 0.5) * step
         self.longest = int(LARGEST_GROWTH / growth) if growth * MOST_SAMPLES > LARGEST_GROWTH else MOST_SAMPLES
         # Columns of the transition, and the answers to a constant and to a ramp of input.
-        first, second = self.inside((1.0, 0.0), 0.0, 0.0, step), self.inside((0.0, 1.0), 0.0, 0.0, step)
+        first, second = self._expand((1.0, 0.0), 0.0, 0.0, step), self._expand((0.0, 1.0), 0.0, 0.0, step)
         self.transition = np.array([first, second]).T
-        self.from_next = np.array(self.inside((0.0, 0.0), 0.0, 1.0, step)) / step
-        self.from_this = np.array(self.inside((0.0, 0.0), 1.0, 0.0, step)) - self.from_next
+        self.from_next = np.array(self._expand((0.0, 0.0), 0.0, 1.0, step)) / step
+        self.from_this = np.array(self._expand((0.0, 0.0), 1.0, 0.0, step)) - self.from_next
+        # Of s² + damping s + stiffness the roots are −damping/2 ± `_apart`, or that times i where it oscillates.
+        square = damping**2 / 4 - stiffness
+        self._oscillates, self._apart = square < 0, abs(square) ** 0.5
+        self._closed = stiffness * step**2 > LEAST_STIFF and self._apart * step > LEAST_APART
         # By Cayley and Hamilton each component of x' = Φ x + g obeys a second-order recursion.
         trace, determinant = np.trace(self.transition), np.linalg.det(self.transition)
         self._recursion = np.array([1.0, -trace, determinant])
         self._crossed = self.transition - trace * np.eye(2)
+        self.steady = stiffness > 0 and damping > 0
 
     def changes(self, drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return g of each sample, and what excites the recursion, for `stretch`.
@@ -69,15 +78,47 @@ class Regime:
         excitation[:, 0] = state
         excitation[:, 1] = self._crossed @ state + change[:, 0]
         excitation[:, 2:] = excited
-        # As a filter the recursion runs over a whole stretch in C; x' = Φ x + g would be a loop in Python.
-        return lfilter(_ONE, self._recursion, excitation, axis=1)
+        # A triangle of two diagonals beside the main one: LAPACK runs the recursion over a whole stretch.
+        bands = np.repeat(self._recursion[:, None], excitation.shape[1], axis=1)
+        return dtbtrs(bands, excitation.T, uplo="L")[0].T
+
+    def free(self, count: int) -> np.ndarray:
+        """Return q and q' at so many samples without input, from q = 1 and from q' = 1; shape (2, 2, count)."""
+        none = np.zeros((2, count - 1))
+        return np.stack([self.stretch(start, none, none[:, 1:]) for start in ((1.0, 0.0), (0.0, 1.0))])
 
     def acceleration(self, state: State, drive: float) -> float:
         """Return q'' [rad/s²] in `state` under the input `drive` [rad/s²]."""
         return drive - self.stiffness * state[0] - self.damping * state[1]
 
     def inside(self, state: State, drive: float, drive_slope: float, elapsed: float) -> State:
-        """Return q and q' after `elapsed` seconds of the input u = drive + drive_slope t, by Taylor series."""
+        """Return q and q' after `elapsed` seconds of the input u = drive + drive_slope t.
+
+        With h the answer to a unit of speed, q' is q'(0) (h' + damping h) + q''(0) h + drive_slope ∫h.
+        """
+        if not self._closed:
+            return self._expand(state, drive, drive_slope, elapsed)
+        stiffness, damping, apart = self.stiffness, self.damping, self._apart
+        if self._oscillates:
+            decay = exp(-0.5 * damping * elapsed)
+            impulse = decay * sin(apart * elapsed) / apart
+            rate = decay * cos(apart * elapsed) - 0.5 * damping * impulse
+        else:
+            slow, fast = apart - 0.5 * damping, -apart - 0.5 * damping
+            kept, lost = exp(slow * elapsed), exp(fast * elapsed)
+            impulse, rate = 0.5 * (kept - lost) / apart, 0.5 * (slow * kept - fast * lost) / apart
+        speed = rate + damping * impulse
+        once = (1.0 - speed) / stiffness
+        way = impulse + damping * once
+        twice = (elapsed - way) / stiffness
+        begin = drive - stiffness * state[0] - damping * state[1]
+        return (
+            state[0] + state[1] * way + begin * once + drive_slope * twice,
+            state[1] * speed + begin * impulse + drive_slope * once,
+        )
+
+    def _expand(self, state: State, drive: float, drive_slope: float, elapsed: float) -> State:
+        """Return what `inside` does, by Taylor series, for whatever stiffness and damping."""
         pieces = 1 + int((abs(self.damping) + abs(self.stiffness) ** 0.5) * elapsed / LONGEST_SERIES)
         elapsed /= pieces
         for piece in range(pieces):
@@ -152,8 +193,6 @@ class Regime:
         return instant
 
 
-_ONE = np.ones(1)
-
 FIRST_STRETCH = 64
 """Samples computed at once after an event; doubled while nothing happens."""
 
@@ -215,6 +254,10 @@ class _Sliding(NamedTuple):
     """u at the samples [rad/s²], shape (num_samples,)."""
     change: np.ndarray
     excited: np.ndarray
+    course: np.ndarray | None
+    """q and q' from rest at zero on, shape (2, num_samples); None where the system runs away from whatever it does."""
+    free: np.ndarray | None
+    """Of `Regime.free`; every motion is `course` and a share of these."""
     slow: float
     """Speed at which the piece begins [rad/s]."""
     fast: float
@@ -235,7 +278,7 @@ class StickSlip:
         # At single samples numbers of Python are many times as fast as those of NumPy.
         self._targets, self._pushes = target.tolist(), mechanism.push.tolist()
         self._loads = mechanism.load_friction.tolist()
-        self._regimes: dict[tuple[float, float], Regime] = {}
+        self._regimes: dict[tuple[float, float], tuple[Regime, np.ndarray | None]] = {}
         self._slidings: dict[tuple[int, int, int], _Sliding] = {}
 
     def sliding(self, sign: int, side: int, piece: int) -> _Sliding:
@@ -258,12 +301,15 @@ class StickSlip:
                     f"time constants in a sample of {self.step:.3g} s; expected more inertia, or a finer step"
                 )
             if pair not in self._regimes:
-                self._regimes[pair] = Regime(*pair, self.step)
+                regime = Regime(*pair, self.step)
+                self._regimes[pair] = regime, regime.free(len(self.target)) if regime.steady else None
             motor = side * gains.torque_limit if side else kp * self.target
             drive = (motor + joint.push - sign * (law.level + joint.load_friction)) / joint.inertia
             fast = pieces[piece + 1].start if piece + 1 < len(pieces) else np.inf
-            regime = self._regimes[pair]
-            self._slidings[key] = _Sliding(regime, drive, *regime.changes(drive), law.start, fast)
+            regime, free = self._regimes[pair]
+            changes = regime.changes(drive)
+            course = None if free is None else regime.stretch((0.0, 0.0), *changes)
+            self._slidings[key] = _Sliding(regime, drive, *changes, course, free, law.start, fast)
         return self._slidings[key]
 
     def pull(self, samples: slice, position: float) -> np.ndarray:
@@ -340,7 +386,7 @@ class StickSlip:
                 if sign == 0:
                     return state, 0, 0
                 since, piece, from_rest = instant, 0, True
-            regime, drives, _, _, slow, fast = self.sliding(sign, side, piece)
+            regime, drives, *_, slow, fast = self.sliding(sign, side, piece)
             slope = float(drives[index + 1] - drives[index]) / self.step
             drive, left = float(drives[index]) + slope * since, self.step - since
             final = regime.inside(state, drive, slope, left)
@@ -407,9 +453,15 @@ class StickSlip:
         self, index: int, state: State, sign: int, side: int, piece: int, length: int
     ) -> tuple[np.ndarray, int, bool]:
         """Return the motion ahead, how many of its samples are valid, and whether the next one leaves the piece."""
-        regime, _, change, excited, slow, fast = self.sliding(sign, side, piece)
+        regime, _, change, excited, course, free, slow, fast = self.sliding(sign, side, piece)
         end = index + min(length, regime.longest)
-        ahead = regime.stretch(state, change[:, index:end], excited[:, index : end - 1])
+        if course is None or free is None:
+            ahead = regime.stretch(state, change[:, index:end], excited[:, index : end - 1])
+        else:
+            ahead = course[:, index : end + 1]
+            gap, free = state - ahead[:, 0], free[:, :, : ahead.shape[1]]
+            ahead = ahead + gap[0] * free[0] + gap[1] * free[1]
+            ahead[:, 0] = state
         speed = sign * ahead[1]
         # At zero speed the joint stops; on the edge of another piece a stretch may well begin.
         left = speed <= slow if slow == 0 else speed < slow

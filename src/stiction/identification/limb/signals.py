@@ -15,7 +15,8 @@ from stiction.core.errors import LogError, unknown_name
 from stiction.files.joint_map import parse_joint_map
 from stiction.files.log import Log
 from stiction.identification.checks import LARGEST_TIME, Uniform, check_excitation
-from stiction.identification.prepare import choose_cutoff, derivatives, low_pass, make_rows, position_noise, prepare
+from stiction.identification.filters import choose_cutoff, derivatives, low_pass, position_noise
+from stiction.identification.prepare import make_rows, prepare
 from stiction.identification.readings import read_once
 from stiction.identification.regression import check_rows
 from stiction.identification.runs import Run, driven_signals, in_si
