@@ -10,8 +10,9 @@ import pytest
 from stiction.cli.main import main
 from stiction.cli.progress import Display
 from stiction.core import gemm
+from stiction.files.contract import read_contract
 from stiction.files.joints import Estimate, JointRecord, JointsFile, write_training
-from stiction.identification.proposal import propose
+from stiction.identification.proposal import propose, write_proposal
 from stiction.learning.run import latest_checkpoint, load_checkpoint
 from stiction.report.terminal import stop_requests
 from stiction.task.friction import FrictionCfg
@@ -131,6 +132,26 @@ def test_a_proposal_of_identify_is_what_is_trained(tmp_path: Path, capsys: pytes
         assert main(["train", *SMALL, *source, *more, "--out", str(tmp_path / "two")]) == 1
         printed = capsys.readouterr().err
         assert "--friction-from and" in printed and f"{name} exclude each other" in printed
+
+
+def test_what_holds_a_joint_at_rest_is_drawn_too(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """15 % at rest, 10 % in motion: both are trained with, on rows, and go with the policy."""
+    ratios = (Estimate(share, 0.001, (0.98 * share, 1.02 * share)) for share in (0.15, 0.1))
+    friction = {
+        "static_friction": Estimate(1.5, 0.015, (1.47, 1.53)),
+        "coulomb_friction": Estimate(1, 0.01, (0.98, 1.02)),
+    }
+    names = dict(zip(("friction_ratio", "dynamic_ratio"), ratios, strict=True))
+    write_proposal(tmp_path, JointsFile({"shank": JointRecord(**names, **friction, test_condition="loaded")}))
+    source = ["--friction-from", str(tmp_path / "training.json"), "--physics", "plastic-first"]
+    assert main(["train", *SMALL, *source, "--out", str(tmp_path / "run")]) == 0
+    assert "--physics rows, not plastic-first: sliders let a joint go" in capsys.readouterr().err
+    task = json.loads((tmp_path / "run" / "config.json").read_text())["config"]["task"]
+    assert task["physics"]["friction"] == "rows" and task["friction"]["law"] == "stribeck"
+    assert task["friction"]["static_ratio"] == [1.44, 1.56] and task["friction"]["level"] == 0.133
+    assert main(["export", str(tmp_path / "run"), "--out", str(tmp_path / "bundle")]) == 0
+    contract = read_contract((tmp_path / "bundle" / "contract.json").read_bytes())
+    assert contract.law.static_ratio == pytest.approx(1.5) and contract.rise == (1.44, 1.56)
 
 
 @pytest.mark.parametrize(

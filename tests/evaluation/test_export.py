@@ -1,5 +1,6 @@
 """Export: the network survives the way through ONNX, the contract says what was trained, and nothing leaks."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,9 +19,11 @@ from stiction.evaluation.export import (
     with_bench,
     write_card,
 )
-from stiction.files.contract import Contract
+from stiction.files.contract import Contract, read_contract
 from stiction.files.contract_rules import COMMAND_CORRECTION
+from stiction.files.contract_training import RISE
 from stiction.files.joints import Estimate, JointRecord, JointsFile
+from stiction.joints.friction import Law
 from stiction.learning.config import StudentCfg, TrainCfg
 from stiction.robots.catalog import find_robot
 from stiction.task.config import CommandCfg, TaskCfg
@@ -128,6 +131,21 @@ def test_a_coefficient_is_exported_as_one() -> None:
     contract = contract_of(TrainCfg(task=TaskCfg(friction=shaped)), HEADER)
     assert contract.stribeck == (2.0, 0.1) and contract.friction[0] == pytest.approx(2.5)
     assert "| nominal dry friction | 10 % of each joint's torque limit |" in write_card(contract)
+    assert "0.08 to 0.12 of the torque limit; at rest 2 times that |" in write_card(contract)
+
+
+def test_a_rise_that_was_drawn_goes_with_the_policy() -> None:
+    """The middle as its law, the ends in words and settings; a contract whose middle is another is refused."""
+    shaped = FrictionCfg(level=0.1, law="stribeck", static_ratio=(1.2, 2.0), stribeck_velocity=(0.05, 0.15))
+    contract = contract_of(TrainCfg(task=TaskCfg(friction=shaped)), HEADER)
+    read = read_contract(contract.to_json().encode())
+    assert read.law == Law("stribeck", 1.6, 0.1) and read.rise == (1.2, 2.0)
+    assert read.trained == "at 0 to 12 % friction, 1.2 to 2 times that at rest"
+    assert "; at rest 1.2 to 2 times that |" in write_card(read)
+    for field, value in (("stribeck", [1.5, 0.1]), ("settings", contract.settings | {RISE[0]: [2.0, 1.2]})):
+        data = json.loads(contract.to_json()) | {field: value}
+        with pytest.raises(BundleError, match=r"stribeck|static-ratio"):
+            read_contract(json.dumps(data).encode())
 
 
 TOLD = TrainCfg(task=TaskCfg(friction=FrictionCfg("deception", 0.2), known_friction=True))

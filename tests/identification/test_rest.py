@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 
 import pytest
 
 from held import held_log
+from identification.test_verdict import SOURCES
+from stiction.core.decode import from_plain
 from stiction.exchange.physics import beyond_coulomb, joint_physics
-from stiction.files.joints import Estimate, JointRecord
+from stiction.exchange.urdf import urdf_snippet
+from stiction.files.joints import Estimate, JointRecord, JointsFile
 from stiction.identification.pipeline import identify_joint
+from stiction.identification.proposal import propose
 from stiction.identification.verdict import judge
+from stiction.task.friction import FrictionCfg
+from task.test_env import make
 
 LIMIT, KP = 12.0, 20.0
 
@@ -54,10 +61,40 @@ def test_verdict_and_level_are_decided_at_rest(rest: float, motion: float) -> No
     assert told.lines[1].startswith(f"Does it matter? Yes: at rest it is at least {0.98 * share:.4g} %;")
     assert told.level == math.ceil(100 * 2 * 1.02 * rest / LIMIT - 1e-9) / 100
     assert told.training is not None and told.training["method"] == "deception"
-    assert told.lines[2].endswith("The fall of this joint's friction from rest to motion is not covered.")
+    assert "which draws " in told.lines[2] and "Counted is Coulomb's law, --method deception" in told.lines[2]
     assert "by what holds the joint at rest" in told.text and "less certain than its interval says" in told.text
     assert [one.text.split(", ")[0] for one in told.placement] == ["Its f/τ_max at rest", "Its f/kp at rest"]
     assert judge(held(rest, motion, "loaded")).level == math.ceil(100 * 1.02 * rest / LIMIT - 1e-9) / 100
+
+
+def test_what_holds_and_what_brakes_is_drawn_as_the_intervals_have_it() -> None:
+    """1.5 over 1 N m within 2 %: 1.44 to 1.56, 0.133 of the limit in motion, 0.2 at rest as in the training counted."""
+    record = held(1.5, 1.0, "loaded", stribeck_velocity=Estimate(0.08, 0.02, (0.04, 0.12)))
+    told = propose(JointsFile({"shank": record, "hip": held(0.3, 0.3)}))
+    shape = {"static_ratio": [1.44, 1.56], "stribeck_velocity": [0.04, 0.12]}
+    assert told["friction"] == {"method": "deception", "level": 0.133, "law": "stribeck", "per": "robot", **shape}
+    assert told["range"] == [0.0, 0.24]
+    cfg = from_plain(FrictionCfg, json.loads(json.dumps(told["friction"])))
+    assert cfg.joint_law.static_ratio * cfg.level * cfg.last.range[1] == pytest.approx(0.24, rel=0.01)
+    assert told["text"].endswith("the policies that are counted here met no fall from rest to motion.")
+    numbers = make(num_envs=64, friction=cfg).host.law.numbers[0]
+    for name, (low, high) in shape.items():
+        assert low - 1e-6 <= numbers[name].min() < 0.4 * low + 0.6 * high < numbers[name].max() <= high + 1e-6
+
+
+def test_a_fall_at_once_and_a_ratio_beyond_training_are_said() -> None:
+    """A breakaway law has no speed: one is chosen, and said to be; 24 is more than the 10 that training takes."""
+    told = judge(held(2.4, 0.1))
+    assert told.training["static_ratio"] == [10.0, 10.0] and told.training["stribeck_velocity"] == [0.02, 0.1]
+    assert told.training["level"] == pytest.approx(0.1 * told.advice.settings["level"])
+    assert "(the most that training takes; this joint's is 24)" in told.uncovered and "are chosen" in told.uncovered
+
+
+def test_without_friction_in_training_none_rises() -> None:
+    """A joint that a training without friction covers has no law with a rise, and the rise is said not to be met."""
+    told = judge(held(0.48, 0.4, "loaded"), SOURCES)
+    assert told.training["method"] == "none" and told.rise is None
+    assert told.lines[2].endswith("The fall of this joint's friction from rest to motion is not covered.")
 
 
 @pytest.mark.parametrize(("rest", "motion"), [(2.4, 0.1), (0.5, 0.3)])
@@ -69,6 +106,8 @@ def test_friction_at_rest_is_found_in_a_short_log(rest: float, motion: float) ->
         assert estimate is not None and estimate.value == pytest.approx(true, rel=0.025)
     low, high = record.static_friction.interval95
     assert low <= rest <= high and record.friction_ratio.value == pytest.approx(rest / LIMIT, rel=0.01)
+    drawn = propose(JointsFile({"shank": record}))["friction"]
+    assert drawn["law"] == "stribeck" and drawn["static_ratio"][0] <= min(rest / motion, 10) <= drawn["static_ratio"][1]
 
 
 def test_an_older_file_is_read_as_what_holds_the_joint() -> None:
@@ -89,14 +128,16 @@ def test_a_simulator_gets_friction_in_motion_and_says_so() -> None:
     found = joint_physics("shank", held(2.4, 0.1))
     assert found.friction == pytest.approx(0.1)
     notes = " ".join(beyond_coulomb(held(2.4, 0.1)))
-    assert "static_friction 2.4 is not represented: at rest the model is held by its friction in motion alone" in notes
-    assert "the joint by 24 times more (--friction static)" in notes
+    assert "static_friction 2.4 is not represented, breakaway over moving: 24 (--friction static writes it)" in notes
 
 
 def test_a_simulator_gets_friction_at_rest_where_that_is_asked_for() -> None:
     """One number, that at rest, and a note on what brakes the real joint; a joint with one friction keeps it."""
     found = joint_physics("shank", held(2.4, 0.1), which="static")
-    assert found.friction == pytest.approx(2.4) and found.record.static_friction is None
-    assert any("in motion it has 0.1, and the model is braked by too much" in note for note in found.notes)
+    assert found.friction == pytest.approx(2.4)
+    notes = " ".join(urdf_snippet([found]).notes)
+    assert "static_friction" not in notes and "stribeck, is replaced by its Coulomb and viscous part" in notes
+    said = "at rest, 2.4, breakaway over moving: 24: in motion it has 0.1, and the model is braked by too much"
+    assert any(said in note for note in found.notes)
     plain = replace(held(2.4, 0.1), static_friction=None, friction_law=None)
     assert joint_physics("shank", plain, which="static").friction == pytest.approx(0.1)

@@ -1,6 +1,7 @@
 """The audit of the randomisation: it passes for the robots that ship, and catches what it is there to catch."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from stiction.sim.fleet import Fleet, JointFriction
 from stiction.task import audit
 from stiction.task.config import TaskCfg
 from stiction.task.friction import FrictionCfg
-from stiction.task.randomization import Randomizer
+from stiction.task.randomization import NUMBERS, Randomizer
 from stiction.task.rewards import RewardCfg
 
 NAMES = {
@@ -108,17 +109,34 @@ def test_a_coefficient_of_load_that_reaches_no_joint_is_caught(monkeypatch: pyte
     """Its draws fill their range, and no joint, or all but one, has the friction."""
     whole = JointFriction.set_level
 
-    def set_level(self: JointFriction, *levels: np.ndarray, ids: np.ndarray) -> None:
+    def set_level(self: JointFriction, *levels: np.ndarray, **more: Any) -> None:
         law, load = levels
         load = np.broadcast_to(load, law.shape).copy()
         load[:, joints] = 0.0
-        whole(self, law, load, ids=ids)
+        whole(self, law, load, **more)
 
     monkeypatch.setattr(JointFriction, "set_level", set_level)
     rows = audit.audit_friction(audit.Stand(find_robot("go1"), BESIDE))
     assert list(failed(rows)) == ["load_coefficient"]
     brakes = next(row for row in rows if row.parameter == "load_coefficient" and "brakes" in row.quantity)
     assert brakes.verdict == "DOES NOTHING"
+
+
+RISING = FrictionCfg(level=0.1, law="stribeck", static_ratio=(1.2, 1.8), stribeck_velocity=(0.05, 0.3))
+
+
+@pytest.mark.parametrize("reaches", [True, False])
+def test_a_rise_at_rest_that_is_drawn_acts_or_is_caught(monkeypatch: pytest.MonkeyPatch, reaches: bool) -> None:
+    """With the highest ratio and speed of the ranges, and not with the middle that all robots would have."""
+    if not reaches:
+        whole = JointFriction.set_level
+        monkeypatch.setattr(JointFriction, "set_level", lambda law, *levels, ids, numbers: whole(law, *levels, ids=ids))
+    rows = audit.audit_friction(audit.Stand(find_robot("go1"), TaskCfg("go1", friction=RISING)))
+    wrong = {row.quantity.split(": ")[1].partition(",")[0] for row in rows if not row.ok}
+    # 0.9 of 1.8 times the level is more than 1.5 times it.
+    assert wrong >= {"holds below its bound", "torque of break-away"} if not reaches else wrong == set()
+    spans = [row for row in audit.audit_env(TaskCfg("go1", friction=RISING)) if row.parameter in NUMBERS]
+    assert [row.parameter for row in spans] == [*NUMBERS] and all(row.ok for row in spans)
 
 
 def test_a_delay_that_never_reaches_the_motor_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:

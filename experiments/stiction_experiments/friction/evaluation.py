@@ -79,8 +79,8 @@ def settings_for(cfg: TrainCfg, base: EvaluationCfg = BASE) -> EvaluationCfg:
         base,
         friction_levels=tuple(sorted(levels | {training_mean(friction)})),
         friction_law=friction.law,
-        static_ratio=friction.static_ratio,
-        stribeck_velocity=friction.stribeck_velocity,
+        static_ratio=friction.joint_law.static_ratio,
+        stribeck_velocity=friction.joint_law.stribeck_velocity,
         known_friction="true" if cfg.task.known_friction else base.known_friction,
     )
 

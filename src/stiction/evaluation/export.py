@@ -31,6 +31,7 @@ from stiction.evaluation.policies import nominal_known
 from stiction.files.bundle import MAX_BYTES, WEAR
 from stiction.files.contract import Contract, robot_of
 from stiction.files.contract_rules import COMMAND_CORRECTION, TARGET_LIMITS
+from stiction.files.contract_training import span_text
 from stiction.files.joint_map import mapped, refuse_alone
 from stiction.files.joints import load_joints
 from stiction.files.known_friction import TERM, bench_friction, known_friction_text
@@ -122,7 +123,9 @@ def _more_friction(contract: Contract) -> str:
         "friction_load": "; beside it {:g} to {:g} of what the joint transmits",
     }
     ranges = {name: getattr(contract, name) for name in texts}
-    return "".join(texts[name].format(*span) for name, span in ranges.items() if span is not None)
+    more = "".join(texts[name].format(*span) for name, span in ranges.items() if span is not None)
+    rise = span_text(contract.rise)
+    return more if rise == "1" else f"; at rest {rise} times that{more}"
 
 
 def _known_friction_line(contract: Contract) -> str:

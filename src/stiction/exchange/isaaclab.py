@@ -8,16 +8,18 @@ load. Newton, the other backend of Isaac Lab 3, has MuJoCo's row: `friction` alo
 
 from __future__ import annotations
 
-from stiction.exchange.physics import Conversion, JointPhysics, known, notes_of, number
+from stiction.exchange.physics import Conversion, JointPhysics, Which, breakaway_text, known, notes_of, number
 
 
-def isaaclab_snippet(joints: list[JointPhysics], assumed_load: float | None = None) -> Conversion:
+def isaaclab_snippet(
+    joints: list[JointPhysics], assumed_load: float | None = None, which: Which = "moving"
+) -> Conversion:
     """Return Python with one actuator group a joint; its name is the group's joint expression, a regular expression.
 
     assumed_load: |F| + |T| that the joint transmits [N + N m], for the coefficients of the older PhysX; without it none
-    are written.
+    are written; which: friction of a coefficient, and on Newton.
     """
-    notes = _notes(joints, assumed_load)
+    notes = _notes(joints, assumed_load, which)
     lines = [f"# {note}" for note in notes]
     lines += ["", "from isaaclab.actuators import IdealPDActuatorCfg", "", "IDENTIFIED_ACTUATORS = {"]
     for joint in joints:
@@ -28,16 +30,15 @@ def isaaclab_snippet(joints: list[JointPhysics], assumed_load: float | None = No
         lines.append("FRICTION_COEFFICIENTS = {")
         for joint in joints:
             if joint.friction is not None:
-                lines.append(f"    {joint.name!r}: {number(joint.friction / assumed_load)},")
+                friction = joint.friction if which == "moving" else _at_rest(joint, joint.friction)
+                lines.append(f"    {joint.name!r}: {number(friction / assumed_load)},")
         lines.append("}")
     return Conversion.of("\n".join(lines) + "\n", joints, notes)
 
 
 def _group(joint: JointPhysics) -> list[str]:
     """Return the lines of one actuator group."""
-    static = joint.record.static_friction
-    # PhysX wants friction at rest not below that in motion; two estimates may be the other way round by their noise.
-    rest = joint.friction if static is None or joint.friction is None else max(static.value, joint.friction)
+    rest = None if joint.friction is None else _at_rest(joint, joint.friction)
     values = known(
         friction=rest, dynamic_friction=joint.friction, viscous_friction=joint.damping, armature=joint.armature
     )
@@ -49,12 +50,19 @@ def _group(joint: JointPhysics) -> list[str]:
     return [*lines, "    ),"]
 
 
-def _notes(joints: list[JointPhysics], assumed_load: float | None) -> list[str]:
+def _at_rest(joint: JointPhysics, moving: float) -> float:
+    """Return friction at rest [N m]; at least that in motion, which two noisy estimates may exceed."""
+    static = joint.record.static_friction
+    return moving if static is None else max(static.value, moving)
+
+
+def _notes(joints: list[JointPhysics], assumed_load: float | None, which: Which) -> list[str]:
     """Say which versions read this, then what was left out of each joint."""
     general = [
         "friction as an effort [N m] needs PhysX 5.6 or later (Isaac Sim 5 or 6): there friction holds at rest, "
         "dynamic_friction brakes in motion",
-        "on Newton (Isaac Lab 3) friction alone is read, for rest and motion: give it the number of dynamic_friction",
+        "on Newton (Isaac Lab 3) friction alone is read, for rest and motion: give it the number of "
+        f"{'dynamic_friction' if which == 'moving' else 'friction, which brakes by too much'}",
         "before that, friction is a unitless coefficient of the load on the joint: these numbers would mean something "
         "else; set friction to 0 there, or use coefficients for one load",
     ]
@@ -66,4 +74,9 @@ def _notes(joints: list[JointPhysics], assumed_load: float | None) -> list[str]:
         general.append(
             "the coefficients are right at the assumed load alone; viscous friction goes to the actuator there"
         )
-    return notes_of(joints, *general, represented=frozenset({"static_friction"}))
+    both = [
+        f"{joint.recorded}: {breakaway_text(joint.record)}"
+        for joint in joints
+        if joint.record.static_friction is not None
+    ]
+    return notes_of(joints, *general, *both, represented=frozenset({"static_friction"}))

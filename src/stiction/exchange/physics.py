@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 from stiction.core.errors import FileError
@@ -28,6 +28,8 @@ class JointPhysics:
     """Inertia of rotor and gear at the joint [kg m², or kg]: from a bare motor alone."""
     notes: tuple[str, ...]
     """What was left out, and why; one line each."""
+    represented: frozenset[str] = frozenset()
+    """Quantities of the record beyond Coulomb friction that `friction` holds."""
 
 
 @dataclass(frozen=True)
@@ -59,24 +61,14 @@ def joint_physics(recorded: str, record: JointRecord, name: str | None = None, w
     notes: list[str] = []
     if (objection := record.objection_to("inertia")) is not None:
         raise FileError(f"the fit of record {recorded!r} is not valid, nothing of it is written: {objection.text}")
-    coulomb, viscous = record.coulomb_friction, record.viscous_friction
-    if stribeck_law(record):
-        # The best symmetric fit of such a joint has too much dry friction and too little viscous.
-        given = (record.friction_law or {}).get("parameters", {})
-        coulomb, viscous = (
-            # Not known where a motor's brake hides it.
-            None
-            if name not in given and getattr(record, name) is None
-            else Estimate.from_dict(given.get(name), f"friction_law.parameters.{name}")
-            for name in ("coulomb_friction", "viscous_friction")
-        )
-    held = record.static_friction
+    coulomb, viscous = _in_motion(record)
+    held, represented = record.static_friction, frozenset[str]()
     if which == "static" and held is not None and coulomb is not None and held.value > coulomb.value:
         notes.append(
-            f"dry friction is what holds the joint at rest, {number(held.value)}: in motion it has "
-            f"{number(coulomb.value)}, and the model is braked by too much"
+            f"dry friction is what holds the joint at rest, {number(held.value)}, {breakaway_text(record)}: in motion "
+            f"it has {number(coulomb.value)}, and the model is braked by too much"
         )
-        coulomb, record = held, replace(record, static_friction=None)
+        coulomb, represented = held, frozenset({"static_friction"})
     if (objection := record.objection_to("coulomb_friction")) is not None:
         coulomb = None
         notes.append(f"dry friction is left out: {objection.text}")
@@ -99,7 +91,7 @@ def joint_physics(recorded: str, record: JointRecord, name: str | None = None, w
     if record.test_condition != "loaded" and friction is not None:
         stated = CONDITIONS.get(record.test_condition or "", "under no stated condition")
         notes.append(f"dry friction was measured {stated}: a lower bound for a joint that carries load")
-    return JointPhysics(name or recorded, recorded, record, friction, damping, armature, tuple(notes))
+    return JointPhysics(name or recorded, recorded, record, friction, damping, armature, tuple(notes), represented)
 
 
 def beyond_coulomb(record: JointRecord, represented: frozenset[str] = frozenset()) -> list[str]:
@@ -110,7 +102,7 @@ def beyond_coulomb(record: JointRecord, represented: frozenset[str] = frozenset(
     load = "" if regressor is None else f" of {LOAD_REGRESSORS[regressor]}"
     notes = [
         f"{quantity} {number(estimate.value)}{load if quantity == 'load_coefficient' else ''} is not represented"
-        + (_held_more(record) if quantity == "static_friction" else "")
+        + (f", {breakaway_text(record)} (--friction static writes it)" if quantity == "static_friction" else "")
         for quantity in richer
         if quantity not in represented and (estimate := getattr(record, quantity)) is not None
     ]
@@ -124,11 +116,28 @@ def beyond_coulomb(record: JointRecord, represented: frozenset[str] = frozenset(
     return notes
 
 
-def _held_more(record: JointRecord) -> str:
-    """Say how much more than the model's friction holds the joint at rest."""
-    static, moving = record.static_friction, record.coulomb_friction
-    ratio = "" if static is None or moving is None or moving.value <= 0 else f"{static.value / moving.value:.2g} times "
-    return f": at rest the model is held by its friction in motion alone, the joint by {ratio}more (--friction static)"
+def _in_motion(record: JointRecord) -> tuple[Estimate | None, Estimate | None]:
+    """Return Coulomb and viscous friction; the law's own where that has friction at rest."""
+    if not stribeck_law(record):
+        return record.coulomb_friction, record.viscous_friction
+    # The best symmetric fit of such a joint has too much dry friction and too little viscous.
+    given = (record.friction_law or {}).get("parameters", {})
+    coulomb, viscous = (
+        # Not known where a motor's brake hides it.
+        None
+        if name not in given and getattr(record, name) is None
+        else Estimate.from_dict(given.get(name), f"friction_law.parameters.{name}")
+        for name in ("coulomb_friction", "viscous_friction")
+    )
+    return coulomb, viscous
+
+
+def breakaway_text(record: JointRecord) -> str:
+    """Return friction at rest over that in motion in words."""
+    static, moving = record.static_friction, _in_motion(record)[0]
+    if static is None or moving is None or moving.value <= 0:
+        return "breakaway over moving: not known"
+    return f"breakaway over moving: {static.value / moving.value:.3g}"
 
 
 def stribeck_law(record: JointRecord) -> bool:
@@ -151,7 +160,7 @@ def notes_of(
     """
     notes = dict.fromkeys(("written by `stiction convert` from an identification", *general))
     for joint in joints:
-        own = [*joint.notes, *beyond_coulomb(joint.record, represented)]
+        own = [*joint.notes, *beyond_coulomb(joint.record, represented | joint.represented)]
         if rotor is not None and joint.armature is not None:
             own.append(f"{rotor}: {number(joint.armature)} is left out")
         notes |= dict.fromkeys(one_line(f"{joint.recorded}: {note}") for note in own)

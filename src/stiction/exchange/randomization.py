@@ -16,7 +16,7 @@ from stiction.core.decode import is_number
 from stiction.core.effects import requirement
 from stiction.core.errors import ConfigurationError, FileError
 from stiction.exchange.mujoco import SOLIMP
-from stiction.exchange.physics import Conversion, number, one_line
+from stiction.exchange.physics import Conversion, Which, number, one_line
 from stiction.robots.physics import LEAST_ITERATIONS, LEAST_LS_ITERATIONS
 
 
@@ -27,9 +27,9 @@ class FrictionRange:
     joints: tuple[str, ...]
     """Their names in the robot's model."""
     low: float
-    """[N m]."""
+    """At rest [N m]."""
     high: float
-    """[N m]."""
+    """At rest [N m]."""
 
 
 @dataclass(frozen=True)
@@ -40,21 +40,24 @@ class Recipe:
     """In the order of the joints."""
     together: bool
     """Whether one random number a robot is for all its joints; else one each."""
-    moving: float
-    """Friction in motion over friction at rest [-], 1 where they were not identified apart."""
+    moving: tuple[float, float]
+    """Friction in motion over friction at rest [-], lowest and highest; 1 where they were not identified apart."""
+    alone: float
+    """Friction of a place with one number over friction at rest [-]."""
     notes: tuple[str, ...]
     """What the range rests on."""
 
 
-def recipe_of(training: Mapping[str, Any], limits: Mapping[str, float]) -> Recipe:
+def recipe_of(training: Mapping[str, Any], limits: Mapping[str, float], which: Which = "moving") -> Recipe:
     """Return the ranges of a `training.json` for joints with these torque limits.
 
-    training: as `formats.joints.read_training` returns it; limits: name of a joint -> its torque limit [N m].
+    training: as `files.joints.read_training` returns it; limits: name of a joint -> its torque limit [N m]; which:
+    friction of a place with one number.
     Raises `FileError` where the proposal has no range, or is not of friction in newton metres.
     """
     friction, span = training["friction"], training.get("range")
     law = friction.get("law", "coulomb")
-    if law != "coulomb":
+    if law not in ("coulomb", "stribeck"):
         raise FileError(f"the proposal is of the friction law {law!r}, of which no framework has a term; use coulomb")
     pair = isinstance(span, list) and len(span) == 2 and all(map(is_number, span))
     if not (isinstance(span, list) and pair and 0 <= span[0] <= span[1] < 1):
@@ -69,13 +72,27 @@ def recipe_of(training: Mapping[str, Any], limits: Mapping[str, float]) -> Recip
     for name, limit in limits.items():
         groups.setdefault(limit, []).append(name)
     ranges = tuple(FrictionRange(tuple(names), low * limit, high * limit) for limit, names in groups.items())
+    ends = friction.get("static_ratio", ())
+    pair = isinstance(ends, list) and len(ends) == 2 and all(map(is_number, ends)) and 1 <= ends[0] <= ends[1]
+    if law == "stribeck" and not pair:
+        raise FileError(f"'friction.static_ratio' is {ends!r}; expected the lowest and the highest, from 1 on")
+    # No more than what is drawn, where the joint has a larger ratio than training takes.
+    one = max(_moving(training), 1.0 / ends[1]) if pair else _moving(training)
+    moving = (1.0 / ends[1], 1.0 / ends[0]) if pair else (one, one)
+    told = f"breakaway over moving: {1 / one:.3g}" if one < 1 else ""
+    if told:
+        told += "; a place with one number gets friction " + (
+            "in motion (--friction static: at rest)" if which == "moving" else "at rest, and is braked by too much"
+        )
     said = (
         f"written by `stiction convert`: method {friction['method']}, {100 * low:g} to {100 * high:g} % of each "
-        "joint's torque limit",
+        f"joint's torque limit{' at rest' if told else ''}",
+        told,
         str(training.get("text", "")),
     )
     together = friction.get("per", "robot") == "robot"
-    return Recipe(ranges, together, _moving(training), tuple(one_line(text) for text in said if text))
+    notes = tuple(one_line(text) for text in said if text)
+    return Recipe(ranges, together, moving, one if which == "moving" else 1.0, notes)
 
 
 def _moving(training: Mapping[str, Any]) -> float:
@@ -156,7 +173,7 @@ def _mjlab(recipe: Recipe, _: float | None) -> Written:
             "        mode='reset',",
             "        params={",
             f"            'asset_cfg': SceneEntityCfg('robot', joint_names={_names(span)}),",
-            f"            'ranges': {_ends(span.low, span.high)},",
+            f"            'ranges': {_ends(recipe.alone * span.low, recipe.alone * span.high)},",
             "            'operation': 'abs',",
             f"            'shared_random': {recipe.together},",
             "        },",
@@ -178,6 +195,8 @@ def _isaaclab(recipe: Recipe, assumed_load: float | None) -> Written:
         "an actuator's own friction and dynamic_friction are replaced at reset; its viscous friction stays",
         "on Newton (Isaac Lab 3) set NEWTON: it has one dry friction for rest and motion, as MuJoCo's row",
     ]
+    # A coefficient is one number.
+    moving = recipe.moving if assumed_load is None else (1.0, 1.0)
     draw = "len(env_ids), 1" if recipe.together else "len(env_ids), len(joint_ids)"
     return traps, [
         "import re",
@@ -187,14 +206,14 @@ def _isaaclab(recipe: Recipe, assumed_load: float | None) -> Written:
         "from isaaclab.utils import configclass",
         "",
         f"FRICTION = {{  # [{'N m' if assumed_load is None else '1'}]",
-        *_table(recipe, 1.0 if assumed_load is None else 1.0 / assumed_load),
+        *_table(recipe, 1.0 if assumed_load is None else recipe.alone / assumed_load),
         "}",
-        f"MOVING = {number(recipe.moving)}  # friction in motion over that at rest",
+        f"MOVING = {_ends(*moving)}  # friction in motion over that at rest",
         "NEWTON = False",
         "",
         "",
         "def draw_joint_friction(env, env_ids, asset_name='robot'):",
-        '    """Draw dry friction at rest, and MOVING times it in motion, for the robots that are reset."""',
+        '    """Draw dry friction at rest, and its share in motion, for the robots that are reset."""',
         "    asset = env.scene[asset_name]",
         "    if env_ids is None:",
         "        env_ids = torch.arange(env.scene.num_envs, device=asset.device)",
@@ -203,9 +222,15 @@ def _isaaclab(recipe: Recipe, assumed_load: float | None) -> Written:
         "    joint_ids, _ = asset.find_joints(names, preserve_order=True)",
         "    low, high = torch.tensor(list(FRICTION.values()), device=asset.device).unbind(-1)",
         f"    friction = low + (high - low) * torch.rand({draw}, device=asset.device)",
+        f"    share = MOVING[0] + (MOVING[1] - MOVING[0]) * torch.rand({draw}, device=asset.device)",
+        *(
+            ["    if NEWTON:", "        friction = share * friction"]
+            if recipe.alone < 1 and assumed_load is None
+            else []
+        ),
         "    newer = getattr(asset, 'write_joint_friction_coefficient_to_sim_index', None)",
         "    write = newer or asset.write_joint_friction_coefficient_to_sim",
-        "    moving = {} if NEWTON else {'joint_dynamic_friction_coeff': MOVING * friction}",
+        "    moving = {} if NEWTON else {'joint_dynamic_friction_coeff': share * friction}",
         "    write(joint_friction_coeff=friction, joint_ids=joint_ids, env_ids=env_ids, **moving)",
         "",
         "",
@@ -228,7 +253,7 @@ def _coefficient(recipe: Recipe, load: float) -> Written:
         "import numpy as np",
         "",
         "FRICTION = {  # [1]",
-        *_table(recipe, 1.0 / load),
+        *_table(recipe, recipe.alone / load),
         "}",
         "",
         "",
@@ -264,7 +289,7 @@ def _legged_gym(recipe: Recipe, assumed_load: float | None) -> Written:
         "import torch",
         "",
         "FRICTION = {  # [N m]",
-        *_table(recipe, 1.0),
+        *_table(recipe, recipe.alone),
         "}",
         "",
         "EPSILON = 0.1",
@@ -305,7 +330,7 @@ def _mujoco(recipe: Recipe, _: float | None) -> Written:
     share = "one" if recipe.together else "rng.uniform()"
     return traps, [
         "FRICTION = {  # [N m]",
-        *_table(recipe, 1.0),
+        *_table(recipe, recipe.alone),
         "}",
         "",
         "",

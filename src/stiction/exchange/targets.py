@@ -43,7 +43,8 @@ class ConvertOptions:
     """|F| + |T| on the joint [N + N m], for the coefficient of PhysX before 5.6, which is right at this load: beside
     the values, or in place of the range."""
     friction: Which = "moving"
-    """Dry friction of a target with one number: that in motion, or what holds the joint at rest where that is more."""
+    """Dry friction of a target with one number: that in motion, or what holds the joint at rest where that is more.
+    Isaac Lab gets both; there it is for Newton and --assumed-load, which have one."""
     robot: str | None = None
     """Of a training.json: the robot whose joints and torque limits its shares are of; its name, robot.yaml, MJCF or
     URDF. By default the joints of the joints.json that lies beside it."""
@@ -84,11 +85,11 @@ def convert(file: JointsFile, options: ConvertOptions) -> Conversion:
         return (
             _into_mujoco(file, pairs, markup, options) if to == "mujoco" else _into_urdf(file, pairs, markup, options)
         )
+    if to == "isaaclab":
+        return isaaclab_snippet(_joints(file, pairs, None), options.assumed_load, options.friction)
     joints = _joints(file, pairs, None, which=options.friction)
     if to == "mujoco":
         return mujoco_snippet(joints, options.timestep)
-    if to == "isaaclab":
-        return isaaclab_snippet(joints, options.assumed_load)
     return urdf_snippet(joints) if to == "urdf" else webots_snippet(joints)
 
 
@@ -141,15 +142,15 @@ def convert_training(path: Path, options: ConvertOptions) -> Conversion:
     ignored.
     """
     options.check()
-    for name in ("model", "timestep", "joint_map", "friction"):
-        if getattr(options, name) not in (None, (), "moving"):
+    for name in ("model", "timestep", "joint_map"):
+        if getattr(options, name) not in (None, ()):
             raise ConfigurationError(requirement(flag_of(name), "a joints.json"))
     if options.to not in FRAMEWORKS:
         raise ConfigurationError(
             f"--to {options.to} takes the values of a joints.json; the range of a training.json goes to "
             f"{', '.join(FRAMEWORKS)}"
         )
-    recipe = recipe_of(read_training(path), torque_limits(path, options.robot))
+    recipe = recipe_of(read_training(path), torque_limits(path, options.robot), options.friction)
     return randomization_term(recipe, options.to, options.assumed_load)
 
 

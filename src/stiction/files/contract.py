@@ -34,7 +34,7 @@ from stiction.files.contract_rules import (
     expect,
     is_name,
 )
-from stiction.files.contract_training import ERAS, check_age, check_training
+from stiction.files.contract_training import ERAS, RISE, check_age, check_training, ends_of, span_text
 from stiction.files.known_friction import TERM
 from stiction.files.observation import ObservationLayout
 from stiction.files.plain import parse_object
@@ -116,8 +116,8 @@ class Contract:
     """How far the runtime moves each target on at most, the compensated share of f over kp [rad], or None; see
     `joints.compensation.compensated`, with v_s and v_f of `compensation_speeds` and the width `compensation_width`."""
     stribeck: tuple[float, float] | None = None
-    """Of a law with these numbers, `stribeck`: friction at rest over friction in motion [1], and the speed v_s [rad/s];
-    else None."""
+    """Of a law with these numbers, `stribeck`: friction at rest over friction in motion [1], and the speed v_s [rad/s],
+    the middle where robots differed and `settings` has the ends; else None."""
     known_friction: Mapping[str, float] | None = None
     """Default of the term `known_friction`: kind of joint -> dry friction as a fraction of the torque limit [-]. None
     without that term, and where it must be given before the first step."""
@@ -196,13 +196,20 @@ class Contract:
         scale = (1.0, "") if has_coefficient(self.friction_law) else (100.0, " %")
         number = [f"{scale[0] * value:.3g}" for value in (low, self.friction_level, high)]
         text = f"at 0 to {number[2]}{scale[1]} friction" if low == 0.0 else f"at {number[1]}{scale[1]} friction"
+        if (rise := span_text(self.rise)) != "1":
+            text += f", {rise} times that at rest"
         if self.friction_spread is not None:
             text += ", different in each joint"
         return text if load == 0.0 else f"{text} and up to {load:g} of the load"
 
     @property
+    def rise(self) -> tuple[float, float]:
+        """Friction at rest over that in motion in training, lowest and highest [1]."""
+        return (1.0, 1.0) if self.stribeck is None else ends_of((self.settings or {}).get(RISE[0], self.stribeck[0]))
+
+    @property
     def law(self) -> Law:
-        """Law of the joint friction in training."""
+        """Law of the joint friction in training; of numbers that robots differed in, the middle."""
         return Law(self.friction_law) if self.stribeck is None else Law(self.friction_law, *self.stribeck)
 
     @property

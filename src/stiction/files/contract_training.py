@@ -50,6 +50,8 @@ DEFAULTS: dict[str, tuple[Any, ...]] = {
     "task.friction.spread": (None,),
     "task.friction.range": (None,),
     "task.friction.mixture": ([],),
+    "task.friction.static-ratio": (1.5,),
+    "task.friction.stribeck-velocity": (0.1,),
     "task.terrain.kind": ("flat",),
     "task.terrain.speed": ([0.3, 0.55],),
     "task.decimation": (4,),
@@ -64,6 +66,9 @@ DEFAULTS: dict[str, tuple[Any, ...]] = {
 }
 """Setting -> every default that it has had; a new default is added, and no older one removed."""
 
+RISE = ("task.friction.static-ratio", "task.friction.stribeck-velocity")
+"""Settings of what the contract has the middle of in `stribeck`: a number, or its lowest and highest."""
+
 REPEATED = {
     "method": "task.friction.method",
     "friction_law": "task.friction.law",
@@ -75,6 +80,19 @@ REPEATED = {
     "action_clip": "task.action-clip",
 }
 """Field of the contract -> the setting that it repeats."""
+
+
+def ends_of(value: Any) -> tuple[float, float]:
+    """Return the lowest and the highest of a setting that is a number or both of them; NaN where it is neither."""
+    pair = value if isinstance(value, list | tuple) and len(value) == 2 else (value, value)
+    low, high = (float(end) if is_number(end) else math.nan for end in pair)
+    return low, high
+
+
+def span_text(span: tuple[float, float]) -> str:
+    """Return a range in words, `1.2 to 1.8`, or the one number."""
+    low, high = span
+    return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
 
 
 def check_age(data: Mapping[str, Any], version: int) -> None:
@@ -154,6 +172,10 @@ def _check_settings(contract: Contract, settings: Mapping[str, Any]) -> None:
     for field, name in REPEATED.items():
         agree(field, getattr(contract, field), values(name), name)
     agree("observation.history_length", contract.observation.history_length, values("task.history"), "task.history")
+    for name, middle in zip(RISE, contract.stribeck or (), strict=False):
+        low, high = ends_of(values(name)[0])
+        expect(low <= high, f"settings.{name}", settings.get(name), "a number, or the lower end and the upper one")
+        agree("stribeck", middle, ((low + high) / 2,), name)
     if (level := settings.get("task.friction.level")) is not None:
         agree("friction_level", contract.friction_level, (level,), "task.friction.level")
     phases = [2 if iterations else 1 for iterations in values("student.iterations")]

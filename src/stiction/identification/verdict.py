@@ -19,6 +19,7 @@ from stiction.identification.advice import GROUND_AND_LAW, PLACES, TRAINED_IN, T
 from stiction.identification.assumption import assumption
 from stiction.identification.objections import no_friction_shown
 from stiction.identification.reference import CONDITIONS, Placement, Quantity, place
+from stiction.identification.rise import Rise, rise_of
 from stiction.identification.thresholds import Thresholds
 
 MARGIN = 2.0
@@ -126,7 +127,9 @@ class TrainingNeed:
     advice: Advice | None = None
     """What to train with; None where there is nothing to cover."""
     uncovered: str = ""
-    """What of this joint's friction no training that is advised has met, in words; empty where there is nothing."""
+    """What of this joint's friction no policy that is counted has met, in words; empty where there is nothing."""
+    rise: Rise | None = None
+    """Friction at rest over that in motion, as the training draws it; None where it draws none."""
     robot: str | None = None
     """Whose joint it is; None where nobody said."""
     assumes: tuple[str, ...] = ()
@@ -139,7 +142,7 @@ class TrainingNeed:
 
     @property
     def range(self) -> list[float] | None:
-        """Friction that training then draws, as shares of the torque limit, lowest and highest."""
+        """Friction at rest that training draws at the estimated rise, over the torque limit, lowest and highest."""
         if self.advice is None:
             return None if self.level is None else [0.0, 0.0]
         return self.advice.range
@@ -149,7 +152,7 @@ class TrainingNeed:
         """The fields of `task.friction` in a run's configuration; None where no level can be proposed."""
         if self.advice is None:
             return None if self.level is None else WITHOUT_FRICTION
-        return self.advice.settings
+        return self.advice.settings if self.rise is None else self.rise.settings(self.advice.settings)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for the diagnostics of `joints.json`."""
@@ -216,7 +219,9 @@ def judge(
     level = None if ratio is None or not rotary or record.objections else friction_level(ratio, condition)
     beyond = level is not None and level >= TRAINABLE
     advice = advise(max(ratio.interval95[0], 0.0), level, sources, robot) if level and not beyond and ratio else None
-    uncovered = "" if advice is None else _uncovered(record)
+    # Where no friction is drawn at all, there is none to rise.
+    rise = rise_of(record) if advice is not None and advice.training.level > 0 else None
+    uncovered = "" if advice is None else _uncovered(record, advice, rise)
     if record.objections and record.objections[0].reason != FRICTION_REACHES_ZERO:
         return TrainingNeed(None, _invalid(record))
     placement = _placement(record) if rotary else ()
@@ -238,13 +243,14 @@ def judge(
         (
             _how_much(record),
             _matters(record, thresholds, legs and rotary, advice),
-            _to_run(record, level, advice, legs and rotary, _harmless(record, thresholds)),
+            _to_run(record, level, advice, legs and rotary, _harmless(record, thresholds), rise),
         ),
         tuple(details),
         placement,
         what_if(record, thresholds, legs, sources) if rotary and not record.objections else (),
         advice,
         uncovered,
+        rise,
         robot,
         assumption(record)[0],
     )
@@ -369,7 +375,9 @@ def _harmless(record: JointRecord, thresholds: Thresholds) -> bool:
     return ratio is not None and _margin(record) * ratio.interval95[1] < thresholds.noticeable and not wide
 
 
-def _to_run(record: JointRecord, level: float | None, advice: Advice | None, legs: bool, harmless: bool) -> str:
+def _to_run(
+    record: JointRecord, level: float | None, advice: Advice | None, legs: bool, harmless: bool, rise: Rise | None
+) -> str:
     """Say what to run; harmless: whether friction, if there is any, is too little to be noticed by a policy."""
     if record.objections and legs and harmless:
         return (
@@ -390,30 +398,39 @@ def _to_run(record: JointRecord, level: float | None, advice: Advice | None, leg
         return "Run: this again with --torque-limit; a training takes friction as a share of it."
     if advice is None:
         return "Run: stiction train --friction-from training.json; there is no friction to train for: --method none."
-    law = _other_law(record)
-    more = f" {law[0].upper()}{law[1:]} is not covered." if law else ""
     words = " ".join(filter(None, ["stiction train --friction-from training.json", advice.budget]))
-    return f"Run: {words}, which is {advice.flags}. {advice.coverage}{more}"
+    law = _other_law(record, rise)
+    more = f" {law[0].upper()}{law[1:]} is not covered." if law else ""
+    if rise is None:
+        return f"Run: {words}, which is {advice.flags}. {advice.coverage}{more}"
+    counted = f"Counted is Coulomb's law, {advice.flags}: {advice.coverage[0].lower()}{advice.coverage[1:]}"
+    return f"Run: {words}, which draws {rise.text}. {counted}{more}"
 
 
-def _other_law(record: JointRecord) -> str:
-    """Return what of a joint's friction is not Coulomb's, in words; empty where all of it is."""
+def _other_law(record: JointRecord, rise: Rise | None) -> str:
+    """Return what of a joint's friction is neither Coulomb's nor drawn at rest; empty where all of it is."""
     if record.load_coefficient is not None:
         return "what load adds to this joint's friction"
     if record.holding_friction is not None:
-        return "the fall of this joint's friction from rest to motion"
+        return "" if rise else "the fall of this joint's friction from rest to motion"
     law = (record.friction_law or {}).get("law")
     return "" if law in (None, TRAINED_UNDER) else f"what the {law} law of this joint has beyond Coulomb's"
 
 
-def _uncovered(record: JointRecord) -> str:
-    """Say what of a joint's friction no training that is advised has met; empty where there is nothing."""
-    if not (law := _other_law(record)):
-        return ""
+def _uncovered(record: JointRecord, advice: Advice, rise: Rise | None) -> str:
+    """Say what of a joint's friction no policy that is counted has met; empty where there is nothing."""
+    drawn = ""
+    if rise is not None:
+        drawn = (
+            f"The proposed training draws {rise.text} ({rise.flags(advice.settings)}): as much at rest as the one that "
+            "is counted, and less in motion; the policies that are counted here met no fall from rest to motion."
+        )
+    if not (law := _other_law(record, rise)):
+        return drawn
     size = ""
     if record.load_coefficient is not None and record.load_regressor is not None:
         size = f", {_span(record.load_coefficient, 1, '')} times {LOAD_REGRESSORS[record.load_regressor]},"
-    return (
+    return f"{drawn} ".lstrip() + (
         f"{law[0].upper()}{law[1:]}{size} is not covered by a training under Coulomb's law: the policies that are "
         "counted here were trained and walked under that alone."
     )

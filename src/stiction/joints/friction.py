@@ -446,9 +446,13 @@ class Law:
         return {name: getattr(self, name) for name in self.spec.numbers}
 
     def factor(self, **signals: Values) -> Values:
-        """Return what multiplies the level to the bound [N m]; `signals`: at least those that the law reads."""
+        """Return what multiplies the level to the bound [N m].
+
+        signals: at least those that the law reads; its numbers too, where robots differ in them.
+        """
         assert self.spec.factor is not None
-        return self.spec.factor(**{name: signals[name] for name in self.spec.reads}, **self.numbers)
+        known = self.numbers | signals
+        return self.spec.factor(**{name: known[name] for name in (*self.spec.reads, *self.spec.numbers)})
 
 
 def law_source(law: str) -> str | None:

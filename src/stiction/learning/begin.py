@@ -25,6 +25,7 @@ from stiction.robots.catalog import find_robot
 from stiction.robots.mirror import RobotMirror, mirrored_kinds, robot_mirror
 from stiction.robots.model import Robot
 from stiction.robots.named import check_named
+from stiction.robots.physics import EXACT
 from stiction.robots.sliders import weak_friction
 from stiction.sim.fleet import Fleet
 from stiction.task.friction import FrictionCfg
@@ -67,6 +68,7 @@ def begin_run(
     joint_map: RECORDED=JOINT pairs for `cfg.joints`. Raises `StictionError`, before, for what cannot be trained.
     """
     _check_friction(cfg.task.friction)
+    cfg = held_at_rest(cfg, say)
     robot = find_robot(cfg.task.robot)
     check_named(robot)
     cfg.task.randomization.check_robot(robot)
@@ -92,6 +94,18 @@ def begin_run(
     if line := weak_friction(robot, cfg.task.physics, cfg.task.timestep, _lightest_rotors(cfg, robot, identified)):
         say(f"warning: {line}")
     return RunDirectory.create(out, cfg, command, identified, ranks.size), cfg
+
+
+def held_at_rest(cfg: TrainCfg, say: Say) -> TrainCfg:
+    """Return a configuration whose joints are held by rows where sliders would not hold them at rest.
+
+    A slider swings when its torque changes, and a joint that swings has its friction in motion.
+    """
+    friction, physics = cfg.task.friction, cfg.task.physics.friction
+    if not cfg.task.physics.plastic or not friction.joint_law.numbers or not friction.draws_law:
+        return cfg
+    say(f"--physics rows, not {physics}: sliders let a joint go at its friction in motion, whatever holds it at rest")
+    return replace(cfg, task=replace(cfg.task, physics=EXACT))
 
 
 def _lightest_rotors(cfg: TrainCfg, robot: Robot, identified: dict[str, Any] | None) -> np.ndarray:

@@ -5,7 +5,7 @@ Training and evaluation drive robots through this one class, so that a policy me
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -379,6 +379,10 @@ class JointFriction:
         self.fleet, self.laws = fleet, laws
         self.levels = [np.zeros_like(fleet.friction) for _ in laws]
         self._bounds = [np.zeros_like(fleet.friction) for _ in laws]
+        self.numbers = [
+            {name: np.full_like(fleet.friction, value) for name, value in law.numbers.items()} for law in laws
+        ]
+        """Numbers of each law, of every joint, by name, each (N, joints)."""
         self._sensed = sensed[0] if sensed else None
         self._restored: np.ndarray | None = None
         self._fresh = np.ones(fleet.num_envs, bool)
@@ -387,10 +391,23 @@ class JointFriction:
             fleet.before_step.append(self.act)
             fleet.after_reset.append(self.forget)
 
-    def set_level(self, *levels: np.ndarray, ids: np.ndarray | slice = slice(None)) -> None:
-        """Give the robots `ids` their level under each law, shape (len(ids), joints), and the bounds of now."""
+    def set_level(
+        self,
+        *levels: np.ndarray,
+        ids: np.ndarray | slice = slice(None),
+        numbers: Mapping[str, np.ndarray] | None = None,
+    ) -> None:
+        """Give the robots `ids` their level under each law, shape (len(ids), joints), and the bounds of now.
+
+        numbers: of the laws, by name, where robots differ in them, (len(ids), joints) or (len(ids), 1); by default they
+        stay.
+        """
         for level, values in zip(self.levels, levels, strict=True):
             level[ids] = values
+        for law in self.numbers:
+            for name, values in (numbers or {}).items():
+                if name in law:
+                    law[name][ids] = values
         self.forget(ids)
 
     def forget(self, ids: np.ndarray | slice) -> None:
@@ -418,7 +435,8 @@ class JointFriction:
 
     def factor(self, law: Law, ids: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Return what the level of one law is multiplied by now, shape (len(ids), joints), or one number."""
-        return np.asarray(law.factor(**{name: SIGNALS[name](self.fleet)[ids] for name in law.spec.reads}))
+        numbers = {name: values[ids] for name, values in self.numbers[self.laws.index(law)].items()}
+        return np.asarray(law.factor(**{name: SIGNALS[name](self.fleet)[ids] for name in law.spec.reads}, **numbers))
 
     def state(self) -> dict[str, np.ndarray]:
         """Return what the next step depends on beside the simulation's state and `levels`.

@@ -18,6 +18,7 @@ from stiction.robots.model import GRAVITY, TRUNK_LENGTH, Robot
 from stiction.task.audit_robots import FrictionBench, Stand
 from stiction.task.config import TaskCfg
 from stiction.task.env import LocomotionEnv
+from stiction.task.randomization import NUMBERS
 
 TOLERANCE = 0.1
 """Largest deviation of a share from 1; the errors of physics step and soft contacts are well under it."""
@@ -88,7 +89,8 @@ def audit_friction(stand: Stand) -> list[AuditRow]:
     cfg, rows = stand.cfg.friction, []
     most = cfg.last.range[1]
     if most > 0.0 and cfg.level != 0.0:
-        rows += _friction_rows("friction", FrictionBench(stand, most))
+        highest = {name: high for name, (_, high) in cfg.drawn_numbers.items()}
+        rows += _friction_rows("friction", FrictionBench(stand, most, **highest))
     if cfg.load is not None and cfg.load[1] > 0.0:
         # As with the level: less moves a joint less than the physics step's own error.
         coefficient = max(cfg.load[1], AUDIT_LEVEL)
@@ -217,6 +219,8 @@ def _range_of(cfg: TaskCfg, name: str) -> tuple[float, float]:
     friction = cfg.friction
     if name == "load_coefficient":
         return friction.load or (0.0, 0.0)
+    if name in NUMBERS:
+        return friction.drawn_numbers.get(name, (0.0, 0.0))
     if name != "friction":
         low, high = getattr(cfg.randomization, name)
         return low, high

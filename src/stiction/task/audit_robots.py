@@ -184,14 +184,18 @@ class LoadedJoint:
 class FrictionBench:
     """Runs in one batch: for each joint a search of break-away, a run below the bound, one above, one coasting."""
 
-    def __init__(self, stand: Stand, multiplier: float, coefficient: float = 0.0) -> None:
-        """Prepare robots with `multiplier` times their friction, or in its place a `coefficient` of the load."""
-        self.stand, self.law = stand, Law("load") if coefficient else stand.cfg.friction.joint_law
+    def __init__(self, stand: Stand, multiplier: float, coefficient: float = 0.0, **numbers: float) -> None:
+        """Prepare robots with `multiplier` times their friction, or in its place a `coefficient` of the load.
+
+        numbers: of the law, by name, that are drawn.
+        """
+        law = stand.cfg.friction.joint_law
+        self.stand, self.law = stand, Law("load") if coefficient else Law(law.name, **law.numbers | numbers)
         self.joints, self.runs = stand.spec.num_joints, len(SHARES) + 3
         self.joint = np.repeat(np.arange(self.joints), self.runs)
         self.robot = np.arange(len(self.joint))
         draws = {"load_coefficient": coefficient} if coefficient else {"friction": multiplier}
-        self.fleet, randomizer = stand.fleet(len(self.joint), **draws)
+        self.fleet, randomizer = stand.fleet(len(self.joint), **draws, **numbers)
         level = np.full(self.joints, coefficient) if coefficient else multiplier * randomizer.nominal.frictionloss
         self.known = loaded_joints(self.fleet, level)
         share = np.array([*SHARES, HOLD, SLIDE, 0.0])

@@ -79,21 +79,21 @@ class FrictionCfg:
     """Share of the teacher's iterations without friction, of methods that begin so; it counts towards the budget."""
     steps: int = field(default=4, metadata=_scheduled("steps"))
     """Equal steps in which friction grows, of methods that bring it in by steps."""
-    static_ratio: float = field(default=1.5, metadata=STRIBECK)
-    """Friction at rest over Coulomb friction, of the law `stribeck`."""
-    stribeck_velocity: float = field(
+    static_ratio: float | tuple[float, float] = field(default=1.5, metadata=STRIBECK)
+    """Friction at rest over Coulomb friction, of the law `stribeck`; or lowest and highest, `[1.2,1.8]`, of one
+    drawn for each robot, or each joint where multipliers are (`per`)."""
+    stribeck_velocity: float | tuple[float, float] = field(
         default=0.1,
-        metadata=all_of(STRIBECK, needs("a static_ratio other than 1", lambda cfg: cfg.static_ratio != 1.0)),
+        metadata=all_of(STRIBECK, needs("a static_ratio other than 1", lambda cfg: cfg.ends("static_ratio") != (1, 1))),
     )
-    """Speed at which 63 % of that excess is gone [rad/s], of the law `stribeck`."""
+    """Speed at which 63 % of that excess is gone [rad/s], of the law `stribeck`; or lowest and highest, as above."""
 
     def __post_init__(self) -> None:
         """Refuse unknown names, and numbers that cannot be drawn or overcome."""
         find_method(self.method)
         if self.per not in ("robot", "joint"):
             raise ConfigurationError(unknown_name("friction per", self.per, ("robot", "joint")))
-        # Raises where its numbers make no law.
-        _ = self.joint_law
+        self._check_law()
         self._check_level()
         self._check_more()
         self._check_distribution()
@@ -101,6 +101,17 @@ class FrictionCfg:
             raise ConfigurationError(
                 f"pretraining {self.pretraining}, {self.steps} steps: expected a share in (0, 1) and 1 to 100 steps"
             )
+
+    def _check_law(self) -> None:
+        """Refuse numbers that make no law, and ranges with ends the wrong way round."""
+        for name in ("static_ratio", "stribeck_velocity"):
+            value = getattr(self, name)
+            if isinstance(value, tuple) and not (len(value) == 2 and value[0] <= value[1]):
+                raise ConfigurationError(
+                    f"friction {name}: got {value}, expected a number, or a lower and an upper end"
+                )
+            for end in self.ends(name):
+                Law(self.law, **{name: end})
 
     def _check_level(self) -> None:
         """Refuse a level that no motor could overcome, and a law without its coefficient."""
@@ -178,10 +189,22 @@ class FrictionCfg:
         """Whether training draws any, by the law or beside it."""
         return self.draws_law or self.draws_load
 
+    def ends(self, name: str) -> tuple[float, float]:
+        """Return the lowest and highest `static_ratio` or `stribeck_velocity`, by its name."""
+        value = getattr(self, name)
+        low, high = value if isinstance(value, tuple) else (value, value)
+        return low, high
+
+    @property
+    def drawn_numbers(self) -> dict[str, tuple[float, float]]:
+        """Numbers of the law that differ by robot, by name: the lowest and the highest."""
+        spans = {name: self.ends(name) for name in LAWS[self.law].numbers}
+        return {name: (low, high) for name, (low, high) in spans.items() if low < high}
+
     @property
     def joint_law(self) -> Law:
-        """The law with its own numbers. Raises `StictionError` where they make none."""
-        return Law(self.law, self.static_ratio, self.stribeck_velocity)
+        """The law with its own numbers, the middle of what is drawn."""
+        return Law(self.law, sum(self.ends("static_ratio")) / 2, sum(self.ends("stribeck_velocity")) / 2)
 
     @property
     def laws(self) -> tuple[Law, ...]:

@@ -22,6 +22,9 @@ from stiction.task.task_fleet import HostFleet, TaskFleet
 PAYLOAD_UNIT, MULTIPLIER_UNIT, FRICTION_UNIT = 3.0, 0.2, 0.1
 """What an entry of 1 stands for: 3 kg of payload, a multiplier of 1.2, dry friction of 0.1 of the torque limit."""
 
+NUMBERS = ("static_ratio", "stribeck_velocity")
+"""Numbers of a friction law that may differ by robot."""
+
 PRIVILEGED_TERMS = (
     ("payload", "robot"),
     ("ground_friction", "robot"),
@@ -115,6 +118,9 @@ class Draws:
     """[s], (N, 1)."""
     load_coefficient: torch.Tensor
     """Of friction that grows with load [1], (N, 1)."""
+    static_ratio: torch.Tensor
+    stribeck_velocity: torch.Tensor
+    """Numbers of the friction law [1], [rad/s], where they are drawn, (N, 1), or (N, joints) of friction by joint."""
     center_of_mass: torch.Tensor
     """Shift in the base frame [m], (N, 3)."""
     action_delay: torch.Tensor
@@ -150,9 +156,13 @@ class Randomizer:
         num, joints = fleet.num_envs, fleet.spec.num_joints
         single = ("ground_friction", "payload", "contact_time", "load_coefficient", "action_delay")
         widths = {"center_of_mass": 3} | dict.fromkeys(single, 1)
+        if friction.per == "robot":
+            widths |= dict.fromkeys(NUMBERS, 1)
         names = Draws.__dataclass_fields__
         self.draws = Draws(**{name: torch.zeros(num, widths.get(name, joints), device=home) for name in names})
         self.draws.contact_time[:] = cfg.contact_time[0]
+        for name in NUMBERS:
+            getattr(self.draws, name)[:] = getattr(friction.joint_law, name)
 
     def draw(self, which: torch.Tensor, generator: torch.Generator) -> None:
         """Draw every parameter of the robots `which`, see `sim.chosen`, and write it into the fleet."""
@@ -163,7 +173,7 @@ class Randomizer:
 
         # Drawn last, and only where they vary: what came to the randomisation later shifts no number of what was there
         # before.
-        later = ("friction", "contact_time", "load_coefficient")
+        later = ("friction", "contact_time", "load_coefficient", *NUMBERS)
         drawn = ((name, value) for name, value in vars(self.draws).items() if name not in later)
         new = {name: uniform(getattr(cfg, name), value) for name, value in drawn}
         new["friction"] = self._draw_friction(num, generator)
@@ -171,6 +181,8 @@ class Randomizer:
             new["contact_time"] = uniform(cfg.contact_time, self.draws.contact_time)
         if self.friction.load is not None:
             new["load_coefficient"] = uniform(self.friction.load, self.draws.load_coefficient)
+        for name, span in self.friction.drawn_numbers.items():
+            new[name] = uniform(span, getattr(self.draws, name))
         new["center_of_mass"] = new["center_of_mass"] * self.com_axes
         step = self.fleet.timestep
         new["action_delay"] = (new["action_delay"] / step).round() * step
@@ -224,6 +236,7 @@ class Randomizer:
         }
         if self.friction.load is not None:
             values["load_coefficient"] = drawn["load_coefficient"]
+        values |= {name: drawn[name] for name in self.friction.drawn_numbers}
         if self.cfg.contact_time != (CONTACT_TIME, CONTACT_TIME):
             values["contact_time"] = drawn["contact_time"]
         self.fleet.give(values, which)
@@ -305,7 +318,7 @@ def _friction(key: str | None, record: JointRecord, limit: float, warnings: dict
     if (holding := record.holding_friction) is not None and (moving := record.moving_friction) is not None:
         warnings[
             f"{key!r}: {holding.value:.4g} N m of dry friction at rest, {moving.value:.4g} N m in motion, which alone "
-            "is simulated; --friction-from training.json takes the level that covers it at rest"
+            "is simulated by --friction-law coulomb; --friction-from training.json draws both"
         ] = None
     if record.coulomb_friction is not None or share is None:
         return _value(record.coulomb_friction)

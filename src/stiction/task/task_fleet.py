@@ -141,7 +141,7 @@ class HostFleet:
         fleet.armature[robots] = given["armature"]
         fleet.damping[robots] = given["damping"]
         levels = [given[name] for name in ("frictionloss", "load_coefficient") if name in given]
-        self.law.set_level(*levels, ids=robots)
+        self.law.set_level(*levels, ids=robots, numbers=given)
         if self.motors is None:
             fleet.set_gains(given["kp"], given["kd"], robots)
             fleet.delay[robots] = given["delay"]

@@ -52,3 +52,16 @@ def test_a_coefficient_needs_a_load() -> None:
     given = isaaclab_snippet([joint("hip"), joint("knee", coulomb_friction=None)], 100.0)
     assert ast.literal_eval(assigned(given.text)["FRICTION_COEFFICIENTS"]) == {"hip": pytest.approx(0.004)}
     assert any("assumed load alone" in note for note in given.notes)
+
+
+def test_a_coefficient_has_one_friction_and_efforts_have_both() -> None:
+    """0.6 at rest and 0.4 in motion under 100 N + N m: by default the one in motion, by --friction static at rest."""
+    for which, coefficient, newton in (
+        ("moving", 0.004, "dynamic_friction"),
+        ("static", 0.006, "friction, which brakes"),
+    ):
+        given = isaaclab_snippet([joint("hip", static_friction=number(0.6))], 100.0, which)
+        assert f"'hip': {coefficient:g}," in given.text and "motor: breakaway over moving: 1.5" in given.notes
+        found = groups(given.text)["hip"]
+        assert (found["friction"], found["dynamic_friction"]) == (0.6, 0.4)
+        assert any(f"give it the number of {newton}" in note for note in given.notes)

@@ -43,14 +43,16 @@ def test_what_is_null_is_named_with_what_is_known_instead() -> None:
 
 def test_richer_laws_are_not_lost_without_a_word() -> None:
     """Static friction, Stribeck, load, an offset that is sure: each is named, unless the simulator holds it."""
+    given = {name: number(0.4).to_dict() for name in ("coulomb_friction", "viscous_friction")}
     record = motor(
         static_friction=number(0.5),
         stribeck_velocity=number(0.1),
         load_coefficient=number(0.02),
         offset=number(0.05),
-        friction_law={"law": "stribeck"},
+        friction_law={"law": "stribeck", "parameters": given},
     )
     assert len(beyond_coulomb(record)) == 5
+    assert "static_friction 0.5 is not represented, breakaway over moving: 1.25 (" in beyond_coulomb(record)[0]
     assert not any("static_friction" in note for note in beyond_coulomb(record, frozenset({"static_friction"})))
     assert beyond_coulomb(motor(offset=Estimate(0.01, 0.1, (-0.2, 0.2)), friction_law={"law": "coulomb"})) == []
 

@@ -14,6 +14,8 @@ import pytest
 import torch
 
 from stiction.cli.main import main
+from stiction.core.errors import StictionError
+from stiction.exchange.physics import Which
 from stiction.exchange.randomization import FRAMEWORKS, FrictionRange, randomization_term, recipe_of
 from stiction.files.joints import JointRecord, JointsFile, write_training
 
@@ -152,6 +154,55 @@ def test_isaac_lab_gets_friction_at_rest_and_in_motion_and_no_viscous(
     newton = run(text.replace("NEWTON = False", "NEWTON = True"), **stand_ins)
     newton["FrictionEvents"].joint_friction["func"](env, None)
     assert set(asset.written) == {"joint_friction_coeff", "joint_ids", "env_ids"}
+
+
+RISES = {"friction_ratio": {"value": 0.18}, "dynamic_ratio": {"value": 0.12}, "friction_level": 0.2}
+BOTH = TRAINING | {
+    "friction": {"method": "deception", "level": 0.133, "law": "stribeck", "per": "robot"}
+    | {"static_ratio": [1.25, 2.0], "stribeck_velocity": [0.04, 0.12]},
+    "joints": {"shank": RISES},
+}
+
+
+@pytest.mark.parametrize(("which", "most"), [("moving", 0.16 * 45.0), ("static", 0.24 * 45.0)])
+def test_a_place_with_one_number_gets_friction_in_motion(which: Which, most: float) -> None:
+    """24 % at rest over 1.5 are 16 % in motion; how much more holds the joint is said, and can be asked for."""
+    recipe = recipe_of(BOTH, {"FL.calf": 45.0}, which)
+    for to in ("mujoco", "mjlab", "legged_gym"):
+        written = randomization_term(recipe, to)
+        assert f"{most:g})" in written.text and "24 % of each joint's torque limit at rest\n" in written.text, to
+        assert any(note.startswith("breakaway over moving: 1.5; a place with one number") for note in written.notes)
+    assert f"{most / 50:g})" in randomization_term(recipe, "legged_gym", 50.0).text
+    assert f"{most / 50:g})" in randomization_term(recipe, "isaaclab", 50.0).text
+
+
+def test_isaac_lab_draws_the_ratio_too() -> None:
+    """1 over 1.25 to 2: one share a robot, of its friction at rest; on Newton that in motion alone is written."""
+    stand_ins = {
+        "isaaclab": module(),
+        "isaaclab__managers": module(EventTermCfg=lambda **values: values),
+        "isaaclab__utils": module(configclass=lambda cls: cls),
+    }
+    text = randomization_term(recipe_of(BOTH, LIMITS), "isaaclab").text
+    asset = Asset()
+    env = SimpleNamespace(scene=type("Scene", (dict,), {"num_envs": 300})({"robot": asset}))
+    run(text, **stand_ins)["FrictionEvents"].joint_friction["func"](env, None)
+    rest, motion = (asset.written[f"joint_{name}friction_coeff"] for name in ("", "dynamic_"))
+    share = motion / rest
+    assert 0.5 <= share.min() < 0.51 and 0.79 < share.max() <= 0.8001 and share.std(dim=1).max() < 1e-6
+    run(text.replace("NEWTON = False", "NEWTON = True"), **stand_ins)["FrictionEvents"].joint_friction["func"](
+        env, None
+    )
+    newton = asset.written["joint_friction_coeff"] / torch.tensor([20.0, 20.0, 45.0])
+    assert 0.15 < newton.max() <= 0.8001 * 0.24
+
+
+@pytest.mark.parametrize("ratio", [None, [2.0, 1.0], [0.5, 1.0], [1.0], 1.5])
+def test_a_ratio_that_is_none_is_refused(ratio: Any) -> None:
+    """A file that somebody changed."""
+    broken = BOTH | {"friction": BOTH["friction"] | {"static_ratio": ratio}}
+    with pytest.raises(StictionError, match=r"'friction.static_ratio' is .*; expected the lowest and the highest"):
+        recipe_of(broken, LIMITS)
 
 
 def test_legged_gym_brakes_by_the_drawn_friction_and_draws_at_reset() -> None:
