@@ -27,7 +27,7 @@ import trots
 from stiction.core.errors import StictionError
 from stiction.files.joints import Estimate
 from stiction.identification.setup import IdentifySetup
-from stiction.identification.walking import foreign, motion, pipeline
+from stiction.identification.walking import foreign, pipeline, walk
 from stiction.identification.walking.pipeline import identify_walk
 from stiction.identification.walking.setup import RobotLogSetup, WalkSetup
 from stiction.robots.model import Robot
@@ -105,22 +105,22 @@ def row(name: str, spec: Robot, kept: dict[int, trots.Walked], condition: Condit
         gains = (contract.kp[0], contract.kd[0])
     declared = IdentifySetup(torque_source="motor_side", kp=gains[0], kd=gains[1])
     place = RobotLogSetup(imu_position=trots.IMU if condition.placed else None)
-    slowest, pipeline.COARSE = motion.LONGEST_PERIOD, 1.0
+    slowest, pipeline.COARSE = walk.LONGEST_PERIOD, 1.0
     hits: dict[str, list[bool]] = {quantity: [] for quantity in QUANTITIES}
     errors, refused, own = [], 0, []
     for seed, truth in kept.items():
         raw = trots.sampled(spec, truth, condition.every, seed)
-        foreign.LONGEST_PERIOD = motion.LONGEST_PERIOD = 1.0 if condition.any_rate else slowest
+        foreign.LONGEST_PERIOD = walk.LONGEST_PERIOD = 1.0 if condition.any_rate else slowest
         try:
-            walk = foreign.foreign_walk(trots.opened(spec, raw), spec, declared, place)
             setup = WalkSetup(contact=condition.contact)  # type: ignore[arg-type]
-            joints = identify_walk(walk.log, spec, setup, walk.notes, True, walk.unplaced).joints
+            found = foreign.foreign_walk(trots.opened(spec, raw), spec, declared, place, setup)
+            joints = identify_walk(found).joints
         except StictionError as error:
             print(name, seed, error, file=sys.stderr)
             refused += 1
             continue
         finally:
-            foreign.LONGEST_PERIOD = motion.LONGEST_PERIOD = slowest
+            foreign.LONGEST_PERIOD = walk.LONGEST_PERIOD = slowest
         friction = draw(spec, seed)
         for number, joint in enumerate(spec.joint_names):
             if joint not in joints.joints:

@@ -80,7 +80,6 @@ BENCHED = {
         "deploy/policy.py",
     ),
     *(f"sim/{name}.py" for name in ("fleet", "native")),
-    *("identification/excite/fisher.py", "identification/excite/setup.py"),
 }
 """Code of walks, and of the design of logs: the robot on its stand shares modules with the one that walks."""
 

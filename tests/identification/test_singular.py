@@ -14,14 +14,14 @@ from stiction.core.errors import StictionError
 from stiction.identification.consistency import friction_at
 from stiction.identification.example import SATURN_LITE, example_log
 from stiction.identification.intervals import jackknife_covariance, make_blocks, robust_covariance
-from stiction.identification.limb.regression import fit_limb
+from stiction.identification.limb.fit import fit_blocks
+from stiction.identification.limb.regression import LimbRows, fit_limb
 from stiction.identification.model import Model
 from stiction.identification.pipeline import identify_joint
 from stiction.identification.record import hanging_bias
 from stiction.identification.regression import fit_at, fit_rows
 from stiction.identification.runs import hanging, make_run
 from stiction.identification.setup import IdentifySetup
-from stiction.identification.walking.blocks import fit_blocks
 
 PLAIN = {"inertia": 0.02, "viscous_friction": 0.07, "coulomb_friction": 0.4, "offset": -0.05}
 ALIKE = np.column_stack([np.linspace(1, 2, 40)] * 2)
@@ -76,8 +76,8 @@ def test_swings_and_limbs_whose_columns_are_alike_are_refused() -> None:
     """Alike but for rounding: LAPACK alone would return values of 1e9."""
     nearly = ALIKE + 3e-8 * np.cos(np.arange(80.0).reshape(40, 2))
     with pytest.raises(np.linalg.LinAlgError):
-        fit_blocks(nearly, np.ones(40), np.repeat(np.arange(4), 10), np.zeros((1, 40)))
-    run = SimpleNamespace(prepared=SimpleNamespace(torque=np.ones(40), time=np.arange(40.0)))
-    rows = SimpleNamespace(joint=SimpleNamespace(run=run), torque=np.ones(40), regressor=nearly, time=np.arange(40.0))
+        fit_blocks(("one", "other"), nearly, np.ones(40), np.repeat(np.arange(4), 10))
+    time = SimpleNamespace(torque=np.ones(40), time=np.arange(40.0))
+    joint = SimpleNamespace(run=SimpleNamespace(prepared=time, rows=time), torque=np.ones(40), regressor=nearly)
     with pytest.raises(np.linalg.LinAlgError):
-        fit_limb(("one", "other"), np.array([np.inf, np.inf]), (rows,))
+        fit_limb(LimbRows(("one", "other"), np.array([np.inf, np.inf]), (joint,)))

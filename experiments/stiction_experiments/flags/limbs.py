@@ -16,7 +16,7 @@ import numpy as np
 
 from stiction.files.joints import JointRecord
 from stiction.files.log import JointSignals, Log, LogSetup
-from stiction.identification.limb.dynamics import link_torques
+from stiction.identification.limb.dynamics import model_torques
 from stiction.identification.limb.pipeline import identify_limb
 from stiction.identification.limb.setup import LimbSetup
 from stiction.identification.setup import IdentifySetup
@@ -105,7 +105,7 @@ def leg(by_voltage: bool = False) -> GivenLimb:
             # A sine with its two derivatives from one complex exponential.
             wave = SWING[joint] / 3 * np.exp(1j * (rate * time + phase))
             motion[:, :, joint] += np.array([wave.imag, rate * wave.real, -(rate**2) * wave.imag])
-    torque = link_torques(mechanism, *motion).nominal
+    torque = model_torques(mechanism, *motion)
     joints, names = {}, mechanism.joint_names[:3]
     for joint, name in enumerate(names):
         angle, speed, acceleration = motion[:, :, joint]

@@ -20,6 +20,7 @@ from stiction.identification.setup import IdentifySetup
 from stiction.identification.walking.foreign import foreign_walk
 from stiction.identification.walking.pipeline import identify_walk
 from stiction.identification.walking.setup import RobotLogSetup
+from stiction.identification.walking.walk import Walk
 from stiction.robots.catalog import find_robot
 from stiction.robots.model import Robot
 from stiction_experiments.flags import RIGHT
@@ -67,8 +68,7 @@ class GivenTrot:
         known = find_robot(ROBOT)
         log = opened(known, self.raw)
         walk = foreign_walk(log, self.spec, self.declared, RobotLogSetup(imu_position=IMU))
-        found = identify_walk(walk.log, self.spec, None, walk.notes, True, walk.unplaced)
-        return _beside_truth(found.joints.joints, known, friction_of_trot())
+        return _beside_truth(identify_walk(walk).joints.joints, known, friction_of_trot())
 
     def changed(self, **signals: np.ndarray) -> GivenTrot:
         """Return the same with other signals."""
@@ -95,7 +95,7 @@ class GivenLog:
 
     def identified(self) -> list[tuple[str, float, JointRecord]]:
         """Return what `GivenTrot.identified` does."""
-        return _beside_truth(identify_walk(self.log, self.spec).joints.joints, self.spec, self.friction)
+        return _beside_truth(identify_walk(Walk(self.log, self.spec)).joints.joints, self.spec, self.friction)
 
     def changed(self, **signals: Any) -> GivenLog:
         """Return the same with other signals."""

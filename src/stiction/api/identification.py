@@ -234,7 +234,7 @@ def identify_limb(
                 f"{what} with --robot: expected one log, for all its joints at once; leave that out"
             )
     mechanism = find_mechanism(robot)
-    numbers = match_joints(log, mechanism, setup.joint_map)
+    numbers = match_joints(log, mechanism.name, mechanism.joint_names, setup.joint_map, mechanism.rigid)
     wanted = [mechanism.joint_names[numbers[log.joint(name)[0]]] for name in joints]
     found = pipeline.identify_limb(log, mechanism, declared, setup)
     if not wanted:

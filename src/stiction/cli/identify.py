@@ -296,6 +296,7 @@ def _identify_walk(arguments: list[str]) -> int:
     from stiction.identification.proposal import write_proposal
     from stiction.identification.walking.foreign import foreign_walk
     from stiction.identification.walking.pipeline import identify_walk
+    from stiction.identification.walking.walk import Walk
     from stiction.report.walking import write_walking_page
     from stiction.robots.catalog import find_robot
 
@@ -306,18 +307,18 @@ def _identify_walk(arguments: list[str]) -> int:
     with limit_memory(memory_of(options.memory_limit)), Terminal(stderr=True).status("reading, fitting"):
         if is_walk_log(options.log):
             _refuse_declared(options)
-            walk = read_walk_log(options.log)
-            if options.robot is None and not walk.header.robot.isidentifier():
-                raise RobotError(f"the log is of the robot {walk.header.robot!r}, not a shipped one; name it: --robot")
-            found = identify_walk(walk, find_robot(options.robot or walk.header.robot), setup)
+            recorded = read_walk_log(options.log)
+            name = options.robot or recorded.header.robot
+            if options.robot is None and not name.isidentifier():
+                raise RobotError(f"the log is of the robot {name!r}, not a shipped one; name it: --robot")
+            walk = Walk(recorded, find_robot(name), setup)
         else:
             log = options.open(options.log, body=True)
             if options.robot is None:
                 raise RobotError(f"{log.source}: of which robot is this walk? Its masses and lengths: --robot FILE")
             declared = IdentifySetup(**{name: getattr(options, name) for name in DECLARED})
-            spec = find_robot(options.robot)
-            foreign = foreign_walk(log, spec, declared, part_of(RobotLogSetup, options))
-            found = identify_walk(foreign.log, spec, setup, foreign.notes, True, foreign.unplaced)
+            walk = foreign_walk(log, find_robot(options.robot), declared, part_of(RobotLogSetup, options), setup)
+        found = identify_walk(walk)
         with results_folder(options.out, _verb(options), options, RESULTS, _inputs(options)):
             found.joints.write(options.out / "joints.json")
             write_proposal(options.out, found.joints)

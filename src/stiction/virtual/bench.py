@@ -25,7 +25,7 @@ from stiction.files.bundle import Bundle
 from stiction.files.joints import JointRecord, JointsFile
 from stiction.files.log import JointSignals, Log, LogSetup
 from stiction.files.walk import WalkHeader, WalkLog
-from stiction.identification.excite.task import Pattern
+from stiction.identification.excite.pattern import Pattern
 from stiction.identification.pipeline import REFUSED, identify_log
 from stiction.identification.proposal import write_proposal
 from stiction.joints.net import TorqueSource
@@ -120,7 +120,7 @@ BENCH_CODE = (
     *(
         "core/*.py",
         "identification/*.py",
-        "identification/excite/task.py",
+        "identification/excite/pattern.py",
         "joints/*.py",
         "robots/*.py",
         "robots/shipped/*.json",

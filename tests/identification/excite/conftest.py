@@ -7,7 +7,7 @@ import pytest
 from stiction.identification.excite import design
 from stiction.identification.excite.plan import Excitation, design_excitation
 from stiction.identification.excite.setup import ExciteSetup
-from stiction.identification.excite.task import Task, make_task
+from stiction.identification.excite.task import Task
 from stiction.joints.pd import PDGains
 
 SETUP = ExciteSetup(torque_limit=45.0, coulomb=0.44, duration=8.0, rate=250.0, speed_limit=8.0).filled()
@@ -26,4 +26,4 @@ def made() -> Excitation:
 def task(made: Excitation) -> Task:
     """Return the task of the design at the gains that were chosen."""
     gains = made.record.gains
-    return make_task(SETUP).with_gains(PDGains(gains["kp"], gains["kd"]))
+    return Task(SETUP).with_gains(PDGains(gains["kp"], gains["kd"]))

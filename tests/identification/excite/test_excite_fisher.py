@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stiction.identification.excite.fisher import LogNoise, information, sensitivities
+from stiction.identification.excite.fisher import information, sensitivities
+from stiction.identification.excite.setup import ExciteSetup
 from stiction.joints.pd import PDGains
 
 JOINT = np.array([0.0145, 0.07, 0.44, 0.0])
@@ -33,25 +34,25 @@ def test_a_ramp_has_the_sensitivities_of_statics() -> None:
 
 def test_an_encoder_counts_as_noise_of_its_step_over_the_root_of_twelve() -> None:
     """3-4-5: noise 3e-4 and a step of 4e-4 √12 are 5e-4 together."""
-    assert LogNoise(3e-4, 0.05, 4e-4 * 12**0.5).position_std == pytest.approx(5e-4)
+    assert ExciteSetup(noise_position=3e-4, resolution=4e-4 * 12**0.5).position_std == pytest.approx(5e-4)
 
 
 def test_positions_alone_are_about_combinations() -> None:
     """B cannot be told from k kd, so what is given is their sum, under a name that says so."""
-    blind = information(JOINT, GAINS, 1 / RATE, swing(0.5), LogNoise(torque=None))
+    blind = information(JOINT, GAINS, 1 / RATE, swing(0.5), (1e-4, None))
     assert blind.names[1] == "(viscous_friction+k*kd)/k" and blind.values[1] == pytest.approx(0.57)
     assert blind.names[2] == "coulomb_friction/k" and blind.values[2] == 0.44
 
 
 def test_a_joint_that_never_moves_tells_nothing() -> None:
     """Its deviations are infinite, and nothing raises: a search meets such motions."""
-    held = information(JOINT, GAINS, 1 / RATE, swing(0.5, amplitude=0.01), LogNoise())
+    held = information(JOINT, GAINS, 1 / RATE, swing(0.5, amplitude=0.01), (1e-4, 0.05))
     assert np.isinf(held.worst) and held.d_criterion == np.inf
 
 
 def test_gravity_can_be_told_from_an_offset() -> None:
     """Two more parameters, known to less than a tenth, in a motion of ±1 rad; the sum of the others' stays finite."""
     values = np.array([0.02, 0.07, 0.2, 0.0, 1.0, 0.3])
-    found = information(values, GAINS, 1 / RATE, swing(0.5, 1.0), LogNoise())
+    found = information(values, GAINS, 1 / RATE, swing(0.5, 1.0), (1e-4, 0.05))
     assert found.names[4:] == ("gravity_sin", "gravity_cos")
     assert (found.std[4:] < 0.1 * values[4:]).all() and np.isfinite(found.covariance).all()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stiction.identification.excite.task import Pattern, sine
+from stiction.identification.excite.pattern import Pattern, sine
 
 PATTERN = Pattern(0.5, 0.4, 0.6, (0.5, 2.0), (1.0, 0.5), (0.3, 1.0), 0.4)
 

@@ -15,10 +15,10 @@ from stiction.core.errors import StictionError
 from stiction.files.log import JointSignals, Log
 from stiction.identification.excite import design
 from stiction.identification.excite.design import choose_gains
-from stiction.identification.excite.fisher import LogNoise
+from stiction.identification.excite.pattern import Pattern
 from stiction.identification.excite.plan import Excitation, design_excitation, duration_for
 from stiction.identification.excite.setup import ExciteSetup
-from stiction.identification.excite.task import SHARE, Pattern, Task, make_task
+from stiction.identification.excite.task import SHARE, Task
 from stiction.identification.pipeline import identify_joint
 from stiction.joints.friction import Coulomb
 from stiction.joints.pd import PDGains
@@ -37,13 +37,13 @@ def test_predicted_deviations_are_those_of_estimates_from_simulated_logs(made: E
     """If this failed, the promise would be worth nothing. Nonlinear least squares on the whole log, noise known."""
     target = made.trajectory.joints["shank"].target
     assert target is not None
-    truth, noise = np.array([0.0145, 0.07, 0.44, 0.0]), LogNoise()
+    truth = np.array([0.0145, 0.07, 0.44, 0.0])
     scale = np.array([row.std for row in made.record.predicted])
 
     def signals(values: np.ndarray) -> np.ndarray:
         inertia, viscous, coulomb, offset = (float(value) for value in values)
-        run = simulate(Joint(inertia, viscous, Coulomb(coulomb), offset), task.gains, 1 / task.rate, target)
-        return np.concatenate([run.position / noise.position, run.torque / 0.05])
+        run = simulate(Joint(inertia, viscous, Coulomb(coulomb), offset), task.gains, 1 / task.setup.rate, target)
+        return np.concatenate([run.position / 1e-4, run.torque / 0.05])
 
     clean, rng = signals(truth), np.random.default_rng(1)
     found = []
@@ -77,7 +77,7 @@ def test_a_tight_limit_is_the_one_that_is_kept() -> None:
     """Each limit in turn made tight: the motion shrinks until that limit, and no other, is nearly used up."""
     base = ExciteSetup(torque_limit=45.0, coulomb=0.44, duration=8.0, rate=250.0)
     for name, wrong in (("speed", {"speed_limit": 2.0}), ("torque", {"torque_limit": 2.5, "spread": 1.2})):
-        task = make_task(replace(base, **wrong).filled())
+        task = Task(replace(base, **wrong).filled())
         pattern = task.within_limits(design.pattern_of(task, design.starters()[1]), task.candidates())
         assert pattern is not None
         runs = [
@@ -105,9 +105,8 @@ def test_gains_are_lowered_only_where_the_joint_still_tracks(made: Excitation) -
     assert made.record.gains["kp"] < 20.0 and chosen.tracks and not made.record.trials[-1].tracks
     assert (chosen.worst or np.inf) < 0.9 * (by_kp[20.0].worst or 0.0)
     assert "not at the given kp 20" in made.record.advice
-    gains, _ = choose_gains(
-        make_task(ExciteSetup(duration=8.0, rate=250.0, coulomb=0.44).filled()), True, lambda share: None
-    )
+    fixed = ExciteSetup(duration=8.0, rate=250.0, coulomb=0.44, fixed_gains=True).filled()
+    gains, _ = choose_gains(Task(fixed), lambda share: None)
     assert gains == PDGains(20.0, 0.5)
 
 
@@ -149,7 +148,7 @@ def test_a_robot_that_plays_it_back_is_identified(made: Excitation, task: Task) 
     target = made.trajectory.joints["shank"].target
     assert target is not None
     truth, rng = Joint(0.012, 0.09, Coulomb(0.3), 0.02), np.random.default_rng(2)
-    run = simulate(truth, task.gains, 1 / task.rate, target)
+    run = simulate(truth, task.gains, 1 / task.setup.rate, target)
     logged = JointSignals(
         position=run.position + 1e-4 * rng.standard_normal(len(target)),
         target=target,

@@ -10,7 +10,13 @@ import numpy as np
 import pytest
 from limb_logs import pendulum
 
-from stiction.identification.limb.dynamics import MODES, corrected_torques, gyration, link_torques
+from stiction.identification.limb.dynamics import (
+    MODES,
+    gyration,
+    joint_inertia,
+    link_torques,
+    model_torques,
+)
 from stiction.robots.catalog import find_mechanism
 from stiction.robots.load import load_mechanism
 from stiction.robots.mechanism import Mechanism
@@ -28,14 +34,15 @@ def motion(joints: int, seed: int = 0, samples: int = 50) -> tuple[np.ndarray, n
 def test_a_pendulum_is_the_formula_on_paper() -> None:
     """(I + m r²) θ'' + m g r sin θ = 0.6 θ'' + 9.81 sin θ, whatever the speed."""
     position, velocity, acceleration = motion(1)
-    found = link_torques(pendulum(), position, velocity, acceleration).nominal
+    found = model_torques(pendulum(), position, velocity, acceleration)
     np.testing.assert_allclose(found, 0.6 * acceleration + 9.81 * np.sin(position), atol=1e-12)
+    np.testing.assert_allclose(joint_inertia(pendulum().links, np.array([0.3])), [0.6], atol=1e-12)
 
 
 def test_turning_the_base_turns_gravity() -> None:
     """With up along x the pendulum hangs at a quarter turn; a direction of no length is refused."""
     still = np.zeros((1, 1))
-    found = link_torques(pendulum().with_up((2.0, 0.0, 0.0)), still, still, still).nominal
+    found = model_torques(pendulum().with_up((2.0, 0.0, 0.0)), still, still, still)
     assert abs(abs(found[0, 0]) - 9.81) < 1e-12
 
 
@@ -52,7 +59,7 @@ def test_two_links_in_a_plane_are_the_textbook() -> None:
     m11 = m1 * l1**2 + m2 * (l1**2 + l2**2 + 2 * l1 * l2 * cos)
     first = m11 * a[:, 0] + m12 * a[:, 1] - h * (2 * v[:, 0] * v[:, 1] + v[:, 1] ** 2)
     second = m12 * a[:, 0] + m2 * l2**2 * a[:, 1] + h * v[:, 0] ** 2
-    np.testing.assert_allclose(link_torques(arm, q, v, a).nominal, np.stack([first, second], 1), atol=1e-12)
+    np.testing.assert_allclose(model_torques(arm, q, v, a), np.stack([first, second], 1), atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["arm6.xml", "arm7.xml"])
@@ -67,7 +74,7 @@ def test_arms_are_as_mujoco_has_them(name: str) -> None:
         data.qpos[hinges], data.qvel[hinges], data.qacc[hinges] = q[sample], v[sample], a[sample]
         mujoco.mj_inverse(model, data)
         expected.append(data.qfrc_inverse[hinges] - model.dof_armature[hinges] * a[sample])
-    found = link_torques(load_mechanism(HERE / name), q, v, a).nominal
+    found = model_torques(load_mechanism(HERE / name), q, v, a)
     np.testing.assert_allclose(found, expected, atol=1e-10)
 
 
@@ -82,13 +89,13 @@ def test_errors_of_a_link_are_what_a_wrong_link_does() -> None:
         "inertia": replace(link, inertia=tuple(1.2 * value for value in link.inertia)),
         "centre_y": replace(link, com=(x, y + size * gyration(link), z)),
     }
-    right = link_torques(arm, *state)
+    right, modes = model_torques(arm, *state), list(link_torques(arm, *state))
     for mode, other in wrong.items():
         links = (*arm.links[:number], other, *arm.links[number + 1 :])
-        changed = link_torques(replace(arm, links=links), *state).nominal - right.nominal
+        changed = model_torques(replace(arm, links=links), *state) - right
         share = size if mode.startswith("centre") else 0.2
-        np.testing.assert_allclose(changed / share, right.modes[number, MODES.index(mode)], atol=1e-4)
+        np.testing.assert_allclose(changed / share, modes[number][MODES.index(mode)], atol=1e-4)
     errors = np.zeros((6, len(MODES)))
     errors[number, :2] = 0.2, -0.1
-    expected = right.nominal + 0.2 * right.modes[number, 0] - 0.1 * right.modes[number, 1]
-    np.testing.assert_allclose(corrected_torques(arm, errors, *state), expected, atol=1e-10)
+    expected = right + 0.2 * modes[number][0] - 0.1 * modes[number][1]
+    np.testing.assert_allclose(model_torques(arm, *state, errors=errors), expected, atol=1e-10)

@@ -13,9 +13,10 @@ pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is
 import balanced
 from stiction.core.errors import StictionError
 from stiction.files.walk import write_walk_fit
-from stiction.identification.walking.motion import walk_motion
 from stiction.identification.walking.pipeline import identify_walk
 from stiction.identification.walking.setup import WalkSetup
+from stiction.identification.walking.stance import ground_arms
+from stiction.identification.walking.walk import Walk
 from stiction.report.walking import write_walking_page
 from stiction.robots.catalog import find_robot
 from stiction.robots.hold import hold
@@ -51,7 +52,7 @@ def friction_of(spec: Robot) -> dict[str, tuple[float, float, float]]:
 def test_friction_under_load_is_found_on_any_legs(spec: Robot, order: list[list[int]], tmp_path: Path) -> None:
     """Balls and soles, two, three and six joints a leg: masses, centres, Jacobians and what joints do not feel."""
     friction = friction_of(spec)
-    found = identify_walk(balanced.walk(spec, order, friction), spec, WalkSetup(mass_known=True))
+    found = identify_walk(Walk(balanced.walk(spec, order, friction), spec, WalkSetup(mass_known=True)))
     assert found.load.refusal == ""
     for kind, truth in friction.items():
         law = [
@@ -66,20 +67,27 @@ def test_friction_under_load_is_found_on_any_legs(spec: Robot, order: list[list[
     assert all(f">{kind}</t" in write_walking_page(tmp_path).read_text() for kind in spec.joint_kinds)
 
 
+@pytest.mark.parametrize(("spec", "count"), [(branching_go2(), 0), (planar_go2(), 4)])
+def test_rounding_is_no_effort_of_the_ground(spec: Robot, count: int) -> None:
+    """Three joints feel all of a ball's force, also where legs share one; two leave a direction of each foot."""
+    walk = Walk(balanced.walk(spec, CRAWL, friction_of(spec), seconds=2.0), spec)
+    arms, hidden = ground_arms(walk)
+    assert arms.shape == (400, 6, spec.num_joints) and hidden.shape == (400, 6, count)
+
+
 def test_a_limb_without_a_foot_always_swings() -> None:
     """The last leg of a hexapod on five feet: its friction is told, and what load would add is not asked."""
     hexapod = find_robot("saturn_lite")
     spec = replace(hexapod, feet=hexapod.feet[:5])
     friction = {kind: (0.07, 1.0, 0.0) for kind in spec.joint_kinds}
     log = balanced.walk(spec, [[0, 3, 4], [0, 1, 2, 3], [1, 2, 4]], friction, seconds=8.0)
-    record = identify_walk(log, spec).joints.record("RR_shank")
+    record = identify_walk(Walk(log, spec)).joints.record("RR_shank")
     assert record.coulomb_friction is not None
     assert record.coulomb_friction.value == pytest.approx(1.0, rel=1e-3)
     arm = replace(spec, joints=tuple(replace(j, kind=f"arm_{j.kind}") if "RR" in j.name else j for j in spec.joints))
     friction |= {f"arm_{kind}": law for kind, law in friction.items()}
-    load = identify_walk(
-        balanced.walk(arm, [[0, 3, 4], [1, 2, 4]], friction, 8.0), arm, WalkSetup(mass_known=True)
-    ).load
+    log = balanced.walk(arm, [[0, 3, 4], [1, 2, 4]], friction, 8.0)
+    load = identify_walk(Walk(log, arm, WalkSetup(mass_known=True))).load
     assert set(load.laws) == {"hip", "thigh", "shank"}
     assert "never loads them" in load.refused["arm_shank"]
 
@@ -90,4 +98,4 @@ def test_contacts_of_other_feet_are_refused() -> None:
     log = balanced.walk(spec, CRAWL, friction_of(spec), seconds=1.0)
     swapped = replace(log.header, foot_names=log.header.foot_names[::-1])
     with pytest.raises(StictionError, match=r"the log has the feet .*, robot 'go2' "):
-        walk_motion(replace(log, header=swapped), spec)
+        Walk(replace(log, header=swapped), spec)

@@ -8,9 +8,9 @@ import pytest
 import walks
 from stiction.files.walk import WalkLog
 from stiction.identification.walking.load import LoadFit, fit_load
-from stiction.identification.walking.motion import walk_motion
 from stiction.identification.walking.setup import WalkSetup
 from stiction.identification.walking.swing import swing_rows
+from stiction.identification.walking.walk import Walk
 
 BASE = np.tile([0.5, 0.5, 1.0], 6)
 """Friction without load by kind [N m]."""
@@ -28,8 +28,8 @@ def known(**changes) -> WalkSetup:
 
 def load_of(log: WalkLog, setup: WalkSetup) -> LoadFit:
     """Return what a log says about load."""
-    motion = walk_motion(log, walks.SPEC)
-    return fit_load(log, motion, walks.SPEC, swing_rows(log, motion, walks.SPEC, setup), setup)
+    walk = Walk(log, walks.SPEC, setup)
+    return fit_load(walk, swing_rows(walk))
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,10 @@ import pytest
 
 import walks
 from stiction.files.walk import WalkLog
-from stiction.identification.walking.blocks import BlockFit
-from stiction.identification.walking.motion import walk_motion
+from stiction.identification.limb.fit import PriorFit
 from stiction.identification.walking.setup import WalkSetup
 from stiction.identification.walking.swing import PARAMETERS, SwingFit, fit_swing, swing_rows
+from stiction.identification.walking.walk import Walk
 
 MIXED = np.tile([0.03, 0.08, 0.15], 6) * walks.LIMITS
 """Friction that differs by kind: 3, 8 and 15 % of the limit [N m]."""
@@ -21,7 +21,7 @@ NOISE_ALONE = WalkSetup(link_mass_error=0.0, specific_force_error=0.05)
 
 def fits(log: WalkLog, setup: WalkSetup) -> list[SwingFit]:
     """Return the fit of each joint."""
-    rows = swing_rows(log, walk_motion(log, walks.SPEC), walks.SPEC, setup)
+    rows = swing_rows(Walk(log, walks.SPEC, setup))
     return [fit_swing([joint], limit, 0.005, setup) for joint, limit in zip(rows, walks.LIMITS, strict=True)]
 
 
@@ -58,7 +58,7 @@ def test_intervals_hold_the_truth_at_about_the_nominal_rate(sample: list) -> Non
                 untold += 1
                 continue
             for index, truth in enumerate((walks.ARMATURE, walks.DAMPING, level)):
-                estimate = fit.fit.estimate(index)
+                estimate = fit.fit.estimate(PARAMETERS[index])
                 low, high = estimate.interval95
                 inside[PARAMETERS[index]].append(low <= truth <= high)
                 offset[PARAMETERS[index]].append((estimate.value - truth) / (high - low))
@@ -83,7 +83,7 @@ def test_a_real_robots_controller_is_faster_than_its_log(fast: tuple[np.ndarray,
     friction, motion = fast
     inside = []
     for level, log in zip(friction, walks.sampled(motion, every), strict=True):
-        rows = swing_rows(log, walk_motion(log, walks.SPEC), walks.SPEC, NOISE_ALONE)
+        rows = swing_rows(Walk(log, walks.SPEC, NOISE_ALONE))
         for joint, limit, truth in zip(rows, walks.LIMITS, level, strict=True):
             fit = fit_swing([joint], limit, log.header.period, NOISE_ALONE).fit
             if fit is not None:
@@ -95,9 +95,9 @@ def test_a_real_robots_controller_is_faster_than_its_log(fast: tuple[np.ndarray,
         assert min(armature, viscous) >= 0.85
 
 
-def _compared(fit: BlockFit, level: float) -> list[tuple[float, float, float]]:
+def _compared(fit: PriorFit, level: float) -> list[tuple[float, float, float]]:
     """Return lower end, truth and upper end of armature, viscous and Coulomb friction."""
-    ends = [fit.estimate(index).interval95 for index in range(3)]
+    ends = [fit.estimate(name).interval95 for name in PARAMETERS[:3]]
     return [(low, truth, high) for (low, high), truth in zip(ends, (walks.ARMATURE, walks.DAMPING, level), strict=True)]
 
 
@@ -109,13 +109,13 @@ def test_heavier_links_stay_within_the_interval(sample: list) -> None:
         for link in walks.SPEC.links
     ]
     spec = replace(walks.SPEC, links=tuple(heavier))
-    rows = swing_rows(log, walk_motion(log, spec), spec, WalkSetup())
+    rows = swing_rows(Walk(log, spec, WalkSetup()))
     inside, moved = [], []
     for joint, limit, level, right in zip(rows, walks.LIMITS, friction, fits(log, WalkSetup()), strict=True):
         wrong = fit_swing([joint], limit, 0.005, WalkSetup())
         if wrong.fit is None or right.fit is None:
             continue
-        low, high = wrong.fit.estimate(2).interval95
+        low, high = wrong.fit.estimate("coulomb_friction").interval95
         inside.append(low <= level <= high)
         moved.append(wrong.fit.values[2] - right.fit.values[2] + right.fit.shifts[0, 2])
     assert np.mean(inside) >= 0.9
@@ -125,18 +125,18 @@ def test_heavier_links_stay_within_the_interval(sample: list) -> None:
 def test_alike_joints_together_tell_more() -> None:
     """Six legs' swings halve the interval of one, and give one where single legs have too few."""
     log = walks.walk(MIXED[None], [walks.FORWARD], seconds=10.0, seed=3)[0]
-    rows = swing_rows(log, walk_motion(log, walks.SPEC), walks.SPEC, WalkSetup())
+    rows = swing_rows(Walk(log, walks.SPEC, WalkSetup()))
     alone = fit_swing([rows[2]], walks.LIMITS[2], 0.005, NOISE_ALONE).fit
     together = fit_swing(rows[2::3], walks.LIMITS[2], 0.005, NOISE_ALONE).fit
     assert alone is not None and together is not None
-    low, high = together.estimate(2).interval95
+    low, high = together.estimate("coulomb_friction").interval95
     assert low <= MIXED[2] <= high
-    assert high - low < 0.7 * np.diff(alone.estimate(2).interval95)[0]
+    assert high - low < 0.7 * np.diff(alone.estimate("coulomb_friction").interval95)[0]
 
 
 def test_swings_that_are_all_alike_are_refused() -> None:
     """At one speed and no acceleration, viscous and dry friction cannot be told apart."""
     log = walks.walk(np.zeros((1, 18)), [walks.FORWARD], seconds=5.0)[0]
-    rows = swing_rows(log, walk_motion(log, walks.SPEC), walks.SPEC, WalkSetup())[1]
-    same = replace(rows, velocity=np.full_like(rows.velocity, -2.0), direction=np.full_like(rows.velocity, -1.0))
+    rows = swing_rows(Walk(log, walks.SPEC, WalkSetup()))[1]
+    same = replace(rows, regressor=rows.regressor * [1.0, 0.0, 0.0, 1.0] + [0.0, -2.0, -1.0, 0.0])
     assert fit_swing([same], 25.0, 0.005, WalkSetup()).fit is None

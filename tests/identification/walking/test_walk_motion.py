@@ -8,17 +8,16 @@ import pytest
 import walks
 from stiction.core.errors import StictionError
 from stiction.files.walk import WalkLog
-from stiction.identification.walking.contact import feet_down
-from stiction.identification.walking.motion import (
+from stiction.identification.walking.setup import WalkSetup
+from stiction.identification.walking.walk import (
+    Walk,
     asked_torque,
     forward_difference,
     grow,
     hann_weights,
     second_difference,
     smooth,
-    walk_motion,
 )
-from stiction.identification.walking.setup import WalkSetup
 from stiction.robots.catalog import find_robot
 
 
@@ -52,18 +51,18 @@ def test_the_controllers_torque_by_hand(log: WalkLog) -> None:
 
 def test_what_is_missing_is_known_to_be_missing(log: WalkLog) -> None:
     """The controller's torque and gravity stand in, and later stages say so."""
-    motion = walk_motion(replace(log, joint_torque=None, specific_force=None), walks.SPEC)
-    assert not motion.measured_torque
-    assert not motion.measured_acceleration
-    np.testing.assert_allclose(np.linalg.norm(motion.base.specific_force, axis=1), 9.81)
+    walk = Walk(replace(log, joint_torque=None, specific_force=None), walks.SPEC)
+    assert not walk.measured_torque
+    assert not walk.measured_acceleration
+    np.testing.assert_allclose(np.linalg.norm(walk.base.pull, axis=1), 9.81)
 
 
 def test_the_wrong_robot_and_the_wrong_side_of_the_gear_are_refused(log: WalkLog) -> None:
     """Masses of another robot would be taken off, or friction looked for where it is not."""
     with pytest.raises(StictionError, match="--robot"):
-        walk_motion(log, find_robot("go1"))
+        Walk(log, find_robot("go1"))
     with pytest.raises(StictionError, match="output_side"):
-        walk_motion(replace(log, header=replace(log.header, torque_source="output_side")), walks.SPEC)
+        Walk(replace(log, header=replace(log.header, torque_source="output_side")), walks.SPEC)
 
 
 def test_windows_and_masks_by_hand() -> None:
@@ -78,8 +77,7 @@ def test_windows_and_masks_by_hand() -> None:
 def test_swing_is_found_without_contacts() -> None:
     """Feet well above the lowest one are in the air; the heights agree with the contacts."""
     log = walks.walk(np.zeros((1, 18)), [walks.FORWARD], seconds=4.0)[0]
-    motion = walk_motion(log, walks.SPEC)
-    found = feet_down(replace(log, foot_contact=None), motion, walks.SPEC, WalkSetup())
+    found = Walk(replace(log, foot_contact=None), walks.SPEC).down
     assert log.foot_contact is not None
     high = ~found
     assert 0.25 < high.mean() < 0.55

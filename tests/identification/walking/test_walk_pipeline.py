@@ -12,6 +12,7 @@ from stiction.files.joints import JointsFile
 from stiction.files.walk import SIGNALS, WalkLog
 from stiction.identification.walking.pipeline import identify_walk, standing_inertia
 from stiction.identification.walking.setup import WalkSetup
+from stiction.identification.walking.walk import Walk
 
 FRICTION = 0.1 * walks.LIMITS
 
@@ -25,7 +26,7 @@ def log() -> WalkLog:
 @pytest.fixture(scope="module")
 def file(log: WalkLog) -> JointsFile:
     """What is found in it."""
-    return identify_walk(log, walks.SPEC).joints
+    return identify_walk(Walk(log, walks.SPEC)).joints
 
 
 def test_every_joint_has_a_record_by_name_or_by_kind(file: JointsFile) -> None:
@@ -57,7 +58,7 @@ def test_inertia_is_that_of_a_leg_in_the_air(file: JointsFile) -> None:
 def test_known_masses_add_what_load_does(log: WalkLog) -> None:
     """The law stands beside the symmetric fit; here friction does not grow with load, and the interval says so."""
     setup = WalkSetup(mass_known=True, centre_of_mass=walks.centre_of_mass())
-    record = identify_walk(log, walks.SPEC, setup).joints.record("FL_shank")
+    record = identify_walk(Walk(log, walks.SPEC, setup)).joints.record("FL_shank")
     assert holds(record.load_coefficient, 0.0)
     assert record.friction_law is not None
     assert record.friction_law["law"] == "load"
@@ -68,7 +69,7 @@ def test_known_masses_add_what_load_does(log: WalkLog) -> None:
 
 def test_without_torque_newton_metres_are_null(log: WalkLog) -> None:
     """The controller's torque is a command: ratio and dead band stay, wide, and the truth is in them."""
-    file = identify_walk(replace(log, joint_torque=None), walks.SPEC).joints
+    file = identify_walk(Walk(replace(log, joint_torque=None), walks.SPEC)).joints
     inside = []
     for name, friction, limit in zip(walks.SPEC.joint_names, FRICTION, walks.LIMITS, strict=True):
         record = file.record(name)
@@ -83,7 +84,7 @@ def test_without_torque_newton_metres_are_null(log: WalkLog) -> None:
 )
 def test_what_the_log_lacks_widens_and_is_said(log: WalkLog, missing: str, warning: str) -> None:
     """The truth is in the intervals all the same."""
-    file = identify_walk(replace(log, **{missing: None}), walks.SPEC).joints
+    file = identify_walk(Walk(replace(log, **{missing: None}), walks.SPEC)).joints
     inside = [
         holds(file.record(name).coulomb_friction, friction)
         for name, friction in zip(walks.SPEC.joint_names, FRICTION, strict=True)
@@ -102,16 +103,16 @@ def cut(log: WalkLog, part: slice, period: float = 0.005) -> WalkLog:
 def test_a_walk_that_tells_nothing_is_refused(log: WalkLog) -> None:
     """One line, and what to do."""
     with pytest.raises(StictionError, match="log for longer"):
-        identify_walk(cut(log, slice(80)), walks.SPEC)
+        identify_walk(Walk(cut(log, slice(80)), walks.SPEC))
     assert log.foot_contact is not None
     with pytest.raises(StictionError, match=r"tells nothing about any joint.*log for longer"):
-        identify_walk(replace(log, foot_contact=np.ones_like(log.foot_contact)), walks.SPEC)
+        identify_walk(Walk(replace(log, foot_contact=np.ones_like(log.foot_contact)), walks.SPEC))
 
 
 def test_the_control_rate_is_too_slow(log: WalkLog) -> None:
     """At 50 Hz a swing has eight samples: refused, not guessed at."""
     with pytest.raises(StictionError, match="Hz or more"):
-        identify_walk(cut(log, slice(None, None, 4), 0.02), walks.SPEC)
+        identify_walk(Walk(cut(log, slice(None, None, 4), 0.02), walks.SPEC))
 
 
 @pytest.mark.parametrize(
@@ -130,5 +131,5 @@ def test_the_control_rate_is_too_slow(log: WalkLog) -> None:
 def test_nonsense_is_refused_in_one_line(log: WalkLog, change: dict) -> None:
     """Whatever stands in a log: an answer or a refusal, no traceback and no warning of NumPy's."""
     with pytest.raises(StictionError) as caught:
-        identify_walk(replace(log, **change), walks.SPEC, WalkSetup(mass_known=True))
+        identify_walk(Walk(replace(log, **change), walks.SPEC, WalkSetup(mass_known=True)))
     assert "\n" not in str(caught.value)

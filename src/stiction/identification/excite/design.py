@@ -19,7 +19,8 @@ from stiction.core.errors import ConfigurationError
 from stiction.core.provenance import seed_streams, stream_seed
 from stiction.files.design import GainTrial
 from stiction.identification.checks import FEWEST_PER_CYCLE
-from stiction.identification.excite.task import Pattern, Task
+from stiction.identification.excite.pattern import Pattern
+from stiction.identification.excite.task import Task
 from stiction.joints.friction import dead_band
 from stiction.joints.pd import PDGains
 
@@ -65,7 +66,7 @@ def pattern_of(task: Task, point: np.ndarray) -> Pattern:
     `Task.within_limits` scales them down.
     """
     frequencies, amplitudes, phases = np.reshape(point[2:], (3, WAVES))
-    slowest, fastest = 2 * task.rate / task.count, frequency_limit(task)
+    slowest, fastest = 2 * task.setup.rate / task.count, frequency_limit(task)
     return Pattern(
         share=float(point[0]) * LARGEST_SHARE,
         slow_frequency=float(0.5 * slowest * (2.0 / slowest) ** point[1]),
@@ -82,16 +83,8 @@ def frequency_limit(task: Task) -> float:
     """Return the highest frequency worth trying [Hz]."""
     own = float(np.sqrt(task.gains.kp / task.values[0])) / (2 * np.pi)
     # With fewer samples a period the log would be refused (`check_excitation`).
-    return max(min(FASTEST, BEYOND * own, task.rate / FEWEST_PER_CYCLE), 4 * task.rate / task.count)
-
-
-def score(task: Task, point: np.ndarray) -> float:
-    """Return the largest relative standard deviation, over the extreme joints, for the motion at `point`."""
-    pattern = task.within_limits(pattern_of(task, point), [task.least_damped()])
-    if pattern is None:
-        return OUT_OF_REACH
-    worst = max(task.information(values, pattern, fast=True).worst for values in task.extremes())
-    return worst if np.isfinite(worst) else OUT_OF_REACH
+    rate = task.setup.rate
+    return max(min(FASTEST, BEYOND * own, rate / FEWEST_PER_CYCLE), 4 * rate / task.count)
 
 
 def search(task: Task, seed: int, progress: Callable[[float], None]) -> Pattern:
@@ -108,7 +101,8 @@ def search(task: Task, seed: int, progress: Callable[[float], None]) -> Pattern:
         nonlocal done
         done += 1
         progress(min(1.0, done / (POPULATION * (GENERATIONS + 1))))
-        return score(light, point)
+        pattern = light.within_limits(pattern_of(light, point), [light.least_damped()])
+        return OUT_OF_REACH if pattern is None else min(OUT_OF_REACH, light.worst(pattern, fast=True))
 
     found = differential_evolution(
         objective,
@@ -122,10 +116,10 @@ def search(task: Task, seed: int, progress: Callable[[float], None]) -> Pattern:
         # SciPy hands it to a RandomState, which takes 32 bits.
         seed=stream_seed(seed, "search") % 2**32,
     )
-    if found.fun >= OUT_OF_REACH:
-        raise ConfigurationError(nothing_moves(task))
-    pattern = light.within_limits(pattern_of(light, found.x), light.candidates())
-    pattern = pattern and task.within_limits(pattern, task.candidates())
+    pattern = None
+    if found.fun < OUT_OF_REACH:
+        pattern = light.within_limits(pattern_of(light, found.x), light.candidates())
+        pattern = pattern and task.within_limits(pattern, task.candidates())
     if pattern is None:
         raise ConfigurationError(nothing_moves(task))
     return pattern
@@ -133,12 +127,12 @@ def search(task: Task, seed: int, progress: Callable[[float], None]) -> Pattern:
 
 def nothing_moves(task: Task) -> str:
     """Return the one line for limits within which no motion shows anything."""
-    low, high = task.limits.position
     sag = f", or it hangs {task.sag:.2g} rad below its target" if task.sag else ""
     return (
-        f"no motion within angles {low:g} to {high:g} rad, {task.limits.speed:g} rad/s and {task.limits.torque:g} N m "
-        f"shows the joint at kp {task.gains.kp:g}: friction of {task.values[2]:g} N m, off by a factor of "
-        f"{task.spread:g}, holds it or throws it beyond a limit{sag}; widen the limits, lower --spread, or change --kp"
+        "no motion within angles {low:g} to {high:g} rad, {speed:g} rad/s and {torque:g} N m ".format(**task.limits)
+        + f"shows the joint at kp {task.gains.kp:g}: friction of {task.values[2]:g} N m, off by a factor of "
+        f"{task.setup.spread:g}, holds it or throws it beyond a limit{sag}; widen the limits, lower --spread, or "
+        "change --kp"
     )
 
 
@@ -167,43 +161,38 @@ def softened(gains: PDGains, factor: float) -> PDGains:
 
 def try_gains(task: Task, gains: PDGains) -> GainTrial:
     """Judge gains by the best of a few motions that need no search; a link that sags too much does not track."""
-    sag = task.with_gains(gains).sag
+    task = task.with_gains(gains)
     # The sag is of the link with its gravity, so it is asked for before that is left out.
-    task = task.with_gains(gains).without_gravity()
-    extremes, least_damped = task.extremes(), task.least_damped()
+    sag, task = task.sag, task.without_gravity()
     best, reach = None, 0.0
     for point in starters():
-        pattern = task.within_limits(pattern_of(task, point), [*extremes, least_damped])
-        if pattern is None:
-            continue
-        worst = max(task.information(values, pattern, fast=True).worst for values in extremes)
-        if np.isfinite(worst) and (best is None or worst < best):
+        pattern = task.within_limits(pattern_of(task, point), [*task.extremes(), task.least_damped()])
+        worst = np.inf if pattern is None else task.worst(pattern, fast=True)
+        if pattern is not None and worst < (np.inf if best is None else best):
             best, reach = worst, task.reach(task.target(pattern), task.candidates()[-1:])
     tracks = best is not None and reach >= LEAST_REACH and sag <= LARGEST_SAG * task.room
     return GainTrial(gains.kp, gains.kd, best, reach, tracks)
 
 
-def choose_gains(task: Task, fixed: bool, progress: Callable[[float], None]) -> tuple[PDGains, tuple[GainTrial, ...]]:
+def choose_gains(task: Task, progress: Callable[[float], None]) -> tuple[PDGains, tuple[GainTrial, ...]]:
     """Return the gains to run at, and what every pair promised; the given ones where no lower ones are worth it.
 
-    fixed: keep the given gains. Raises `StictionError` where friction holds the joint, or nothing fits the limits.
+    Raises `StictionError` where friction holds the joint, or nothing fits the limits.
     """
     check_dead_band(task)
-    pairs = [softened(task.gains, factor) for factor in FACTORS]
-    trials = []
+    pairs, trials = [softened(task.gains, factor) for factor in FACTORS], []
     for index, gains in enumerate(pairs):
         trials.append(try_gains(task, gains))
         progress((index + 1) / len(FACTORS))
     scores = [trial.worst if trial.tracks and trial.worst is not None else np.inf for trial in trials]
     best = min(scores)
-    if trials[0].worst is None and (fixed or not np.isfinite(best)):
+    kept = task.setup.fixed_gains or not np.isfinite(best)
+    if trials[0].worst is None and kept:
         raise ConfigurationError(nothing_moves(task))
-    if fixed or not np.isfinite(best) or scores[0] <= best / REQUIRED_REDUCTION:
-        return pairs[0], tuple(trials)
     # From the given gains downwards: the highest that show about as much as the best.
-    return next(gains for gains, worst in zip(pairs, scores, strict=True) if worst <= best / REQUIRED_REDUCTION), tuple(
-        trials
-    )
+    enough = best / REQUIRED_REDUCTION
+    chosen = pairs[0] if kept else next(gains for gains, worst in zip(pairs, scores, strict=True) if worst <= enough)
+    return chosen, tuple(trials)
 
 
 def check_dead_band(task: Task) -> None:
@@ -211,15 +200,14 @@ def check_dead_band(task: Task) -> None:
 
     That goes for the guess, and for the largest friction in the range around it.
     """
-    swing = task.room
-    for friction, said in (
-        (float(task.values[2]), "friction of"),
-        (float(task.values[2]) * task.spread, f"--spread {task.spread:g} allows for friction of"),
+    swing, guess, kp, spread = task.room, float(task.values[2]), task.gains.kp, task.setup.spread
+    for friction, said, other in (
+        (guess, "friction of", ""),
+        (guess * spread, f"--spread {spread:g} allows for friction of", ", lower --spread"),
     ):
-        if friction >= task.gains.kp * swing:
-            other = "" if friction == task.values[2] else ", lower --spread"
+        if friction >= kp * swing:
             raise ConfigurationError(
-                f"{said} {friction:g} N m, which holds the joint: the dead band at kp {task.gains.kp:g} is "
-                f"{dead_band(friction, task.gains.kp):.3g} rad, and the limits allow a swing of {swing:.3g} rad; "
+                f"{said} {friction:g} N m, which holds the joint: the dead band at kp {kp:g} is "
+                f"{dead_band(friction, kp):.3g} rad, and the limits allow a swing of {swing:.3g} rad; "
                 f"raise --kp above {friction / swing:.3g}{other}, or widen --position-limits"
             )

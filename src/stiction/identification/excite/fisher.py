@@ -20,13 +20,10 @@ from stiction.joints.friction import Coulomb
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Gravity, Joint, Trajectory, simulate
 
-NAMES = ("inertia", "viscous_friction", "coulomb_friction", "offset", "gravity_sin", "gravity_cos")
+NAMES: tuple[str, ...] = ("inertia", "viscous_friction", "coulomb_friction", "offset", "gravity_sin", "gravity_cos")
 """Parameters, in the order of every array here; gravity only where it pulls."""
 
-COMBINATIONS = (
-    *("inertia/k", "(viscous_friction+k*kd)/k", "coulomb_friction/k"),
-    *("offset/k", "gravity_sin/k", "gravity_cos/k"),
-)
+COMBINATIONS = ("inertia/k", "(viscous_friction+k*kd)/k", *(f"{name}/k" for name in NAMES[2:]))
 """What positions alone tell, k being the unknown motor strength: the motion stays the same when all torques and
 k are multiplied by one number, and kd brakes like viscous friction."""
 
@@ -39,36 +36,19 @@ DIFFERENCE = 1e-3
 
 
 @dataclass(frozen=True)
-class LogNoise:
-    """White noise of what will be logged."""
-
-    position: float = 1e-4
-    """Standard deviation of the angle [rad]."""
-    torque: float | None = 0.05
-    """Standard deviation of the torque [N m]; None where no torque is logged."""
-    resolution: float = 0.0
-    """Step of the encoder, r [rad]; rounding to it adds r²/12 to the variance."""
-
-    @property
-    def position_std(self) -> float:
-        """Standard deviation of the logged angle, rounding included [rad]."""
-        return float(np.hypot(self.position, self.resolution / 12**0.5))
-
-
-@dataclass(frozen=True)
 class Information:
-    """Fisher information of a log about the parameters."""
+    """Fisher information of a log about P parameters."""
 
     names: tuple[str, ...]
     """Names of the parameters, or of their identifiable combinations."""
     values: np.ndarray
-    """Their values, shape (num_parameters,)."""
+    """Their values, shape (P,)."""
     covariance: np.ndarray
-    """The Cramér–Rao bound F⁻¹, shape (num_parameters, num_parameters); infinite where the log tells nothing."""
+    """The Cramér–Rao bound F⁻¹, shape (P, P); infinite where the log tells nothing."""
 
     @property
     def std(self) -> np.ndarray:
-        """Smallest standard deviation of each parameter, shape (num_parameters,)."""
+        """Smallest standard deviation of each parameter, shape (P,)."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
@@ -84,73 +64,71 @@ class Information:
     @property
     def d_criterion(self) -> float:
         """The bound's log det, for the relative deviations of the judged three; smaller is better."""
-        scale = np.outer(self.values[:JUDGED], self.values[:JUDGED])
-        if not np.isfinite(self.covariance).all():
-            return float("inf")
-        return float(np.linalg.slogdet(self.covariance[:JUDGED, :JUDGED] / scale)[1])
+        judged = self.covariance[:JUDGED, :JUDGED] / np.outer(self.values[:JUDGED], self.values[:JUDGED])
+        return float(np.linalg.slogdet(judged)[1]) if np.isfinite(self.covariance).all() else float("inf")
 
     def correlation(self, one: int, other: int) -> float:
         """Return the correlation of two estimates; ±1 means that the log cannot tell them apart."""
         return float(self.covariance[one, other] / (self.std[one] * self.std[other]))
 
 
-def joint_of(values: np.ndarray) -> Joint:
-    """Return the joint of inertia, viscous friction, Coulomb friction, offset and, where given, the two of gravity."""
-    inertia, viscous, coulomb, offset, *gravity = (float(value) for value in values)
-    return Joint(inertia, viscous, Coulomb(coulomb), offset, Gravity(*gravity) if gravity else None)
-
-
 def run(
     values: np.ndarray, gains: PDGains, step: float, target: np.ndarray, near: Trajectory | None = None
 ) -> Trajectory:
-    """Simulate the joint of `values` from rest at the first target; `near` is a run of a joint that is much the same.
+    """Simulate a joint from rest at the first target; `near` is a run of a joint that is much the same.
 
-    Against gravity the joint starts where the controller holds it, `near` the pose of the first target.
+    values: inertia, viscous friction, Coulomb friction, offset and, where it weighs, the two of gravity. Against
+    gravity the joint starts where the controller holds it, `near` the pose of the first target.
     """
-    joint = joint_of(values)
-    if joint.gravity is None:
-        return simulate(joint, gains, step, target, float(target[0]))
-    if near is not None:
+    inertia, viscous, coulomb, offset, *weight = values.tolist()
+    gravity = Gravity(*weight) if weight else None
+    joint, start = Joint(inertia, viscous, Coulomb(coulomb), offset, gravity), float(target[0])
+    if gravity is not None and near is not None:
         return simulate(joint, gains, step, target, float(near.position[0]), guess=near.position)
-    weight = float(joint.gravity.torque(target[0]))
-    return simulate(joint, gains, step, target, float(target[0]) - weight / gains.kp)
+    if gravity is not None:
+        start -= float(gravity.torque(target[0])) / gains.kp
+    return simulate(joint, gains, step, target, start)
 
 
 def sensitivities(
     values: np.ndarray, gains: PDGains, step: float, target: np.ndarray, fast: bool = False
 ) -> np.ndarray:
-    """Return ∂θ/∂p and ∂τ/∂p at every sample, shape (num_parameters, 2, num_samples).
+    """Return ∂θ/∂p and ∂τ/∂p at every sample, shape (P, 2, num_samples).
 
-    values: see `joint_of`; target: a [rad], shape (num_samples,); fast: one-sided differences, for half of the work.
+    values: see `run`; target: a [rad], shape (num_samples,); fast: one-sided differences, for half of the work.
     """
     base = run(values, gains, step, target)
     # B and the offset may be zero, and no scale; kd brakes as B does, and the offset is a torque like the friction.
     scales = np.array([values[0], values[1] + gains.kd, *[values[2]] * (len(values) - 2)])
     found = np.empty((len(values), 2, len(target)))
-    for index, scale in enumerate(scales):
-        change = np.zeros(len(values))
-        change[index] = DIFFERENCE * scale
+    for index, change in enumerate(np.diag(DIFFERENCE * scales)):
         up = run(values + change, gains, step, target, base)
         down = base if fast else run(values - change, gains, step, target, base)
-        width = (1 if fast else 2) * DIFFERENCE * scale
+        width = (1 if fast else 2) * change[index]
         found[index] = (up.position - down.position) / width, (up.torque - down.torque) / width
     return found
 
 
 def information(
-    values: np.ndarray, gains: PDGains, step: float, target: np.ndarray, noise: LogNoise, fast: bool = False
+    values: np.ndarray,
+    gains: PDGains,
+    step: float,
+    target: np.ndarray,
+    noise: tuple[float, float | None],
+    fast: bool = False,
 ) -> Information:
     """Return what a log of `target` tells about the parameters; arguments as in `sensitivities`.
 
-    Without torque in the log it is about the combinations that positions show, with the motor strength 1.
+    noise: standard deviations of the logged angle [rad] and torque [N m]. Where that is None, for no torque is logged,
+    it is about the combinations that positions show, with the motor strength 1.
     """
-    slopes = sensitivities(values, gains, step, target, fast)
-    matrix = slopes[:, 0] @ slopes[:, 0].T / noise.position_std**2
-    if noise.torque is not None:
-        matrix += slopes[:, 1] @ slopes[:, 1].T / noise.torque**2
+    slopes, (position, torque) = sensitivities(values, gains, step, target, fast), noise
+    matrix = slopes[:, 0] @ slopes[:, 0].T / position**2
     shown, names = np.array(values, float), NAMES
-    if noise.torque is None:
+    if torque is None:
         shown[1] += gains.kd
         names = COMBINATIONS
+    else:
+        matrix += slopes[:, 1] @ slopes[:, 1].T / torque**2
     covariance, told = invert(matrix)
     return Information(names[: len(values)], shown, covariance if told.all() else np.diag(np.full(len(values), np.inf)))

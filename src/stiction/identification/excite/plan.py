@@ -21,15 +21,17 @@ from stiction.files.design import (
 from stiction.files.log import JointSignals, Log, LogSetup
 from stiction.identification.excite.design import (
     LEAST_REACH,
+    REQUIRED_REDUCTION,
     choose_gains,
     frequency_limit,
     nothing_moves,
     search,
     softened,
 )
-from stiction.identification.excite.fisher import JUDGED, Information, LogNoise
+from stiction.identification.excite.fisher import Information
+from stiction.identification.excite.pattern import Pattern, sine
 from stiction.identification.excite.setup import ExciteSetup
-from stiction.identification.excite.task import Pattern, Task, make_task, sine
+from stiction.identification.excite.task import Task
 from stiction.joints.pd import PDGains
 
 SINES = 8
@@ -40,59 +42,6 @@ SLOWEST = 0.25
 
 SWEEP = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 """Gains of the sweep in units of those of the design; far up, to where a torque sensor is worth having."""
-
-
-def one_sines(task: Task, amplitude: float) -> tuple[OneSine, ...]:
-    """Return the information in single sines of the design's amplitude [rad], of those that fit and move the joint."""
-    found = []
-    task = task.without_gravity()
-    extremes = task.extremes()
-    for frequency in np.geomspace(SLOWEST, max(frequency_limit(task), 4 * SLOWEST), SINES):
-        pattern = task.within_limits(sine(float(frequency), amplitude), [*extremes, task.least_damped()])
-        if pattern is None:
-            continue
-        nominal = task.information(task.values, pattern)
-        worst = max(task.information(values, pattern).worst for values in extremes)
-        if not np.isfinite([nominal.worst, worst]).all():
-            continue
-        found.append(
-            OneSine(
-                frequency=float(frequency),
-                amplitude=pattern.fast_peak,
-                relative=(float(nominal.relative[0]), float(nominal.relative[1]), float(nominal.relative[2])),
-                worst=worst,
-                correlation=nominal.correlation(1, 2),
-            )
-        )
-    return tuple(found)
-
-
-def gain_sweep(task: Task, pattern: Pattern) -> tuple[GainPoint, ...]:
-    """Return what a motion tells of the nominal joint's friction at lower and at higher gains than the task's."""
-    points = []
-    task = task.without_gravity()
-    for factor in SWEEP:
-        stiffer = task.with_gains(softened(task.gains, factor))
-        blind = replace(stiffer, noise=replace(task.noise, torque=None))
-        # A log without torque has no noise of it: the usual one shows what a sensor would be worth.
-        seeing = replace(stiffer, noise=replace(task.noise, torque=task.noise.torque or LogNoise().torque))
-        points.append(
-            GainPoint(
-                kp=stiffer.gains.kp,
-                kd=stiffer.gains.kd,
-                position_only=_friction(blind, pattern),
-                with_torque=_friction(seeing, pattern),
-                reach=stiffer.reach(task.target(pattern), [task.values]),
-            )
-        )
-    return tuple(points)
-
-
-def _friction(task: Task, pattern: Pattern) -> float | None:
-    """Return the relative standard deviation of the nominal joint's Coulomb friction, None where it holds the joint."""
-    deviation = float(task.information(task.values, pattern).relative[2])
-    return deviation if np.isfinite(deviation) else None
-
 
 NEGLIGIBLE = 0.005
 """Predicted deviations under which the friction law, and not the noise, decides how right the result is."""
@@ -117,8 +66,8 @@ def design_excitation(
 
     Raises `StictionError` where friction holds the joint, or no motion fits the limits.
     """
-    asked = make_task(setup)
-    gains, trials = choose_gains(asked, setup.fixed_gains, lambda share: progress("gains", share))
+    asked = Task(setup)
+    gains, trials = choose_gains(asked, lambda share: progress("gains", share))
     task = asked.with_gains(gains)
     pattern = search(task, setup.seed, lambda share: progress("motion", share))
     signals, reached = simulate_range(task, pattern)
@@ -132,14 +81,12 @@ def design_excitation(
         joint=joint,
         setup=asdict(setup),
         gains={"kp": gains.kp, "kd": gains.kd},
-        advice=advice(asked, gains, trials, setup.fixed_gains),
+        advice=advice(asked, gains, trials),
         pattern=asdict(pattern),
-        pattern_duration=task.count / task.rate,
+        pattern_duration=task.count / setup.rate,
         repeats=task.repeats,
-        duration=task.total / task.rate,
-        limits=dict(
-            zip(("low", "high", "speed", "torque"), (*task.limits.position, task.limits.speed, task.limits.torque))
-        ),
+        duration=task.total / setup.rate,
+        limits=task.limits,
         reached=reached,
         predicted=predictions(informations),
         correlation=informations[0].correlation(1, 2),
@@ -149,18 +96,62 @@ def design_excitation(
         sines=sines,
         trials=trials,
         sweep=sweep,
-        warnings=tuple(cautions(task, setup, trials, informations)),
+        warnings=tuple(cautions(task, trials, informations)),
         command=command,
     )
     sidecar = LogSetup(
         kp=gains.kp,
         kd=gains.kd,
-        torque_limit=task.limits.torque,
+        torque_limit=setup.torque_limit,
         axis="rotary",
         test_condition=record.test_condition,
     )
     trajectory = Log("trajectory.csv", signals.time, {joint: JointSignals(target=signals.target)}, sidecar)
     return Excitation(record, signals, trajectory)
+
+
+def one_sines(task: Task, amplitude: float) -> tuple[OneSine, ...]:
+    """Return the information in single sines of the design's amplitude [rad], of those that fit and move the joint."""
+    found, task = [], task.without_gravity()
+    for frequency in np.geomspace(SLOWEST, max(frequency_limit(task), 4 * SLOWEST), SINES):
+        pattern = task.within_limits(sine(float(frequency), amplitude), [*task.extremes(), task.least_damped()])
+        if pattern is None:
+            continue
+        nominal, worst = task.information(task.values, pattern), task.worst(pattern)
+        if np.isfinite([nominal.worst, worst]).all():
+            inertia, viscous, coulomb = nominal.relative.tolist()
+            relative, correlation = (inertia, viscous, coulomb), nominal.correlation(1, 2)
+            found.append(OneSine(float(frequency), pattern.fast_peak, relative, worst, correlation))
+    return tuple(found)
+
+
+def gain_sweep(task: Task, pattern: Pattern) -> tuple[GainPoint, ...]:
+    """Return what a motion tells of the nominal joint's friction at lower and at higher gains than the task's."""
+    points, task = [], task.without_gravity()
+    # A log without torque has no noise of it: the usual one shows what a sensor would be worth.
+    noise = ExciteSetup.noise_torque if task.setup.position_only else task.setup.noise_torque
+    for factor in SWEEP:
+        stiffer = task.with_gains(softened(task.gains, factor))
+        blind, seeing = (
+            replace(stiffer, setup=replace(stiffer.setup, position_only=alone, noise_torque=noise))
+            for alone in (True, False)
+        )
+        points.append(
+            GainPoint(
+                kp=stiffer.gains.kp,
+                kd=stiffer.gains.kd,
+                position_only=_friction(blind, pattern),
+                with_torque=_friction(seeing, pattern),
+                reach=stiffer.reach(task.target(pattern), [task.values]),
+            )
+        )
+    return tuple(points)
+
+
+def _friction(task: Task, pattern: Pattern) -> float | None:
+    """Return the relative standard deviation of the nominal joint's Coulomb friction, None where it holds the joint."""
+    deviation = float(task.information(task.values, pattern).relative[2])
+    return deviation if np.isfinite(deviation) else None
 
 
 def simulate_range(task: Task, pattern: Pattern) -> tuple[DesignSignals, dict[str, float]]:
@@ -183,8 +174,7 @@ def simulate_range(task: Task, pattern: Pattern) -> tuple[DesignSignals, dict[st
         "speed": float(max(-ranges["velocity_low"].min(), ranges["velocity_high"].max())),
         "torque": float(max(-ranges["torque_low"].min(), ranges["torque_high"].max())),
     }
-    time = np.arange(len(target)) / task.rate
-    first = runs[0]
+    time, first = np.arange(len(target)) / task.setup.rate, runs[0]
     return DesignSignals(time, target, first.position, first.velocity, first.torque, **ranges), reached
 
 
@@ -194,7 +184,7 @@ def duration_for(task: Task, informations: list[Information], wanted: float) -> 
     informations: of the whole log about each joint; the variance falls as one over the time.
     """
     worst = max(float(belief.relative[2]) for belief in informations)
-    return task.count / task.rate * max(1, ceil(task.repeats * (worst / wanted) ** 2))
+    return task.count / task.setup.rate * max(1, ceil(task.repeats * (worst / wanted) ** 2))
 
 
 def predictions(informations: list[Information]) -> tuple[Predicted, ...]:
@@ -209,32 +199,28 @@ def predictions(informations: list[Information]) -> tuple[Predicted, ...]:
     return tuple(found)
 
 
-def advice(task: Task, gains: PDGains, trials: tuple[GainTrial, ...], fixed: bool) -> str:
-    """Say in a sentence or two why these gains."""
-    own = f"kp {gains.kp:g}, kd {gains.kd:g}"
-    by_kp = {trial.kp: trial for trial in trials}
+def advice(task: Task, gains: PDGains, trials: tuple[GainTrial, ...]) -> str:
+    """Say in a sentence or two why these gains; task: at the gains that were given, of the first trial."""
+    given, run_at = trials[0], f"Run at kp {gains.kp:g}, kd {gains.kd:g}"
     if gains != task.gains:
-        before, after = by_kp[task.gains.kp], by_kp[gains.kp]
-        gain = "" if not (before.worst and after.worst) else f" by a factor of {two_digits(before.worst / after.worst)}"
+        after = next(trial.worst for trial in trials if trial.kp == gains.kp)
+        gain = f" by a factor of {two_digits(given.worst / after)}" if given.worst and after else ""
         return (
-            f"Run at {own}, not at the given kp {task.gains.kp:g}, kd {task.gains.kd:g}: the largest relative "
+            f"{run_at}, not at the given kp {task.gains.kp:g}, kd {task.gains.kd:g}: the largest relative "
             f"deviation falls{gain}. Still lower gains do not track, overshoot, or bring less than a tenth. If you "
             "cannot set gains, design again with --fixed-gains."
         )
-    if fixed:
-        better = [t for t in trials[1:] if t.tracks and t.worst and trials[0].worst and t.worst < 0.9 * trials[0].worst]
-        best = min(better, key=lambda trial: trial.worst or np.inf, default=None)
-        return f"Run at {own}, as fixed." + (
-            f" kp {best.kp:g} would show more." if best else " Lower ones show no more."
-        )
-    return f"Run at {own}, as given: lower gains do not track, or show less than a tenth more."
+    if not task.setup.fixed_gains:
+        return f"{run_at}, as given: lower gains do not track, or show less than a tenth more."
+    enough = REQUIRED_REDUCTION * (given.worst or 0.0)
+    better = [(trial.worst, trial.kp) for trial in trials[1:] if trial.tracks and trial.worst and trial.worst < enough]
+    more = f"kp {min(better)[1]:g} would show more." if better else "Lower ones show no more."
+    return f"{run_at}, as fixed. {more}"
 
 
-def cautions(
-    task: Task, setup: ExciteSetup, trials: tuple[GainTrial, ...], informations: list[Information]
-) -> list[str]:
+def cautions(task: Task, trials: tuple[GainTrial, ...], informations: list[Information]) -> list[str]:
     """Return what the reader must know before running the log."""
-    found = []
+    found, setup = [], task.setup
     chosen = next((trial for trial in trials if trial.kp == task.gains.kp), None)
     if chosen is not None and chosen.reach < LEAST_REACH:
         found.append(
@@ -250,7 +236,7 @@ def cautions(
             "the encoder's step is larger than the noise: rounding is counted as white noise, which it is not in slow "
             "motion; the real deviations may be larger"
         )
-    if max(float(belief.relative[:JUDGED].max()) for belief in informations) < NEGLIGIBLE:
+    if max(belief.worst for belief in informations) < NEGLIGIBLE:
         found.append(
             "white noise leaves less than half a per cent: noise that the loop feeds back, friction that is not quite "
             "Coulomb's, timing and cogging will decide how right the result is. Read the predictions as a comparison "

@@ -17,20 +17,17 @@ MOST_SAMPLES = 1_000_000
 SLOWEST_RATE = 50.0
 """Lowest rate of the controller [Hz]: under it a target of straight lines is not what the joint gets."""
 
-
 DEFAULTS = {"kp": 20.0, "kd": 0.5, "torque_limit": 20.0, "inertia": 0.0145, "viscous": 0.07, "coulomb": 0.2}
 """Where neither the user nor a robot says anything: the paper's Saturn Lite shank under low gains, with friction of the
 usual 1 % of the torque limit."""
 
-FROM_ROBOT = {
-    "kp": "kp",
-    "kd": "kd",
-    "torque_limit": "torque_limit",
-    "inertia": "armature",
-    "viscous": "damping",
-    "coulomb": "frictionloss",
-}
-"""Field of the setup -> field of a robot's joint that fills it in. Friction of zero says that nobody measured it."""
+FROM_ROBOT = {"inertia": "armature", "viscous": "damping", "coulomb": "frictionloss"}
+"""Field of the setup -> field of a robot's joint that fills it in, where its name is another."""
+
+POSITIVE = ("kp", "torque_limit", "speed_limit", "rate", "duration", "inertia", "coulomb", "wanted")
+NOT_NEGATIVE = ("kd", "viscous", "noise_position", "resolution")
+FINITE = ("start", "gravity_sin", "gravity_cos")
+"""Fields by the values that they may have."""
 
 
 @dataclass(frozen=True)
@@ -81,81 +78,82 @@ class ExciteSetup:
     seed: int = 0
     """Seed of the search."""
 
+    @property
+    def position_std(self) -> float:
+        """Standard deviation of the logged angle [rad]; rounding to the step r of the encoder adds r²/12."""
+        return hypot(self.noise_position, self.resolution / 12**0.5)
+
     def filled(self, joint: Joint | None = None) -> ExciteSetup:
         """Return the setup without None, from a robot's joint or else `DEFAULTS`; raise `StictionError` if absurd."""
-        if self.position_limits is not None:
-            self._check_angles(*self.position_limits, joint)
-        if joint and self.torque_limit is not None and self.torque_limit > joint.torque_limit:
-            raise ConfigurationError(
-                f"--torque-limit {self.torque_limit:g}: the motor of {joint.name} has {joint.torque_limit:g} N m; give "
-                "no more, or leave it out"
-            )
-        limits = self.position_limits or ((joint.lower, joint.upper) if joint else (-0.6, 0.6))
-        known = {} if joint is None else {name: getattr(joint, own) for name, own in FROM_ROBOT.items()}
+        self._check_joint(joint)
+        known = {} if joint is None else {name: getattr(joint, FROM_ROBOT.get(name, name)) for name in DEFAULTS}
+        # Friction of zero says that nobody measured it.
         known = {name: value for name, value in known.items() if value or name not in ("viscous", "coulomb")}
-        own = {name: getattr(self, name) for name in DEFAULTS if getattr(self, name) is not None}
-        values = DEFAULTS | known | own
-        if "coulomb" not in known | own:
+        known |= {name: value for name in DEFAULTS if (value := getattr(self, name)) is not None}
+        values = DEFAULTS | known
+        if "coulomb" not in known:
             values["coulomb"] = 0.01 * values["torque_limit"]
+        limits = self.position_limits or ((joint.lower, joint.upper) if joint else (-0.6, 0.6))
         start = 0.5 * (limits[0] + limits[1]) if self.start is None else self.start
         setup = replace(self, position_limits=limits, start=start, **values)
         setup.check()
         return setup
 
-    def _check_angles(self, low: float, high: float, joint: Joint | None) -> None:
+    def _check_joint(self, joint: Joint | None) -> None:
         """Raise `StictionError` for limits beyond a robot's joint, or that can only be degrees."""
-        given = f"--position-limits {low:g} {high:g}"
-        if joint and not joint.lower <= low < high <= joint.upper:
+        if self.position_limits is not None:
+            low, high = self.position_limits
+            given = f"--position-limits {low:g} {high:g}"
+            if joint and not joint.lower <= low < high <= joint.upper:
+                raise ConfigurationError(
+                    f"{given}: {joint.name} has {joint.lower:g} to {joint.upper:g} rad; give limits within, the lower "
+                    "one first, or leave them out"
+                )
+            if not joint and high - low > WIDEST:
+                raise ConfigurationError(f"{given}: that is more than two turns; expected radians, are these degrees?")
+        if joint and self.torque_limit is not None and self.torque_limit > joint.torque_limit:
             raise ConfigurationError(
-                f"{given}: {joint.name} has {joint.lower:g} to {joint.upper:g} rad; give limits within, the lower one "
-                "first, or leave them out"
+                f"--torque-limit {self.torque_limit:g}: the motor of {joint.name} has {joint.torque_limit:g} N m; give "
+                "no more, or leave it out"
             )
-        if not joint and high - low > WIDEST:
-            raise ConfigurationError(f"{given}: that is more than two turns; expected radians, are these degrees?")
 
     def check(self) -> None:
-        """Raise `StictionError` for what no joint, controller or log has; nothing may be None."""
+        """Raise `StictionError` for what no joint, controller or log has, or nothing can move in; nothing is None."""
         low, high = self.position_limits or (0.0, 0.0)
         if not (isfinite(low) and isfinite(high) and low < high):
             raise ConfigurationError(
                 f"--position-limits {low} {high}: expected the lower angle, then the higher one, in rad"
             )
-        for name in ("kp", "torque_limit", "speed_limit", "rate", "duration", "inertia", "coulomb", "wanted"):
-            _expect(name, getattr(self, name) > 0, getattr(self, name), "a positive number")
-        for name in ("kd", "viscous", "noise_position", "resolution"):
-            _expect(name, getattr(self, name) >= 0, getattr(self, name), "a number that is not negative")
-        if not self.position_only:
-            _expect("noise_torque", self.noise_torque > 0, self.noise_torque, "a positive number")
-        for name in ("start", "gravity_sin", "gravity_cos"):
-            # Any value will do, but for NaN and infinity.
-            _expect(name, True, getattr(self, name), "a finite number")
-        if not 1 <= self.spread <= 10:
-            raise ConfigurationError(f"--spread {self.spread}: expected a factor from 1 (the guesses are right) to 10")
-        if self.seed < 0:
-            raise ConfigurationError(f"--seed {self.seed}: expected a whole number that is not negative")
-        self._check_motion()
-
-    def _check_motion(self) -> None:
-        """Raise `StictionError` for limits and a log in which nothing can move."""
-        low, high = self.position_limits or (0.0, 0.0)
-        if not low < float(self.start or 0.0) < high:
-            raise ConfigurationError(f"--start {self.start}: expected an angle between the limits {low:g} and {high:g}")
-        if self.noise_position == 0 and self.resolution == 0:
-            raise ConfigurationError("--noise-position 0 and --resolution 0: no sensor is perfect; give one of the two")
-        if self.rate < SLOWEST_RATE or self.duration < SHORTEST or self.rate * self.duration > MOST_SAMPLES:
-            raise ConfigurationError(
-                f"--rate {self.rate:g} --duration {self.duration:g}: expected at least {SLOWEST_RATE:g} Hz and "
-                f"{SHORTEST:g} s, and at most {MOST_SAMPLES} samples"
-            )
+        positive = POSITIVE if self.position_only else (*POSITIVE, "noise_torque")
+        for name in (*positive, *NOT_NEGATIVE, *FINITE):
+            value, expected = getattr(self, name), "a finite number"
+            if name not in FINITE:
+                expected = "a positive number" if name in positive else "a number that is not negative"
+            if not isfinite(value) or (name in positive and value <= 0) or (name in NOT_NEGATIVE and value < 0):
+                raise ConfigurationError(f"--{name.replace('_', '-')} {value}: expected {expected}")
         needed = float(self.coulomb or 0.0) + hypot(self.gravity_sin, self.gravity_cos)
-        if needed >= float(self.torque_limit or 0.0):
-            raise ConfigurationError(
+        logged = self.rate >= SLOWEST_RATE and self.duration >= SHORTEST and self.rate * self.duration <= MOST_SAMPLES
+        for right, said in (
+            (1 <= self.spread <= 10, f"--spread {self.spread}: expected a factor from 1 (the guesses are right) to 10"),
+            (self.seed >= 0, f"--seed {self.seed}: expected a whole number that is not negative"),
+            (
+                low < float(self.start or 0.0) < high,
+                f"--start {self.start}: expected an angle between the limits {low:g} and {high:g}",
+            ),
+            (
+                self.noise_position > 0 or self.resolution > 0,
+                "--noise-position 0 and --resolution 0: no sensor is perfect; give one of the two",
+            ),
+            (
+                logged,
+                f"--rate {self.rate:g} --duration {self.duration:g}: expected at least {SLOWEST_RATE:g} Hz and "
+                f"{SHORTEST:g} s, and at most {MOST_SAMPLES} samples",
+            ),
+            (
+                needed < float(self.torque_limit or 0.0),
                 f"friction and gravity of {needed:.4g} N m against a torque limit of {self.torque_limit:g}: the motor "
-                "could not move the joint; check --coulomb, --gravity-sin, --gravity-cos and --torque-limit"
-            )
-
-
-def _expect(name: str, allowed: bool, value: float, expected: str) -> None:
-    """Raise `StictionError` unless a value is finite and in its allowed range."""
-    if not (isfinite(value) and allowed):
-        raise ConfigurationError(f"--{name.replace('_', '-')} {value}: expected {expected}")
+                "could not move the joint; check --coulomb, --gravity-sin, --gravity-cos and --torque-limit",
+            ),
+        ):
+            if not right:
+                raise ConfigurationError(said)

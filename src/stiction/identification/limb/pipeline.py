@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from stiction.core.errors import LogError
-from stiction.files.joints import Estimate, FitSignals, JointRecord, JointsFile
+from stiction.files.joints import FitSignals, JointRecord, JointsFile
 from stiction.files.log import Log
-from stiction.identification.limb.record import found_torques, joint_record, joint_signals
-from stiction.identification.limb.regression import JointRows, LimbFit, fit_limb, fit_scale, limb_rows
-from stiction.identification.limb.setup import LimbSetup, check_declared
+from stiction.identification.limb.record import LimbFits, joint_record, joint_signals
+from stiction.identification.limb.regression import fit_limb, fit_scale, limb_rows
+from stiction.identification.limb.setup import LimbSetup
 from stiction.identification.limb.signals import limb_run
 from stiction.identification.pipeline import REFUSED
 from stiction.identification.setup import IdentifySetup
@@ -30,8 +30,6 @@ class LimbIdentification:
     """A record for every joint of the log, in the order of the mechanism; of one that was refused, why."""
     signals: dict[str, FitSignals]
     """For `fit.npz`: joint -> what the page draws, of the joints that were identified."""
-    fit: LimbFit
-    """The regression."""
 
 
 def identify_limb(
@@ -43,34 +41,27 @@ def identify_limb(
     one line where the log and the mechanism do not go together, or no joint moves.
     """
     declared, setup = declared or IdentifySetup(), setup or LimbSetup()
-    setup.check()
-    check_declared(declared)
+    setup.check_with(declared)
     mechanism = mechanism if setup.up is None else mechanism.with_up(setup.up)
     limb = limb_run(log, mechanism, declared, setup.joint_map)
-    names, prior, rows = limb_rows(limb, setup)
+    rows = limb_rows(limb, setup)
     try:
-        fit = fit_limb(names, prior, rows)
-        free = fit_limb(names, np.where(fit.of_links, FREED * prior, prior), rows)
+        stated = fit_limb(rows)
+        free = fit_limb(replace(rows, prior=np.where(rows.of_links, FREED * rows.prior, rows.prior)))
     except np.linalg.LinAlgError as error:
         raise LogError(
             f"{log.source}: excitation too poor: what the joints do cannot be told apart; move each at two frequencies "
             "of its own, in both directions"
         ) from error
-    scale = _scale(names, prior, rows)
-    torques = found_torques(limb, fit)
-    records = {one.joint.run.joint: joint_record(limb, fit, free, scale, one) for one in rows}
-    refused = {name: JointRecord(warnings=(REFUSED + text,)) for name, text in limb.refused.items()}
-    everyone = records | refused
-    return LimbIdentification(
-        JointsFile({name: everyone[name] for name in mechanism.joint_names if name in everyone}),
-        {one.joint.run.joint: joint_signals(limb, fit, torques, one) for one in rows},
-        fit,
-    )
-
-
-def _scale(names: tuple[str, ...], prior: np.ndarray, rows: tuple[JointRows, ...]) -> Estimate | None:
-    """Return the scale of the torques by the links' weight; None where no joint bears any, as with upright axes."""
     try:
-        return fit_scale(names, prior, rows)
+        scale = fit_scale(rows)
     except np.linalg.LinAlgError:
-        return None
+        scale = None
+    fits = LimbFits(limb, rows, stated, free, scale)
+    torques = fits.corrected_torques()
+    records = {joint.run.joint: joint_record(fits, joint) for joint in rows.joints}
+    records |= {name: JointRecord(warnings=(REFUSED + text,)) for name, text in limb.refused.items()}
+    return LimbIdentification(
+        JointsFile({name: records[name] for name in mechanism.joint_names if name in records}),
+        {joint.run.joint: joint_signals(fits, torques, joint) for joint in rows.joints},
+    )

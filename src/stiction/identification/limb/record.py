@@ -7,21 +7,28 @@ is null. The test condition is `in_air`: the friction of joint and gear with the
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from stiction.files.joints import ARMATURE, Estimate, FitSignals, JointRecord
+from stiction.files.joints import ARMATURE, Estimate, FitSignals, JointRecord, Objection
 from stiction.identification.assumption import torque_unit
 from stiction.identification.back_emf import brake_summary, braking, split_viscous
 from stiction.identification.combinations import Strength, exact
-from stiction.identification.consistency import Comparison, compare_parts, find_drift, whiteness, widened
-from stiction.identification.limb.dynamics import MODES, corrected_torques
-from stiction.identification.limb.objections import limb_objections
-from stiction.identification.limb.regression import LATENESS, OWN, JointRows, LimbFit
+from stiction.identification.consistency import LARGEST_SIGMAS, compare_parts, find_drift, whiteness, widened
+from stiction.identification.limb.dynamics import MODES, model_torques
+from stiction.identification.limb.fit import PriorFit
+from stiction.identification.limb.regression import LATENESS, OWN, JointRows, LimbRows
 from stiction.identification.limb.signals import LimbRun
 from stiction.identification.model import Model
+from stiction.identification.objections import (
+    LARGEST_REST,
+    NEGATIVE_FRICTION,
+    SERIOUS,
+    no_friction_shown,
+    signal_objections,
+)
 from stiction.identification.record import plain, sampling
 from stiction.identification.regression import MAX_INFLATION, Fit, fit_rows
 from stiction.identification.runs import fit_signals
@@ -41,67 +48,92 @@ ALONE = "all joints of the limb were fitted together, by torque regression alone
 SINGLE = ("inertia", *OWN[1:])
 """Names of `OWN` in the equation of a joint alone."""
 
-
-def own_fit(fit: LimbFit, rows: JointRows) -> Fit:
-    """Return the joint's own equation, fitted alone once the links' torque, corrected, and the lateness are off.
-
-    It serves the comparisons of parts and of time; its `inertia` is the armature, and its intervals know neither the
-    model's errors nor the other joints.
-    """
-    run = rows.joint.run
-    mine = [fit.index[f"{name}.{run.joint}"] for name in OWN]
-    others = np.delete(np.arange(len(fit.names)), mine)
-    left = rows.torque - rows.regressor[:, others] @ fit.values[others]
-    return fit_rows(replace(run.rows, torque=left), Model())
+MODEL = "check signs and zeros of the joints, the direction up (--up) and the load against the model, and run again"
+"""What to do where the links are not the model's."""
 
 
-def joint_record(limb: LimbRun, fit: LimbFit, free: LimbFit, scale: Estimate | None, rows: JointRows) -> JointRecord:
-    """Return one joint's record with its warnings.
+@dataclass(frozen=True)
+class LimbFits:
+    """All fits to the log of a limb."""
 
-    free: a fit that was allowed larger errors of the links; scale: of the limb's torques by its links, where they tell.
-    """
-    doubts = model_doubts(fit, free)
-    run = rows.joint.run
-    own, inflation = own_fit(fit, rows), fit.inflation(rows)
-    comparisons = compare_parts(own.rows, own)
-    stated = widened(dict(zip(SINGLE, fit.own(rows).values())), comparisons)
-    found = {name: stated[name] if inflation[one] < MAX_INFLATION else None for name, one in zip(SINGLE, OWN)}
+    limb: LimbRun
+    """The log."""
+    rows: LimbRows
+    """Its equations."""
+    stated: PriorFit
+    """The fit whose values are stated."""
+    free: PriorFit
+    """A fit that may let the links err more."""
+    scale: Estimate | None
+    """Scale of the torques by the links' weight [1]; None where they do not tell."""
+
+    def alone(self, joint: JointRows) -> Fit:
+        """Return the joint's own equation, fitted alone once the links' torque, corrected, and the lateness are off.
+
+        It serves the comparisons of parts and of time; its `inertia` is the armature, and its intervals know neither
+        the model's errors nor the other joints.
+        """
+        mine = [self.rows.names.index(f"{name}.{joint.run.joint}") for name in OWN]
+        others = np.delete(np.arange(len(self.rows.names)), mine)
+        left = joint.torque - joint.regressor[:, others] @ self.stated.values[others]
+        return fit_rows(replace(joint.run.rows, torque=left), Model())
+
+    def corrected_torques(self) -> np.ndarray:
+        """Return the torque of the links, with the errors that were found, over the whole log [N m], (T, J)."""
+        limb = self.limb
+        errors = np.zeros((limb.mechanism.num_joints, len(MODES)))
+        for place in np.flatnonzero(self.rows.of_links):
+            mode, _, link = self.rows.names[place].partition(".")
+            errors[limb.mechanism.joint_names.index(link), MODES.index(mode)] = self.stated.values[place]
+        return model_torques(limb.mechanism, limb.position, limb.velocity, limb.acceleration, errors=errors)
+
+
+def joint_record(fits: LimbFits, joint: JointRows) -> JointRecord:
+    """Return one joint's record with its objections, verdict and warnings."""
+    run, setup, mechanism = joint.run, joint.run.setup, fits.limb.mechanism
+    alone = fits.alone(joint)
+    comparisons = compare_parts(alone.rows, alone)
+    stated = widened(dict(zip(SINGLE, joint.own(fits.stated).values())), comparisons)
+    # Errors of the links, which a prior bounds, cannot hide a parameter: its interval admits them.
+    known = {name: stated[name] if alone.inflation[name] < MAX_INFLATION else None for name in SINGLE}
     # Without a sensor the encoder's noise is in the torque and in the acceleration: the rotor would be their product.
-    coulomb, armature = found["coulomb_friction"], found["inertia"] if run.measured else None
-    together: dict[str, Estimate] = {}
+    coulomb, armature = known["coulomb_friction"], known["inertia"] if run.measured else None
+    combinations: dict[str, Estimate] = {}
+    diagnostics = _diagnostics(fits, joint, alone) | {"comparisons": [one.to_dict() for one in comparisons]}
     # Take viscous friction apart from the motor's own brake.
     brakes = braking(run, None)
-    if brakes is not None and (viscous := found["viscous_friction"]) is not None:
+    if brakes is not None and (viscous := known["viscous_friction"]) is not None:
         strength = Strength(exact(1.0), "measured")
-        brakes = brakes.scaled(run.setup.motor_strength or 1.0)
-        found["viscous_friction"], together = split_viscous(brakes, viscous, strength)
-    limit = run.setup.torque_limit or limb.mechanism.torque_limit[rows.joint.number]
+        brakes = brakes.scaled(setup.motor_strength or 1.0)
+        known["viscous_friction"], combinations = split_viscous(brakes, viscous, strength)
+        if combinations:
+            diagnostics["drive"] = brake_summary(brakes, combinations, strength)
+    if armature is not None:
+        combinations = combinations | {ARMATURE: armature}
+    limit = setup.torque_limit or mechanism.torque_limit[joint.number]
     record = JointRecord(
-        viscous_friction=found["viscous_friction"],
+        viscous_friction=known["viscous_friction"],
         coulomb_friction=coulomb,
-        offset=found["offset"],
+        offset=known["offset"],
         friction_ratio=coulomb.scaled(friction_ratio(1.0, limit)) if coulomb is not None and limit else None,
-        dead_band=coulomb.scaled(dead_band(1.0, run.setup.kp)) if coulomb is not None and run.setup.kp else None,
-        combinations=together | ({} if armature is None else {ARMATURE: armature}),
-        test_condition=run.setup.test_condition or "in_air",
-        torque_source=(run.setup.torque_source or "motor_side") if run.measured else None,
-        kp=run.setup.kp,
-        kd=run.setup.kd,
+        dead_band=coulomb.scaled(dead_band(1.0, setup.kp)) if coulomb is not None and setup.kp else None,
+        combinations=combinations,
+        test_condition=setup.test_condition or "in_air",
+        torque_source=(setup.torque_source or "motor_side") if run.measured else None,
+        kp=setup.kp,
+        kd=setup.kd,
         torque_limit=limit,
+        diagnostics=plain(diagnostics),
     )
-    diagnostics = _diagnostics(limb, fit, rows, own, comparisons) | {"inflation": inflation}
-    diagnostics |= {"torque_unit": torque_unit(run), "torque_by_links": scale}
-    if brakes is not None and together:
-        diagnostics["drive"] = brake_summary(brakes, together, strength)
-    record = replace(record, diagnostics=plain(diagnostics), friction_law=_law(record, diagnostics, own))
-    record = replace(record, objections=limb_objections(record, fit, free, scale, rows))
-    verdict = judge(record, legs=is_leg(run.joint), robot=limb.mechanism.name).to_dict()
+    record = replace(record, friction_law=_law(record, alone))
+    record = replace(record, objections=limb_objections(record, fits, joint))
+    verdict = judge(record, legs=is_leg(run.joint), robot=mechanism.name).to_dict()
     record = replace(record, diagnostics=record.diagnostics | plain({"verdict": verdict}))
-    said = (*(one.seen for one in record.objections), *doubts, *find_warnings(record, run))
-    return replace(record, warnings=(*said, *_limb_warnings(limb, record)))
+    said = (*(one.seen for one in record.objections), *model_doubts(fits), *find_warnings(record, run))
+    return replace(record, warnings=(*said, *_limb_warnings(fits.limb, record)))
 
 
-def _law(record: JointRecord, diagnostics: dict[str, Any], own: Fit) -> dict[str, Any]:
+def _law(record: JointRecord, alone: Fit) -> dict[str, Any]:
     """Return the law, which is Coulomb's: no other is tried."""
     known = {name: getattr(record, name) for name in OWN[1:]} | {"inertia": record.combinations.get(ARMATURE)}
     return {
@@ -109,37 +141,32 @@ def _law(record: JointRecord, diagnostics: dict[str, Any], own: Fit) -> dict[str
         "parameters": {name: value.to_dict() for name, value in known.items() if value is not None},
         "over_strength": False,
         "drawn": {
-            "viscous_friction": own.by_name["viscous_friction"],
-            "symmetric": own.by_name["coulomb_friction"],
+            "viscous_friction": alone.by_name["viscous_friction"],
+            "symmetric": alone.by_name["coulomb_friction"],
         },
         "middle": 0.0,
         "text": "Viscous and Coulomb friction: the only law that is fitted to a whole limb.",
         "candidates": [],
         "method": METHOD,
-        "relative_torque_error": diagnostics["relative_torque_error"],
+        "relative_torque_error": record.diagnostics["relative_torque_error"],
     }
 
 
-def _diagnostics(
-    limb: LimbRun, fit: LimbFit, rows: JointRows, own: Fit, comparisons: tuple[Comparison, ...]
-) -> dict[str, Any]:
-    """Return the numbers behind the fit."""
-    run = rows.joint.run
-    residual = fit.residual(rows)
-    carrying = [
-        name
-        for number, name in enumerate(limb.mechanism.joint_names)
-        if rows.joint.number in limb.mechanism.chain(number)
-    ]
-    strength = Strength(exact(run.setup.motor_strength or 1.0), "measured" if run.measured else "declared")
+def _diagnostics(fits: LimbFits, joint: JointRows, alone: Fit) -> dict[str, Any]:
+    """Return the numbers behind the fit; what a joint's own record has and a limb's has not is null."""
+    run, mechanism, fit = joint.run, fits.limb.mechanism, fits.stated
+    residual = joint.residual(fit)
+    carried = [name for n, name in enumerate(mechanism.joint_names) if joint.number in mechanism.chain(n)]
+    masses = [name for name in carried if f"{MODES[0]}.{name}" in fit.names]
     return {
         "method": METHOD,
-        "robot": limb.mechanism.name,
-        "strength": {"source": strength.source, "missing": None},
+        "robot": mechanism.name,
+        "strength": {"source": "measured" if run.measured else "declared", "missing": None},
         "samples": len(run.signals.time),
         "samples_used": len(residual),
         **sampling(run),
-        "scaled_condition_number": own.scaled_condition,
+        "scaled_condition_number": alone.scaled_condition,
+        "inflation": dict(zip(OWN, alone.inflation.values())),
         "relative_torque_error": float(np.linalg.norm(residual) / np.linalg.norm(run.rows.torque)),
         "whiteness": whiteness(residual),
         "blocks": fit.blocks,
@@ -147,24 +174,71 @@ def _diagnostics(
         "predictions": [],
         "inertia_known": True,
         "gravity": None,
-        "comparisons": [comparison.to_dict() for comparison in comparisons],
-        "drift": find_drift(own.rows, own),
+        "drift": find_drift(alone.rows, alone),
         "closed_loop": ALONE,
         "output_error": None,
         "lateness": fit.estimate(LATENESS),
-        "model_error": float(fit.prior[fit.index[fit.link_names[0]]]) if fit.link_names else None,
-        "link_mass_errors": {
-            name: fit.estimate(f"{MODES[0]}.{name}") for name in carrying if f"{MODES[0]}.{name}" in fit.index
-        },
+        "model_error": next(iter(fit.prior[fits.rows.of_links].tolist()), None),
+        "link_mass_errors": {name: fit.estimate(f"{MODES[0]}.{name}") for name in masses},
+        "torque_unit": torque_unit(run),
+        "torque_by_links": fits.scale,
     }
+
+
+def limb_objections(record: JointRecord, fits: LimbFits, joint: JointRows) -> tuple[Objection, ...]:
+    """Return what makes the fit invalid, the plainest first: signals, scale, rest, a model that is not the robot's."""
+    found, scale = list(signal_objections(joint.run, record)), fits.scale
+    if scale is not None and not scale.interval95[0] <= 1 <= scale.interval95[1]:
+        low, high = scale.interval95
+        seen = (
+            f"the logged torques are {scale.value:.3g} times ({low:.3g} to {high:.3g}) what the links' masses ask for: "
+            "the torques' unit or sign, or the model, is not the robot's"
+        )
+        unit = "check the torques' unit (--torque-scale; --kt, --resistance, --duty-voltage) and the masses"
+        found.append(Objection("torque_scale", seen, f"{unit}; {MODEL}"))
+    rest = record.diagnostics["relative_torque_error"]
+    if rest > LARGEST_REST:
+        seen = (
+            f"{rest:.0%} of the torque is not explained by links, rotor and friction, at most {LARGEST_REST:.0%} may be"
+        )
+        found.append(Objection("unexplained_torque", seen, MODEL))
+    stated, free = (fit.estimate(f"coulomb_friction.{joint.run.joint}") for fit in (fits.stated, fits.free))
+    gap = abs(stated.value - free.value)
+    if gap > max(SERIOUS * abs(stated.value), LARGEST_SIGMAS * float(np.hypot(stated.std, free.std))):
+        seen = (
+            f"coulomb_friction is {stated.value:.4g} with the links within the declared error, and {free.value:.4g} "
+            "where they may err more: the model is not the robot's"
+        )
+        found.append(Objection("model", seen, f"{MODEL}; or declare a larger --model-error"))
+    if stated.interval95[1] < 0:
+        seen = f"coulomb_friction comes out below zero ({stated.value:.4g}), which no joint has"
+        found.append(Objection(NEGATIVE_FRICTION, seen, f"check --torque-scale; {MODEL}"))
+    return (*found, *no_friction_shown(record, record.coulomb_friction or stated))
+
+
+def model_doubts(fits: LimbFits) -> tuple[str, ...]:
+    """Say which link is not the log's within the declared error, the worst one."""
+    free, prior = fits.free, fits.stated.prior
+    size = np.where(fits.rows.of_links, free.values / prior, 0.0)
+    certain = np.abs(free.values) > FAR * np.sqrt(np.diag(free.covariance))
+    worst = int(np.argmax(np.abs(size) * certain))
+    if not (certain[worst] and abs(size[worst]) > FAR):
+        return ()
+    mode, _, link = free.names[worst].partition(".")
+    return (
+        f"the model is not the log's within the declared error ({prior[worst]:.3g}): {mode.replace('_', ' ')} of "
+        f"the link that {link} moves would be off by {free.values[worst]:+.0%}; are signs and zeros of the joints, the "
+        "direction up (--up) and the load the model's, or does friction depend on the angle? Mend the model, or "
+        "declare a larger --model-error",
+    )
 
 
 def _limb_warnings(limb: LimbRun, record: JointRecord) -> list[str]:
     """Return what only a limb calls for: what was held, and what cannot be told."""
     found = []
     if limb.held:
-        names = limb.mechanism.joint_names
-        angles = ", ".join(f"{name} at {limb.mechanism.rest[names.index(name)]:.3g} rad" for name in limb.held)
+        rest = dict(zip(limb.mechanism.joint_names, limb.mechanism.rest))
+        angles = ", ".join(f"{name} at {rest[name]:.3g} rad" for name in limb.held)
         found.append(f"not in the log, and taken to be held: {angles}")
     if record.coulomb_friction is None:
         found.append("dry friction cannot be told from the joint's other torques: use two frequencies, both directions")
@@ -180,39 +254,11 @@ def _limb_warnings(limb: LimbRun, record: JointRecord) -> list[str]:
     return found
 
 
-def model_doubts(fit: LimbFit, free: LimbFit) -> tuple[str, ...]:
-    """Say which link is not the log's within the declared error, the worst one.
-
-    free: a fit that was allowed larger errors.
-    """
-    size = np.where(fit.of_links, free.values / fit.prior, 0.0)
-    certain = np.abs(free.values) > FAR * np.sqrt(np.diag(free.covariance))
-    worst = int(np.argmax(np.abs(size) * certain))
-    if not (certain[worst] and abs(size[worst]) > FAR):
-        return ()
-    mode, _, link = fit.names[worst].partition(".")
-    return (
-        f"the model is not the log's within the declared error ({fit.prior[worst]:.3g}): {mode.replace('_', ' ')} of "
-        f"the link that {link} moves would be off by {free.values[worst]:+.0%}; are signs and zeros of the joints, the "
-        "direction up (--up) and the load the model's, or does friction depend on the angle? Mend the model, or "
-        "declare a larger --model-error",
-    )
-
-
-def joint_signals(limb: LimbRun, fit: LimbFit, torques: np.ndarray, rows: JointRows) -> FitSignals:
-    """Return what the page draws of one joint; torques: of the links, corrected, over the whole log [N m], (T, J)."""
-    run, prepared = rows.joint.run, rows.joint.run.prepared
-    armature, viscous, coulomb, offset = (fit.values[fit.index[f"{name}.{run.joint}"]] for name in OWN)
-    late = fit.values[fit.index[LATENESS]] * np.gradient(prepared.torque, prepared.step)
-    rigid = torques[:, rows.joint.number] + armature * prepared.acceleration + offset - late - prepared.outside
+def joint_signals(fits: LimbFits, torques: np.ndarray, joint: JointRows) -> FitSignals:
+    """Return what the page draws of one joint; torques: of `corrected_torques`, which is the same for all joints."""
+    prepared, fit = joint.run.prepared, fits.stated
+    armature, viscous, coulomb, offset = (fit.value(f"{name}.{joint.run.joint}") for name in OWN)
+    late = fit.value(LATENESS) * np.gradient(prepared.torque, prepared.step)
+    rigid = torques[:, joint.number] + armature * prepared.acceleration + offset - late - prepared.outside
     fitted = rigid + viscous * prepared.velocity + coulomb * prepared.direction
-    return fit_signals(run, fitted, fitted, rigid)
-
-
-def found_torques(limb: LimbRun, fit: LimbFit) -> np.ndarray:
-    """Return the torque of the links, with the errors that were found, over the whole log [N m], (T, J)."""
-    errors = np.zeros((limb.mechanism.num_joints, len(MODES)))
-    for name in fit.link_names:
-        mode, _, link = name.partition(".")
-        errors[limb.mechanism.joint_names.index(link), MODES.index(mode)] = fit.values[fit.index[name]]
-    return corrected_torques(limb.mechanism, errors, limb.position, limb.velocity, limb.acceleration)
+    return fit_signals(joint.run, fitted, fitted, rigid)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from math import isfinite
 from typing import Annotated
 
@@ -32,23 +32,19 @@ class LimbSetup:
     joint_map: tuple[str, ...] = field(default=(), metadata=needs("--robot"))
     """LOG=MODEL pairs for joints that are called otherwise in the log, such as joint_1=shoulder_pan."""
 
-    def check(self) -> None:
-        """Raise `ConfigurationError` for what has no meaning."""
-        for item in fields(LimbSetup)[:2]:
-            value = getattr(self, item.name)
+    def check_with(self, declared: IdentifySetup) -> None:
+        """Raise `ConfigurationError` for what has no meaning, and for declarations of a single joint's log."""
+        for name in ("model_error", "timing_error"):
+            value = getattr(self, name)
             if not (isfinite(value) and 0 < value <= 1):
-                raise ConfigurationError(f"{item.name.replace('_', ' ')} {value}: expected more than 0 and at most 1")
+                raise ConfigurationError(f"{name.replace('_', ' ')} {value}: expected more than 0 and at most 1")
         parse_joint_map(self.joint_map)
-
-
-def check_declared(declared: IdentifySetup) -> None:
-    """Raise `ConfigurationError` for declarations that hold for a single joint and not for a limb."""
-    given = [name for name in SINGLE if getattr(declared, name) is not None] + list(declared.unknowns)
-    if given:
-        raise ConfigurationError(
-            f"{given[0].replace('_', ' ')} is for a single joint; with --robot the model says what the links weigh and "
-            "carry: leave it out, or put the load into the model"
-        )
-    if declared.axis == "linear" or declared.test_condition == "bare_motor":
-        what = "a linear axis" if declared.axis == "linear" else "a bare motor"
-        raise ConfigurationError(f"{what} is no part of a limb: identify it without --robot")
+        given = [name for name in SINGLE if getattr(declared, name) is not None] + list(declared.unknowns)
+        if given:
+            raise ConfigurationError(
+                f"{given[0].replace('_', ' ')} is for a single joint; with --robot the model says what the links "
+                "weigh and carry: leave it out, or put the load into the model"
+            )
+        if declared.axis == "linear" or declared.test_condition == "bare_motor":
+            what = "a linear axis" if declared.axis == "linear" else "a bare motor"
+            raise ConfigurationError(f"{what} is no part of a limb: identify it without --robot")

@@ -7,6 +7,7 @@ reversals, for the sake of the rotor's inertia of slow ones, whose intervals adm
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,18 +25,8 @@ from stiction.identification.setup import LARGEST_VALUE, IdentifySetup
 from stiction.identification.timing import even_grid, resample
 from stiction.robots.mechanism import Mechanism
 
-SUFFIX = "_joint"
-"""What many models end the names of their joints with, and many logs do not."""
-
-
-@dataclass(frozen=True)
-class JointRun:
-    """One joint that can be identified."""
-
-    number: int
-    """Of the joint in the mechanism."""
-    run: Run
-    """Its own log, checked and filtered, under the mechanism's name of the joint."""
+SUFFIXES = ("_joint", "_foot")
+"""What many models end names with, and many logs do not."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +37,8 @@ class LimbRun:
     """Name of the log."""
     mechanism: Mechanism
     """The links."""
-    joints: tuple[JointRun, ...]
-    """Those that can be identified."""
+    runs: dict[int, Run]
+    """Number of a joint that can be identified -> its own log, checked and filtered, under the mechanism's name."""
     refused: dict[str, str]
     """The log's other joints, and why each cannot."""
     held: tuple[str, ...]
@@ -60,81 +51,94 @@ class LimbRun:
     """[rad/s²], (T, J)."""
 
 
-def match_joints(log: Log, mechanism: Mechanism, pairs: tuple[str, ...]) -> dict[str, int]:
-    """Return log's joint -> number of the mechanism's joint: by pairs, else by name, with or without `_joint`.
+def bare(name: str) -> str:
+    """Return a name in lower case without what models add to it."""
+    name = name.lower()
+    for suffix in SUFFIXES:
+        name = name.removesuffix(suffix)
+    return name
 
-    Slides and the like, which the mechanism has as rigid, are left out.
 
-    Raises `StictionError` for a pair that matches nothing, a joint of the log that is none of the mechanism's, and two
-    that are the same.
+def match_joints(
+    log: Log, robot: str, joints: Sequence[str], pairs: tuple[str, ...] = (), rigid: Sequence[str] = ()
+) -> dict[str, int]:
+    """Return log's joint -> number of the robot's joint: by RECORDED=JOINT pairs, else by name, see `bare`.
+
+    rigid: further joints of the robot, which count as rigid, and are left out of the log. Raises `StictionError` for a
+    pair that matches nothing, a joint of the log that is none of the robot's, and two that are the same.
     """
-    wanted = {}
-    for recorded, model in parse_joint_map(pairs):
+    known = {bare(name): number for number, name in enumerate(joints)}
+    known |= {name: number for number, name in enumerate(joints)}
+    wanted = dict(parse_joint_map(pairs))
+    for recorded, joint in wanted.items():
         if recorded not in log.joints:
-            raise LogError(f"--joint-map {recorded}={model}: {unknown_name('joint', recorded, log.joints)}")
-        wanted[recorded] = model
+            raise LogError(f"--joint-map {recorded}={joint}: {unknown_name('joint of the log', recorded, log.joints)}")
+        if joint not in known and bare(joint) not in known:
+            raise LogError(f"--joint-map {recorded}={joint}: {unknown_name('joint', joint, joints)}")
     found: dict[str, int] = {}
     for recorded in log.joints:
-        # A pair comes first, for a log may call another joint by the name of a slide.
-        if recorded in mechanism.rigid and recorded not in wanted:
-            continue
         name = wanted.get(recorded, recorded)
-        tries = (name, name + SUFFIX, name.removesuffix(SUFFIX))
-        known = next((one for one in tries if one in mechanism.joint_names), None)
-        if known is None:
+        # A pair comes first, for a log may call another joint by the name of a rigid one.
+        if name == recorded and name not in known and bare(name) in map(bare, rigid):
+            continue
+        number = known.get(name, known.get(bare(name)))
+        if number is None:
+            numbered = all(one.startswith("joint_") and one[6:].isdigit() for one in log.joints)
             raise LogError(
-                f"{log.source}: robot {mechanism.name!r}: {unknown_name('joint', name, mechanism.joint_names)}; say "
-                f"which it is with --joint-map {recorded}=JOINT"
+                f"{log.source}: robot {robot!r}: {unknown_name('joint', name, joints)}; "
+                + (
+                    "the log only numbers its joints: name them in its order, --names NAME ..."
+                    if numbered
+                    else f"name the log's robot with --robot, or say which joint it is, --joint-map {recorded}=JOINT"
+                )
             )
-        number = mechanism.joint_names.index(known)
         if number in found.values():
-            raise LogError(f"{log.source}: two joints of the log are {known!r} of the robot; mend --joint-map")
+            raise LogError(f"{log.source}: two joints of the log are {joints[number]!r} of the robot; mend --joint-map")
         found[recorded] = number
     return found
 
 
 def limb_run(log: Log, mechanism: Mechanism, declared: IdentifySetup, pairs: tuple[str, ...] = ()) -> LimbRun:
     """Check and filter all joints of a log. Raises `StictionError` where none can be identified."""
-    numbers = match_joints(log, mechanism, pairs)
+    names = mechanism.joint_names
+    numbers = match_joints(log, mechanism.name, names, pairs, mechanism.rigid)
     log = read_once(log)
     angles = _angles(log, mechanism, numbers, declared)
     checked: dict[str, tuple[IdentifySetup, Uniform, np.ndarray, np.ndarray]] = {}
     refused: dict[str, str] = {}
-    for recorded in numbers:
+    for recorded, number in numbers.items():
         try:
             checked[recorded] = _check_joint(log, recorded, declared)
         except LogError as error:
-            refused[recorded] = str(error)
+            refused[names[number]] = str(error)
     if not checked:
         raise LogError(next(iter(refused.values())))
     # All joints have the log's time, and so one step.
     step = next(iter(checked.values()))[1].step
     corners = [choose_cutoff(one.position, step, position_noise(one.position)) for _, one, _, _ in checked.values()]
     corner = declared.cutoff or float(np.median(corners))
-    runs = []
+    runs: dict[int, Run] = {}
     for recorded, (setup, signals, torque, unusable) in checked.items():
+        name, where = names[numbers[recorded]], f"{log.source}: joint {recorded!r}"
         prepared = prepare(signals, torque, corner, unusable)
+        rows = make_rows([prepared], [None])
         try:
-            check_excitation(f"{log.source}: joint {recorded!r}", prepared.velocity, step)
-            rows = make_rows([prepared], [None])
-            check_rows(f"{log.source}: joint {recorded!r}", rows, prepared)
+            check_excitation(where, prepared.velocity, step)
+            check_rows(where, rows, prepared)
         except LogError as error:
-            refused[recorded] = str(error)
+            refused[name] = str(error)
             continue
-        number = numbers[recorded]
-        name = mechanism.joint_names[number]
         notes = log.notes + mechanism.notes
-        runs.append(JointRun(number, Run(log.source, name, setup, signals, torque, prepared, rows, notes)))
+        runs[numbers[recorded]] = Run(log.source, name, setup, signals, torque, prepared, rows, notes)
     if not runs:
         raise LogError(next(iter(refused.values())))
     rates = [derivatives(column, step, corner) for column in angles.T]
-    held = tuple(name for number, name in enumerate(mechanism.joint_names) if number not in numbers.values())
     return LimbRun(
         source=log.source,
         mechanism=mechanism,
-        joints=tuple(sorted(runs, key=lambda run: run.number)),
-        refused={mechanism.joint_names[numbers[recorded]]: text for recorded, text in refused.items()},
-        held=held,
+        runs=dict(sorted(runs.items())),
+        refused=refused,
+        held=tuple(name for number, name in enumerate(names) if number not in numbers.values()),
         position=np.stack([low_pass(column, corner, step) for column in angles.T], axis=1),
         velocity=np.stack([rate for rate, _ in rates], axis=1),
         acceleration=np.stack([rate for _, rate in rates], axis=1),
@@ -164,15 +168,14 @@ def _check_joint(
 ) -> tuple[IdentifySetup, Uniform, np.ndarray, np.ndarray]:
     """Return setup, signals, driving torque in N m and samples to leave out of one joint; raise `LogError`."""
     setup, signals, torque, unusable = driven_signals(log, recorded, declared)
-    if signals.torque is None and setup.motor_strength is None:
-        raise LogError(
-            f"{log.source}: joint {recorded!r} has no torque, and the links of the robot weigh newton metres: log the "
-            "motor's torque, or give --kp, --kd and --set motor_strength=1, which takes the commanded torque at its "
-            "word"
+    lacking = ""
+    if setup.motor_strength is None and signals.torque is None:
+        lacking = (
+            " has no torque, and the links of the robot weigh newton metres: log the motor's torque, or give --kp, "
+            "--kd and --set motor_strength=1, which takes the commanded torque at its word"
         )
-    if signals.torque is not None and not setup.calibrated and setup.motor_strength is None:
-        raise LogError(
-            f"{log.source}: joint {recorded!r}: the torque column has no known unit, and the links weigh newton "
-            "metres: give --torque-scale"
-        )
+    elif setup.motor_strength is None and not setup.calibrated:
+        lacking = ": the torque column has no known unit, and the links weigh newton metres: give --torque-scale"
+    if lacking:
+        raise LogError(f"{log.source}: joint {recorded!r}{lacking}")
     return setup, signals, (setup.motor_strength or 1.0) * torque, unusable

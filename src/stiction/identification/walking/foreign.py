@@ -1,4 +1,4 @@
-"""A log with its own columns, of a robot that walked, as a walking log: matched, checked, even in time.
+"""A log with its own columns, of a robot that walked, as a walk: matched, checked, even in time.
 
 Torque is taken as sampled at its own stamp, where the second difference of the angle is too. What the file does not say
 of the motors comes from flags or its sidecar; torque limits, where nobody said them, from the robot.
@@ -6,27 +6,24 @@ of the motors comes from flags or its sidecar; torque limits, where nobody said 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from stiction.core.errors import LogError, unknown_name
+from stiction.core.errors import LogError
 from stiction.core.rotation import continuous, up_in_frames
-from stiction.files.joint_map import parse_joint_map
 from stiction.files.log import BODY, BodySignals, JointSignals, Log
 from stiction.files.walk import LARGEST, WalkHeader, WalkLog
 from stiction.identification.checks import LARGEST_TIME
+from stiction.identification.limb.dynamics import motions_at_rest
+from stiction.identification.limb.signals import bare, match_joints
 from stiction.identification.runs import in_si
 from stiction.identification.setup import IdentifySetup
 from stiction.identification.timing import Grid, even_grid, resample
-from stiction.identification.walking.body import foot_positions
-from stiction.identification.walking.imu import BaseImu, base_imu
-from stiction.identification.walking.motion import LONGEST_PERIOD, SHORTEST
-from stiction.identification.walking.setup import RobotLogSetup
+from stiction.identification.walking.imu import base_imu
+from stiction.identification.walking.setup import RobotLogSetup, WalkSetup
+from stiction.identification.walking.walk import LONGEST_PERIOD, SHORTEST, Walk, foot_positions
 from stiction.robots.model import Robot
-
-SUFFIXES = ("_joint", "_foot")
-"""What many models end names with, and many logs do not."""
 
 FEWEST_SAMPLES = 100
 """Fewer are no second of a walk at any rate that is admitted."""
@@ -45,28 +42,21 @@ LEAST_AGREEMENT = 0.2
 """Correlation between a foot's force and its being low under which the force is not this foot's [1]."""
 
 
-@dataclass(frozen=True)
-class ForeignWalk:
-    """A walking log and how it was read."""
-
-    log: WalkLog
-    """The log."""
-    notes: tuple[str, ...]
-    """What a reader of the results should know about how it was read; each one sentence."""
-    unplaced: float = 0.0
-    """How far from the base's origin the IMU may be along each axis, for want of its place [m]; 95 % bound."""
-
-
 def foreign_walk(
-    log: Log, spec: Robot, declared: IdentifySetup | None = None, setup: RobotLogSetup | None = None
-) -> ForeignWalk:
-    """Return the walking log in a log with its own columns, of the robot `spec`.
+    log: Log,
+    spec: Robot,
+    declared: IdentifySetup | None = None,
+    recorded: RobotLogSetup | None = None,
+    setup: WalkSetup | None = None,
+) -> Walk:
+    """Return the walk in a log with its own columns, of the robot `spec`.
 
-    declared: how the log was made, as for a joint's log. Raises `LogError` where joints do not match, something that
-    must be known is missing, or what is there contradicts itself.
+    declared: how the log was made, as for a joint's log; recorded: names and the IMU's place; setup: of the walk.
+    Raises `LogError` where joints do not match, something that must be known is missing, or what is there contradicts
+    itself.
     """
-    declared, setup = declared or IdentifySetup(), setup or RobotLogSetup()
-    names = match_names(log, spec, setup.joint_map)
+    declared, recorded = declared or IdentifySetup(), recorded or RobotLogSetup()
+    names = match_names(log, spec, recorded.joint_map)
     body = log.body or BodySignals()
     _refuse_holes(log, names, body)
     grid, timing = even_grid(log.source, log.time)
@@ -77,93 +67,59 @@ def foreign_walk(
         return np.stack([resample(grid, column, held) for column in values.T], axis=1)[part]
 
     setups = [declared.with_sidecar(log.setup_of(name)) for name in names]
-    for own in setups:
-        own.check_torque_limit()
-    signals = [in_si(log.joints[name], own) for name, own in zip(names, setups, strict=True)]
-    position = even(_column(signals, "position"))
-    velocity = (
-        even(_column(signals, "velocity")) if _has(signals, "velocity") else np.gradient(position, grid.step, axis=0)
+    for one in setups:
+        one.check_torque_limit()
+    signals = [in_si(log.joints[name], one) for name, one in zip(names, setups, strict=True)]
+    position, velocity, target, torque = (
+        _column(signals, role) for role in ("position", "velocity", "target", "torque")
     )
     header = _header(log.source, spec, setups, grid.step)
-    torque = None
-    if _has(signals, "torque"):
-        torque = even(_column(signals, "torque")) * [own.torque_scale or 1.0 for own in setups]
+    assert position is not None
+    position = even(position)
+    if torque is not None:
+        torque = even(torque) * [one.torque_scale or 1.0 for one in setups]
         _refuse_loud(log.source, torque, header)
-    elif not _has(signals, "target") or 0.0 in header.kp:
+    elif target is None or 0.0 in header.kp:
         raise LogError(
             f"{log.source}: no torque of every joint, and without targets and the gains --kp and --kd it cannot be "
             "reconstructed; log the motors' torque"
         )
-    target = even(_column(signals, "target"), True) if _has(signals, "target") else position
     if body.quaternion is not None:
         body = replace(body, quaternion=continuous(body.quaternion))
-    measured = body.each(even)
-    imu = base_imu(log.source, measured, grid.step, setup.imu_position)
-    contact, said = _contact(log.source, measured, position, imu, spec)
+    imu, concluded = base_imu(log.source, body.each(even), grid.step, recorded.imu_position)
+    assert imu.quaternion is not None and imu.gyroscope is not None
+    contact, said = _contact(log.source, imu, position, spec)
     walk = WalkLog(
         header,
         time=np.arange(len(position)) * grid.step,
         joint_position=position,
-        joint_velocity=velocity,
-        joint_target=target,
+        joint_velocity=np.gradient(position, grid.step, axis=0) if velocity is None else even(velocity),
+        joint_target=position if target is None else even(target, True),
         angular_velocity=imu.gyroscope,
         quaternion=imu.quaternion,
         joint_torque=torque,
         specific_force=imu.accelerometer,
         foot_contact=contact,
     )
-    notes = (*log.notes, *timing.warnings(), *cut, *imu.notes, *said)
-    unplaced = setup.imu_position is None and imu.accelerometer is not None
-    return ForeignWalk(walk, notes, UNPLACED if unplaced else 0.0)
+    notes = (*log.notes, *timing.warnings(), *cut, *concluded, *said)
+    unplaced = recorded.imu_position is None and imu.accelerometer is not None
+    return Walk(walk, spec, setup or WalkSetup(), notes, True, UNPLACED if unplaced else 0.0)
 
 
 def match_names(log: Log, spec: Robot, pairs: tuple[str, ...] = ()) -> list[str]:
     """Return the log's name of each of the robot's joints, in the robot's order; raise `LogError` where one is missing.
 
-    By pairs RECORDED=JOINT, else by name, with or without `_joint`. Joints that the robot holds are left out.
+    Joints that the robot holds are left out; see `match_joints`.
     """
-    listing = ", ".join(spec.joint_names)
-    known = {_bare(name): name for name in spec.joint_names}
-    wanted = {}
-    for recorded, joint in parse_joint_map(pairs):
-        if recorded not in log.joints:
-            raise LogError(f"--joint-map {recorded}={joint}: {unknown_name('joint of the log', recorded, log.joints)}")
-        if _bare(joint) not in known:
-            raise LogError(f"--joint-map {recorded}={joint}: {unknown_name('joint', joint, spec.joint_names)}")
-        wanted[recorded] = known[_bare(joint)]
-    held = {_bare(joint.name) for joint in spec.held}
-    found: dict[str, str] = {}
-    strangers: list[str] = []
-    for recorded in log.joints:
-        joint = wanted.get(recorded) or known.get(_bare(recorded), "")
-        if not joint:
-            strangers += [] if _bare(recorded) in held else [recorded]
-        elif joint in found:
-            raise LogError(f"{log.source}: {found[joint]!r} and {recorded!r} are both {joint!r} of the robot")
-        else:
-            found[joint] = recorded
-    missing = [name for name in spec.joint_names if name not in found]
-    if missing or strangers:
-        numbered = all(name.startswith("joint_") and name[6:].isdigit() for name in log.joints)
+    numbers = match_joints(log, spec.name, spec.joint_names, pairs, [joint.name for joint in spec.held])
+    found = {number: recorded for recorded, number in numbers.items()}
+    missing = [name for number, name in enumerate(spec.joint_names) if number not in found]
+    if missing:
         raise LogError(
-            f"{log.source}: has the joints {', '.join(list(log.joints)[:6])}{', ...' * (len(log.joints) > 6)}, robot "
-            f"{spec.name!r} {listing}: "
-            + (
-                "the log only numbers them; name them in its order, --names NAME ..."
-                if numbered
-                else f"{(missing or strangers)[0]!r} is not in both; name the robot that walked with --robot, or say "
-                "which is which with --joint-map RECORDED=JOINT"
-            )
+            f"{log.source}: robot {spec.name!r} has the joint {missing[0]!r}, the log has not; expected all joints of "
+            "the robot that walked: name it with --robot, or say which joint is which, --joint-map RECORDED=JOINT"
         )
-    return [found[name] for name in spec.joint_names]
-
-
-def _bare(name: str) -> str:
-    """Return a name in lower case without what models add to it."""
-    name = name.lower()
-    for suffix in SUFFIXES:
-        name = name.removesuffix(suffix)
-    return name
+    return [found[number] for number in range(spec.num_joints)]
 
 
 def _refuse_holes(log: Log, names: list[str], body: BodySignals) -> None:
@@ -219,20 +175,16 @@ def _fresh(values: np.ndarray) -> float:
     return max(1e-3, float(np.mean(np.any(np.diff(values, axis=0) != 0, axis=1))))
 
 
-def _has(signals: list[JointSignals], name: str) -> bool:
-    """Return whether every joint has a signal."""
-    return all(getattr(one, name) is not None for one in signals)
-
-
-def _column(signals: list[JointSignals], name: str) -> np.ndarray:
-    """Return a signal of all joints, shape (T, J)."""
-    return np.stack([getattr(one, name) for one in signals], axis=1)
+def _column(signals: list[JointSignals], role: str) -> np.ndarray | None:
+    """Return a signal of all joints, shape (T, J); None where a joint has none."""
+    columns = [getattr(one, role) for one in signals]
+    return None if any(column is None for column in columns) else np.stack(columns, axis=1)
 
 
 def _header(source: str, spec: Robot, setups: list[IdentifySetup], step: float) -> WalkHeader:
     """Return what the signals do not contain; gains that were not declared are 0."""
     limits = spec.joint_values("torque_limit").tolist()
-    sources = {own.torque_source for own in setups}
+    sources = {one.torque_source for one in setups}
     if len(sources) > 1:
         raise LogError(f"{source}: torque sources differ between joints; expected one for all, --torque-source")
     return WalkHeader(
@@ -240,9 +192,9 @@ def _header(source: str, spec: Robot, setups: list[IdentifySetup], step: float) 
         joint_names=spec.joint_names,
         foot_names=spec.foot_names,
         period=step,
-        kp=tuple(own.kp or 0.0 for own in setups),
-        kd=tuple(own.kd or 0.0 for own in setups),
-        torque_limit=tuple(own.torque_limit or limit for own, limit in zip(setups, limits, strict=True)),
+        kp=tuple(one.kp or 0.0 for one in setups),
+        kd=tuple(one.kd or 0.0 for one in setups),
+        torque_limit=tuple(one.torque_limit or limit for one, limit in zip(setups, limits, strict=True)),
         torque_source=sources.pop(),
     )
 
@@ -250,40 +202,34 @@ def _header(source: str, spec: Robot, setups: list[IdentifySetup], step: float) 
 def _refuse_loud(source: str, torque: np.ndarray, header: WalkHeader) -> None:
     """Refuse torques that these motors cannot give."""
     share = np.quantile(np.abs(torque), 0.99, axis=0) / header.torque_limit
-    if share.max() > LOUDEST:
-        joint = header.joint_names[int(share.argmax())]
+    loudest = int(share.argmax())
+    if share[loudest] > LOUDEST:
         raise LogError(
-            f"{source}: the torque of {joint} reaches {share.max():.3g} times its limit, "
-            f"{header.torque_limit[int(share.argmax())]:g} N m; expected newton metres at the joint: --torque-scale, "
-            "or say the limit, --torque-limit"
+            f"{source}: the torque of {header.joint_names[loudest]} reaches {share[loudest]:.3g} times its limit, "
+            f"{header.torque_limit[loudest]:g} N m; expected newton metres at the joint: --torque-scale, or say the "
+            "limit, --torque-limit"
         )
 
 
 def _contact(
-    source: str, body: BodySignals, position: np.ndarray, imu: BaseImu, spec: Robot
+    source: str, body: BodySignals, position: np.ndarray, spec: Robot
 ) -> tuple[np.ndarray | None, tuple[str, ...]]:
     """Return which feet bear load by their force, bool, shape (T, L), None without one, and what was concluded."""
-    force = body.foot_force
+    force, feet = body.foot_force, ", ".join(spec.foot_names)
     if force is None:
         return None, ()
-    order = range(len(spec.feet))
-    if body.foot_names:
-        places = {_bare(name): place for place, name in enumerate(body.foot_names)}
-        missing = [name for name in spec.foot_names if _bare(name) not in places]
-        if missing:
-            raise LogError(
-                f"{source}: foot force of {', '.join(body.foot_names)}, robot {spec.name!r} has the feet "
-                f"{', '.join(spec.foot_names)}; map it in that order: --columns foot_force=NAME,NAME,..."
-            )
-        order = [places[_bare(name)] for name in spec.foot_names]  # type: ignore[assignment]
-    elif force.shape[1] != len(spec.feet):
+    places = {bare(name): place for place, name in enumerate(body.foot_names or spec.foot_names)}
+    if force.shape[1] != len(places) or not places.keys() >= set(map(bare, spec.foot_names)):
+        of = ", ".join(body.foot_names) or f"{force.shape[1]} feet"
         raise LogError(
-            f"{source}: foot force of {force.shape[1]} feet, robot {spec.name!r} has {', '.join(spec.foot_names)}; map "
-            "it in that order: --columns foot_force=NAME,NAME,..."
+            f"{source}: foot force of {of}, robot {spec.name!r} has the feet {feet}; map it in that order: --columns "
+            "foot_force=NAME,NAME,..."
         )
-    force = force[:, list(order)]
+    force = force[:, [places[bare(name)] for name in spec.foot_names]]
     low, high = np.quantile(force, [0.02, 0.95], axis=0)
-    height = np.einsum("tli,ti->tl", foot_positions(spec, position), up_in_frames(imu.quaternion))
+    height = foot_positions(spec, motions_at_rest(spec.links, position))
+    assert body.quaternion is not None
+    height = np.einsum("tli,ti->tl", height, up_in_frames(body.quaternion))
     # How high a foot swings says nothing of its load: from 5 cm on all are equally up.
     depth = (height.min(axis=1, keepdims=True) - height).clip(-0.05)
     for number, name in enumerate(spec.foot_names):
@@ -298,5 +244,5 @@ def _contact(
                 "expected the feet in the robot's order, larger under load: --columns foot_force=NAME,NAME,..."
             )
     down = force > low + UNLOADED * (high - low)
-    said = [] if body.foot_names else [f"foot forces were taken in the robot's order, {', '.join(spec.foot_names)}"]
+    said = [] if body.foot_names else [f"foot forces were taken in the robot's order, {feet}"]
     return down, (*said, f"a foot bears load from {UNLOADED:.0%} between its least and largest force on")

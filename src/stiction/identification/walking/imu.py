@@ -10,14 +10,14 @@ measures: no position, no velocity, no motion capture.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
 from stiction.core.errors import LogError
-from stiction.core.rotation import crosses, small_turns, up_in_frames
+from stiction.core.rotation import cross, crosses, small_turns, up_in_frames
 from stiction.files.log import BodySignals
-from stiction.identification.walking.motion import hann_weights, smooth
+from stiction.identification.walking.walk import hann_weights, smooth
 from stiction.robots.model import GRAVITY
 
 TURN_SPAN = 0.05
@@ -38,43 +38,46 @@ UPRIGHT = 0.8
 SETTLING = 1.0
 """Time constant with which the up direction follows the accelerometer where no orientation was logged [s]."""
 
-ORDERS = {
-    "w x y z": (0, 1, 2, 3),
-    "x y z w": (3, 0, 1, 2),
-}
+RIGHT = "w x y z"
+"""Order of a quaternion as it is taken."""
+
+ORDERS = {RIGHT: (0, 1, 2, 3), "x y z w": (3, 0, 1, 2)}
 """Order of the four numbers -> where w, x, y and z stand in it."""
 
-
-@dataclass(frozen=True)
-class BaseImu:
-    """How the base turns and accelerates, T samples, at its origin and along its axes."""
-
-    quaternion: np.ndarray
-    """w x y z; its heading means nothing where no orientation was logged. Shape (T, 4)."""
-    gyroscope: np.ndarray
-    """[rad/s], shape (T, 3)."""
-    accelerometer: np.ndarray | None
-    """Specific force [m/s²], shape (T, 3); None where there was none."""
-    notes: tuple[str, ...]
-    """What was concluded, a sentence each."""
+FRAMES = {"": (1.0, 1.0, 1.0, 1.0), " of the world in the base": (1.0, -1.0, -1.0, -1.0)}
+"""What a quaternion turns, where not the base in the world -> signs of its numbers, as some drivers have them."""
 
 
-def base_imu(source: str, body: BodySignals, step: float, place: tuple[float, float, float] | None) -> BaseImu:
-    """Check and convert the signals of an IMU, even in time, `step` [s] apart.
+def base_imu(
+    source: str, body: BodySignals, step: float, place: tuple[float, float, float] | None
+) -> tuple[BodySignals, tuple[str, ...]]:
+    """Check and convert the signals of an IMU, even in time, `step` [s] apart; return what was concluded, too.
 
-    place: of the IMU in the base's frame [m], None if nobody said. Raises `LogError` for what is missing or refuted.
+    Signals come out as of an IMU at the base's origin: quaternion, of no meaning in its heading where none was logged,
+    gyroscope [rad/s], and accelerometer [m/s²] where there was one. place: of the IMU in the base's frame [m], None if
+    nobody said. Raises `LogError` for what is missing or refuted.
     """
-    _refuse_missing(source, body)
-    gyroscope, notes = body.gyroscope, []
-    assert gyroscope is not None
-    quaternion = None if body.quaternion is None else _unit(source, body.quaternion)
+    quaternion, gyroscope, force = body.quaternion, body.gyroscope, body.accelerometer
+    if gyroscope is None or (quaternion is None and force is None):
+        missing = [name for name in ("quaternion", "gyroscope", "accelerometer") if getattr(body, name) is None]
+        raise LogError(
+            f"{source}: no {', no '.join(missing)}: how the base turns and which way is up is not known, so that the "
+            "torque of the moving links cannot be told from friction, and of no joint can anything be said: log the "
+            "IMU, at least gyroscope and orientation or accelerometer (other names: --columns gyroscope=NAME), or let "
+            "the legs move in the air with the base held, identify --robot"
+        )
+    notes: list[str] = []
     if quaternion is not None:
-        scale, said = _check_turns(source, quaternion, gyroscope, step)
-        gyroscope, notes = scale * gyroscope, said
-    force = body.accelerometer
+        length = np.linalg.norm(quaternion, axis=1)
+        if not np.all(np.abs(length - 1) < 0.1):
+            raise LogError(
+                f"{source}: the quaternion's length is {length.min():.3g} to {length.max():.3g}; expected 1: w x y z "
+                "of an orientation, no angles"
+            )
+        quaternion = quaternion / length[:, None]
+        gyroscope = _check_turns(source, quaternion, gyroscope, step, notes) * gyroscope
     if force is not None:
-        scale, said = _check_force(source, force, quaternion)
-        force, notes = scale * force, [*notes, *said]
+        force = _check_force(source, force, quaternion, notes) * force
     if quaternion is None:
         assert force is not None
         quaternion = _level(force, gyroscope, step)
@@ -85,22 +88,16 @@ def base_imu(source: str, body: BodySignals, step: float, place: tuple[float, fl
     lean = float(up_in_frames(quaternion)[:, 2].mean())
     if lean < UPRIGHT:
         raise LogError(
-            f"{source}: by the IMU the base's z axis points {np.degrees(np.arccos(np.clip(lean, -1, 1))):.0f}° away "
-            "from up, on average; expected the IMU's axes along the base's, x forward, z up, and a robot on its feet: "
-            "turn its columns into the base's axes"
+            f"{source}: by the IMU the base's z axis points {_degrees(lean):.0f}° away from up, on average; expected "
+            "the IMU's axes along the base's, x forward, z up, and a robot on its feet: turn its columns into the "
+            "base's axes"
         )
     notes.append("the IMU's axes were taken to be the base's, x forward, y left")
-    if force is not None:
-        if place is None:
-            notes.append("the IMU was taken to sit within centimetres of the base's origin; say where: --imu-position")
-        else:
-            force = at_origin(force, gyroscope, step, np.array(place))
-    return BaseImu(quaternion, gyroscope, force, tuple(notes))
-
-
-def at_origin(force: np.ndarray, rate: np.ndarray, step: float, place: np.ndarray) -> np.ndarray:
-    """Return the specific force at the base's origin [m/s²], shape (T, 3), from that at `place` [m]; see `at_place`."""
-    return force - at_place(rate, step, place)
+    if force is not None and place is not None:
+        force = force - at_place(gyroscope, step, np.array(place))
+    elif force is not None:
+        notes.append("the IMU was taken to sit within centimetres of the base's origin; say where: --imu-position")
+    return replace(body, quaternion=quaternion, gyroscope=gyroscope, accelerometer=force), tuple(notes)
 
 
 def at_place(rate: np.ndarray, step: float, place: np.ndarray) -> np.ndarray:
@@ -113,102 +110,76 @@ def at_place(rate: np.ndarray, step: float, place: np.ndarray) -> np.ndarray:
     return crosses(turning, arm) + crosses(rate, crosses(rate, arm))
 
 
-def _refuse_missing(source: str, body: BodySignals) -> None:
-    """Refuse a log from which how the base turns, or which way is up, cannot be known."""
-    if body.gyroscope is not None and (body.quaternion is not None or body.accelerometer is not None):
-        return
-    names = ("quaternion", "gyroscope", "accelerometer")
-    missing = [name for name in names if getattr(body, name) is None]
-    raise LogError(
-        f"{source}: no {', no '.join(missing)}: how the base turns and which way is up is not known, so that the "
-        "torque of the moving links cannot be told from friction, and of no joint can anything be said: log the IMU, "
-        "at least "
-        "gyroscope and orientation or accelerometer (other names: --columns gyroscope=NAME), or let the legs move in "
-        "the air with the base held, identify --robot"
-    )
+def _degrees(cosine: float) -> float:
+    """Return the angle of a cosine in degrees."""
+    return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
 
 
-def _unit(source: str, quaternion: np.ndarray) -> np.ndarray:
-    """Return quaternions of length 1; refuse what is none."""
-    length = np.linalg.norm(quaternion, axis=1)
-    if not np.all(np.abs(length - 1) < 0.1):
-        raise LogError(
-            f"{source}: the quaternion's length is {length.min():.3g} to {length.max():.3g}; expected 1: w x y z of "
-            "an orientation, no angles"
-        )
-    return quaternion / length[:, None]
-
-
-def _turn_rates(quaternion: np.ndarray, span: int, step: float) -> np.ndarray:
-    """Return the mean angular velocity over `span` samples in the first one's frame [rad/s], shape (T - span, 3)."""
-    first, second = quaternion[:-span], quaternion[span:]
-    sign = np.where(np.sum(first * second, axis=1) < 0, -1.0, 1.0)
-    return small_turns(first, second * sign[:, None]) / (span * step)
-
-
-def _check_turns(source: str, quaternion: np.ndarray, gyroscope: np.ndarray, step: float) -> tuple[float, list[str]]:
-    """Return the gyroscope's unit [rad/s] and what was found; refuse a quaternion that does not turn as it says."""
-    span = max(1, round(TURN_SPAN / step))
-    kernel = np.ones(span) / span
-    # The mean over the very samples between which the quaternion's turn is taken.
-    mean = np.stack([np.convolve(column[:-1], kernel, "valid") for column in gyroscope.T], axis=1)
+def _check_turns(source: str, quaternion: np.ndarray, gyroscope: np.ndarray, step: float, notes: list[str]) -> float:
+    """Return the gyroscope's unit [rad/s], and note it; refuse a quaternion that does not turn as it says."""
     if np.sqrt(np.mean(np.sum(gyroscope**2, axis=1))) < LEAST_TURNING:
-        return 1.0, ["the base hardly turns: the order of the quaternion, taken as w x y z, could not be checked"]
+        notes.append("the base hardly turns: the order of the quaternion, taken as w x y z, could not be checked")
+        return 1.0
+    span = max(1, round(TURN_SPAN / step))
+    # The mean over the very samples between which the quaternion's turn is taken.
+    mean = np.stack([np.convolve(column[:-1], np.ones(span) / span, "valid") for column in gyroscope.T], axis=1)
     left: dict[str, tuple[float, float]] = {}
     for order, places in ORDERS.items():
-        # The conjugate tells of the world in the base, as some drivers have it.
-        for frame, signs in (("", 1.0), (" of the world in the base", np.array([1.0, -1.0, -1.0, -1.0]))):
-            turns = _turn_rates(quaternion[:, places] * signs, span, step)
+        for frame, signs in FRAMES.items():
+            read = quaternion[:, places] * signs
+            first, second = read[:-span], read[span:]
+            sign = np.where(np.sum(first * second, axis=1) < 0, -1.0, 1.0)
+            turns = small_turns(first, second * sign[:, None]) / (span * step)
             slope = float(np.sum(turns * mean) / np.sum(mean**2))
             left[order + frame] = (float(np.linalg.norm(turns - slope * mean) / np.linalg.norm(turns)), slope)
-    rest, slope = left["w x y z"]
-    best = min((order for order in left if left[order][1] > 0), key=lambda order: left[order][0], default="w x y z")
-    if rest > AGREEING or slope <= 0:
-        if best != "w x y z" and left[best][0] < AGREEING:
-            raise LogError(
-                f"{source}: the quaternion turns as the gyroscope says only if it is {best}; expected w x y z of the "
-                "base in the world: map its columns in that order, --columns quaternion=W,X,Y,Z"
-                + (", with the signs of x, y and z turned round" if "world" in best else "")
-            )
-        if rest > REFUTED or slope <= 0:
-            raise LogError(
-                f"{source}: quaternion and gyroscope do not tell of the same motion ({rest:.0%} of the turns are left "
-                "over): are they of one IMU, in the axes of the base, and in the same order in time?"
-            )
+    rest, slope = left[RIGHT]
+    best = min((order for order in left if left[order][1] > 0), key=lambda order: left[order][0], default=RIGHT)
+    agrees = rest <= AGREEING and slope > 0
+    if not agrees and best != RIGHT and left[best][0] < AGREEING:
+        raise LogError(
+            f"{source}: the quaternion turns as the gyroscope says only if it is {best}; expected w x y z of the "
+            "base in the world: map its columns in that order, --columns quaternion=W,X,Y,Z"
+            + (", with the signs of x, y and z turned round" if "world" in best else "")
+        )
+    if not agrees and (rest > REFUTED or slope <= 0):
+        raise LogError(
+            f"{source}: quaternion and gyroscope do not tell of the same motion ({rest:.0%} of the turns are left "
+            "over): are they of one IMU, in the axes of the base, and in the same order in time?"
+        )
     if abs(slope - 1) < UNIT_ERROR:
-        return 1.0, []
+        return 1.0
     if abs(np.degrees(slope) - 1) < UNIT_ERROR:
-        return float(np.radians(1)), ["the gyroscope is in degrees per second, by the quaternion's turns: converted"]
+        notes.append("the gyroscope is in degrees per second, by the quaternion's turns: converted")
+        return float(np.radians(1))
     raise LogError(
         f"{source}: the quaternion turns {slope:.3g} times as fast as the gyroscope says; expected rad/s: convert it"
     )
 
 
-def _check_force(source: str, force: np.ndarray, quaternion: np.ndarray | None) -> tuple[float, list[str]]:
-    """Return the accelerometer's unit [m/s²] and what was found; refuse one whose mean is not gravity's, upward."""
+def _check_force(source: str, force: np.ndarray, quaternion: np.ndarray | None, notes: list[str]) -> float:
+    """Return the accelerometer's unit [m/s²], and note it; refuse one whose mean is not gravity's, upward."""
     mean = force.mean(axis=0)
-    size = float(np.linalg.norm(mean))
+    size, scale = float(np.linalg.norm(mean)), 1.0
     up = np.array([0.0, 0.0, 1.0]) if quaternion is None else up_in_frames(quaternion).mean(axis=0)
     along = float(mean @ up / max(size * np.linalg.norm(up), 1e-12))
-    scale, said = 1.0, []
     if abs(size / GRAVITY - 1) > UNIT_ERROR / 2:
         if abs(size - 1) > UNIT_ERROR / 2:
             raise LogError(
                 f"{source}: the accelerometer's mean over the walk is {size:.3g}; expected {GRAVITY} m/s², upward"
                 + (": gravity was taken off; log the raw specific force, or leave it out" if size < 0.5 else "")
             )
-        scale, said = GRAVITY, ["the accelerometer is in g, by its mean over the walk: converted to m/s²"]
+        scale = GRAVITY
+        notes.append("the accelerometer is in g, by its mean over the walk: converted to m/s²")
     if along < UPRIGHT:
         raise LogError(
-            f"{source}: over the walk the accelerometer points {np.degrees(np.arccos(np.clip(along, -1, 1))):.0f}° "
-            "away from up"
+            f"{source}: over the walk the accelerometer points {_degrees(along):.0f}° away from up"
             + (
                 f": it has the sign of gravity; expected acceleration minus gravity, +{GRAVITY} along z at rest"
                 if along < -UPRIGHT
                 else "; expected the axes of the base and of the quaternion, x forward, z up"
             )
         )
-    return scale, said
+    return scale
 
 
 def _level(force: np.ndarray, rate: np.ndarray, step: float) -> np.ndarray:
@@ -220,22 +191,9 @@ def _level(force: np.ndarray, rate: np.ndarray, step: float) -> np.ndarray:
     ups, gain = np.empty_like(drawn), min(1.0, step / SETTLING)
     up = drawn[: max(1, round(SETTLING / step))].mean(axis=0)
     for sample, (pull, turn) in enumerate(zip(drawn, rate, strict=True)):
-        up = up / np.linalg.norm(up)
-        ups[sample] = up
-        change = (
-            turn[1] * up[2] - turn[2] * up[1],
-            turn[2] * up[0] - turn[0] * up[2],
-            turn[0] * up[1] - turn[1] * up[0],
-        )
-        up = up - step * np.array(change) + gain * (pull - up)
+        ups[sample] = up = up / np.linalg.norm(up)
+        up = up - step * cross(turn, up) + gain * (pull - up)
     # In the base frame up is (−sin pitch, cos pitch sin roll, cos pitch cos roll); quaternions have half the angles.
     roll, pitch = np.arctan2(ups[:, 1], ups[:, 2]) / 2, -np.arcsin(np.clip(ups[:, 0], -1, 1)) / 2
-    return np.stack(
-        [
-            np.cos(roll) * np.cos(pitch),
-            np.sin(roll) * np.cos(pitch),
-            np.cos(roll) * np.sin(pitch),
-            -np.sin(roll) * np.sin(pitch),
-        ],
-        axis=1,
-    )
+    both = np.cos(roll) * np.cos(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.sin(pitch)
+    return np.stack([*both, -np.sin(roll) * np.sin(pitch)], axis=1)

@@ -11,14 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from stiction.files.joints import Estimate
-from stiction.files.walk import WalkLog
-from stiction.identification.walking.blocks import BlockFit, fit_blocks
-from stiction.identification.walking.body import loaded_trunk
-from stiction.identification.walking.contact import feet_down
-from stiction.identification.walking.motion import WalkMotion, carriers, hann_weights
-from stiction.identification.walking.setup import WalkSetup
+from stiction.identification.limb.fit import PriorFit, fit_blocks
 from stiction.identification.walking.stance import BODY, FRICTION, StanceRows, stance_rows
 from stiction.identification.walking.swing import BLOCK, FEWEST_SWINGS, SwingRows
+from stiction.identification.walking.walk import Walk
 from stiction.robots.model import Robot
 
 FEWEST_ROWS = 300
@@ -52,108 +48,104 @@ class LoadFit:
     """Kind -> mean |τ| of legs on the ground [N m], and dry friction b + c |τ| at it [N m]."""
     body: dict[str, Estimate] = field(default_factory=dict)
     """Errors of the body that were found, by the names of `BODY`."""
-    condition: float | None = None
-    """Condition number of the regressor with unit columns."""
     rows: int = 0
     """Equations of the base."""
-    partial: dict[str, tuple[np.ndarray, ...]] = field(default_factory=dict)
+    partial: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     """Kind -> load and friction in stance with everything else taken off, as forces on the body [N], each shape (R,):
     slope c. For the page."""
 
 
-def fit_load(log: WalkLog, motion: WalkMotion, spec: Robot, swing: list[SwingRows], setup: WalkSetup) -> LoadFit:
+def fit_load(walk: Walk, swing: list[SwingRows]) -> LoadFit:
     """Find what the load adds to friction, or say why that cannot be known from this log."""
-    if refusal := _missing(motion, setup):
+    if refusal := _missing(walk):
         return LoadFit(refusal)
-    stance = stance_rows(log, motion, spec, loaded_trunk(spec, setup.payload, setup.centre_of_mass), setup)
-    thin = max(1, len(hann_weights(setup.smoothing, motion.period)) // 2)
-    regressor, target, sample, systematic, size = _stack(stance, swing, spec, thin)
-    blocks = sample // round(BLOCK / motion.period)
+    stance = stance_rows(walk)
+    regressor, target, sample, systematic, size = _stack(stance, swing, walk)
+    blocks = walk.blocks(BLOCK)[sample]
     if len(stance.target) < FEWEST_ROWS or len(np.unique(blocks)) < FEWEST_SWINGS:
         return LoadFit(
             f"{len(stance.target)} equations of the base in {len(np.unique(blocks))} half seconds; expected at least "
             f"{FEWEST_ROWS} and {FEWEST_SWINGS}: log for longer"
         )
-    limit = np.array(log.header.torque_limit)
-    bounds = np.array([setup.mass_error, *[setup.centre_error] * 3, *[setup.specific_force_error] * 3])
-    vague = np.tile(WIDE_PRIOR, len(spec.joint_kinds))
-    late = [setup.timing_error * motion.period]
+    setup, kinds = walk.setup, walk.spec.joint_kinds
+    bounds = [setup.mass_error, *[setup.centre_error] * 3, *[setup.specific_force_error] * 3]
+    known = [setup.torque_zero_error * walk.limits, [setup.timing_error * walk.period], bounds]
+    names = [f"{name}.{kind}" for kind in kinds for name in FRICTION]
+    names += [f"offset.{joint}" for joint in walk.spec.joint_names] + ["lateness", *BODY]
     # Declared bounds hold with 95 %: two deviations.
-    prior = np.concatenate([vague, setup.torque_zero_error * limit, late, bounds]) / 2
+    prior = np.concatenate([np.tile(WIDE_PRIOR, len(kinds)), *known]) / 2
     try:
-        fit = fit_blocks(regressor, target, blocks, systematic, prior)
+        fit = fit_blocks(tuple(names), regressor, target, blocks, prior, systematic)
     except np.linalg.LinAlgError:
         return LoadFit("its steps are all alike: walk at different speeds")
-    start = regressor.shape[1] - len(BODY)
-    body = {name: fit.estimate(start + index) for index, name in enumerate(BODY)}
+    body = {name: fit.estimate(name) for name in BODY}
     beyond = [
         f"{name} by {estimate.value:.3g} (declared within {bound:g})"
         for (name, estimate), bound in zip(body.items(), bounds, strict=True)
         if abs(estimate.value) > MAX_BOUND_RATIO * bound
     ]
     if beyond:
-        return LoadFit(
+        refusal = (
             "the walk does not fit the declared masses and centre of mass: it is off in "
             f"{', '.join(beyond)}: weigh the robot, and state --payload and --centre-of-mass; or the torque's unit is "
-            "wrong",
-            body=body,
-            condition=fit.condition,
-            rows=len(stance.target),
+            "wrong"
         )
-    laws, refused = _laws(fit, spec)
-    under_load = {kind: _friction_under_load(kind, log, motion, spec, setup, fit) for kind in laws}
+        return LoadFit(refusal, body=body, rows=len(stance.target))
+    laws, refused = _laws(fit, walk)
+    under_load = {kind: _friction_under_load(kind, walk, fit) for kind in laws}
     # Stance's equations stand behind all of swing's.
-    resting = regressor[-len(stance.target) :]
-    partial = {kind: tuple(size * part for part in _partial(resting, fit, _first(kind, spec))) for kind in laws}
-    return LoadFit("", laws, refused, under_load, body, fit.condition, len(stance.target), partial)
+    resting, left = regressor[-len(stance.target) :], fit.residual[-len(stance.target) :]
+    partial = {}
+    for kind in laws:
+        column = _first(kind, walk.spec) + FRICTION.index("load_coefficient")
+        others = np.delete(resting, column, axis=1)
+        load = resting[:, column] - others @ np.linalg.lstsq(others, resting[:, column], rcond=1e-8)[0]
+        partial[kind] = (size * load, size * (fit.values[column] * load + left))
+    return LoadFit("", laws, refused, under_load, body, len(stance.target), partial)
 
 
-def _missing(motion: WalkMotion, setup: WalkSetup) -> str:
+def _missing(walk: Walk) -> str:
     """Return what must be there and is not, or nothing."""
-    if motion.sampled_torque:
+    if walk.sampled:
         return (
             "the log has torques as they were at its stamps; what they did in between, with every new target, is small "
             "beside a leg's links but not beside the balance of the body, and no interval was found that holds: "
             "log the mean torque of each period, in the form of evaluate --log"
         )
-    if not setup.mass_known:
+    if not walk.setup.mass_known:
         return (
             "in stance the forces on the feet, which nobody measured, absorb the joints' friction, and what the body's "
             "six equations leave needs known masses and centre of mass: weigh the robot as it walked and declare it "
             "with --mass-known (--payload, --centre-of-mass)"
         )
-    if not motion.measured_torque:
+    if not walk.measured_torque:
         return "the motors' torque was not logged, and what load does to friction is judged by it: log the torque"
-    if not motion.measured_acceleration:
+    if not walk.measured_acceleration:
         return "there was no accelerometer, and the body's equations need its acceleration: log the specific force"
     return ""
 
 
 def _stack(
-    stance: StanceRows, swing: list[SwingRows], spec: Robot, thin: int
+    stance: StanceRows, swing: list[SwingRows], walk: Walk
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
     """Return regressor, target, sample and systematic change of all equations, and the size of stance's residual [N].
 
     Each family of equations is over the size of its residual. Columns: A, B, b, c of each kind, every motor's torque
-    zero, the torque's lateness, the body's errors. Every `thin`-th swing equation is taken: neighbours share samples.
+    zero, the torque's lateness, the body's errors. One swing equation in half a window is taken: neighbours share
+    samples.
     """
-    friction, joints = len(spec.joint_kinds) * len(FRICTION), len(swing)
+    offsets = len(walk.spec.joint_kinds) * len(FRICTION)
+    thin = slice(None, None, max(1, len(walk.weights) // 2))
     blocks = []
     for number, rows in enumerate(swing):
         part = np.zeros((len(rows.torque), stance.regressor.shape[1]))
-        first = _first(spec.joints[number].kind, spec)
-        signals = (rows.acceleration, rows.velocity, rows.direction, rows.load)
-        part[:, first : first + len(FRICTION)] = np.stack(signals, axis=1)
-        part[:, friction + number] = 1.0
-        part[:, friction + joints] = -rows.slope
-        blocks.append(part[::thin])
+        first = _first(walk.spec.joints[number].kind, walk.spec)
+        part[:, first : first + len(FRICTION)] = np.column_stack([rows.regressor[:, :3], rows.load])
+        part[:, offsets + number] = 1.0
+        part[:, offsets + len(swing)] = rows.regressor[:, 3]
+        blocks.append((part[thin], rows.torque[thin], rows.systematic[0, thin], rows.sample[thin]))
     families = (
-        (
-            np.concatenate(blocks),
-            np.concatenate([rows.torque[::thin] for rows in swing]),
-            np.concatenate([rows.systematic[0, ::thin] for rows in swing]),
-            np.concatenate([rows.sample[::thin] for rows in swing]),
-        ),
+        [np.concatenate(parts) for parts in zip(*blocks, strict=True)],
         (stance.regressor, stance.target, stance.links, stance.sample),
     )
     sizes = [_residual_size(regressor, target) for regressor, target, _, _ in families]
@@ -175,23 +167,22 @@ def _first(kind: str, spec: Robot) -> int:
     return len(FRICTION) * spec.joint_kinds.index(kind)
 
 
-def _laws(fit: BlockFit, spec: Robot) -> tuple[dict[str, dict[str, Estimate]], dict[str, str]]:
+def _laws(fit: PriorFit, walk: Walk) -> tuple[dict[str, dict[str, Estimate]], dict[str, str]]:
     """Return what is known of each kind, and why not of the others."""
     laws, refused = {}, {}
-    for kind in spec.joint_kinds:
-        if not carriers(spec)[:, spec.joints_of(kind)].any():
-            refused[kind] = f"no foot hangs on the {kind} joints, so that the ground never loads them"
-            continue
-        law = {name: fit.estimate(_first(kind, spec) + index) for index, name in enumerate(FRICTION)}
+    for kind in walk.spec.joint_kinds:
+        law = {name: fit.estimate(f"{name}.{kind}") for name in FRICTION}
         load = _widened(law["load_coefficient"], LAW_ERROR * law["load_coefficient"].value)
         half = load.interval95[1] - load.value
-        if half > WIDEST:
+        if not walk.carriers[:, walk.spec.joints_of(kind)].any():
+            refused[kind] = f"no foot hangs on the {kind} joints, so that the ground never loads them"
+        elif half > WIDEST:
             refused[kind] = (
                 f"the interval of the load coefficient of {kind} joints, ±{half:.2g}, is too wide to tell anything: "
                 "log for longer, walk so that these joints move while they carry load"
             )
-            continue
-        laws[kind] = law | {"load_coefficient": load}
+        else:
+            laws[kind] = law | {"load_coefficient": load}
     return laws, refused
 
 
@@ -202,26 +193,9 @@ def _widened(estimate: Estimate, error: float) -> Estimate:
     return Estimate(estimate.value, float(std), (float(estimate.value - half), float(estimate.value + half)))
 
 
-def _friction_under_load(
-    kind: str, log: WalkLog, motion: WalkMotion, spec: Robot, setup: WalkSetup, fit: BlockFit
-) -> tuple[float, Estimate]:
+def _friction_under_load(kind: str, walk: Walk, fit: PriorFit) -> tuple[float, Estimate]:
     """Return the mean |τ| of a kind's joints while their feet are down [N m], and the dry friction at it [N m]."""
-    joints = spec.joints_of(kind)
-    bearing = feet_down(log, motion, spec, setup) @ carriers(spec)
-    torque = float(np.abs(motion.torque[:, joints])[bearing[:, joints]].mean())
-    weights, first = np.zeros(len(fit.values)), _first(kind, spec)
-    weights[first + FRICTION.index("coulomb_friction")] = 1.0
-    weights[first + FRICTION.index("load_coefficient")] = torque
-    slope = float(fit.values[first + FRICTION.index("load_coefficient")])
-    return torque, _widened(fit.combination(weights), LAW_ERROR * slope * torque)
-
-
-def _partial(regressor: np.ndarray, fit: BlockFit, first: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return load and friction of one kind in stance with everything else regressed off, each shape (R,).
-
-    first: the kind's first column.
-    """
-    column = first + FRICTION.index("load_coefficient")
-    others = np.delete(regressor, column, axis=1)
-    load = regressor[:, column] - others @ np.linalg.lstsq(others, regressor[:, column], rcond=1e-8)[0]
-    return load, fit.values[column] * load + fit.residual[-len(regressor) :]
+    joints = walk.spec.joints_of(kind)
+    torque = float(np.abs(walk.torque[:, joints])[(walk.down @ walk.carriers)[:, joints]].mean())
+    dry, load = f"coulomb_friction.{kind}", f"load_coefficient.{kind}"
+    return torque, _widened(fit.combination({dry: 1.0, load: torque}), LAW_ERROR * fit.value(load) * torque)

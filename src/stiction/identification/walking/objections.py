@@ -8,21 +8,17 @@ the ground carry the robot's weight. Each takes the model, all angles, and what 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
 from stiction.core.rotation import crosses
 from stiction.files.joints import Estimate, JointRecord, Objection
-from stiction.files.walk import WalkLog
+from stiction.identification.limb.fit import PriorFit, fit_blocks
 from stiction.identification.objections import NEGATIVE_FRICTION, SERIOUS, no_friction_shown
-from stiction.identification.walking.blocks import BlockFit, fit_blocks
-from stiction.identification.walking.body import foot_positions, link_effort
-from stiction.identification.walking.contact import BEARING, feet_down, upward_map
-from stiction.identification.walking.motion import WalkMotion, grow, hann_weights, slow_samples, smooth, swings
-from stiction.identification.walking.setup import WalkSetup
-from stiction.identification.walking.swing import BLOCK, FEWEST_ROWS, PARAMETERS, SwingFit
-from stiction.robots.model import GRAVITY, Robot
+from stiction.identification.walking.swing import BLOCK, FEWEST_ROWS
+from stiction.identification.walking.walk import BEARING, Walk, foot_positions, grow, smooth, swings
+from stiction.robots.model import GRAVITY
 
 TURNS = (0.25, 1.5)
 """Roll and pitch of the base by the feet on the ground over the gyroscope's, outside of which the two are of different
@@ -45,74 +41,64 @@ FEWEST_BLOCKS = 4
 LATE = 1.5
 """Lateness of the torque beyond which it is none of the declared bound, over that bound [1]; the median of joints."""
 
-
-@dataclass(frozen=True)
-class WalkChecks:
-    """What a walk shows about the declared set-up."""
-
-    objections: tuple[Objection, ...]
-    """What makes every joint's fit invalid, the plainest first."""
-    weight: Estimate | None
-    """What the motors hold on the ground over the robot's weight [1]; None where no foot stands long enough."""
+Fits = Sequence[PriorFit | None]
+"""What is known of each joint of a robot, None where nothing is."""
 
 
-def check_walk(
-    log: WalkLog, motion: WalkMotion, spec: Robot, setup: WalkSetup, fits: Sequence[SwingFit | None]
-) -> WalkChecks:
-    """Hold a walk against the robot and against itself. fits: what is known of each joint, None where nothing is."""
-    own, vague = _own_torque(motion, fits, np.array(log.header.torque_limit), setup)
-    upward = upward_map(motion, spec) / (GRAVITY * (spec.mass + setup.payload))
-    left = link_effort(spec, motion.joints, motion.base).torque + own - motion.torque
-    force, doubt = np.einsum("tlj,tj->tl", upward, left), np.einsum("tlj,tj->tl", np.abs(upward), vague)
-    down, weights = feet_down(log, motion, spec, setup), hann_weights(setup.smoothing, motion.period)
-    weight, standing = _weight(motion, force), down & (smooth(force - doubt, weights) > STANDING)
-    found = [
-        *_rates(log, motion, setup, weights),
-        *_turns(spec, motion, standing, weights),
-        *_swing(spec, motion, (force, force - doubt), down, _feet_of_known_joints(spec, fits), setup),
-        *([] if weight is None else _carried(weight, motion, spec, setup)),
-        *_late(motion, fits, setup),
-    ]
-    return WalkChecks(tuple(found), weight)
+def check_walk(walk: Walk, fits: Fits) -> tuple[tuple[Objection, ...], Estimate | None]:
+    """Hold a walk against the robot and against itself.
+
+    Returns what makes every joint's fit invalid, the plainest first, and what the motors hold on the ground over the
+    robot's weight [1], None where no foot stands long enough.
+    """
+    own, vague = _own_torque(walk, fits)
+    upward = walk.upward_map / (GRAVITY * (walk.spec.mass + walk.setup.payload))
+    # Upward force of the ground on each foot over the robot's weight, and how vague it is, (T, L) each.
+    force = np.einsum("tlj,tj->tl", upward, walk.effort[0] + own - walk.torque)
+    least = force - np.einsum("tlj,tj->tl", np.abs(upward), vague)
+    pull = np.einsum("ti,ti->t", walk.base.pull, walk.upward) / GRAVITY
+    weight = _slope(pull, force.sum(axis=1), walk.blocks(BLOCK))
+    found = (
+        _rates(walk),
+        _turns(walk, walk.down & (smooth(least, walk.weights) > STANDING)),
+        _swing(walk, force, least, fits),
+        None if weight is None else _carried(walk, weight),
+        _late(walk, fits),
+    )
+    return tuple(one for one in found if one is not None), weight
 
 
-def joint_objections(fit: BlockFit, accelerometer: bool) -> tuple[Objection, ...]:
+def joint_objections(fit: PriorFit, accelerometer: bool) -> tuple[Objection, ...]:
     """Return what makes one joint's fit invalid: friction below zero, or none that is shown.
 
     accelerometer: whether there was one; what the base's acceleration does is else taken for viscous friction.
     """
     found = []
-    # Without an accelerometer the first is left out.
-    for name in ("viscous_friction", "coulomb_friction")[not accelerometer :]:
-        low, high = fit.estimate(PARAMETERS.index(name)).interval95
+    for name in ("viscous_friction", "coulomb_friction") if accelerometer else ("coulomb_friction",):
+        low, high = fit.estimate(name).interval95
         if high < 0:
-            found.append(
-                Objection(
-                    NEGATIVE_FRICTION,
-                    f"{name} comes out below zero ({low:.4g} to {high:.4g}), which no joint has: something in its "
-                    "swings drives the joint that the model does not have",
-                    "log for longer, at different speeds; check the torques, and the contact (--contact)",
-                )
+            seen = (
+                f"{name} comes out below zero ({low:.4g} to {high:.4g}), which no joint has: something in its swings "
+                "drives the joint that the model does not have"
             )
-    return (*found, *no_friction_shown(JointRecord(), fit.estimate(PARAMETERS.index("coulomb_friction"))))
+            remedy = "log for longer, at different speeds; check the torques, and the contact (--contact)"
+            found.append(Objection(NEGATIVE_FRICTION, seen, remedy))
+    return (*found, *no_friction_shown(JointRecord(), fit.estimate("coulomb_friction")))
 
 
-def _own_torque(
-    motion: WalkMotion, fits: Sequence[SwingFit | None], limit: np.ndarray, setup: WalkSetup
-) -> tuple[np.ndarray, np.ndarray]:
+def _own_torque(walk: Walk, fits: Fits) -> tuple[np.ndarray, np.ndarray]:
     """Return what rotors and friction take of the motors' torque, and how vague that is [N m], shape (T, J) each.
 
     Friction of a joint that hardly moves may be anything up to its dry friction. Where that is not known it is taken to
-    be the others' median share of the torque limit. fits: of each joint; limit: torque limits [N m], shape (J,).
+    be the others' median share of the torque limit.
     """
-    known = [abs(found.fit.values[2]) / limit[joint] for joint, found in enumerate(fits) if found and found.fit]
-    own, vague = np.zeros_like(motion.torque), np.tile(float(np.median(known)) * limit, (len(motion), 1))
-    for joint, found in enumerate(fits):
-        if found is not None and found.fit is not None:
-            armature, viscous, coulomb = found.fit.values[:3]
-            rate = motion.rate[:, joint]
-            own[:, joint] = armature * motion.joints.acceleration[:, joint] + viscous * rate + coulomb * np.sign(rate)
-            vague[:, joint] = abs(coulomb) * slow_samples(rate, setup, motion.period)
+    known = {number: fit.values[:3] for number, fit in enumerate(fits) if fit is not None}
+    share = float(np.median([abs(values[2]) / walk.limits[number] for number, values in known.items()]))
+    own, vague = np.zeros_like(walk.torque), np.tile(share * walk.limits, (len(walk), 1))
+    for joint, (armature, viscous, coulomb) in known.items():
+        rate = walk.rate[:, joint]
+        own[:, joint] = armature * walk.acceleration[:, joint] + viscous * rate + coulomb * np.sign(rate)
+        vague[:, joint] = abs(coulomb) * walk.resting[:, joint]
     return own, vague
 
 
@@ -120,162 +106,117 @@ def _slope(x: np.ndarray, y: np.ndarray, block: np.ndarray) -> Estimate | None:
     """Return y over x, each shape (R,), with its interval from blocks; None where there are too few."""
     if len(x) < FEWEST_ROWS or len(np.unique(block)) < FEWEST_BLOCKS or not np.any(x):
         return None
-    return fit_blocks(x[:, None], y, block, np.zeros((0, len(x)))).estimate(0)
+    return fit_blocks(("slope",), x[:, None], y, block).estimate("slope")
 
 
-def _blocks(motion: WalkMotion) -> np.ndarray:
-    """Return the number of the block of each sample, shape (T,)."""
-    return np.arange(len(motion)) // round(BLOCK / motion.period)
-
-
-def _rates(log: WalkLog, motion: WalkMotion, setup: WalkSetup, weights: np.ndarray) -> list[Objection]:
+def _rates(walk: Walk) -> Objection | None:
     """Object to velocities that are another multiple of the rates of the angles."""
-    rate, logged = smooth(motion.rate, weights), smooth(log.joint_velocity, weights)
-    moves = np.sqrt(np.mean(rate**2, axis=0)) > setup.slow
+    rate, logged = smooth(walk.rate, walk.weights), smooth(walk.log.joint_velocity, walk.weights)
+    moves = np.sqrt(np.mean(rate**2, axis=0)) > walk.setup.slow
     ratios = np.sum(rate * logged, axis=0)[moves] / np.sum(rate**2, axis=0)[moves]
     middle = float(np.median(ratios)) if len(ratios) else 1.0
     if RATES[0] <= middle <= RATES[1]:
-        return []
-    return [
-        Objection(
-            "rates",
-            f"the joints' velocities are {middle:.3g} times the rates of their angles: the stamps, or the unit of one "
-            "of the two, are not as declared",
-            "check --time-scale, --rate and --position-scale",
-        )
-    ]
+        return None
+    seen = (
+        f"the joints' velocities are {middle:.3g} times the rates of their angles: the stamps, or the unit of one of "
+        "the two, are not as declared"
+    )
+    return Objection("rates", seen, "check --time-scale, --rate and --position-scale")
 
 
-def _turns(spec: Robot, motion: WalkMotion, standing: np.ndarray, weights: np.ndarray) -> list[Objection]:
+def _turns(walk: Walk, standing: np.ndarray) -> Objection | None:
     """Object to feet on the ground that turn about the base otherwise than the gyroscope says.
 
     Of two feet that stand the distance p turns with the world, p' = -ω × p in the base frame. Along up this holds for
-    feet that slip, too. standing: bool, shape (T, L); weights: of the smoothing.
+    feet that slip, too. standing: bool, shape (T, L).
     """
-    place = foot_positions(spec, motion.joints.position)
-    moved, block = np.gradient(place, motion.period, axis=0), _blocks(motion)
-    said: list[np.ndarray] = []
-    seen: list[np.ndarray] = []
-    blocks: list[np.ndarray] = []
-    for one in range(len(spec.feet)):
-        for other in range(one):
-            # By half a window: no smoothed sample has one in it at which a foot did not stand.
-            both = ~grow(~(standing[:, one] & standing[:, other]), len(weights) // 2)
-            turned = -crosses(motion.base.angular_velocity, place[:, one] - place[:, other])
-            for found, rate in ((said, turned), (seen, moved[:, one] - moved[:, other])):
-                found.append(smooth(np.einsum("ti,ti->t", rate, motion.upward)[:, None], weights)[both, 0])
-            blocks.append(block[both])
-    turn = _slope(*map(np.concatenate, (said, seen, blocks))) if said else None
+    place = foot_positions(walk.spec, walk.links)
+    moved, block = np.gradient(place, walk.period, axis=0), walk.blocks(BLOCK)
+    parts = []
+    for other, one in combinations(range(len(walk.spec.feet)), 2):
+        # By half a window: no smoothed sample has one in it at which a foot did not stand.
+        both = ~grow(~(standing[:, one] & standing[:, other]), len(walk.weights) // 2)
+        said = -crosses(walk.base.spin, place[:, one] - place[:, other])
+        rates = np.stack([said, moved[:, one] - moved[:, other]], axis=1)
+        parts.append(np.column_stack([smooth(np.einsum("tki,ti->tk", rates, walk.upward), walk.weights), block])[both])
+    turn = _slope(*np.concatenate(parts).T) if parts else None
     if turn is None or (turn.interval95[0] <= TURNS[1] and turn.interval95[1] >= TURNS[0]):
-        return []
-    return [
-        Objection(
-            "turns",
-            f"by the joints' angles the base turns over the feet on the ground {_said(turn)} times as fast as its "
-            "gyroscope says: angles, their order or signs, the stamps, the gyroscope's unit or the IMU's axes are not "
-            "as declared",
-            "check --names, --joint-map, --position-scale, --time-scale and the rate, the IMU's axes and unit, and "
-            "that --robot is the robot that walked",
-        )
-    ]
+        return None
+    return Objection(
+        "turns",
+        f"by the joints' angles the base turns over the feet on the ground {_said(turn)} times as fast as its "
+        "gyroscope says: angles, their order or signs, the stamps, the gyroscope's unit or the IMU's axes are not as "
+        "declared",
+        "check --names, --joint-map, --position-scale, --time-scale and the rate, the IMU's axes and unit, and that "
+        "--robot is the robot that walked",
+    )
 
 
-def _feet_of_known_joints(spec: Robot, fits: Sequence[SwingFit | None]) -> list[int]:
-    """Return the numbers of the feet that hang on joints of which each one's friction is known."""
-    known = {joint for joint, found in enumerate(fits) if found is not None and found.fit is not None}
-    return [number for number, foot in enumerate(spec.feet) if known.issuperset(spec.chain(foot.link))]
-
-
-def _swing(
-    spec: Robot,
-    motion: WalkMotion,
-    forces: tuple[np.ndarray, np.ndarray],
-    down: np.ndarray,
-    known: list[int],
-    setup: WalkSetup,
-) -> list[Objection]:
+def _swing(walk: Walk, force: np.ndarray, least: np.ndarray, fits: Fits) -> Objection | None:
     """Object to a foot that is said to swing and bears load, by the motors' torque, on average or at a swing's ends.
 
-    forces: on each foot over the weight, and at least, (T, L) each; known: feet whose legs' friction is known. The ends
-    of a swing, where joints turn round and friction is vague, are looked at of those alone.
+    force, least: on each foot over the weight, (T, L). The ends of a swing, where joints turn round and friction is
+    vague, are looked at only of feet that hang on joints of known friction.
     """
-    margin, edge = round(setup.swing_margin / motion.period), round(EDGE / motion.period)
+    margin, edge = round(walk.setup.swing_margin / walk.period), round(EDGE / walk.period)
     found: list[tuple[float, str, Estimate]] = []
-    for number, name in enumerate(spec.foot_names):
-        phase = swings(down[:, number], margin)
-        # Begin and end alternate, for the ends of a log are in no swing: every other change is a start, or an end.
-        starts, ends = (np.flatnonzero(np.diff(phase > 0, **side)) for side in ({"prepend": False}, {"append": False}))
-        first, last = (phase * _near(places, len(phase), edge) for places in (starts[::2], ends[1::2] - edge + 1))
-        for part, force in zip((phase, first, last), (forces[0], forces[1], forces[1]), strict=True):
-            if part is not phase and number not in known:
-                continue
-            load = _slope(np.ones(int((part > 0).sum())), force[part > 0, number], part[part > 0])
-            if load is not None and load.interval95[0] > BEARING:
-                found.append((load.value, name, load))
+    for number, foot in enumerate(walk.spec.feet):
+        phase = swings(walk.down[:, number], margin)
+        parts = [(phase, force)]
+        if all(fits[joint] is not None for joint in walk.spec.chain(foot.link)):
+            # Begin and end alternate, for the ends of a log are in no swing.
+            changes = np.flatnonzero(np.diff(phase > 0)) + 1
+            for starts in (changes[::2], changes[1::2] - edge):
+                near = np.zeros(len(phase), dtype=bool)
+                for start in starts:
+                    near[max(start, 0) : start + edge] = True
+                parts.append((phase * near, least))
+        for part, load in parts:
+            borne = _slope(np.ones(int((part > 0).sum())), load[part > 0, number], part[part > 0])
+            if borne is not None and borne.interval95[0] > BEARING:
+                found.append((borne.value, foot.name, borne))
     if not found:
-        return []
-    _, name, load = max(found, key=lambda one: one[0])
-    low, high = load.interval95
-    return [
-        Objection(
-            "swing_load",
-            f"by the motors' torque foot {name} bears {load.value:.0%} ({low:.0%} to {high:.0%}) of the robot's weight "
-            "where it is said to swing: its contact is another foot's, or comes late, or torques and angles are of "
-            "other joints",
-            "check the order of the feet and of the joints' names, and the stamps; or --contact torque, which needs no "
-            "contact in the log",
-        )
-    ]
+        return None
+    _, name, borne = max(found, key=lambda one: one[0])
+    low, high = borne.interval95
+    return Objection(
+        "swing_load",
+        f"by the motors' torque foot {name} bears {borne.value:.0%} ({low:.0%} to {high:.0%}) of the robot's weight "
+        "where it is said to swing: its contact is another foot's, or comes late, or torques and angles are of other "
+        "joints",
+        "check the order of the feet and of the joints' names, and the stamps; or --contact torque, which needs no "
+        "contact in the log",
+    )
 
 
-def _near(starts: np.ndarray, samples: int, length: int) -> np.ndarray:
-    """Return which samples are in stretches of a length from these starts on, bool, shape (samples,)."""
-    found = np.zeros(samples, dtype=bool)
-    for start in starts:
-        found[max(start, 0) : start + length] = True
-    return found
-
-
-def _weight(motion: WalkMotion, force: np.ndarray) -> Estimate | None:
-    """Return the ground's upward force on all feet over the robot's weight, its motion counted; force: over weight."""
-    pull = np.einsum("ti,ti->t", motion.base.specific_force, motion.upward) / GRAVITY
-    return _slope(pull, force.sum(axis=1), _blocks(motion))
-
-
-def _carried(weight: Estimate, motion: WalkMotion, spec: Robot, setup: WalkSetup) -> list[Objection]:
+def _carried(walk: Walk, weight: Estimate) -> Objection | None:
     """Object to torques that hold another weight than the robot's."""
-    low, high = weight.interval95
-    most = SERIOUS if motion.measured_torque else SERIOUS + setup.strength_error
+    (low, high), most = weight.interval95, SERIOUS + (0 if walk.measured_torque else walk.setup.strength_error)
     if low <= 1 + most and high >= 1 - most:
-        return []
-    source, flag = ("torques", "--torque-scale") if motion.measured_torque else ("gains", "--kp, --kd")
-    return [
-        Objection(
-            "weight",
-            f"on the ground the motors hold {_said(weight)} times the robot's weight, {spec.mass + setup.payload:.3g} "
-            f"kg: the {source}, the masses and lengths of --robot or its load are not as declared, a torque was cut "
-            "off, or something else held the robot",
-            f"check {flag}, that --robot is the robot that walked, and the joints' names; weigh it, and declare what "
-            "it carries (--payload)",
-        )
-    ]
+        return None
+    source, flag = ("torques", "--torque-scale") if walk.measured_torque else ("gains", "--kp, --kd")
+    return Objection(
+        "weight",
+        f"on the ground the motors hold {_said(weight)} times the robot's weight, "
+        f"{walk.spec.mass + walk.setup.payload:.3g} kg: the {source}, the masses and lengths of --robot or its load "
+        "are not as declared, a torque was cut off, or something else held the robot",
+        f"check {flag}, that --robot is the robot that walked, and the joints' names; weigh it, and declare what it "
+        "carries (--payload)",
+    )
 
 
-def _late(motion: WalkMotion, fits: Sequence[SwingFit | None], setup: WalkSetup) -> list[Objection]:
+def _late(walk: Walk, fits: Fits) -> Objection | None:
     """Object to torque that is later, or earlier, against the angles than was declared."""
-    index, bound = PARAMETERS.index("lateness"), setup.timing_error * motion.period
-    late = [found.fit.values[index] for found in fits if found is not None and found.fit is not None]
-    middle = float(np.median(late)) if late else 0.0
-    if abs(middle) <= LATE * bound or not motion.measured_acceleration:
-        return []
-    return [
-        Objection(
-            "late_torque",
-            f"the torque is {1e3 * abs(middle):.2g} ms {'late' if middle > 0 else 'early'} against the angles, and at "
-            f"most {1e3 * bound:.2g} ms were declared",
-            "log torque and angles by one clock; or declare more, --timing-error, in periods of the log",
-        )
-    ]
+    late = [fit.value("lateness") for fit in fits if fit is not None]
+    middle, bound = float(np.median(late)) if late else 0.0, walk.setup.timing_error * walk.period
+    if abs(middle) <= LATE * bound or not walk.measured_acceleration:
+        return None
+    return Objection(
+        "late_torque",
+        f"the torque is {1e3 * abs(middle):.2g} ms {'late' if middle > 0 else 'early'} against the angles, and at most "
+        f"{1e3 * bound:.2g} ms were declared",
+        "log torque and angles by one clock; or declare more, --timing-error, in periods of the log",
+    )
 
 
 def _said(ratio: Estimate) -> str:

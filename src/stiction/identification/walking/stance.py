@@ -22,16 +22,13 @@ too. Legs in swing have F = 0; their own equations (`swing.py`) join the fit and
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stiction.files.walk import WalkLog
-from stiction.identification.walking.body import foot_jacobians, foot_positions, legs, link_effort, trunk_wrench
-from stiction.identification.walking.contact import feet_down
-from stiction.identification.walking.motion import WalkMotion, grow, hann_weights, slow_samples, smooth
-from stiction.identification.walking.setup import WalkSetup
-from stiction.robots.model import Body, Foot, Robot
+from stiction.identification.limb.dynamics import parameters, wrench
+from stiction.identification.walking.walk import Walk, foot_jacobian, foot_positions, grow, legs, smooth
+from stiction.robots.model import Body, Foot
 
 FRICTION = ("armature", "viscous_friction", "coulomb_friction", "load_coefficient")
 """Parameters of each kind, A, B, b and c: joints of one kind share their friction here."""
@@ -46,6 +43,9 @@ at least two remain."""
 LARGEST_CONDITION = 30.0
 """Largest singular value of a leg's Jacobian over one at which its joints no longer feel that effort of the foot: 4 in
 the standing pose."""
+
+NOTHING = 1e-9
+"""Force and moment on the body of a unit effort under which it is rounding."""
 
 ARM = 0.3
 """Moments are divided by this length [m], about a leg's, so that all six equations are forces."""
@@ -66,71 +66,71 @@ class StanceRows:
     """Number of the sample in the log, shape (R,)."""
 
 
-@dataclass(frozen=True)
-class _Body:
-    """The robot's six equations before anything is eliminated, T samples."""
-
-    arms: np.ndarray
-    """G: force and moment on the body per torque of each joint, zero for legs in swing, shape (T, 6, J)."""
-    hidden: np.ndarray
-    """Force and moment on the body of efforts that no joint feels, shape (T, 6, U)."""
-    effort: np.ndarray
-    """τ_links [N m], shape (T, J)."""
-    trunk: np.ndarray
-    """Force and moment that move the trunk, shape (T, 6)."""
-    legs: np.ndarray
-    """Force and moment that move the legs' links, shape (T, 6)."""
+def loaded_trunk(walk: Walk) -> Body:
+    """Return the trunk with the declared payload, spread like its own mass, and the declared centre of mass."""
+    base, setup = walk.spec.base, walk.setup
+    loaded = base.scaled(1 + setup.payload / base.mass)
+    return loaded if setup.centre_of_mass is None else replace(loaded, com=setup.centre_of_mass)
 
 
-def stance_rows(log: WalkLog, motion: WalkMotion, spec: Robot, trunk: Body, setup: WalkSetup) -> StanceRows:
+def stance_rows(walk: Walk) -> StanceRows:
     """Return the base's equations of a walk."""
-    body = _body(log, motion, spec, trunk, setup)
-    resting = [slow_samples(rate, setup, motion.period) for rate in motion.rate.T]
-    still = np.stack(resting, axis=1) & (np.abs(body.arms).sum(axis=1) > 0)
-    legs_mass = spec.mass - spec.base.mass
-    heavier = body.legs - legs_mass / trunk.mass * body.trunk - np.einsum("tij,tj->ti", body.arms, body.effort)
-    target = body.trunk + body.legs - np.einsum("tij,tj->ti", body.arms, body.effort - motion.torque)
+    trunk, (effort, legs_wrench) = loaded_trunk(walk), walk.effort
+    trunk_wrench = np.concatenate(wrench(walk.base, parameters(trunk)), axis=1)
+    arms, hidden = ground_arms(walk)
+    legs_mass, whole = walk.spec.mass - walk.spec.base.mass, trunk_wrench + legs_wrench
+
+    def on_base(torque: np.ndarray) -> np.ndarray:
+        return np.einsum("tij,tj->ti", arms, torque)
+
+    heavier = legs_wrench - legs_mass / trunk.mass * trunk_wrench - on_base(effort)
     # Target and its change go along, to be eliminated from and smoothed as the columns are.
     columns = (
-        _friction_columns(motion, spec, body.arms),
-        body.arms,
-        -np.einsum("tij,tj->ti", body.arms, np.gradient(motion.torque, motion.period, axis=0))[:, :, None],
-        _body_columns(motion, trunk, legs_mass, body.trunk + body.legs),
-        target[:, :, None],
-        setup.link_mass_error * heavier[:, :, None],
+        _friction_columns(walk, arms),
+        arms,
+        -on_base(walk.slope)[:, :, None],
+        _body_columns(walk, trunk, legs_mass, whole),
+        (whole - on_base(effort - walk.torque))[:, :, None],
+        walk.setup.link_mass_error * heavier[:, :, None],
     )
-    table, unknown = np.concatenate(columns, axis=2), np.concatenate([body.arms * still[:, None], body.hidden], axis=2)
+    still = walk.resting & (np.abs(arms).sum(axis=1) > 0)
+    table, unknown = np.concatenate(columns, axis=2), np.concatenate([arms * still[:, None], hidden], axis=2)
     # Views: the moments of both tables are scaled in place.
     for moments in (table[:, 3:], unknown[:, 3:]):
         moments /= ARM
-    unusable = still.sum(axis=1) + body.hidden.any(axis=1).sum(axis=1) > MOST_UNKNOWN
-    rows, sample = _reduce(table, unknown, unusable, hann_weights(setup.smoothing, motion.period))
-    return StanceRows(regressor=rows[:, :-2].copy(), target=rows[:, -2], links=rows[:, -1], sample=sample)
+    # What is left is orthogonal to all unknowns, so that no value of theirs explains any of it.
+    table -= unknown @ (np.linalg.pinv(unknown, rcond=1e-9) @ table)
+    unusable = still.sum(axis=1) + hidden.any(axis=1).sum(axis=1) > MOST_UNKNOWN
+    # A row in half a window, and none within half a window of what is unusable, which would be smoothed into it.
+    half = len(walk.weights) // 2
+    used = np.arange(half, len(table) - half, max(1, half))
+    used = used[~grow(unusable, half)[used]]
+    rows = smooth(table, walk.weights)[used].reshape(-1, table.shape[2])
+    return StanceRows(rows[:, :-2].copy(), rows[:, -2], rows[:, -1], np.repeat(used, 6))
 
 
-def _body(log: WalkLog, motion: WalkMotion, spec: Robot, trunk: Body, setup: WalkSetup) -> _Body:
-    """Return what the legs and the trunk need, and how the joints of legs that may be down act on the body."""
-    margin = round(setup.swing_margin / motion.period)
-    down = np.stack([grow(foot, margin) for foot in feet_down(log, motion, spec, setup).T], axis=1)
-    positions = foot_positions(spec, motion.joints.position)
-    arms, hidden = np.zeros((len(motion), 6, spec.num_joints)), []
-    for leg, jacobians in zip(legs(spec), foot_jacobians(spec, motion.joints.position), strict=True):
-        parts = []
-        for index, foot in enumerate(leg.feet):
-            contact = _contact(spec.feet[foot], positions[:, foot], jacobians[:, index], motion.upward)
-            parts.append([part * down[:, foot, None, None] for part in contact])
-        torques, push = (np.concatenate(blocks, axis=2) for blocks in zip(*parts, strict=True))
-        arms[:, :, leg.joints], rest = _solve(torques, push)
+def ground_arms(walk: Walk) -> tuple[np.ndarray, np.ndarray]:
+    """Return how the legs that may be down act on the body: per torque of a joint, G, and per effort that none feels.
+
+    Force and moment on the body, shapes (T, 6, J), zero for legs in swing, and (T, 6, U).
+    """
+    margin = round(walk.setup.swing_margin / walk.period)
+    down = np.stack([grow(foot, margin) for foot in walk.down.T], axis=1)
+    positions = foot_positions(walk.spec, walk.links)
+    arms, hidden = np.zeros((len(walk), 6, walk.spec.num_joints)), []
+    for feet, joints in legs(walk.spec):
+        efforts = []
+        for foot in feet:
+            jacobian = foot_jacobian(walk.spec, walk.links, foot, joints)
+            contact = _contact(walk.spec.feet[foot], positions[:, foot], jacobian, walk.upward)
+            efforts.append([part * down[:, foot, None, None] for part in contact])
+        torques, push = (np.concatenate(parts, axis=2) for parts in zip(*efforts, strict=True))
+        arms[:, :, joints], rest = _solve(torques, push)
         hidden.append(rest)
     left = np.concatenate(hidden, axis=2)
-    links = link_effort(spec, motion.joints, motion.base)
-    return _Body(
-        arms=arms,
-        hidden=left[:, :, left.any(axis=(0, 1))],
-        effort=links.torque,
-        trunk=trunk_wrench(trunk, motion.base),
-        legs=links.wrench,
-    )
+    # Rounding is no effort: as an unknown it would take an equation of any direction with it.
+    left[np.abs(left) < NOTHING] = 0.0
+    return arms, left[:, :, left.any(axis=(0, 1))]
 
 
 def _contact(foot: Foot, middle: np.ndarray, jacobian: np.ndarray, upward: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -165,48 +165,26 @@ def _solve(torques: np.ndarray, push: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return arms, turned
 
 
-def _friction_columns(motion: WalkMotion, spec: Robot, arms: np.ndarray) -> np.ndarray:
+def _friction_columns(walk: Walk, arms: np.ndarray) -> np.ndarray:
     """Return the columns A, B, b, c of each kind of joint, shape (T, 6, 4 K)."""
-    direction = np.sign(motion.rate)
-    signals = (motion.joints.acceleration, motion.rate, direction, np.abs(motion.torque) * direction)
+    direction = np.sign(walk.rate)
+    signals = (walk.acceleration, walk.rate, direction, np.abs(walk.torque) * direction)
     columns = [
         np.einsum("tij,tj->ti", arms[:, :, joints], signal[:, joints])
-        for joints in map(spec.joints_of, spec.joint_kinds)
+        for joints in map(walk.spec.joints_of, walk.spec.joint_kinds)
         for signal in signals
     ]
     return np.stack(columns, axis=2)
 
 
-def _body_columns(motion: WalkMotion, trunk: Body, legs_mass: float, wrench: np.ndarray) -> np.ndarray:
+def _body_columns(walk: Walk, trunk: Body, legs_mass: float, whole: np.ndarray) -> np.ndarray:
     """Return the columns of `BODY`, shape (T, 6, 7): what stands on the other side of the equation, hence the sign.
 
-    wrench: that moves the whole robot, shape (T, 6). An error of the specific force acts on the whole mass at the
+    whole: wrench that moves the robot, shape (T, 6). An error of the specific force acts on the whole mass at the
     common centre of mass; the legs', which changes little, is taken at the base's origin.
     """
-    whole, lever = trunk.mass + legs_mass, trunk.mass * np.array(trunk.com)
-    none = np.zeros_like(motion.base.specific_force)
-    shifts = [
-        np.concatenate([none, trunk.mass * np.cross(axis, motion.base.specific_force)], axis=1) for axis in np.eye(3)
-    ]
-    pushes = [
-        np.broadcast_to(np.concatenate([whole * axis, np.cross(lever, axis)]), wrench.shape) for axis in np.eye(3)
-    ]
-    return -np.stack([wrench, *shifts, *pushes], axis=2)
-
-
-def _reduce(
-    table: np.ndarray, unknown: np.ndarray, unusable: np.ndarray, weights: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Eliminate what is unknown, smooth, and keep a row in half a window.
-
-    table: the columns of the regressor, target and its change, shape (T, 6, columns); unknown: force and moment on the
-    body of each unknown, shape (T, 6, U); unusable: samples to leave out, shape (T,). Returns rows, shape (R, columns),
-    and the sample of each, shape (R,).
-    """
-    # What is left is orthogonal to all unknowns, so that no value of theirs explains any of it.
-    table = table - unknown @ (np.linalg.pinv(unknown, rcond=1e-9) @ table)
-    half = len(weights) // 2
-    used = np.arange(half, len(table) - half, max(1, half))
-    # By half a window, for a smoothed equation has its neighbours in it.
-    used = used[~grow(unusable, half)[used]]
-    return smooth(table, weights)[used].reshape(-1, table.shape[2]), np.repeat(used, 6)
+    mass, lever, pull = trunk.mass + legs_mass, trunk.mass * np.array(trunk.com), walk.base.pull
+    none = np.zeros_like(pull)
+    shifts = [np.concatenate([none, trunk.mass * np.cross(axis, pull)], axis=1) for axis in np.eye(3)]
+    pushes = [np.broadcast_to(np.concatenate([mass * axis, np.cross(lever, axis)]), whole.shape) for axis in np.eye(3)]
+    return -np.stack([whole, *shifts, *pushes], axis=2)
