@@ -53,4 +53,4 @@ def read_here() -> None:
     """Have formats that are read in a process of their own read in this one, for the rest of its life."""
     from stiction.identification.logs import apart
 
-    apart.read_apart = lambda path, kind, options: apart._kinds()[kind](path, **options)
+    apart.read_apart = lambda path, options: apart.readers()[path.suffix.lower()](path, **options)

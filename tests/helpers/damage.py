@@ -48,7 +48,6 @@ KINDS: dict[str, Callable[[Path], Path]] = {
     "npz": lambda folder: logfiles.canonical(folder, ".npz"),
     "parquet": lambda folder: logfiles.canonical(folder, ".parquet"),
     "mcap": logfiles.ros,
-    "pt": logfiles.pace,
     "mat": logfiles.matlab,
     "sidecar": lambda folder: logfiles.canonical(folder, ".csv").with_suffix(".json"),
     "tabs": logfiles.tabs,
@@ -57,15 +56,14 @@ KINDS: dict[str, Callable[[Path], Path]] = {
     "lists": logfiles.lists,
     "database": logfiles.database,
     "npz-inside": lambda folder: logfiles.canonical(folder, ".npz"),
-    "pt-inside": logfiles.pace,
     "parquet-plain": plain_parquet,
     "mcap-plain": lambda folder: logfiles.ros(folder, CompressionType.NONE, crcs=False),
     "mat-plain": lambda folder: logfiles.matlab(folder, compressed=False),
 }
-"""Kind of input -> what writes a valid one. The last five have no checksum that would keep damage from the parsers:
+"""Kind of input -> what writes a valid one. The last four have no checksum that would keep damage from the parsers:
 plain ones were written without, and of those with `inside`, the members of the archive are damaged."""
 
-INSIDE = {"npz-inside": ("time.npy", "position.FL_hip.npy"), "pt-inside": ("traj/data.pkl",)}
+INSIDE = {"npz-inside": ("time.npy", "position.FL_hip.npy")}
 """Kind -> the members that are damaged."""
 
 WORDS = (

@@ -90,16 +90,6 @@ def npz_of_bytes(folder: Path) -> Path:
     return path
 
 
-def tensors_of_one_storage(folder: Path) -> Path:
-    """A thousand views of the same 4 MB."""
-    import torch
-
-    storage = torch.zeros(4 * 2**20, dtype=torch.int8)
-    path = folder / "log.pt"
-    torch.save({"time": storage} | {f"v{index}": storage[:-1].view(-1) for index in range(1000)}, path)
-    return path
-
-
 def written(path: Path, content: bytes) -> Path:
     """Write a file and return it."""
     path.write_bytes(content)
@@ -202,7 +192,7 @@ ATTACKS: dict[str, Callable[[Path], Path]] = {
     attack.__name__: attack
     for attack in (
         *(sidecar_of_names, sidecar_of_joints, mcap_of_zeros, mcap_of_one_message, mcap_of_small_messages),
-        *(npz_of_bytes, tensors_of_one_storage, csv_with_a_bad_end, csv_of_one_line, csv_of_commas, gzip_of_lines),
+        *(npz_of_bytes, csv_with_a_bad_end, csv_of_one_line, csv_of_commas, gzip_of_lines),
         *(json_of_objects, json_of_depth, parquet_of_one_number, parquet_of_lists),
         *(database_of_views, database_of_a_column, database_of_one_cell),
     )

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from mcap.writer import CompressionType
 from mcap_ros2.writer import Writer as RosWriter
+from rosbags.rosbag2 import Reader
 from scipy.io import savemat
 
 from stiction.files.log import JointSignals, Log, LogSetup, write_log
-from stiction.identification.logs.bags import Bag
 
 HEADER = """
 ================================================================================
@@ -80,16 +80,6 @@ def wide_csv(folder: Path, time: bool = True) -> Path:
     table = ({"timestamps": TIME} if time else {}) | wide_table()
     path = folder / "motor.csv"
     np.savetxt(path, np.column_stack(list(table.values())), delimiter=",", header=",".join(table), comments="")
-    return path
-
-
-def pace(folder: Path, **more: Any) -> Path:
-    """Write PACE's tensors as torch does."""
-    import torch
-
-    path = folder / "traj.pt"
-    entries = {"time": TIME, "dof_pos": POSITION, "des_dof_pos": TARGET}
-    torch.save({name: torch.from_numpy(value).float() for name, value in entries.items()} | more, path)
     return path
 
 
@@ -155,14 +145,15 @@ def bag(path: Path, sent: list[Sent], definitions: dict[str, str] = DEFINITIONS)
     base.execute("CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)")
     base.execute("CREATE INDEX timestamp_idx ON messages (timestamp ASC)")
     topics: dict[str, int] = {}
-    opened = Bag(packed)
-    for packet in opened.packets(*opened.topics):
-        name = packet.topic.name
-        if name not in topics:
-            topics[name] = len(topics) + 1
-            base.execute("INSERT INTO topics VALUES (?, ?, ?, ?)", (topics[name], name, packet.topic.schema, "cdr"))
-        row = (topics[name], packet.received, packet.data)
-        base.execute("INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", row)
+    with Reader(packed) as reader:
+        for connection, received, data in reader.messages():
+            name = connection.topic
+            if name not in topics:
+                topics[name] = len(topics) + 1
+                row: tuple[Any, ...] = (topics[name], name, connection.msgtype, "cdr")
+                base.execute("INSERT INTO topics VALUES (?, ?, ?, ?)", row)
+            row = (topics[name], received, bytes(data))
+            base.execute("INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", row)
     base.commit()
     base.close()
     packed.unlink()
@@ -276,4 +267,14 @@ def chunk(path: Path, content: bytes, declared: int | None = None) -> Path:
 def sidecar(path: Path, content: Any) -> Path:
     """Write a log's sidecar."""
     path.with_suffix(".json").write_text(json.dumps(content))
+    return path
+
+
+def pace(folder: Path, **more: Any) -> Path:
+    """Write PACE's tensors as torch does."""
+    import torch
+
+    path = folder / "traj.pt"
+    entries = {"time": TIME, "dof_pos": POSITION, "des_dof_pos": TARGET}
+    torch.save({name: torch.from_numpy(value).float() for name, value in entries.items()} | more, path)
     return path

@@ -50,10 +50,10 @@ class Table:
     """Column -> why it cannot be a signal, a sentence for whoever asks for it."""
     blanks: Mapping[str, int] = field(default_factory=dict)
     """Column -> how many of its cells are empty; they are NaN."""
-    names: tuple[str, ...] = ()
-    """The joints' names, where the file lists them."""
     starts: Mapping[str, float] = field(default_factory=dict)
     """Column of time stamps -> the first one, from which it counts [s]."""
+    period: float | None = None
+    """Time between two messages of the IMU, where those came apart from the rows and were interpolated [s]."""
 
 
 def read_bytes(path: Path) -> bytes:

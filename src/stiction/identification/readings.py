@@ -18,20 +18,8 @@ from stiction.identification.timing import fastest_motion
 READINGS = ("position", "velocity", "torque")
 """Roles that are measured; a command is held by its receiver too."""
 
-LARGE = 4.0
-"""Steps of the sensor that no joint makes from one row to the next after standing still for a row."""
-
-FEWEST_LARGE, SHARE_LARGE = 20, 0.2
-"""Changes of that size, and their share of all changes, from which on a column shows whether it is held."""
-
-SHARE_HELD = 0.1
-"""Share of them that follow a repeated row, from which on readings are held."""
-
-LONGEST_HOLD = 3.0
-"""Usual holds beyond which a reading that goes on by a small step was taken anew in between: the joint was at rest."""
-
-LATE = 0.05
-"""Holds by which a held torque must be late to be a reading, which comes half a hold late; a command is in time."""
+FEWEST_LARGE = 20
+"""Large changes from which on a column shows whether it is held, if they are a fifth of all changes, too."""
 
 
 def fresh_rows(time: np.ndarray, values: np.ndarray, excused: np.ndarray | None = None) -> np.ndarray | None:
@@ -44,17 +32,19 @@ def fresh_rows(time: np.ndarray, values: np.ndarray, excused: np.ndarray | None 
     if len(changed) < FEWEST_LARGE:
         return None
     sizes = np.abs(steps[changed - 1])
-    large = (sizes >= LARGE * np.percentile(sizes, 1)) & (changed > 1)
+    # Four steps of the sensor no joint makes from one row to the next after standing still for a row.
+    large = (sizes >= 4 * np.percentile(sizes, 1)) & (changed > 1)
     if excused is not None:
         large &= ~excused[changed]
     after_repeat = steps[changed[large] - 2] == 0
-    if large.sum() < max(FEWEST_LARGE, SHARE_LARGE * len(changed)) or after_repeat.mean() < SHARE_HELD:
+    if large.sum() < max(FEWEST_LARGE, 0.2 * len(changed)) or after_repeat.mean() < 0.1:
         return None
-    # At rest readings are equal: taken at the usual hold, they keep the line between them flat.
+    # Over more than three usual holds a small step shows a joint at rest, whose readings are equal: taken at the usual
+    # hold, they keep the line between them flat.
     rows, hold = [0], float(np.median(np.diff(time[changed])))
     ends = time[changed]
     for start, end, is_large in zip(np.concatenate(([time[0]], ends)), ends, large, strict=False):
-        if not is_large and end - start > LONGEST_HOLD * hold:
+        if not is_large and end - start > 3 * hold:
             rows += np.searchsorted(time, np.arange(start + hold, end - 0.5 * hold, hold)).tolist()
     rows += np.searchsorted(time, np.arange(ends[-1] + hold, time[-1], hold)).tolist()
     return np.unique(np.concatenate([rows, changed]).astype(int))
@@ -126,7 +116,7 @@ def _at(time: np.ndarray, values: np.ndarray, fresh: np.ndarray, rows: np.ndarra
 def _is_command(time: np.ndarray, position: np.ndarray, torque: np.ndarray, fresh: np.ndarray) -> bool:
     """Return whether a held torque acted as it stands: a reading that is held comes half a hold late.
 
-    The lateness t of I θ'' + B θ' + f sign θ' + gravity = τ + t dτ/dt tells, by least squares.
+    A command is in time. The lateness t of I θ'' + B θ' + f sign θ' + gravity = τ + t dτ/dt tells, by least squares.
     """
     step = float(np.median(np.diff(time)))
     hold = float(np.median(np.diff(time[fresh])))
@@ -141,4 +131,4 @@ def _is_command(time: np.ndarray, position: np.ndarray, torque: np.ndarray, fres
     driven = low_pass(torque[place], corner, step)
     columns = [np.gradient(velocity, step), velocity, direction, np.sin(angle), np.cos(angle), np.ones_like(angle)]
     found, *_ = np.linalg.lstsq(np.column_stack([*columns, -np.gradient(driven, step)]), driven, rcond=None)
-    return float(found[-1]) < LATE * hold
+    return float(found[-1]) < 0.05 * hold

@@ -7,6 +7,7 @@ torque of a PD law, say) survives; stairs are held. Long gaps are bridged by str
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -21,54 +22,25 @@ LARGEST_LOSS = 0.2
 LONGEST_SETBACK = 20
 """Steps by which a stamp may lag behind the one before; more is a second run in the file, or a clock that was set."""
 
-MOSTLY = 0.9
-"""Share of steps that go backwards in a file with its newest row first."""
-
-MOST_PARTS, SHORTEST_PART = 50, 20
-"""Runs in a file, by one clock that begins again, and samples of the shortest: otherwise rows are mixed."""
-
 PAUSE = 1.0
 """Longest gap that keeps its length on the grid [s]."""
-
-LEAST_COHERENCE = 0.3
-"""|mean of exp(2πi t/step)| below which stamps have no common step; jitter of a fifth of a step leaves 0.45."""
 
 FEWEST_COARSE = 10
 """Stamps that come twice, and different ones, from which on a line through them tells coarse stamps from doubles."""
 
-LONGEST_STRAY = 5.0
-"""Steps over which stamps of one log may stray from even ones and still say merely when samples arrived."""
-
-SMOOTHER = 0.5
-"""Roughness at even times over that at the stamps, below which the stamps say when samples arrived."""
-
 MOST_POINTS = 20
 """Mean interval over the median one beyond which rows came in bursts, and points of the grid for each sample."""
-
-MOST_PAUSED = 10**6
-"""Points of the grid that pauses may take besides."""
 
 FEWEST_PER_CYCLE = 20
 """Samples per period of the fastest motion; with fewer, derivatives are guesses."""
 
-LONGEST_BRIDGE = 3
+LONGEST_BRIDGE, MARGIN = 3, 2
 """Samples missing in a row that interpolation may replace: a reversal takes longer at any rate worth logging at. Uneven
-stamps are judged by the period of the motion instead."""
-
-MARGIN = 2
-"""Samples on either side of a long gap that are not valid either: what was interpolated there leans on one side."""
+stamps are judged by the period of the motion instead. Beside a longer gap so many samples are not valid either: what
+was interpolated there leans on one side."""
 
 EVEN = 1e-3
 """Departure from even stamps, in steps, that no clock's jitter is smaller than."""
-
-STAIRS = 0.2
-"""Share of samples that repeat the one before, from which on a command counts as stairs."""
-
-FIRST_STAMPS = 256
-"""Stamps with which the search for the step starts."""
-
-NOTABLE_JITTER = 0.02
-"""Jitter, in steps, that is worth a warning."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +70,7 @@ class Timing:
         """Return what went wrong with the stamps and what was done, one sentence each."""
         found = list(self.notes)
         step = 1 / self.rate
-        if self.jitter > NOTABLE_JITTER:
+        if self.jitter > 0.02:
             found.append(
                 f"the time stamps jitter by {self.jitter:.1%} of a step: the signals were interpolated to even times, "
                 "which is right if the stamps say when the samples were taken, and adds noise if they say when they "
@@ -144,19 +116,23 @@ def even_grid(source: str, time: np.ndarray, motion: np.ndarray | None = None) -
     uneven stamps. Raises `LogError` for stamps that are not in seconds, that stand still, or that come in bursts.
     """
     samples = len(time)
-    order, stamps, disordered, notes = _in_order(source, time)
-    order, stamps, rounded = _distinct(source, order, stamps)
-    duplicated = samples - len(order)
-    notes += rounded
-    step = _middle_step(source, stamps)
+    order, stamps, disordered, ordered = _in_order(source, time)
+    order, stamps, step, spaced = _spaced(source, order, stamps)
     # A pause shows nothing, however long it is.
-    stamps, pauses, paused = _without_pauses(stamps)
-    notes += paused
-    intervals = np.diff(stamps)
+    intervals, notes = np.diff(stamps), ordered + spaced
+    pauses = np.flatnonzero(intervals > 0.999 * PAUSE)
+    if len(pauses):
+        first, count = pauses[0], "once" if len(pauses) == 1 else f"{len(pauses)} times, first"
+        notes += (
+            f"the log pauses {count} for {intervals[first]:.4g} s, at {stamps[first]:.4g} s: the parts before and "
+            "after are used as runs, and nothing between them",
+        )
+        stamps = np.concatenate(([0.0], np.cumsum(np.where(intervals > PAUSE, PAUSE, intervals))))
+        intervals = np.diff(stamps)
     longest = float(np.delete(intervals, pauses).max(initial=step))
     step, points, dropped, uneven = _fitted(intervals, stamps, step)
     dropped = max(0, dropped - len(pauses) * (round(PAUSE / step) - 1))
-    if points > MOST_POINTS * samples + MOST_PAUSED:
+    if points > MOST_POINTS * samples + 10**6:
         raise LogError(f"{source}: {len(pauses)} pauses in {samples} samples; cut the log to a part without pauses")
     times = np.arange(points + 1) * step
     if motion is not None and (straight := _arrived(stamps, step, motion[order])) is not None:
@@ -186,7 +162,7 @@ def even_grid(source: str, time: np.ndarray, motion: np.ndarray | None = None) -
         samples=samples,
         rate=1 / step,
         jitter=0.0 if even or uneven or len(near) < 2 else float(np.std(near)),
-        duplicated=duplicated,
+        duplicated=samples - len(order),
         disordered=disordered,
         dropped=dropped,
         longest_gap=longest,
@@ -207,7 +183,8 @@ def _fitted(intervals: np.ndarray, stamps: np.ndarray, step: float) -> tuple[flo
     usual = float(intervals[intervals <= LONGEST_SETBACK * step].mean())
     step, points, coherence = _refined(stamps, step)
     near = intervals[intervals <= (LONGEST_BRIDGE + 1.5) * step]
-    if coherence >= LEAST_COHERENCE and float(np.sum(near / step - 1)) <= LARGEST_LOSS * float(near.sum()) / step:
+    # Jitter of a fifth of a step leaves a coherence of 0.45.
+    if coherence >= 0.3 and float(np.sum(near / step - 1)) <= LARGEST_LOSS * float(near.sum()) / step:
         return step, points, max(0, points - len(intervals)), False
     # Stamps without a common step, or with so many missing that one is no use: the mean step.
     points = max(1, round(float(stamps[-1]) / usual))
@@ -235,51 +212,45 @@ def _in_order(source: str, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, in
     samples, order = len(time), np.arange(len(time))
     notes: tuple[str, ...] = ()
     # A stamp that is far from those beside it, which are near each other, is damaged.
-    there, back = np.diff(time)[:-1], np.diff(time)[1:]
     far = LONGEST_SETBACK * float(np.median(np.abs(np.diff(time)))) if samples > 1 else 0.0
-    stray = (np.minimum(np.abs(there), np.abs(back)) > far) & (np.abs(there + back) <= far)
-    if stray.any():
-        order = np.delete(order, np.flatnonzero(stray) + 1)
+    if (stray := stands_out(time, far, far)).any():
+        order = order[~stray]
         notes = (f"{samples - len(order)} samples have a stamp far from those before and after, and were left out",)
         samples = len(order)
-    if np.count_nonzero(np.diff(time[order]) < 0) > MOSTLY * samples:
+    if np.count_nonzero(np.diff(time[order]) < 0) > 0.9 * samples:
         order, notes = order[::-1], (*notes, "the file has its newest row first: it was turned round")
     stamps = time[order]
-    setbacks = np.maximum.accumulate(stamps) - stamps
-    disordered = int(np.count_nonzero(setbacks > 0))
+    disordered = int(np.count_nonzero(stamps < np.maximum.accumulate(stamps)))
     steps = np.diff(stamps)
     usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    starts = np.flatnonzero(steps < -LONGEST_SETBACK * usual) + 1
-    if len(starts):
-        parts = [part[np.argsort(stamps[part], kind="stable")] for part in np.split(np.arange(samples), starts)]
-        place = int(starts[0])
-        if len(parts) > MOST_PARTS or min(map(len, parts)) < SHORTEST_PART:
+    parts = np.split(np.arange(samples), np.flatnonzero(steps < -LONGEST_SETBACK * usual) + 1)
+    if len(parts) > 1:
+        place = len(parts[0])
+        # Of more runs, or shorter ones, rows are mixed.
+        if len(parts) > 50 or min(map(len, parts)) < 20:
             raise LogError(
-                f"{source}: time runs backwards {len(starts)} times, first at sample {place + 1}, by "
+                f"{source}: time runs backwards {len(parts) - 1} times, first at sample {place + 1}, by "
                 f"{stamps[place - 1] - stamps[place]:.4g} s: rows of several logs or clocks are mixed; keep those of "
                 "one in the file, or sort them by a column that counts them"
             )
-        parts.sort(key=lambda part: stamps[part[0]])
-        ends = [stamps[part[-1]] for part in parts]
-        if all(stamps[after[0]] > end for after, end in zip(parts[1:], ends[:-1], strict=True)):
-            said = f"its {len(parts)} parts lay in the file in another order, and were put in order"
+        spans = sorted((stamps[part].min(), stamps[part].max()) for part in parts)
+        if all(begin > end for (_, end), (begin, _) in pairwise(spans)):
             disordered = 0
+            notes += (f"its {len(parts)} parts lay in the file in another order, and were put in order",)
         else:
             # Runs by one clock that began again: behind each other, as they lie in the file.
-            parts.sort(key=lambda part: part[0])
-            shifted, end = stamps.copy(), stamps[parts[0][0]] - PAUSE
-            for part in parts:
-                shifted[part] += end + PAUSE - stamps[part[0]]
-                end = shifted[part[-1]]
-            stamps = shifted
-            disordered = int(sum(np.count_nonzero(np.diff(part) < 0) for part in parts))
-            said = (
-                f"the clock begins again at sample {place + 1}: the {len(parts)} parts were taken for runs of one "
-                "joint, one after the other; if they are not, cut the file there"
+            disordered = int(
+                sum(np.count_nonzero(np.diff(np.argsort(stamps[part], kind="stable")) < 0) for part in parts)
             )
-        order, stamps = order[np.concatenate(parts)], stamps[np.concatenate(parts)]
-        return order, stamps - stamps[0], disordered, (*notes, said)
-    if disordered > LARGEST_LOSS * samples and not (np.diff(np.sort(stamps)) > 0).all():
+            end = stamps[parts[0]].min() - PAUSE
+            for part in parts:
+                stamps[part] += end + PAUSE - stamps[part].min()
+                end = stamps[part].max()
+            notes += (
+                f"the clock begins again at sample {place + 1}: the {len(parts)} parts were taken for runs of one "
+                "joint, one after the other; if they are not, cut the file there",
+            )
+    elif disordered > LARGEST_LOSS * samples and not (np.diff(np.sort(stamps)) > 0).all():
         raise LogError(
             f"{source}: time runs backwards at {disordered} of {samples} samples, and stamps come twice: rows of "
             "several logs or clocks are mixed; keep those of one in the file"
@@ -288,76 +259,37 @@ def _in_order(source: str, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, in
     return order[sort], stamps[sort] - stamps[sort[0]], disordered, notes
 
 
-def _distinct(source: str, order: np.ndarray, stamps: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
-    """Return the samples with one sample a stamp, the first in the file; a note where the stamps are merely coarse."""
+def stands_out(values: np.ndarray, far: float, near: float) -> np.ndarray:
+    """Return True for values, shape (num_samples,), that lie `far` from those on either side, which lie `near`."""
+    there, back = np.diff(values)[:-1], np.diff(values)[1:]
+    alone = (np.minimum(np.abs(there), np.abs(back)) > far) & (np.abs(there + back) <= near)
+    return np.concatenate(([False], alone, [False]))[: len(values)]
+
+
+def _spaced(
+    source: str, order: np.ndarray, stamps: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float, tuple[str, ...]]:
+    """Return one sample a stamp, the first in the file, their stamps, and the median interval [s].
+
+    Raises `LogError` where time stands still, is not in seconds, or comes in bursts. A note says where the stamps are
+    merely coarse.
+    """
     fresh = np.concatenate(([True], np.diff(stamps) > 0))
     doubled = int(np.count_nonzero(~fresh))
-    if doubled >= FEWEST_COARSE and fresh.sum() > FEWEST_COARSE:
-        # Even samples under rounded stamps stay within one unit of a straight line.
-        unit = float(np.diff(stamps[fresh]).min())
-        count = np.arange(len(stamps))
-        slope = float(np.polyfit(count, stamps, 1)[0])
-        if np.ptp(stamps - slope * count) <= 1.05 * unit:
-            note = f"{doubled} samples share a time stamp, rounded to {unit:.3g} s: they were taken {slope:.4g} s apart"
-            return order, slope * count, (note,)
-    if doubled > LARGEST_LOSS * len(stamps):
+    notes: tuple[str, ...] = ()
+    # Even samples under rounded stamps stay within one unit of a straight line.
+    unit, count = float(np.diff(stamps[fresh]).min(initial=np.inf)), np.arange(len(stamps))
+    slope = float(np.polyfit(count, stamps, 1)[0]) if doubled >= FEWEST_COARSE < fresh.sum() else 0.0
+    if slope > 0 and np.ptp(stamps - slope * count) <= 1.05 * unit:
+        notes = (f"{doubled} samples share a time stamp, rounded to {unit:.3g} s: they were taken {slope:.4g} s apart",)
+        stamps = slope * count
+    elif doubled > LARGEST_LOSS * len(stamps):
         raise LogError(
             f"{source}: time stands still: {doubled} of {len(stamps)} samples have the stamp of another one; log "
             "stamps with more digits, or give the rate instead (--rate)"
         )
-    return order[fresh], stamps[fresh], ()
-
-
-def _without_pauses(stamps: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
-    """Return stamps whose pauses take `PAUSE` and no more, the indices of the pauses, and a note of them."""
-    intervals = np.diff(stamps)
-    pauses = np.flatnonzero(intervals > 0.999 * PAUSE)
-    if not len(pauses):
-        return stamps, pauses, ()
-    shortened = np.concatenate(([0.0], np.cumsum(np.where(intervals > PAUSE, PAUSE, intervals))))
-    first = pauses[0]
-    times = "once" if len(pauses) == 1 else f"{len(pauses)} times, first"
-    note = (
-        f"the log pauses {times} for {intervals[first]:.4g} s, at {stamps[first]:.4g} s: the parts before and after "
-        "are used as runs, and nothing between them"
-    )
-    return shortened, pauses, (note,)
-
-
-def _arrived(stamps: np.ndarray, step: float, position: np.ndarray) -> np.ndarray | None:
-    """Return even stamps for jittering ones that say when samples arrived; None where they are right as they are.
-
-    A position that was read at even times is smooth there, and as rough as its speed times the jitter at any other.
-    """
-    index = np.rint(stamps / step)
-    if abs(len(stamps) - 1 - stamps[-1] / step) < 2:
-        index = np.arange(len(stamps))
-    if (
-        len(stamps) < FEWEST_COARSE
-        or (np.diff(index) < 1).any()
-        or np.ptp(stamps - index * step) > LONGEST_STRAY * step
-    ):
-        return None
-    rough = [float(np.median(np.abs(_third_difference(times, position)))) for times in (index * step, stamps)]
-    return index * step if rough[0] < SMOOTHER * rough[1] else None
-
-
-def _third_difference(times: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the third derivative by divided differences, shape (num_samples - 3,)."""
-    found = values
-    for order in (1, 2, 3):
-        found = order * np.diff(found) / (times[order:] - times[:-order])
-    return found
-
-
-def stands_still(time: np.ndarray) -> bool:
-    """Return whether stamps, shape (num_samples,), do not run backwards, and more than may be lost are equal."""
-    steps = np.diff(time)
-    return bool(np.all(steps >= 0) and np.count_nonzero(steps == 0) > LARGEST_LOSS * len(time))
-
-
-def _middle_step(source: str, stamps: np.ndarray) -> float:
-    """Return the median interval [s]; refuse what is not in seconds, and bursts."""
+    else:
+        order, stamps = order[fresh], stamps[fresh]
     intervals = np.diff(stamps)
     step, within = float(np.median(intervals)), intervals[intervals < PAUSE]
     if len(within) and within.mean() > MOST_POINTS * step and within.mean() < LONGEST_STEP:
@@ -371,7 +303,35 @@ def _middle_step(source: str, stamps: np.ndarray) -> float:
             f"{source}: one sample every {step:.3g} s; expected {SHORTEST_STEP:g} s to {LONGEST_STEP:g} s: are the "
             "stamps in seconds? --time-scale 1e-3 where they are ms; where they count samples, 1 over the rate"
         )
-    return step
+    return order, stamps, step, notes
+
+
+def _arrived(stamps: np.ndarray, step: float, position: np.ndarray) -> np.ndarray | None:
+    """Return even stamps for jittering ones that say when samples arrived; None where they are right as they are.
+
+    A position that was read at even times is smooth there, and as rough as its speed times the jitter at any other.
+    """
+    index = np.rint(stamps / step)
+    if abs(len(stamps) - 1 - stamps[-1] / step) < 2:
+        index = np.arange(len(stamps))
+    strays = np.ptp(stamps - index * step) > 5 * step
+    if len(stamps) < FEWEST_COARSE or strays or (np.diff(index) < 1).any():
+        return None
+
+    def roughness(times: np.ndarray) -> float:
+        # The third derivative by divided differences.
+        third = position
+        for order in (1, 2, 3):
+            third = order * np.diff(third) / (times[order:] - times[:-order])
+        return float(np.median(np.abs(third)))
+
+    return index * step if roughness(index * step) < 0.5 * roughness(stamps) else None
+
+
+def stands_still(time: np.ndarray) -> bool:
+    """Return whether stamps, shape (num_samples,), do not run backwards, and more than may be lost are equal."""
+    steps = np.diff(time)
+    return bool(np.all(steps >= 0) and np.count_nonzero(steps == 0) > LARGEST_LOSS * len(time))
 
 
 def _refined(stamps: np.ndarray, step: float) -> tuple[float, int, float]:
@@ -382,7 +342,7 @@ def _refined(stamps: np.ndarray, step: float) -> tuple[float, int, float]:
     The step is the period at which |Σ exp(2πi t/step)| is largest, sought in the first stamps around the median, then
     more and more finely in twice as many. Counting intervals would add up the errors of jitter and missing samples.
     """
-    length = min(FIRST_STAMPS, len(stamps))
+    length = min(256, len(stamps))
     # Neighbours drift apart by a quarter of a step over the stretch, so that no peak falls between two of them.
     candidates = step * np.arange(0.65, 1.35, 0.25 / length)
     while True:
@@ -451,11 +411,7 @@ def resample(grid: Grid, values: np.ndarray, command: bool = False) -> np.ndarra
 
 def is_stairs(values: np.ndarray) -> bool:
     """Return whether a signal, shape (num_samples,), is held between changes, as a command is that comes slowly."""
-    return bool(np.mean(np.diff(values) == 0) > STAIRS)
-
-
-MOST_LOST = 0.5
-"""Share of the samples that may be given up to let the joint settle; beyond, the shortest gaps are not waited for."""
+    return bool(np.mean(np.diff(values) == 0) > 0.2)
 
 
 def near(bridged: np.ndarray, reach: int) -> np.ndarray:
@@ -467,7 +423,8 @@ def settling(bridged: np.ndarray, moving: np.ndarray, wait: int) -> np.ndarray:
     """Return True for samples after a gap up to the one by which the joint was in motion for `wait` samples.
 
     A simulation leaves the gap elsewhere than the joint did; in motion the difference decays, at rest friction
-    preserves it. bridged: in a gap; moving: not at rest, shape (num_samples,) each.
+    preserves it. Where it would cost half of the samples, the shortest gaps are not waited for. bridged: in a gap;
+    moving: not at rest, shape (num_samples,) each.
     """
     found = np.zeros(len(bridged), bool)
     edges = np.flatnonzero(np.diff(np.concatenate(([0], bridged.astype(int), [0]))))
@@ -477,6 +434,6 @@ def settling(bridged: np.ndarray, moving: np.ndarray, wait: int) -> np.ndarray:
         settled = int(np.searchsorted(moved, moved[end] + wait))
         more = found.copy()
         more[end:settled] = True
-        if (more & ~bridged).sum() <= MOST_LOST * (~bridged).sum():
+        if (more & ~bridged).sum() <= 0.5 * (~bridged).sum():
             found = more
     return found & ~bridged

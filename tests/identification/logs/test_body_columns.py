@@ -15,7 +15,7 @@ from stiction.core.errors import LogError
 from stiction.files.log import BODY, Log
 from stiction.files.tables import publish_npz, write_csv
 from stiction.identification.logs import apart, open_log, parse_columns
-from stiction.identification.logs.imu import IMU
+from stiction.identification.logs.bags import IMU
 
 SAMPLES = 40
 TIME = 0.002 * np.arange(SAMPLES)
@@ -186,7 +186,7 @@ def test_an_imu_beside_joint_states_in_a_bag(tmp_path: Path, frame: str) -> None
 def test_topics_of_imus_are_asked_for(tmp_path: Path) -> None:
     """Two IMUs are a question, a topic that is none an error, and columns have no topics."""
     path = bag(tmp_path / "walk.db3", imus=("/imu/a", "/imu/b"))
-    with pytest.raises(LogError, match="which topic is the IMU\\? Say imu=TOPIC; there are"):
+    with pytest.raises(LogError, match="which topic is the imu\\? Say imu=TOPIC; there are"):
         open_log(path, body=True)
     assert open_log(path, {"imu": "/imu/b"}, body=True).body is not None
     with pytest.raises(LogError, match="imu=/joint_states: expected a topic of sensor_msgs/msg/Imu or"):

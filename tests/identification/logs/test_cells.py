@@ -8,7 +8,7 @@ import pytest
 from stiction.core.errors import LogError
 from stiction.files.log import JointSignals, Log
 from stiction.identification.logs import join_logs
-from stiction.identification.logs.cells import complete_rows, cut, seconds
+from stiction.identification.logs.rows import complete_rows, cut, seconds
 
 STEPS = np.arange(50.0)
 

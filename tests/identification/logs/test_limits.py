@@ -22,7 +22,6 @@ REASONS = {
     "mcap_of_one_message": "expected at most 65536",
     "mcap_of_small_messages": "is damaged",
     "npz_of_bytes": "its arrays would take 1006632960 bytes",
-    "tensors_of_one_storage": "its tensors would take",
     "csv_with_a_bad_end": "line 30002: 'x' in column 'position' is not a number",
     "csv_of_one_line": "a line of over",
     "csv_of_commas": "a line of over 4096 columns",

@@ -10,7 +10,7 @@ from scipy.io import savemat
 
 from stiction.core.errors import LogError
 from stiction.identification.logs import open_log
-from stiction.identification.logs.matlab import read_mat
+from stiction.identification.logs.apart import read_mat
 
 
 @pytest.mark.parametrize("compressed", [True, False])

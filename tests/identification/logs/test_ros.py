@@ -12,8 +12,7 @@ from mcap.writer import CompressionType
 import logfiles
 from stiction.core.errors import LogError
 from stiction.identification.logs import open_log
-from stiction.identification.logs.bags import Topic
-from stiction.identification.logs.ros import choose_topics
+from stiction.identification.logs.bags import Topic, choose_topics
 
 STATE, ARRAY, TRAJECTORY = (
     "sensor_msgs/msg/JointState",
@@ -64,7 +63,7 @@ def test_arrays_of_commands_follow_the_order_of_the_states(tmp_path: Path) -> No
     assert set(log.joints["a"].target) == {7.0}  # type: ignore[arg-type]
     assert "states' order" in log.notes[0] and "different clocks" in log.notes[1]
     bad = [("/c", ARRAY, START - MS, {"layout": layout, "data": [7.0, 8.0]})]
-    with pytest.raises(LogError, match=r"data of message 1 has 2 values for 1 joints"):
+    with pytest.raises(LogError, match=r"its messages have 2 values for 1 joints"):
         open_log(logfiles.mcap(tmp_path / "x.mcap", bad + states()))
 
 
@@ -88,10 +87,10 @@ def test_trajectories_of_one_point_are_commands(tmp_path: Path) -> None:
     [
         ([], "no topic of sensor_msgs"),
         (states(position=[]), "have no positions"),
-        (states(effort=[1.0, 2.0]), "effort of message 1 has 2 values for 1 joints"),
+        (states(effort=[1.0, 2.0]), "a message has 2 values of torque for 1 joints"),
         (states(name=["a", "a"]), "expected one different name each"),
-        (states() + states(1, name=["b"]), "names other joints than the first"),
-        (states() + states(1, effort=[1.0]), "effort of message 1 has 0 values"),
+        (states() + states(1, name=["b"]), r"position\.a is not in every message"),
+        (states() + states(1, effort=[1.0]), r"torque\.a is not in every message"),
         ([("/other", *sent[1:]) for sent in states()] + states(), "which topic is the state"),
         ([*states(), ("/cmd", STATE, START + 10**9, logfiles.state(START + 10**9, ["a"], [1.0]))], "older"),
     ],
@@ -106,11 +105,11 @@ def test_topics_are_chosen_or_asked_for() -> None:
     """One candidate is taken; of joint states, the one with a word for command is the command; else ask."""
     first, second, wish = Topic("/a", STATE), Topic("/b", STATE), Topic("/joint_cmd", STATE)
     array, other = Topic("/c", ARRAY), Topic("/d", "std_msgs/msg/String")
-    assert choose_topics("x", [other, first], {}) == (first, None)
-    assert choose_topics("x", [wish, first, other], {}) == (first, wish)
-    assert choose_topics("x", [first, array], {}) == (first, array)
-    assert choose_topics("x", [first, second], {"command": "/b"}) == (first, second)
-    assert choose_topics("x", [first, second], {"state": "/b"}) == (second, None)
+    assert choose_topics("x", [other, first], {}) == {"state": first}
+    assert choose_topics("x", [wish, first, other], {}) == {"state": first, "command": wish}
+    assert choose_topics("x", [first, array], {}) == {"state": first, "command": array}
+    assert choose_topics("x", [first, second], {"command": "/b"}) == {"state": first, "command": second}
+    assert choose_topics("x", [first, second], {"state": "/b"}) == {"state": second}
     with pytest.raises(LogError, match=r"which topic is the command\? Say command=TOPIC; there are /a .*/joint_cmd"):
         choose_topics("x", [first, wish, array], {})
     for asked in ({"state": "/c"}, {"command": "/d"}, {"state": "/x"}):
@@ -160,7 +159,8 @@ def test_unitree_s_layouts_are_those_of_its_definitions(tmp_path: Path, family: 
         np.testing.assert_array_equal(signals.position, number + np.arange(4))
         assert set(signals.velocity) == {100 + number} and set(signals.torque) == {200 + number}  # type: ignore[arg-type]
         assert set(signals.target) == {300 + number}  # type: ignore[arg-type]
-    assert "the commands carry the gains kp 20, 20, 20; kd 1.5, 1.5, 1.5" in log.notes[-1]
+    assert "the commands carry the gains kp 20, 20, 20; kd 1.5, 1.5, 1.5" in log.notes[1]
+    assert log.notes[2].startswith(f"{motors - 3} motors say zero in every row")
 
 
 def test_a_bag_of_ros_1_is_read_without_ros(tmp_path: Path) -> None:

@@ -1,48 +1,35 @@
 """Formats with native or complex parsers, read in a process of its own with bounded memory and time.
 
-A file from a stranger can crash such a parser, or have it take what there is. The process reads one file, writes arrays
-and plain facts on its standard output, and ends.
+A file from a stranger can crash such a parser, or have it take what there is. The process reads one file, writes the
+columns of a table and plain facts on its standard output, and ends.
 """
 
 from __future__ import annotations
 
+import io
 import json
 import resource
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from stiction.core.errors import LogError
 from stiction.core.isolation import run_apart
-from stiction.core.memory import SHARES, allowance, bound, limit_memory
-from stiction.files.log import BODY, SIGNALS, BodySignals, JointSignals, Log
-from stiction.files.tables import Table, read_parquet
+from stiction.core.memory import SHARES, allowance, bound, claim, limit_memory
+from stiction.files.tables import Table, read_bytes, read_parquet, table_of
 
-SECONDS = 120
-"""Processor time that reading one file may take [s]; an hour of twelve joints at 1 kHz takes ten."""
-
-PATIENCE = 600.0
-"""Longest that it may take on a machine that is busy with other things [s]."""
+SECONDS, PATIENCE = 120, 600.0
+"""Processor time that reading one file may take [s]; an hour of twelve joints at 1 kHz takes ten. And the longest that
+it may take on a machine that is busy with other things [s]."""
 
 
-@dataclass(frozen=True)
-class Parcel:
-    """What comes back: arrays of numbers, and facts that JSON can hold."""
-
-    arrays: dict[str, np.ndarray]
-    """Name -> numbers, of any shape."""
-    facts: dict[str, Any] = field(default_factory=dict)
-    """Name -> text, numbers, lists and objects of these."""
-
-
-def read_apart(path: Path, kind: str, options: Mapping[str, Any]) -> Parcel:
-    """Read a file in another process. kind: one of `_kinds`; options: of its reader. Raises `LogError`."""
-    words = (kind, path, allowance() * SHARES, json.dumps(dict(options)))
+def read_apart(path: Path, options: Mapping[str, Any]) -> Table:
+    """Read a file in another process, by one of `readers`. options: of its reader. Raises `LogError`."""
+    words = (path, allowance() * SHARES, json.dumps(dict(options)))
     try:
         done = run_apart("stiction.identification.logs.apart", PATIENCE, words)
     except subprocess.TimeoutExpired as error:
@@ -58,86 +45,88 @@ def read_apart(path: Path, kind: str, options: Mapping[str, Any]) -> Parcel:
     facts = json.loads(head)
     if "refusal" in facts:
         raise LogError(facts["refusal"])
-    arrays, place = {}, 0
-    for name, shape in facts.pop("arrays"):
-        count = int(np.prod(shape))
-        arrays[name] = np.frombuffer(data, "<f8", count, place).reshape(shape)
-        place += 8 * count
-    return Parcel(arrays, facts)
+    names, rows = facts.pop("columns"), facts.pop("rows")
+    sent = [name for name in names if name not in facts["faults"]]
+    numbers = dict(zip(sent, np.frombuffer(data, "<f8").reshape(len(sent), rows), strict=True))
+    columns = {name: numbers.get(name, np.broadcast_to(np.nan, rows)) for name in names}
+    return Table(columns, **facts | {"notes": tuple(facts["notes"])})
 
 
-def table_apart(path: Path, kind: str) -> Table:
-    """Read a table in another process; raise `LogError`."""
-    parcel = read_apart(path, kind, {})
-    facts = dict(parcel.facts)
-    rows = facts.pop("rows")
-    columns = {name: parcel.arrays.get(name, np.broadcast_to(np.nan, rows)) for name in facts.pop("order")}
-    return Table(columns, **facts | {"notes": tuple(facts["notes"]), "names": tuple(facts["names"])})
-
-
-def log_apart(path: Path, topics: Mapping[str, str], body: bool) -> Log:
-    """Read a bag as `ros.read_ros` does, in another process; raise `LogError`."""
-    parcel = read_apart(path, "bag", {"topics": dict(topics), "body": body})
-    arrays, facts = parcel.arrays, parcel.facts
-    joints = {
-        name: JointSignals(**{role: arrays.get(f"{role}.{index}") for role in SIGNALS})
-        for index, name in enumerate(facts["joints"])
-    }
-    signals: dict[str, Any] = {name: arrays.get(name) for name in BODY}
-    measured = BodySignals(**signals, foot_names=tuple(facts["feet"]), period=facts["period"]) if body else None
-    return Log(path.name, arrays["time"], joints, notes=tuple(facts["notes"]), start=facts["start"], body=measured)
-
-
-def _packed_log(log: Log) -> Parcel:
-    """Return a log for `log_apart`."""
-    arrays = {"time": log.time}
-    for index, signals in enumerate(log.joints.values()):
-        arrays |= {f"{role}.{index}": values for role in SIGNALS if (values := getattr(signals, role)) is not None}
-    body = log.body or BodySignals()
-    arrays |= {name: values for name in BODY if (values := getattr(body, name)) is not None}
-    facts = {"joints": list(log.joints), "notes": log.notes, "start": log.start}
-    return Parcel(arrays, facts | {"feet": body.foot_names, "period": body.period})
-
-
-def _packed(table: Table) -> Parcel:
-    """Return a table for `table_apart`; columns with a fault are named, and not sent."""
-    facts = {name: value for name, value in vars(table).items() if name != "columns"}
-    rows = len(next(iter(table.columns.values())))
-    arrays = {name: values for name, values in table.columns.items() if name not in table.faults}
-    return Parcel(arrays, {**facts, "rows": rows, "order": list(table.columns)})
-
-
-def _kinds() -> dict[str, Callable[..., Parcel]]:
-    """Return kind of file -> what reads it; imported where it runs, in its own process."""
-    from stiction.identification.logs.matlab import read_mat
+def readers() -> dict[str, Callable[..., Table]]:
+    """Return suffix -> what reads such a file; imported where it runs, in its own process."""
+    from stiction.identification.logs.bags import read_bag
     from stiction.identification.logs.pace import read_pace
-    from stiction.identification.logs.ros import read_ros
 
-    return {
-        "mat": lambda path: _packed(read_mat(path)),
-        "pt": lambda path: _packed(read_pace(path)),
-        "parquet": lambda path: _packed(read_parquet(path)),
-        "bag": lambda path, topics, body: _packed_log(read_ros(path, topics, body)),
-    }
+    bags = dict.fromkeys((".mcap", ".db3", ".bag"), read_bag)
+    return {".mat": read_mat, ".parquet": read_parquet, ".pt": read_pace, **bags}
 
 
 def main(words: list[str]) -> None:
-    """Read one file and write what `read_apart` expects; words: its kind, path, memory [B], and options as JSON."""
-    kind, path, memory, options = words
+    """Read one file and write what `read_apart` expects; words: its path, memory [B], and options as JSON."""
+    path, memory, options = Path(words[0]), int(words[1]), json.loads(words[2])
     bound(resource.RLIMIT_CPU, SECONDS)
     bound(resource.RLIMIT_CORE, 0)
-    # Whatever a library prints must not reach the parcel.
+    # Whatever a library prints must not reach the columns.
     output, sys.stdout = sys.stdout.buffer, sys.stderr
     try:
-        with limit_memory(int(memory)):
-            parcel = _kinds()[kind](Path(path), **json.loads(options))
-            facts = parcel.facts | {"arrays": [(name, values.shape) for name, values in parcel.arrays.items()]}
+        with limit_memory(memory):
+            table = readers()[path.suffix.lower()](path, **options)
+            rows = len(next(iter(table.columns.values())))
+            facts = vars(table) | {"columns": list(table.columns), "rows": rows}
             output.write(json.dumps(facts).encode() + b"\n")
-            for values in parcel.arrays.values():
-                output.write(np.ascontiguousarray(values, "<f8").data)
+            # A column with a fault is named, and not sent.
+            for name, values in table.columns.items():
+                if name not in table.faults:
+                    output.write(np.ascontiguousarray(values, "<f8").data)
     except LogError as error:
         output.write(json.dumps({"refusal": str(error)}).encode() + b"\n")
     output.flush()
+
+
+def read_mat(path: Path) -> Table:
+    """Read the numeric vectors of a MATLAB file up to version 7, and its matrices, shape (num_samples, num_joints).
+
+    By scipy.io, which a damaged size can crash. Matrices become `name_0`, ...; what has another number of samples has a
+    fault. Raises `LogError`.
+    """
+    content = read_bytes(path)
+    # MATLAB itself puts 512 bytes, with a header as of version 5, in front of the HDF5.
+    if content.startswith(b"\x89HDF") or content[512:516] == b"\x89HDF":
+        raise LogError(f"{path.name}: MATLAB 7.3, which is HDF5; in MATLAB save it again with -v7, or as CSV")
+    if not content.startswith(b"MATLAB 5.0 MAT-file"):
+        raise LogError(f"{path.name}: not a MATLAB 5.0 file; in MATLAB save it again with -v7 or -v6, or as CSV")
+    from scipy.io import loadmat, whosmat
+
+    try:
+        _check_end(content)
+        # The declared sizes first; `whosmat` inflates no more than headers.
+        kinds = {"double", "single", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))}
+        listed = whosmat(io.BytesIO(content))
+        numeric = {name: shape for name, shape, kind in listed if kind in kinds and len(shape) == 2}
+        if len({name for name, *_ in listed}) != len(listed):
+            raise ValueError("a variable comes twice")
+        size = sum(8 * int(np.prod(shape, dtype=object)) for shape in numeric.values())
+        claim(path.name, size, "its matrices would take", LogError)
+        loaded = loadmat(io.BytesIO(content), variable_names=list(numeric), verify_compressed_data_integrity=True)
+    except LogError:
+        raise
+    # Whatever a damaged file has scipy raise; this process ends here.
+    except Exception as error:
+        raise LogError(f"{path.name}: damaged MATLAB file ({str(error)[:120]}); save it again") from error
+    arrays = {name: loaded[name] for name in numeric if name in loaded and loaded[name].dtype.kind in "fiu"}
+    return table_of(
+        path.name, {name: one.ravel() if 1 in one.shape else one for name, one in arrays.items() if one.size > 1}
+    )
+
+
+def _check_end(content: bytes) -> None:
+    """Raise `ValueError` where the last variable ends beyond the file: scipy passes over one that it need not load."""
+    order: Literal["little", "big"] = "big" if content[126:128] == b"MI" else "little"
+    place = 128
+    while place < len(content):
+        place += 8 + int.from_bytes(content[place + 4 : place + 8], order)
+    if place != len(content):
+        raise ValueError(f"cut off: {len(content)} bytes, and a variable ends at {place}")
 
 
 if __name__ == "__main__":

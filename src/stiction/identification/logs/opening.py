@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
-from functools import wraps
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from stiction.core.errors import LogError
 from stiction.core.files import near_file
 from stiction.files.log import (
     BODY,
+    SIGNALS,
     TEXT,
     JointSignals,
     Log,
@@ -24,36 +25,31 @@ from stiction.files.log import (
     read_setup,
     read_sidecar,
     read_table,
+    sidecar_of,
     suffix_of,
 )
 from stiction.files.run_log import find_run_log, joint_log, read_run_log
 from stiction.files.tables import Table
-from stiction.identification.logs.apart import log_apart, table_apart
-from stiction.identification.logs.body import find_body
-from stiction.identification.logs.cells import check_stamps, complete_rows, cut, seconds, unwrapped
-from stiction.identification.logs.mend import mend
-from stiction.identification.logs.naming import TOPICS, find_signals
-from stiction.identification.logs.records import read_records
+from stiction.identification.logs.naming import TOPICS, find_body, find_signals
+from stiction.identification.logs.rows import check_stamps, complete_rows, cut, mend, seconds
 from stiction.identification.timing import stands_still
 
-KINDS = ".csv (.tsv, .txt, .gz), .npz, .parquet, .json, .jsonl, .mcap, .db3, .bag, .pt or .mat"
+KINDS = ".csv (.tsv, .txt, .gz), .npz, .parquet, .json, .jsonl, .mcap, .db3, .bag, .mat or .pt"
 """What can be read."""
 
 BAGS = (".mcap", ".db3", ".bag")
-"""Files of messages."""
-
-APART = (".mat", ".pt", ".parquet")
-"""Tables whose parsers run in a process of their own."""
-
+APART = (".mat", ".parquet", ".pt", *BAGS)
 JSONS = (".json", ".jsonl", ".ndjson", ".json.gz", ".jsonl.gz", ".ndjson.gz")
-"""Records as text."""
+"""Suffixes of files of messages, of what is read in a process of its own, and of records as text."""
 
 ELSEWHERE = {
     ".ulg": "a log of PX4: ulog2csv FILE",
-    ".h5": "HDF5: in Python numpy.savez('log.npz', time=..., position=...)",
-    ".hdf5": "HDF5: in Python numpy.savez('log.npz', time=..., position=...)",
-    ".pkl": "a pickle, which would run code and is never opened: where it was made, numpy.savez('log.npz', ...)",
-    ".pickle": "a pickle, which would run code and is never opened: where it was made, numpy.savez('log.npz', ...)",
+    **dict.fromkeys((".h5", ".hdf5"), "HDF5: in Python numpy.savez('log.npz', time=..., position=...)"),
+    **dict.fromkeys(
+        (".pkl", ".pickle"),
+        "a pickle, which would run code and is never opened: where it was made, numpy.savez('log.npz', ...)",
+    ),
+    ".pth": "tensors of PyTorch: where torch is, numpy.savez('log.npz', **torch.load(FILE, weights_only=True))",
     ".xlsx": "a spreadsheet: save it as CSV",
     ".feather": "Arrow's own file: write it as .parquet",
     ".npy": "one array without names: numpy.savez('log.npz', time=..., position=...)",
@@ -61,34 +57,46 @@ ELSEWHERE = {
 }
 """Suffix that is not read -> what it is, and the nearest way in."""
 
-READ = (*BAGS, *JSONS, *TEXT, *APART, ".npz")
-"""How the names of files end that are read."""
 
+def read_rows(path: Path, topics: Mapping[str, str] | None = None, body: bool = False) -> Table:
+    """Read a file as columns, rows of samples. Raises `LogError`.
 
-Read = TypeVar("Read")
-
-
-def _unquoted(reader: Callable[..., Read]) -> Callable[..., Read]:
-    """Return a reader whose refusal quotes nothing of a file that was reached through a link.
-
-    A log from a stranger may be a link to a file of the reader's, whose words would end in a report.
+    topics, body: of a bag, whose rows are those of its joint states, see `bags.read_bag`.
     """
-
-    @wraps(reader)
-    def read(path: Path, *arguments: Any, **named: Any) -> Read:
-        try:
-            return reader(path, *arguments, **named)
-        except LogError as error:
-            if not path.is_symlink() or not path.exists():
-                raise
+    suffix = suffix_of(path)
+    with _unquoted(path):
+        if suffix not in (*TEXT, ".npz", *JSONS, *APART):
+            nearest = ELSEWHERE.get(suffix, "call it .csv if it is a table of text")
             raise LogError(
-                f"{path.name}: a link to what cannot be read as this log; give the file itself, whose refusal says why"
-            ) from error
+                f"{path.name}: unknown kind of log {path.suffix!r}; expected {KINDS}. {nearest[0].upper()}{nearest[1:]}"
+            )
+        # What is rare is imported where it is needed.
+        if suffix in APART:
+            from stiction.identification.logs.apart import read_apart
 
-    return read
+            return read_apart(path, {"topics": dict(topics or {}), "body": body} if suffix in BAGS else {})
+        if suffix in JSONS:
+            from stiction.identification.logs.records import read_records
+
+            return read_records(path)
+        return read_table(path)
 
 
-@_unquoted
+@contextmanager
+def _unquoted(path: Path) -> Iterator[None]:
+    """Refuse without a word of its content what was reached through a link.
+
+    A log or sidecar from a stranger may be a link to a file of the reader's, whose words would end in a report.
+    """
+    try:
+        yield
+    except LogError:
+        if not path.is_symlink() or not path.exists():
+            raise
+        said = "a link to what cannot be read as a log or its sidecar; give the file itself, whose refusal says why"
+        raise LogError(f"{path.name}: {said}") from None
+
+
 def open_log(
     path: Path,
     columns: Mapping[str, str] | None = None,
@@ -110,60 +118,37 @@ def open_log(
     that is, by default beside the log. body: whether to look for the IMU and the feet of a walking robot. Raises
     `LogError` with one line for whatever is wrong with the file, and for what was given of a log that says it itself.
     """
-    stamps = {"rate": rate, "time_scale": time_scale}
-    check_stamps(path.name, rate, time_scale, begin, end)
-    run = find_run_log(path)
-    if run is not None and not body:
-        own = {"columns": columns, "names": names, "sidecar": sidecar, **stamps}
-        _refuse(path.name, own, "is a log of a run, which says it itself")
-        log = joint_log(path.name, read_run_log(run))
-        return cut(log, begin, end)
+    given = {"rate": rate, "time_scale": time_scale, "begin": begin, "end": end}
+    with _unquoted(path):
+        if not body and (run := find_run_log(path)) is not None:
+            useless = {"columns": columns, "names": names, "sidecar": sidecar, "rate": rate, "time_scale": time_scale}
+            _refuse(path.name, useless, "is a log of a run, which says it itself")
+            return cut(joint_log(path.name, read_run_log(run)), begin, end)
+        _refuse_absent(path)
+        with _unquoted(sidecar or sidecar_of(path)):
+            setup = _declared(path, sidecar)
+        known: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+        setup = replace(setup, **known)
+        check_stamps(path.name, setup)
+        return _read(path, columns or setup.columns, joint, names or setup.names, setup, given, body)
+
+
+def _refuse_absent(path: Path) -> None:
+    """Raise `LogError` for a folder, and for what is not there."""
     if path.is_dir():
-        raise LogError(_of_directory(path))
+        inside = sorted(name for name in path.iterdir() if name.suffix in (*BAGS, ".parquet", ".csv"))
+        expected = f": name the file in it, {inside[0]}" if inside else f", a {KINDS} file"
+        raise LogError(f"{path} is a directory; expected a log{expected}")
     if not path.is_file():
         raise LogError(f"no log at {path}{near_file(path) or ';'} expected a {KINDS} file")
-    _refuse_kind(path)
-    setup = _beside(path) if sidecar is None else read_sidecar(sidecar)
-    given: dict[str, Any] = {**stamps, "begin": begin, "end": end}
-    setup = replace(setup, **{name: value for name, value in given.items() if value is not None})
-    check_stamps(path.name, setup.rate, setup.time_scale, setup.begin, setup.end)
-    columns = columns or setup.columns
-    suffix = suffix_of(path)
-    topics = sorted(set(columns) & set(TOPICS))
-    if not body and (odd := sorted({*columns} & {*BODY, "imu"})):
-        raise LogError(f"{path.name}: {odd[0]}= is of a walking robot's body; for that kind of log: identify walk")
-    if suffix in BAGS:
-        _refuse(path.name, stamps, "is a bag, whose messages have stamps")
-        log = log_apart(path, columns, body)
-    elif topics:
-        raise LogError(f"{path.name}: {topics[0]}= names a topic of a bag; for this kind of log map columns")
-    else:
-        log = _from_table(path, columns, joint, setup, body, stamps)
-    log = mend(cut(log, setup.begin, setup.end))
-    joints = _named(path.name, log.joints, names or setup.names)
-    for name, by_title in zip(joints, map(log.setup.of_joint, log.joints), strict=True):
-        known = setup.of_joint(name).to_dict() | {"columns": {}}
-        if scales := {key: value for key, value in by_title.to_dict().items() if key not in known}:
-            of_joint = replace(setup.joints.get(name, LogSetup()), **scales)
-            setup = replace(setup, joints={**setup.joints, name: of_joint})
-    return replace(log, setup=setup, joints=joints)
 
 
-def _beside(path: Path) -> LogSetup:
-    """Return what the sidecar beside a log says; what is wrong with it is said of both."""
+def _declared(path: Path, sidecar: Path | None) -> LogSetup:
+    """Return what a sidecar says; what is wrong with the one beside a log is said of both."""
     try:
-        return read_setup(path)
+        return read_setup(path) if sidecar is None else read_sidecar(sidecar)
     except LogError as error:
         raise LogError(f"{path.name}, its sidecar: {error}") from error
-
-
-def _refuse_kind(path: Path) -> None:
-    """Refuse a file that is of no kind that is read, and say the nearest way in."""
-    if suffix_of(path) not in READ:
-        nearest = ELSEWHERE.get(suffix_of(path), "call it .csv if it is a table of text")
-        raise LogError(
-            f"{path.name}: unknown kind of log {path.suffix!r}; expected {KINDS}. {nearest[0].upper()}{nearest[1:]}"
-        )
 
 
 def _refuse(source: str, given: Mapping[str, Any], why: str) -> None:
@@ -173,67 +158,58 @@ def _refuse(source: str, given: Mapping[str, Any], why: str) -> None:
             raise LogError(f"{source}: {why}; leave {name} out (--{name.replace('_', '-')})")
 
 
-def _of_directory(path: Path) -> str:
-    """Say what to do with a folder: a bag has its messages in a file."""
-    inside = sorted(name for name in path.iterdir() if name.suffix in (*BAGS, ".parquet", ".csv"))
-    if inside:
-        return f"{path} is a directory; expected a log: name the file in it, {inside[0]}"
-    return f"{path} is a directory; expected a log, a {KINDS} file"
-
-
-@_unquoted
-def read_rows(path: Path) -> Table:
-    """Read a file whose samples are rows of a table."""
-    _refuse_kind(path)
-    suffix = suffix_of(path)
-    if suffix in APART:
-        return table_apart(path, suffix[1:])
-    if suffix in JSONS:
-        return read_records(path)
-    return read_table(path)
-
-
-def _from_table(
+def _read(
     path: Path,
     columns: Mapping[str, str],
     joint: str | None,
+    names: Sequence[str],
     setup: LogSetup,
+    given: Mapping[str, float | None],
     body: bool,
-    stamps: Mapping[str, float | None],
 ) -> Log:
-    """Read a log whose samples are rows of a table. stamps: of `setup`, what the caller gave and no sidecar."""
-    table = read_rows(path)
-    of_body = {role: name for role, name in columns.items() if role in BODY}
-    found = find_signals(path.name, table, {role: columns[role] for role in columns if role not in BODY}, joint)
-    measured, used = find_body(path.name, table, of_body) if body else (None, ())
-    notes = (*table.notes, *found.notes)
+    """Read a log as `open_log` does. setup: all that is known of it; given: what the caller knows, and no sidecar."""
+    source, is_bag = path.name, suffix_of(path) in BAGS
+    if not body and (odd := sorted({*columns} & {*BODY, "imu"})):
+        raise LogError(f"{source}: {odd[0]}= is of a walking robot's body; for that kind of log: identify walk")
+    rate, scale = {"rate": given["rate"]}, {"time_scale": given["time_scale"]}
+    if is_bag:
+        _refuse(source, rate | scale, "is a bag, whose messages have stamps")
+        table, columns = read_rows(path, columns, body), {}
+    else:
+        table = read_rows(path)
+        if topics := sorted(set(columns) & set(TOPICS)):
+            raise LogError(f"{source}: {topics[0]}= names a topic of a bag; for this kind of log map columns")
+    found = find_signals(source, table, {role: columns[role] for role in columns if role not in BODY}, joint)
+    of_body = {role: columns[role] for role in columns if role in BODY}
+    measured, used = find_body(source, table, of_body) if body else (None, ())
     # Empty cells of columns that nobody uses cost no row.
     blank = any(name in table.blanks for name in (*found.used, *used))
     # Stamps of too few digits are as good as none to whoever knows the rate, if each row is a sample.
     standing = found.time is not None and setup.rate is not None and not blank and stands_still(found.time)
     if found.time is None or standing:
-        rate = setup.rate
-        if rate is None:
+        if setup.rate is None:
             raise LogError(
-                f"{path.name}: no column of time; the columns are {listed(table.columns)}; map one, time=NAME, or give "
+                f"{source}: no column of time; the columns are {listed(table.columns)}; map one, time=NAME, or give "
                 "the rate of the log in Hz (--rate)"
             )
-        _refuse(path.name, {"time_scale": stamps["time_scale"]}, "has no time stamps to scale")
-        time = np.arange(len(next(iter(table.columns.values())))) / rate
-        start = 0.0
+        _refuse(source, scale, "has no time stamps to scale")
+        time, start = np.arange(len(next(iter(table.columns.values())))) / setup.rate, 0.0
         why = f"the stamps in {found.time_name} stand still" if standing else "the log has no time stamps"
-        said: tuple[str, ...] = (f"{why}: {rate:g} Hz was declared, and jitter cannot be seen",)
+        said: tuple[str, ...] = (f"{why}: {setup.rate:g} Hz was declared, and jitter cannot be seen",)
     else:
-        _refuse(path.name, {"rate": stamps["rate"]}, f"has time stamps, {found.time_name}, and a rate of its own")
-        time, start, said = seconds(found.time, found.time_name, setup.time_scale)
-        time, wrapped = unwrapped(time)
-        said += wrapped
+        _refuse(source, rate, f"has time stamps, {found.time_name}, and a rate of its own")
+        time, start, said = seconds(found.time, found.time_name, 1.0 if is_bag else setup.time_scale)
         start += table.starts.get(found.time_name, 0.0)
-    joints = _named(path.name, found.joints, table.names)
-    setups = {new: found.setups[old] for new, old in zip(joints, found.joints, strict=True) if old in found.setups}
-    titled = LogSetup(joints=setups)
-    log = Log(path.name, time, joints, titled, (*notes, *said), start, measured)
-    return complete_rows(log) if blank else log
+    log = Log(source, time, found.joints, setup, (*table.notes, *found.notes, *said), start, measured)
+    log = mend(cut(complete_rows(log) if blank else log, setup.begin, setup.end))
+    joints = _named(source, log.joints, names)
+    # What a title says of its unit counts where nobody said another thing.
+    of_joints = dict(setup.joints)
+    for name, titled in zip(joints, map(found.setups.get, log.joints), strict=True):
+        known = setup.of_joint(name).to_dict()
+        if titled and (scales := {key: value for key, value in titled.to_dict().items() if key not in known}):
+            of_joints[name] = replace(setup.joints.get(name, LogSetup()), **scales)
+    return replace(log, setup=replace(setup, joints=of_joints), joints=joints)
 
 
 def _named(source: str, joints: dict[str, JointSignals], names: Sequence[str]) -> dict[str, JointSignals]:
@@ -264,22 +240,17 @@ def join_logs(logs: Sequence[Log]) -> Log:
             )
         if list(after.joints) != list(first.joints):
             raise LogError(f"{after.source}: has other joints than {first.source}; expected parts of one log")
-    # Every signal is in all parts or in none: joined otherwise, its samples would not be the time's.
     joints = {}
-    for name, signals in first.joints.items():
-        parts = [log.joints[name] for log in logs]
-        present = {role: [getattr(part, role) for part in parts] for role in vars(signals)}
-        for role, arrays in present.items():
-            if len({array is None for array in arrays}) > 1:
+    for name in first.joints:
+        joined = {}
+        for role in SIGNALS:
+            arrays = [one for log in logs if (one := getattr(log.joints[name], role)) is not None]
+            # In all parts or in none: joined otherwise, its samples would not be the time's.
+            if len(arrays) not in (0, len(logs)):
                 raise LogError(f"{logs[-1].source}: {role} of joint {name!r} is in some of the files; expected in all")
-        joints[name] = JointSignals(
-            **{role: None if arrays[0] is None else np.concatenate(arrays) for role, arrays in present.items()}
-        )
-    notes = dict.fromkeys(note for log in logs for note in log.notes)
+            joined[role] = np.concatenate(arrays) if arrays else None
+        joints[name] = JointSignals(**joined)
+    time = np.concatenate([log.start - first.start + log.time for log in logs])
     note = f"{len(logs)} files were read as one log: {', '.join(log.source for log in logs)[:160]}"
-    return replace(
-        first,
-        time=np.concatenate([log.start - first.start + log.time for log in logs]),
-        joints=joints,
-        notes=(note, *notes),
-    )
+    notes = dict.fromkeys(note for log in logs for note in log.notes)
+    return replace(first, time=time, joints=joints, notes=(note, *notes))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import pickletools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ import numpy as np
 
 from stiction.core.errors import LogError
 from stiction.core.memory import claim
-from stiction.files.tables import WIDEST_MATRIX, Table, read_archive, read_bytes, table_of
+from stiction.files.tables import Table, read_archive, read_bytes, table_of
 
 STORAGES = {
     "FloatStorage": "f4",
@@ -34,6 +34,10 @@ STORAGES = {
 
 REBUILD, ORDERED = "torch._utils _rebuild_tensor_v2", "collections OrderedDict"
 """The two functions whose calls are understood."""
+
+
+PLAIN = {"NONE": None, "NEWTRUE": True, "NEWFALSE": False, "EMPTY_TUPLE": ()}
+"""Instruction -> what it puts."""
 
 
 class NotPlainError(ValueError):
@@ -103,14 +107,10 @@ class _Machine:
                 pass
             case "BINUNICODE" | "SHORT_BINUNICODE" | "BININT" | "BININT1" | "BININT2" | "LONG1" | "BINFLOAT":
                 stack.append(argument)
-            case "NONE" | "NEWTRUE" | "NEWFALSE":
-                stack.append({"NONE": None, "NEWTRUE": True, "NEWFALSE": False}[name])
+            case _ if name in PLAIN:
+                stack.append(PLAIN[name])
             case "EMPTY_DICT":
                 stack.append({})
-            case "EMPTY_LIST":
-                stack.append([])
-            case "EMPTY_TUPLE":
-                stack.append(())
             case "MARK":
                 self.marks.append(len(stack))
             case "TUPLE":
@@ -125,11 +125,6 @@ class _Machine:
                 stack.append(self.memo[argument])
             case "SETITEM" | "SETITEMS":
                 self.set_items(self.take(2) if name == "SETITEM" else self.since_mark())
-            case "APPEND" | "APPENDS":
-                elements = self.take(1) if name == "APPEND" else self.since_mark()
-                if not isinstance(stack[-1], list):
-                    raise NotPlainError("an element without a list")
-                stack[-1].extend(elements)
             case "GLOBAL":
                 stack.append(Name(argument))
             case "STACK_GLOBAL":
@@ -193,9 +188,6 @@ def _called(function: Any, arguments: Any) -> Any:
     return Tensor(storage, offset, shape, stride)
 
 
-NAMES = ("joint_names", "joint_order")
-"""Entries that list the joints' names, in files that have one."""
-
 LARGEST_INDEX = 2**20
 """A dictionary of a dozen tensors takes less than a kilobyte [B]."""
 
@@ -206,7 +198,7 @@ _BROKEN_INDEX = (ValueError, KeyError, IndexError, TypeError, OverflowError, Mem
 
 
 def read_pace(path: Path) -> Table:
-    """Return the tensors as columns, `dof_pos_0` and so on, and the joints' names where the file lists them.
+    """Return the tensors as columns, `dof_pos_0` and so on.
 
     What is neither a vector nor a matrix of as many samples as the time has a fault. Raises `LogError`.
     """
@@ -236,8 +228,7 @@ def read_pace(path: Path) -> Table:
             f"{path.name}: {str(error)[:120]}: only a dictionary of tensors is read, as "
             "torch.save({'time': ..., 'dof_pos': ..., 'des_dof_pos': ...}, file) writes it; nothing was executed"
         ) from error
-    table = table_of(path.name, {name: array for name, array in arrays.items() if array.size > 1})
-    return replace(table, names=_listed_names(path.name, entries))
+    return table_of(path.name, {name: array for name, array in arrays.items() if array.size > 1})
 
 
 def _numbers(tensor: Tensor, members: dict[str, bytes], folder: str, order: str) -> np.ndarray:
@@ -261,14 +252,3 @@ def _numbers(tensor: Tensor, members: dict[str, bytes], folder: str, order: str)
     flat = np.frombuffer(data, kind)[tensor.offset :]
     strides = [step * kind.itemsize for step in tensor.stride]
     return np.lib.stride_tricks.as_strided(flat, tensor.shape, strides, writeable=False)
-
-
-def _listed_names(source: str, entries: dict[Any, Any]) -> tuple[str, ...]:
-    """Return the joints' names where the file has them."""
-    for key in NAMES:
-        listed = entries.get(key)
-        if isinstance(listed, list | tuple) and listed and all(isinstance(name, str) for name in listed):
-            if len(set(listed)) != len(listed) or len(listed) > WIDEST_MATRIX:
-                raise LogError(f"{source}: {key} lists a joint twice; expected different names")
-            return tuple(listed)
-    return ()

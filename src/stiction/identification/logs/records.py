@@ -1,6 +1,7 @@
-"""Logs in JSON: an object of arrays, a list of records, or a record a line; nested names are joined by dots.
+"""Records, one a sample, as columns; and logs in JSON: an object of arrays, a list of records, or a record a line.
 
-A JSON file may also be no log at all: what this program and others write is recognised, and named.
+Nested names are joined by dots. A JSON file may also be no log at all: what this program and others write is
+recognised, and named.
 """
 
 from __future__ import annotations
@@ -9,7 +10,8 @@ import gzip
 import json
 import zlib
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +22,6 @@ from stiction.core.files import open_regular
 from stiction.core.memory import check_ratio, claim
 from stiction.files.tables import Table, table_of
 from stiction.files.text import LONGEST_LINE, MOST_COLUMNS
-
-BLOWUP = 24
-"""Bytes that a byte of JSON takes at most once it is parsed: `{},` is an object of 64 and a pointer of 8."""
 
 ARE = (
     ({"schema_version", "joints"}, "a result of `stiction identify` (joints.json): give the log that it came from"),
@@ -37,12 +36,70 @@ ROWS = ("records", "data", "samples", "rows", "frames", "log", "messages")
 """Keys under which others keep the list of records."""
 
 
+class Records:
+    """Columns that grow by a record at a time; what is missing in one, or null, is an empty cell."""
+
+    def __init__(self, source: str) -> None:
+        """Begin without records; source: what messages call them."""
+        self.source, self.count = source, 0
+        self.columns: dict[str, array] = {}
+        self.faults: dict[str, str] = {}
+        self.blanks: dict[str, int] = {}
+
+    def add(self, cells: Iterable[tuple[str, Any]]) -> None:
+        """Add a record, as names and values. Raises `LogError` where all would take too much."""
+        self.count += 1
+        seen = 0
+        for name, value in cells:
+            if (column := self.columns.get(name)) is None:
+                column = self._begin(name)
+            if len(column) >= self.count:
+                self.faults[name] = f"{self.source}: {name!r} stands twice in record {self.count}"
+                continue
+            seen += 1
+            # A bool is an int to Python, and no number to a log.
+            if isinstance(value, bool) or not isinstance(value, int | float | None):
+                said = f"{self.source}: record {self.count}: {str(value)[:40]!r} in {name!r} is not a number"
+                self.faults.setdefault(name, said)
+                value = np.nan
+            elif value is None:
+                self.blanks[name] += 1
+                value = np.nan
+            column.append(value)
+        if seen < len(self.columns):
+            for name, column in self.columns.items():
+                if len(column) < self.count:
+                    column.append(np.nan)
+                    self.blanks[name] += 1
+        if self.count % 256 == 0:
+            self._claim(len(self.columns))
+
+    def _begin(self, name: str) -> array:
+        """Return the column of a new name, empty up to this record."""
+        if len(self.columns) == MOST_COLUMNS:
+            raise LogError(f"{self.source}: over {MOST_COLUMNS} names; expected the same ones in every record")
+        self._claim(len(self.columns) + 1)
+        self.blanks[name] = self.count - 1
+        self.columns[name] = array("d", [np.nan]) * (self.count - 1)
+        return self.columns[name]
+
+    def _claim(self, width: int) -> None:
+        claim(self.source, 8 * self.count * width, f"{self.count} records or more take", LogError)
+
+    def table(self) -> Table:
+        """Return the columns; raise `LogError` where there are none."""
+        if not self.columns:
+            raise LogError(f"{self.source}: no records; expected objects with numbers")
+        found = {name: np.array(column) for name, column in self.columns.items()}
+        return Table(found, (), self.faults, {name: number for name, number in self.blanks.items() if number})
+
+
 def read_records(path: Path) -> Table:
     """Read a log in JSON. Raises `LogError`, which says what the file is where it is no log."""
     try:
         if path.name.lower().removesuffix(".gz").endswith(".json"):
             return _of_document(path)
-        return _of_rows(path.name, _lines(path))
+        return _of_lines(path)
     # Deep nesting ends in a RecursionError, a .gz that was cut off in an EOFError.
     except (ValueError, OverflowError, RecursionError, EOFError, zlib.error) as error:
         raise LogError(f"{path.name}: not JSON ({str(error)[:120]}); expected arrays, or records") from error
@@ -60,27 +117,49 @@ def _bytes(path: Path) -> Iterator[bytes]:
             yield block
 
 
+def _of_lines(path: Path) -> Table:
+    """Read a record a line; the last one may have no end."""
+    records, rest, number = Records(path.name), b"", 0
+    for block in chain(_bytes(path), [b"\n"]):
+        *lines, rest = (rest + block).split(b"\n")
+        # The rest counts too, or a file without line ends would be gathered whole.
+        if max(map(len, (*lines, rest))) > LONGEST_LINE:
+            raise LogError(f"{path.name}: a line of over {LONGEST_LINE} bytes; expected a record a line")
+        for line in lines:
+            number += 1
+            record = json.loads(line) if line.strip() else {}
+            if not isinstance(record, dict):
+                kind = type(record).__name__
+                raise LogError(f"{path.name}: line {number} holds a {kind}; expected a record, {{...}}")
+            if line.strip():
+                records.add(_cells(record))
+    return records.table()
+
+
 def _of_document(path: Path) -> Table:
     """Read one JSON value."""
     content = bytearray()
     for block in _bytes(path):
         content += block
-        claim(path.name, BLOWUP * len(content), "as JSON it would take", LogError)
+        # Parsed, a byte takes 24 at most: `{},` is an object of 64 and a pointer of 8.
+        claim(path.name, 24 * len(content), "as JSON it would take", LogError)
     # With a byte order mark, as Windows writes it, or without.
     data = json.loads(content.decode("utf-8-sig"))
     if isinstance(data, dict):
         for keys, what in ARE:
             if keys <= data.keys():
                 raise LogError(f"{path.name}: this is {what}")
-        rows = next((data[key] for key in ROWS if isinstance(data.get(key), list)), None)
-        if rows is None:
-            return _of_arrays(path.name, data)
-        data = rows
+        data = next((data[key] for key in ROWS if isinstance(data.get(key), list)), data)
+    if isinstance(data, dict):
+        return _of_arrays(path.name, data)
     if not isinstance(data, list) or not data or not all(isinstance(row, dict) for row in data):
         raise LogError(
             f"{path.name}: holds a {type(data).__name__}; expected an object of arrays, or a list of records"
         )
-    return _of_rows(path.name, iter(data))
+    records = Records(path.name)
+    for row in data:
+        records.add(_cells(row))
+    return records.table()
 
 
 def _of_arrays(source: str, data: dict[str, Any]) -> Table:
@@ -112,73 +191,8 @@ def _leaves(data: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]
             yield f"{prefix}{name}", value
 
 
-def _lines(path: Path) -> Iterator[dict[str, Any]]:
-    """Yield the records of a file with one a line; a last line without an end must be whole."""
-    rest, number = b"", 0
-    for block in _bytes(path):
-        *lines, rest = (rest + block).split(b"\n")
-        # The rest counts too, or a file without line ends would be gathered whole.
-        if len(rest) > LONGEST_LINE or max(map(len, lines), default=0) > LONGEST_LINE:
-            raise LogError(f"{path.name}: a line of over {LONGEST_LINE} bytes; expected a record a line")
-        for line in lines:
-            number += 1
-            if line.strip():
-                yield _record(path.name, line, number)
-    if rest.strip():
-        yield _record(path.name, rest, number + 1)
-
-
-def _record(source: str, line: bytes, number: int) -> dict[str, Any]:
-    """Return the record of one line."""
-    record = json.loads(line)
-    if not isinstance(record, dict):
-        raise LogError(f"{source}: line {number} holds a {type(record).__name__}; expected a record, {{...}}")
-    return record
-
-
-def _of_rows(source: str, rows: Iterator[dict[str, Any]]) -> Table:
-    """Read records, each of which has the names of the first; what is missing or null is an empty cell."""
-    columns: dict[str, array] = {}
-    faults: dict[str, str] = {}
-    blanks: dict[str, int] = {}
-    count = 0
-    for row in rows:
-        count += 1
-        seen = 0
-        for name, value in _cells(row, ""):
-            if name not in columns:
-                if len(columns) == MOST_COLUMNS:
-                    raise LogError(f"{source}: over {MOST_COLUMNS} names; expected the same ones in every record")
-                claim(source, 8 * count * (len(columns) + 1), f"{count} records or more take", LogError)
-                columns[name] = array("d", [np.nan]) * (count - 1)
-                blanks[name] = count - 1
-            column = columns[name]
-            if len(column) >= count:
-                faults[name] = f"{source}: {name!r} stands twice in record {count}"
-                continue
-            seen += 1
-            # A bool is an int to Python, and no number to a log.
-            if isinstance(value, bool) or not isinstance(value, int | float | None):
-                faults.setdefault(name, f"{source}: record {count}: {str(value)[:40]!r} in {name!r} is not a number")
-                value = None
-            elif value is None:
-                blanks[name] += 1
-            column.append(np.nan if value is None else float(value))
-        if seen < len(columns):
-            for name, column in columns.items():
-                if len(column) < count:
-                    column.append(np.nan)
-                    blanks[name] += 1
-        if count % 256 == 0:
-            claim(source, 8 * count * len(columns), f"{count} records or more take", LogError)
-    if not columns:
-        raise LogError(f"{source}: no records; expected objects with numbers")
-    found = {name: np.array(column) for name, column in columns.items()}
-    return Table(found, (), faults, {name: number for name, number in blanks.items() if number})
-
-
-def _cells(value: Any, name: str) -> Iterator[tuple[str, Any]]:
-    """Yield the numbers of a record by name: `motor_state.3.q` for lists of objects, `position.0` for lists."""
+def _cells(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the numbers of a record by name: `motor_state.3.q` for lists of objects, `position_0` for lists."""
     if isinstance(value, dict):
         for key, inner in value.items():
             yield from _cells(inner, f"{name}.{key}" if name else key)
