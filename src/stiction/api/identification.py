@@ -100,16 +100,20 @@ class Identified(Result):
         rows = [[name, *(cell(self[name], part) for part in shown)] for name in self.joints]
         return html_table(["joint", *(name.replace("_", " ") for name in shown)], rows)
 
-    def write(self, folder: Path, command: str = "") -> None:
-        """Write joints.json, fit.npz, training.json and report.html, which names the command, if there was one."""
-        from stiction.report.identification import write_identification_page
+    def write(self, folder: Path, command: str = "", page: bool = True) -> None:
+        """Write joints.json, fit.npz, training.json and, unless it is not wanted, report.html.
 
+        command: the one that the page names, if there was one.
+        """
         if not self.signals:
             raise FileError("this was read from a joints.json, whose signals lie beside it: copy that folder")
         self.file.write(folder / "joints.json")
         write_proposal(folder, self.file)
         write_fit(folder / "fit.npz", self.signals)
-        write_identification_page(folder, command)
+        if page:
+            from stiction.report.identification import write_identification_page
+
+            write_identification_page(folder, command)
 
 
 @public

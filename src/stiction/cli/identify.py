@@ -135,6 +135,8 @@ class WriteOptions:
     """Write over results in --out that are of other settings, or nobody knows of what."""
     json: bool = False
     """Print the machine-readable summary, and nothing else, on standard output."""
+    page: Annotated[bool, SETTING] = True
+    """Write report.html, which takes a second of drawing."""
     memory_limit: float = DEFAULT_LIMIT / 2**30
     """Memory that reading and fitting may take beyond the program's own [GiB]; a table may take a quarter of it."""
 
@@ -238,7 +240,7 @@ def _identify_joints(config: IdentifyConfig, command: str) -> int:
         with Terminal(stderr=True).status("fitting all joints at once"):
             found = identify_limb(first, config.robot, setup, limb, config.joint, [*repeats, *unseen], more)
     with results_folder(config.out, _verb(config), config, RESULTS, _inputs(config)):
-        found.write(config.out, command)
+        found.write(config.out, command, config.page)
     if config.robot is not None:
         _print_results(config, found.file, partial(show_limb, model_error=config.model_error))
         return _status(found.file)
@@ -323,7 +325,8 @@ def _identify_walk(arguments: list[str]) -> int:
             found.joints.write(options.out / "joints.json")
             write_proposal(options.out, found.joints)
             write_walk_fit(options.out / "fit.npz", found.fit)
-            write_walking_page(options.out, shlex.join(["stiction", "identify", WALK, *arguments]))
+            if options.page:
+                write_walking_page(options.out, shlex.join(["stiction", "identify", WALK, *arguments]))
     _print_results(options, found.joints, show_walk)
     return _status(found.joints)
 
@@ -382,4 +385,5 @@ def _print_results(
         return
     terminal = Terminal()
     show(terminal if terminal.is_terminal else Terminal(width=PLAIN_WIDTH), joints, options.out)
-    Terminal(stderr=True).print(f"page: {options.out / 'report.html'}", highlight=False, soft_wrap=True)
+    if options.page:
+        Terminal(stderr=True).print(f"page: {options.out / 'report.html'}", highlight=False, soft_wrap=True)
