@@ -67,7 +67,7 @@ def test_people_get_a_table_and_the_verdict(log: Path, tmp_path: Path, capsys: p
     assert "N m s/rad" in out and "held out: " in out
     assert "coulomb_friction" in out
     beginnings = [line.partition(" ")[0] for line in out.splitlines()[:3]]
-    assert beginnings == ["Dry", "Does", "Run:"] and "Provisional" not in out
+    assert beginnings == ["Dry", "Does", "Run:"] and "public joints" not in out
 
 
 @pytest.mark.parametrize("name", ["joints.csv", "fit.npz"])

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
-from stiction.files.joints import Estimate
+from stiction.files.joints import Estimate, JointRecord
 from stiction.identification.reference import CONDITIONS, REFERENCE, SOURCES, place
-
-
-def ratio(value: float, half: float = 0.0) -> Estimate:
-    """Return an estimate with a symmetric interval."""
-    return Estimate(value, half / 2, (value - half, value + half))
 
 
 def test_every_entry_has_a_source_and_a_condition() -> None:
     """A number without a source would be an invention."""
     assert {entry.source for entry in REFERENCE} == set(SOURCES)
     assert {entry.condition for entry in REFERENCE} == set(CONDITIONS)
-    assert len({entry.robot for entry in REFERENCE}) >= 12
+    assert len({entry.robot for entry in REFERENCE}) >= 7
     assert all(entry.note and 0 < entry.friction < entry.torque_limit for entry in REFERENCE)
 
 
@@ -29,7 +26,23 @@ def test_the_papers_ratios_come_out_of_its_table() -> None:
 
 def test_dead_bands_are_compared_where_the_gain_is_known() -> None:
     """Go2 hip: 0.16 N m at kp 20 is 0.008 rad; the AlienGo has no gain and is not counted."""
-    placed = place(ratio(0.009), "in_air", "dead_band")
+    about = Estimate(0.009, 0.001, (0.0075, 0.0105))
+    record = JointRecord(friction_ratio=about, dead_band=about, test_condition="in_air")
+    band, ratio = place(record, "dead_band"), place(record, "friction_ratio")
+    assert band is not None and ratio is not None
     known = [entry for entry in REFERENCE if entry.condition == "in_air" and entry.kp is not None]
-    assert placed is not None and placed.count == len(known) < place(ratio(0.009), "in_air").count
-    assert placed.next_below == "Unitree Go2 hip (0.008 rad)"
+    assert (band.below, band.count) == (1, len(known)) and band.count < ratio.count
+    assert band.text == (
+        "Its f/kp is between Unitree Go2 hip (0.008 rad) and Unitree Go2 thigh (0.0097 rad) of 6 public joints "
+        "measured on a leg in the air, 2 of them within its interval."
+    )
+
+
+def test_the_ends_of_the_ranking_are_named() -> None:
+    """Above the largest and below the smallest; a linear axis, and a joint of no stated condition, has no rank."""
+    for value, where in ((0.5, "above Dynamixel MX-64 servo (1.2 %), the largest,"), (1e-4, "below Dynamixel MX-106")):
+        record = JointRecord(friction_ratio=Estimate(value, 0.0, (value, value)), test_condition="loaded")
+        rank = place(record, "friction_ratio")
+        assert rank is not None and f"is {where}" in rank.text and rank.text.endswith("measured under load.")
+        for unknown in ({"test_condition": None}, {"axis": "linear"}, {"friction_ratio": None}):
+            assert place(replace(record, **unknown), "friction_ratio") is None

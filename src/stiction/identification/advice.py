@@ -1,9 +1,10 @@
-"""Which training to choose for a joint's friction: the one whose seeds follow every command where it was tested.
+"""Evidence behind a verdict: the friction from which on policies suffer, and the training that follows with it.
 
-It rests on `advice.json` beside this module, which the studies write from their rows; see `stiction.files.advice`.
+It is read from `advice.json` beside this module, which the studies write from their rows; see `stiction.files.advice`.
 A training covers a friction at which every seed of it, of three or more, follows every command, and nothing else:
 neither what lies between two such levels, nor what is beyond the last that anybody walked with, nor another robot,
-ground or law.
+ground or law. Where policies begin to suffer was seen with policies of another study, and says nothing about those
+that are advised.
 """
 
 from __future__ import annotations
@@ -15,15 +16,16 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from stiction.files.advice import SHARES, TRAINING, Source, TrainedWith, read_advice, robot_title
+from stiction.files.advice import SHARES, TRAINING, TRANSFER, Source, TrainedWith, read_advice, robot_title
 from stiction.files.following import FEWEST_SEEDS, CommandCount
-from stiction.joints.friction import level_text
-
-SHIPPED = Path(__file__).parent / "advice.json"
-"""The file that comes with the package."""
+from stiction.files.joints import JointRecord
+from stiction.files.results import FOLLOWS
 
 TRAINED_IN = "mujoco"
 """Engine of the training: the others are elsewhere."""
+
+TRAINED_UNDER = "coulomb"
+"""Friction law of the trainings that are compared."""
 
 TOLD = "told"
 """Method that observes its joints' friction: it is shown, and not chosen, for the robot has to tell it."""
@@ -31,16 +33,49 @@ TOLD = "told"
 PLACES = {TRAINED_IN: "in the simulator of the training", "physx": "in PhysX", "ode": "in ODE", "ode-webots": "in ODE"}
 """Engine -> how people call it; a plus in its name means a virtual robot."""
 
-GROUND_AND_LAW = "on flat ground, under Coulomb friction"
-"""What every count is of, see `TRAINED_UNDER`."""
+RATIOS = (1.0, 10.0)
+"""Least and most friction at rest over that in motion that training takes."""
 
-TRAINED_UNDER = "coulomb"
-"""Friction law of the trainings that are compared."""
+SLOWEST = 0.005
+"""Stribeck velocity [rad/s], at least: under it what a held joint creeps by in simulation would make it let go."""
+
+AT_ONCE = (0.02, 0.1)
+"""Stribeck velocities [rad/s] of a joint whose log shows a fall at once, the law `breakaway`: a choice. Simulated steps
+of some ms let no joint move slower than that once it moves."""
 
 
-def place_text(engine: str) -> str:
-    """Return the place of a walk in words."""
-    return "on virtual robots" if "+" in engine else PLACES.get(engine, f"in {engine}")
+@cache
+def shipped() -> dict[str, Source]:
+    """Return what comes with the package."""
+    return read_advice(Path(__file__).parent / "advice.json")
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """Least friction that troubled policies trained without it."""
+
+    noticeable: float
+    """Lowest level that cost speed, in any engine, over the torque limit [-]."""
+    dead_band: float
+    """Largest f/kp of the robot's joints at that level [rad]."""
+    text: str
+    """What friction did to which policies, a clause."""
+
+
+def thresholds(sources: Mapping[str, Source] | None = None) -> Thresholds:
+    """Return what the comparison of engines shows. sources: as of `advise`."""
+    source = (shipped() if sources is None else sources)[TRANSFER]
+    noticeable = min(effect.noticeable for effect in source.effects if effect.noticeable is not None)
+    first = [effect for effect in source.effects if effect.noticeable == noticeable]
+    loss, dead_band = (max(getattr(effect, name) for effect in first) for name in ("speed_loss", "dead_band"))
+    onsets = [100 * effect.onset for effect in source.effects if effect.onset is not None]
+    slow = f"{min(onsets):.0f} to {max(onsets):.0f} %, by the engine" if onsets else "no friction that was tested"
+    text = (
+        f"in simulation {max(effect.seeds for effect in source.effects)} policies of {source.robot_text}, trained "
+        f"without friction, lost up to {100 * loss:.0f} % of their speed with {_percent(noticeable)} of the torque "
+        f"limit (f/kp {dead_band:g} rad), and fell under {100 * FOLLOWS[0]:g} % of the command with {slow}"
+    )
+    return Thresholds(noticeable, dead_band, text)
 
 
 @dataclass(frozen=True)
@@ -64,17 +99,6 @@ class Advice:
     """Name of the robot with the joint; None where unknown."""
 
     @property
-    def borne_at(self) -> float | None:
-        """Level up to which every seed that was trained without friction follows every command, the next tested one
-        from `asked` on.
-
-        None where one does not, where there are too few seeds to say so, or nothing was tested that high.
-        """
-        own = {cell.friction_level: cell.covered for cell in _trained_in(self.source) if cell.method == "none"}
-        above = [level for level in own if level >= self.asked]
-        return min(above) if above and all(own[level] for level in own if level <= min(above)) else None
-
-    @property
     def covered(self) -> bool:
         """True if every seed, of three or more, follows at the friction that was asked for and all others compared."""
         return self.asked in self.levels and _all_covered(self.cells[self.method], self.levels)
@@ -83,18 +107,6 @@ class Advice:
     def training(self) -> TrainedWith:
         """How the policies of the method were trained."""
         return self.source.methods[self.method]
-
-    @property
-    def budget(self) -> str:
-        """Preset of the advised policies as words of `stiction train`; empty without one."""
-        named = re.search(r"--preset[ =]\S+", self.source.command)
-        return named.group() if named else ""
-
-    @property
-    def flags(self) -> str:
-        """Method and level as words of `stiction train`."""
-        level = f" --friction-level {self.training.level:g}" if self.training.level > 0 else ""
-        return f"--method {self.training.method}{level}"
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -107,74 +119,59 @@ class Advice:
         return [self.training.low * self.training.level, self.training.high * self.training.level]
 
     @property
-    def coverage(self) -> str:
-        """Answer to whether the training covers what was asked, and the robot, ground and law that it rests on."""
-        covers = self._covers
-        return f"{covers[0].upper()}{covers[1:]}. {self._limits}"
+    def flags(self) -> str:
+        """Method and level as words of `stiction train`."""
+        level = f" --friction-level {self.training.level:g}" if self.training.level > 0 else ""
+        return f"--method {self.training.method}{level}"
 
     @property
-    def text(self) -> str:
-        """What to train with and what that covers; the other methods; the same policies elsewhere; the limits."""
-        words = " ".join(filter(None, (self.budget, self.flags)))
+    def command(self) -> str:
+        """Command that trains so, with the preset of the advised policies."""
+        preset = re.search(r" --preset[ =]\S+", self.source.command)
+        return "stiction train --friction-from training.json" + (preset.group() if preset else "")
+
+    @property
+    def coverage(self) -> str:
+        """Answer to whether the training covers what was asked, its counts, and the robot that they are of."""
+        cells, asked, beyond = self.cells[self.method], _percent(self.asked), self.asked > self.levels[-1]
+        same = [cell for cell in cells if cell.friction_level == self.asked]
+        if self.covered:
+            answer = f"It covers {asked}"
+        elif any(cell.covered for cell in same):
+            answer = f"It covers {asked}, and not all below it"
+        elif any(cell.every_seed for cell in same or cells[-1 if beyond else -2 :]):
+            answer = f"Whether it covers {asked} is not known"
+        else:
+            answer = f"It does not cover {asked}"
+        parts = [f"{answer}: {PLACES[TRAINED_IN]} every command is followed by {_counts(cells)}"]
+        parts += [f"the worst at {_percent(cell.friction_level)} is {cell.worst}" for cell in cells if cell.worst][-1:]
+        if any(cell.every_seed and not cell.covered for cell in cells):
+            parts.append(f"fewer than {FEWEST_SEEDS} seeds do not tell")
+        if beyond:
+            parts.append(f"beyond {_percent(self.levels[-1])} nothing was walked")
+        elif self.asked not in self.levels:
+            parts.append("nothing was walked between")
+        limits = f"All of this is of {self.source.robot_text}, on flat ground, under Coulomb friction, in simulation"
+        if self.robot != self.source.robot:
+            other = "any other robot" if self.robot is None else robot_title(self.robot)
+            limits += f"; of {other} nothing is known directly"
+        return f"{'; '.join(parts)}. {limits}."
+
+    @property
+    def comparison(self) -> str:
+        """What policies of the other methods do at the same levels, and those that are advised elsewhere."""
         others = [
-            f"{name}{', which the robot has to tell its friction,' if name == TOLD else ''} {_by_level(cells)}"
+            f"{name}{', which the robot has to tell its friction,' if name == TOLD else ''} {_counts(cells)}"
             for name, cells in self.cells.items()
             if name != self.method
         ]
-        parts = [f"For up to {_percent(self.asked)}, train with {words}; {self._covers}."]
-        parts += [f"Other methods: {'; '.join(others)}."] if others else []
-        if self.training.level > 0 and self.training.level != self.asked:
-            untried = f"training at {self.asked:.2g} itself has not been tried."
-            return " ".join((*parts, self._transfer, f"{self._limits[:-1]}; {untried}"))
-        return " ".join((*parts, self._transfer, self._limits))
-
-    @property
-    def _covers(self) -> str:
-        """Answer to whether every seed, of three or more, follows every command with what was asked, with counts."""
-        own, asked = self.cells[self.method], _percent(self.asked)
-        beyond = max(cell.friction_level for cell in _trained_in(self.source))
-        nearest = [cell for cell in own if cell.friction_level == self.asked] or own[
-            -2 if self.asked <= beyond else -1 :
-        ]
-        if self.covered:
-            begin = f"it covers {asked}"
-        elif self.asked in self.levels and any(cell.covered for cell in nearest):
-            begin = f"it covers {asked}, and not all below it"
-        else:
-            failing = not any(cell.every_seed for cell in nearest)
-            begin = f"it does not cover {asked}" if failing else f"whether it covers {asked} is not known"
-        parts = [f"{begin}: {PLACES[TRAINED_IN]} every command is followed by {_by_level(own)}"]
-        parts += [f"the worst at {_percent(cell.friction_level)} is {cell.worst}" for cell in own if cell.worst][-1:]
-        if any(cell.every_seed and not cell.covered for cell in own):
-            parts.append(f"fewer than {FEWEST_SEEDS} seeds do not tell")
-        if self.asked > beyond:
-            parts.append(f"beyond {_percent(beyond)} nothing was walked")
-        elif self.asked not in self.levels:
-            parts.append("nothing was walked between")
-        return "; ".join(parts)
-
-    @property
-    def _transfer(self) -> str:
-        """Sentence on the same policies elsewhere, place by place."""
-        if not self.elsewhere:
-            return "In other engines and on virtual robots these policies have not walked."
-        counts = (
-            f"{place_text(cell.engine)} {_by_level([cell])}{cell.worst and f' (worst {cell.worst})'}"
+        places = [
+            f"{'on virtual robots' if '+' in cell.engine else PLACES.get(cell.engine, f'in {cell.engine}')} "
+            f"{_counts([cell])}{cell.worst and f' (worst {cell.worst})'}"
             for cell in self.elsewhere
-        )
-        missing = (
-            "" if any("+" in cell.engine for cell in self.elsewhere) else "; on virtual robots they have not walked"
-        )
-        return f"The same policies elsewhere: {'; '.join(counts)}{missing}."
-
-    @property
-    def _limits(self) -> str:
-        """Sentence on the robot, the ground and the law that all of it rests on."""
-        text = f"All of this is of {self.source.robot_text}, {GROUND_AND_LAW}, in simulation"
-        if self.robot == self.source.robot:
-            return f"{text}."
-        other = "any other robot" if self.robot is None else robot_title(self.robot)
-        return f"{text}; of {other} nothing is known directly."
+        ]
+        text = f"Other methods: {'; '.join(others)}. " if others else ""
+        return f"{text}The advised policies elsewhere: {'; '.join(places) or 'they have not walked there'}."
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for `training.json`: the counts, and the command and revision that they came from."""
@@ -191,12 +188,6 @@ class Advice:
         }
 
 
-@cache
-def shipped() -> dict[str, Source]:
-    """Return what comes with the package."""
-    return read_advice(SHIPPED)
-
-
 def advise(low: float, high: float, sources: Mapping[str, Source] | None = None, robot: str | None = None) -> Advice:
     """Return which training to choose for friction from `low` to `high`, shares of the torque limit [-].
 
@@ -209,31 +200,23 @@ def advise(low: float, high: float, sources: Mapping[str, Source] | None = None,
     """
     source = (shipped() if sources is None else sources)[TRAINING]
     low, high = round(low, 9), round(high, 9)
-    own = _trained_in(source)
-    tested = sorted({cell.friction_level for cell in own})
+    walked = [cell for cell in source.cells if (cell.engine, cell.friction_law) == (TRAINED_IN, TRAINED_UNDER)]
+    tested = sorted({cell.friction_level for cell in walked})
     first = max((level for level in tested if level <= low), default=tested[0])
     last = min((level for level in tested if level >= high), default=tested[-1])
     levels = tuple(level for level in tested if first <= level <= last)
     cells = {
         name: chosen
         for name in source.methods
-        if (chosen := tuple(cell for cell in own if cell.method == name and cell.friction_level in levels))
+        if (chosen := tuple(cell for cell in walked if cell.method == name and cell.friction_level in levels))
     }
     best = max((name for name in cells if name != TOLD), key=lambda name: _rank(cells[name], levels))
-    others: dict[str, list[CommandCount]] = {}
-    for cell in source.cells:
-        if cell.method == best and cell.engine != TRAINED_IN and cell.friction_law in SHARES:
-            others.setdefault(cell.engine, []).append(cell)
+    elsewhere: dict[str, CommandCount] = {}
     # Rounded, or the last bits of a difference would decide between two that are as near: the lower does.
-    nearest = (
-        min(o, key=lambda c: (round(abs(c.friction_level - high), 9), c.friction_level)) for o in others.values()
-    )
-    return Advice(best, high, levels, cells, tuple(nearest), source, robot)
-
-
-def _trained_in(source: Source) -> list[CommandCount]:
-    """Return the counts of the simulator of the training, under the law of the training."""
-    return [one for one in source.cells if one.engine == TRAINED_IN and one.friction_law == TRAINED_UNDER]
+    for cell in sorted(source.cells, key=lambda one: (round(abs(one.friction_level - high), 9), one.friction_level)):
+        if cell.method == best and cell.engine != TRAINED_IN and cell.friction_law in SHARES:
+            elsewhere.setdefault(cell.engine, cell)
+    return Advice(best, high, levels, cells, tuple(elsewhere.values()), source, robot)
 
 
 def _rank(cells: Sequence[CommandCount], levels: Sequence[float]) -> tuple[bool, float, float]:
@@ -248,17 +231,44 @@ def _all_covered(cells: Sequence[CommandCount], levels: Sequence[float]) -> bool
     return len(cells) == len(levels) and all(cell.covered for cell in cells)
 
 
+def _counts(cells: Sequence[CommandCount]) -> str:
+    """Return the seeds that follow every command: `5 of 5 seeds at 10 %, 4 of 5 seeds at 20 %`."""
+    return ", ".join(f"{cell.follow_all} of {cell.seeds} seeds at {_percent(cell.friction_level)}" for cell in cells)
+
+
 def _percent(level: float) -> str:
-    """Return a level of Coulomb friction as people read it."""
-    return level_text(TRAINED_UNDER, round(level, 4))
+    """Return a share of the torque limit as people read it."""
+    return f"{100 * level:.4g} %"
 
 
-def _together(words: Sequence[str]) -> str:
-    """Return `a, b and c`; nothing of nothing."""
-    return "".join(words) if len(words) < 2 else f"{', '.join(words[:-1])} and {words[-1]}"
+def draw_rise(record: JointRecord, coulomb: Mapping[str, Any]) -> tuple[dict[str, Any], str] | None:
+    """Return settings that draw friction at rest and in motion, the law `stribeck`, and the same in words.
 
+    The level of that law is friction in motion, and the advice is of friction at rest under Coulomb's law, where the
+    two are one. So the level is divided by the ratio: at rest as much is drawn as in the training that is counted, in
+    motion less. The ratio is drawn from least at rest over most in motion to most over least, by the 95 % intervals,
+    within `RATIOS`, whether or not newton metres are known. None unless more friction holds the joint at rest.
 
-def _by_level(cells: Sequence[CommandCount]) -> str:
-    """Return the seeds that follow every command: `5 of 5 seeds at 10 % and 4 of 5 at 20 %`."""
-    texts = [f"{cell.follow_all} of {cell.seeds} at {_percent(cell.friction_level)}" for cell in cells]
-    return _together([texts[0].replace(" at ", " seeds at " if cells[0].seeds > 1 else " seed at "), *texts[1:]])
+    coulomb: fields of `FrictionCfg` of a training under Coulomb's law.
+    """
+    rest, moving, speed = record.holding_friction, record.moving_friction, record.stribeck_velocity
+    if rest is None or moving is None or record.axis != "rotary":
+        return None
+    least, most = RATIOS
+    value = rest.value / moving.value if moving.value > 0 else most
+    ends = (rest.interval95[0] / max(moving.interval95[1], 1e-9), rest.interval95[1] / max(moving.interval95[0], 1e-9))
+    ratio = [float(f"{min(max(end, least), most):.3g}") for end in ends]
+    speeds = [*AT_ONCE] if speed is None else [float(f"{max(end, SLOWEST):.3g}") for end in speed.interval95]
+    settings = {
+        **coulomb,
+        "law": "stribeck",
+        "level": round(coulomb["level"] / min(value, most), 3),
+        "static_ratio": ratio,
+        "stribeck_velocity": speeds,
+    }
+    times, fall = (" to ".join(dict.fromkeys(f"{end:g}" for end in span)) for span in (ratio, speeds))
+    text = f"{times} times as much friction at rest as in motion"
+    text += f" (the most that training takes; this joint's is {value:.3g})" if value > most else ""
+    text += f", gone over {fall} rad/s"
+    text += ", speeds that are chosen, for the log shows a fall at once" if speed is None else ""
+    return settings, text

@@ -52,48 +52,38 @@ def torque_unit(run: Run) -> dict[str, Any] | None:
 
 def assumption(record: JointRecord) -> tuple[tuple[str, ...], str]:
     """Return the flags that friction rests on and nothing in the log shows, and the same in words; empty where none."""
-    data = record.diagnostics
+    data, rotary = record.diagnostics, record.axis == "rotary"
     source, given = data.get("strength", {}).get("source"), data.get("torque_unit")
     if source == "declared":
         return ("--set motor_strength", "--kp", "--kd"), "all of it if the motor strength and the gains are as declared"
-    if record.torque_source is None:
-        return _of_gains(record)
-    if "torque_by_weight" in data and record.coulomb_friction is not None:
-        return _of_weight(data["torque_by_weight"])
+    if record.torque_source is None and record.kp is not None and record.coulomb_friction is None:
+        gain = f"{record.kp:.4g} {'N m/rad' if rotary else 'N/m'}"
+        said = f"all of it if kp is {gain} and angles are the joint's, as declared: positions alone do not show it"
+        return ("--kp", "--kd", "--position-scale"), said
+    if record.torque_source is None or record.coulomb_friction is None:
+        return (), ""
+    if "torque_by_weight" in data:
+        shows = "nothing in so short a walk shows it"
+        if data["torque_by_weight"] is not None:
+            low, high = data["torque_by_weight"]["interval95"]
+            together = f"the robot's weight says so of all joints together, to {low:.2g} to {high:.2g} times"
+            shows = f"{together}, and of each nothing"
+        return ("--torque-scale",), f"all of it if the torque is in N m, as declared: {shows}"
     # Where there is a mismatch, however small, the torque was held against gains and positions: that shows its scale.
-    if given is None or record.coulomb_friction is None or data.get("controller_mismatch") is not None:
+    if given is None or data.get("controller_mismatch") is not None:
         return (), ""
     if source == "known_load":
         # A pendulum beside a torque of known unit was held against it.
-        held = given["calibrated"] and "--pendulum-mass" in given["weight"]
+        if not given["weight"] or (given["calibrated"] and "--pendulum-mass" in given["weight"]):
+            return (), ""
         said = "all of it if the known weight is as declared, which tells the scale of the torque"
-        return ((), "") if held else (tuple(given["weight"]), said if given["weight"] else "")
-    return _of_unit(record, given, data.get("torque_by_links"))
+        return tuple(given["weight"]), said
+    return _of_unit(given, data.get("torque_by_links"), "N m" if rotary else "N")
 
 
-def _of_weight(ratio: dict[str, Any] | None) -> tuple[tuple[str, ...], str]:
-    """Return what the torque of a walk rests on; ratio: what it holds over the robot's weight, None where not known."""
-    shows = "nothing in so short a walk shows it"
-    if ratio is not None:
-        low, high = ratio["interval95"]
-        shows = (
-            f"the robot's weight says so of all joints together, to {low:.2g} to {high:.2g} times, and of each nothing"
-        )
-    return ("--torque-scale",), f"all of it if the torque is in N m, as declared: {shows}"
-
-
-def _of_gains(record: JointRecord) -> tuple[tuple[str, ...], str]:
-    """Return what torque rests on that was made from positions and gains."""
-    if record.kp is None or record.coulomb_friction is not None:
-        return (), ""
-    gain = f"{record.kp:.4g} {'N m/rad' if record.axis == 'rotary' else 'N/m'}"
-    said = f"all of it if kp is {gain} and angles are the joint's, as declared: positions alone do not show it"
-    return ("--kp", "--kd", "--position-scale"), said
-
-
-def _of_unit(record: JointRecord, given: dict[str, Any], links: dict[str, Any] | None) -> tuple[tuple[str, ...], str]:
+def _of_unit(given: dict[str, Any], links: dict[str, Any] | None, unit: str) -> tuple[tuple[str, ...], str]:
     """Return what a torque column rests on; given: `torque_unit`; links: its scale by the links of a limb, or None."""
-    declared, unit = given["declared"], "N m" if record.axis == "rotary" else "N"
+    declared = given["declared"]
     if given["column"] == "torque":
         flags, what = ("--torque-scale",), f"the torque is in {unit}"
         shows = "without --kp, --kd and a target nothing shows it"

@@ -405,21 +405,7 @@ def _law(record: JointRecord) -> tuple[Markup, ...]:
 
 
 def _meaning(name: str, record: JointRecord) -> list[Section]:
-    """Return what the friction means among public robots, and with seals removed or wear."""
-    verdict = record.diagnostics.get("verdict", {})
-    blocks = [paragraph(text) for text in verdict.get("details", ())]
-    rows = [
-        [
-            case["case"],
-            "" if case["friction_ratio"] is None else f"{case['friction_ratio']['value']:.2%}",
-            "" if case["dead_band"] is None else number(case["dead_band"]["value"]),
-            "" if case["friction_level"] is None else f"{case['friction_level']:.2f}",
-            case["text"],
-        ]
-        for case in verdict.get("what_if", ())
-    ]
-    if rows:
-        header = ["", "f/τ_max", "f/kp", "friction to cover", ""]
-        blocks.append(table(header, rows, "What if: nobody measured these"))
-    title = "What the verdict rests on, and what if"
-    return [Section(f"{name}: what it means", (fold(title, blocks),))] if blocks else []
+    """Return what the verdict rests on, the rank among public robots with it."""
+    details = record.diagnostics.get("verdict", {}).get("details", ())
+    fine_print = fold("What the verdict rests on", [paragraph(text) for text in details])
+    return [Section(f"{name}: what it means", (fine_print,))] if details else []
