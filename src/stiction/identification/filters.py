@@ -7,7 +7,7 @@ import numpy as np
 ORDER = 4
 """Order of the Butterworth filter; it is run forward and backward."""
 
-PADDING = 4.0
+PADDING = 10.0
 """Periods of the corner by which a signal is made longer at either end, for the filter."""
 
 LARGEST_NOISE = 0.03
