@@ -16,6 +16,8 @@ TOOLS := .venv-tools
 # Prints torch's version.
 TORCH := sed -n 's/^\(torch==[^ ]*\).*/\1/p' requirements.lock
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+# mjlab's pins exclude ours.
+MJLAB := .venv-mjlab
 
 # One thread policy (core/provenance.py): the libraries' own pools have one thread, the simulator and torch are
 # given STICTION_THREADS, or every core.
@@ -31,11 +33,12 @@ export STICTION_DATA := $(abspath ../shared/data)
 endif
 endif
 
-.PHONY: help demo test check format bench docs dist lock sbom clean
+.PHONY: help demo test test-mjlab check format bench docs dist lock sbom clean
 
 help:
 	@echo "make demo    run the whole line on small real input; prints where the report is (ARGS=\"--train\" trains its own)"
 	@echo "make test    run every test (ARGS=\"-m 'not slow'\" leaves out the slow ones)"
+	@echo "make test-mjlab  run the tests of stiction.mjlab, with mjlab in an environment of its own"
 	@echo "make check   lint, formatting, types and the walls of the house"
 	@echo "make bench   measure the throughput ratios on this machine"
 	@echo "make format  format the code"
@@ -51,6 +54,9 @@ demo: $(READY)
 # Two processes with a file each at a time, in the order of tests/conftest.py: most tests are of one thread.
 test: $(READY)
 	STICTION_THREADS=$${STICTION_THREADS:-1} $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder $(ARGS)
+
+test-mjlab: $(MJLAB)/.ready
+	MJLAB_WARP_QUIET=1 $(MJLAB)/bin/python -m pytest -p no:cacheprovider tests/exchange/mjlab $(ARGS)
 
 check: $(READY)
 	$(BIN)/ruff check src experiments tests tools
@@ -98,7 +104,15 @@ $(TOOLS)/.ready: tools.lock
 	@touch $@
 
 clean:
-	rm -rf $(VENV) $(TOOLS) build .pytest_cache .mypy_cache .ruff_cache .hypothesis src/stiction.egg-info experiments/*.egg-info
+	rm -rf $(VENV) $(TOOLS) $(MJLAB) build .pytest_cache .mypy_cache .ruff_cache .hypothesis src/stiction.egg-info experiments/*.egg-info
+
+# torch first, as below; with it mjlab.lock is complete, without what its CUDA build needs.
+$(MJLAB)/.ready: mjlab.lock pyproject.toml
+	$(PYTHON) -m venv $(MJLAB)
+	$(subst $(BIN),$(MJLAB)/bin,$(PIP)) install $(TORCH_FLAGS) "$$($(TORCH))"
+	$(subst $(BIN),$(MJLAB)/bin,$(PIP)) install --no-deps --require-hashes -r mjlab.lock
+	$(subst $(BIN),$(MJLAB)/bin,$(PIP)) install --no-deps -e .
+	@touch $@
 
 # torch comes first, of the build that the index offers: by itself pip would choose the one whose hash the index tells,
 # with several GB of CUDA. Its hash must be in the lock, unless TORCH_FLAGS names another index. All else is checked by

@@ -27,7 +27,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize(
     ("target", "word"),
-    [("mujoco", "frictionloss"), ("urdf", "<dynamics"), ("isaaclab", "dynamic_friction"), ("webots", "staticFriction")],
+    [
+        *(("mujoco", "frictionloss"), ("urdf", "<dynamics"), ("isaaclab", "dynamic_friction")),
+        *(("webots", "staticFriction"), ("mjlab", "\nwith_joints(cfg, 'joints.json')\n")),
+    ],
 )
 def test_every_target_has_a_snippet(folder: Path, capsys: pytest.CaptureFixture, target: str, word: str) -> None:
     """On standard output, and as JSON with what to mind."""
@@ -37,6 +40,15 @@ def test_every_target_has_a_snippet(folder: Path, capsys: pytest.CaptureFixture,
     assert main(["convert", "joints.json", "--to", target, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["text"] == text and told["joints"] == {"shank": "shank"} and told["notes"] and told["to"] == target
+
+
+def test_mjlab_gets_the_names_of_its_joints(folder: Path, capsys: pytest.CaptureFixture) -> None:
+    """At most three lines, with patterns as they were typed: there the robot's joints are known."""
+    options = ["--to", "mjlab", "--joint-map", "shank=*_calf_joint", "--friction", "static"]
+    assert main(["convert", "./joints.json", *options]) == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if line]
+    assert len(lines) == 3 and lines[0].startswith("# in mjlab's environment") and "docs/mjlab.md" in lines[0]
+    assert lines[2] == "with_joints(cfg, 'joints.json', joint_map=('shank=*_calf_joint',), friction=\"static\")"
 
 
 def test_a_model_is_patched_into_another_file(folder: Path, capsys: pytest.CaptureFixture) -> None:

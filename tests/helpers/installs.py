@@ -22,7 +22,7 @@ VERBS = {
         "list",
         "excite --duration 4 --rate 50 --torque-limit 45 --fixed-gains",
         "convert shank/joints.json --to mujoco",
-        "convert training.json --to mjlab --robot go2",
+        "convert training.json --to isaaclab --robot go2",
         f"verify {POLICY}",
         f"export {POLICY} --to rl_sar",
     ),

@@ -16,9 +16,9 @@ PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
 DOCUMENTS = sorted([*CHECKOUT.glob("*.md"), *CHECKOUT.glob("docs/*.md")])
 
 
-def locked() -> dict[str, Requirement]:
-    """Return name -> requirement of the lock file: each name==version, a marker perhaps, hashes on further lines."""
-    entries = (CHECKOUT / "requirements.lock").read_text().replace(" \\\n    --hash=", " --hash=").splitlines()
+def locked(file: str = "requirements.lock") -> dict[str, Requirement]:
+    """Return name -> requirement of a lock file: each name==version, a marker perhaps, hashes on further lines."""
+    entries = (CHECKOUT / file).read_text().replace(" \\\n    --hash=", " --hash=").splitlines()
     one = r"([A-Za-z0-9._-]+==[0-9][0-9a-z.]*(; [^-]+?)?)( --hash=sha256:[0-9a-f]{64})+"
     wrong = [line[:80] for line in entries if not re.fullmatch(one, line)]
     assert not wrong, f"not name==version with hashes: {wrong}"
@@ -28,15 +28,18 @@ def locked() -> dict[str, Requirement]:
 
 def test_the_lock_fits_the_requirements_and_holds_no_cuda() -> None:
     """If this failed, a fresh install would differ from what was tested, or download gigabytes that nobody uses."""
-    lines = locked()
-    for text in sum(PROJECT["optional-dependencies"].values(), PROJECT["dependencies"]):
+    lines, theirs = locked(), locked("mjlab.lock")
+    extras = {name: texts for name, texts in PROJECT["optional-dependencies"].items() if name != "mjlab"}
+    for text in (*PROJECT["dependencies"], *PROJECT["optional-dependencies"]["mjlab"]):
+        assert Requirement(text).specifier.contains(str(theirs[Requirement(text).name].specifier).removeprefix("=="))
+    for text in sum(extras.values(), PROJECT["dependencies"]):
         requirement = Requirement(text)
         if requirement.name != "stiction":
             line = lines[requirement.name]
             version = str(line.specifier).removeprefix("==")
             assert requirement.specifier.contains(version), f"{text}, but {version} is locked"
             assert str(line.marker) == str(requirement.marker), f"{text}, but the lock has {line}"
-    assert not [name for name in lines if name.startswith(("nvidia", "cuda", "triton"))]
+    assert not [name for name in (*lines, *theirs) if name.startswith(("nvidia", "cuda", "triton"))]
 
 
 def test_every_requirement_has_both_bounds() -> None:

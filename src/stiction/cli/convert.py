@@ -21,9 +21,11 @@ the range of friction to train with as a training framework draws it (training.j
 Without --model: a snippet to paste. With --model (MJCF, URDF, PROTO or world): the model with its joints changed, and
 all else, comments included, as it was. What the simulator cannot hold, or nobody knows, is left out; a comment says so.
 A range is written with the traps of its framework: what friction means there, what overrides it, what holds at rest.
+For mjlab these are lines for your task, which calls stiction.mjlab.
 
 Examples:
-  stiction convert training.json --to mjlab --robot go2 --out friction_events.py
+  stiction convert joints.json --to mjlab --joint-map shank='*_calf_joint'
+  stiction convert training.json --to isaaclab --robot go2 --out friction_events.py
   stiction convert joints.json --to mujoco --model robot.xml --joint-map shank='*_calf_joint' --out new.xml"""
 
 
@@ -46,7 +48,11 @@ def main(arguments: list[str]) -> int:
     cfg = read_options(Convert, arguments, "stiction convert", DESCRIPTION)
     if cfg.out is not None:
         keep_inputs(cfg.out, *(given for given in (cfg.joints, cfg.model) if given is not None))
-    done = convert_training(cfg.joints, cfg) if is_training(cfg.joints) else convert(load_joints(cfg.joints), cfg)
+    done = (
+        convert_training(cfg.joints, cfg)
+        if is_training(cfg.joints)
+        else convert(load_joints(cfg.joints), cfg, cfg.joints)
+    )
     if cfg.out is not None:
         check_file(cfg.out, cfg, text=done.text)
         write_text(cfg.out, done.text)

@@ -25,6 +25,7 @@ EXTRAS = {
     "engines": (*SIM, "sapien"),
     "unitree": ("cyclonedds",),
     "view": (*SIM, "viser", "mjviser"),
+    "mjlab": ("mjlab",),
 }
 """Extra -> the packages that it brings, by the names under which they are imported; the smallest that has one first."""
 

@@ -7,7 +7,6 @@ whoever takes a number from one to the other trains other physics; each text say
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -125,11 +124,6 @@ Written = tuple[list[str], list[str]]
 """Traps of a framework, and lines of code."""
 
 
-def _names(span: FrictionRange) -> str:
-    """Return the joints as regular expressions that match nothing else, a tuple in Python."""
-    return repr(tuple(re.escape(name) for name in span.joints))
-
-
 def _ends(low: float, high: float) -> str:
     """Return a range in Python."""
     return f"({number(low)}, {number(high)})"
@@ -142,44 +136,6 @@ def _table(recipe: Recipe, factor: float) -> list[str]:
         for span in recipe.ranges
         for name in span.joints
     ]
-
-
-def _mjlab(recipe: Recipe, _: float | None) -> Written:
-    """Return traps and lines for mjlab."""
-    traps = [
-        "joint_friction sets dof_frictionloss [N m]; its default operation is 'abs', 'scale' of a model without "
-        "friction would stay 0",
-        "an actuator's own frictionloss replaces the model's when the scene is built, and is replaced by this at reset",
-        "MuJoCo's friction is soft: in the model give these joints solreffriction='2*timestep 1' and "
-        f"solimpfriction='{' '.join(map(str, SOLIMP))}' (`stiction convert joints.json --to mujoco`), or they creep",
-        f"played in CPU MuJoCo they hold with iterations={LEAST_ITERATIONS}, ls_iterations={LEAST_LS_ITERATIONS} of "
-        "MujocoCfg or more; with mjlab's 10 and 20 they slip there at 0.8 of the friction, in MuJoCo Warp they hold",
-    ]
-    if recipe.together and len(recipe.ranges) > 1:
-        traps.append(
-            "proposed is one random number a robot; mjlab draws one a term: joints of other limits get another one"
-        )
-    lines = [
-        "from mjlab.envs.mdp import dr",
-        "from mjlab.managers.event_manager import EventTermCfg",
-        "from mjlab.managers.scene_entity_config import SceneEntityCfg",
-        "",
-        "FRICTION_EVENTS = {",
-    ]
-    for count, span in enumerate(recipe.ranges, 1):
-        lines += [
-            f"    'joint_friction_{count}': EventTermCfg(",
-            "        func=dr.joint_friction,",
-            "        mode='reset',",
-            "        params={",
-            f"            'asset_cfg': SceneEntityCfg('robot', joint_names={_names(span)}),",
-            f"            'ranges': {_ends(recipe.alone * span.low, recipe.alone * span.high)},",
-            "            'operation': 'abs',",
-            f"            'shared_random': {recipe.together},",
-            "        },",
-            "    ),",
-        ]
-    return traps, [*lines, "}"]
 
 
 def _isaaclab(recipe: Recipe, assumed_load: float | None) -> Written:
@@ -349,9 +305,8 @@ def _mujoco(recipe: Recipe, _: float | None) -> Written:
 
 
 FRAMEWORKS: dict[str, Callable[[Recipe, float | None], Written]] = {
-    "mjlab": _mjlab,
     "isaaclab": _isaaclab,
     "legged_gym": _legged_gym,
     "mujoco": _mujoco,
 }
-"""Where a range can be written to."""
+"""Where a range can be written to; for mjlab see `exchange/mjlab`."""

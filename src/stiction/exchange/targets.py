@@ -11,6 +11,7 @@ from typing import Literal
 from stiction.core.effects import check_effects, flag_of, needs, requirement
 from stiction.core.errors import ConfigurationError, FileError
 from stiction.exchange.isaaclab import isaaclab_snippet
+from stiction.exchange.mjlab.lines import joints_lines, training_lines
 from stiction.exchange.mujoco import included_joints, joint_kinds, mujoco_snippet, patch_mujoco
 from stiction.exchange.physics import Conversion, JointPhysics, Which, joint_physics
 from stiction.exchange.randomization import FRAMEWORKS, randomization_term, recipe_of
@@ -21,8 +22,8 @@ from stiction.files.joints import JointsFile, load_joints, read_training
 
 Target = Literal["mujoco", "urdf", "isaaclab", "webots", "mjlab", "legged_gym"]
 
-NOMINAL: tuple[Target, ...] = ("mujoco", "urdf", "isaaclab", "webots")
-"""What takes the values of a `joints.json`; the range of a `training.json` goes to `FRAMEWORKS`."""
+NOMINAL: tuple[Target, ...] = ("mujoco", "urdf", "isaaclab", "webots", "mjlab")
+"""What takes the values of a `joints.json`; the range of a `training.json` goes to mjlab and `FRAMEWORKS`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,13 +31,13 @@ class ConvertOptions:
     """What to convert to, and how."""
 
     to: Target
-    """The simulator, or format. Of a joints.json its values: mujoco, urdf, isaaclab, webots; of a training.json the
-    range to train with: mjlab, isaaclab, legged_gym, mujoco."""
+    """The simulator, or format. Of a joints.json its values: mujoco, urdf, isaaclab, webots, mjlab; of a training.json
+    the range to train with: mjlab, isaaclab, legged_gym, mujoco."""
     model: Path | None = field(default=None, metadata=needs("--to mujoco, urdf or webots"))
     """A MJCF, URDF, PROTO or world to put the values into; it is not changed itself."""
     joint_map: tuple[str, ...] = ()
-    """RECORDED=MODEL pairs, where names differ; MODEL may have wildcards if --model is given. For isaaclab it is a
-    regular expression."""
+    """RECORDED=MODEL pairs, where names differ; MODEL may have wildcards if --model is given, and for mjlab. For
+    isaaclab it is a regular expression."""
     timestep: float | None = field(default=None, metadata=needs("--to mujoco"))
     """Physics step [s] that MuJoCo's solver settings are for, where it is not the model's own."""
     assumed_load: float | None = field(default=None, metadata=needs("--to isaaclab or legged_gym"))
@@ -57,12 +58,12 @@ class ConvertOptions:
                 raise ConfigurationError(f"{name} {value}: expected a positive number")
         check_effects(self)
         wild = [pair for pair in self.joint_map if set("*?[") & set(pair)]
-        if wild and self.model is None and self.to != "isaaclab":
+        if wild and self.model is None and self.to not in ("isaaclab", "mjlab"):
             raise ConfigurationError(f"--joint-map {wild[0]!r}: wildcards need a --model whose joints they can match")
 
 
-def convert(file: JointsFile, options: ConvertOptions) -> Conversion:
-    """Return a `joints.json` in the form that a simulator reads.
+def convert(file: JointsFile, options: ConvertOptions, path: Path = Path("joints.json")) -> Conversion:
+    """Return a `joints.json` in the form that a simulator reads; path: of the file, for mjlab, which reads it itself.
 
     Raises `StictionError` for a model that cannot be read or does not fit, and for records that hold nothing.
     """
@@ -88,6 +89,8 @@ def convert(file: JointsFile, options: ConvertOptions) -> Conversion:
     if to == "isaaclab":
         return isaaclab_snippet(_joints(file, pairs, None), options.assumed_load, options.friction)
     joints = _joints(file, pairs, None, which=options.friction)
+    if to == "mjlab":
+        return joints_lines(path, joints, pairs, options.friction)
     if to == "mujoco":
         return mujoco_snippet(joints, options.timestep)
     return urdf_snippet(joints) if to == "urdf" else webots_snippet(joints)
@@ -145,10 +148,15 @@ def convert_training(path: Path, options: ConvertOptions) -> Conversion:
     for name in ("model", "timestep", "joint_map"):
         if getattr(options, name) not in (None, ()):
             raise ConfigurationError(requirement(flag_of(name), "a joints.json"))
+    if options.to == "mjlab":
+        # It has the robot, and so the torque limits.
+        if options.robot is not None:
+            raise ConfigurationError(requirement("--robot", "--to isaaclab, legged_gym or mujoco"))
+        return training_lines(path, read_training(path), options.friction)
     if options.to not in FRAMEWORKS:
         raise ConfigurationError(
             f"--to {options.to} takes the values of a joints.json; the range of a training.json goes to "
-            f"{', '.join(FRAMEWORKS)}"
+            f"mjlab, {', '.join(FRAMEWORKS)}"
         )
     recipe = recipe_of(read_training(path), torque_limits(path, options.robot), options.friction)
     return randomization_term(recipe, options.to, options.assumed_load)

@@ -15,6 +15,7 @@ import torch
 
 from stiction.cli.main import main
 from stiction.core.errors import StictionError
+from stiction.exchange.mjlab.lines import training_lines
 from stiction.exchange.physics import Which
 from stiction.exchange.randomization import FRAMEWORKS, FrictionRange, randomization_term, recipe_of
 from stiction.files.joints import JointRecord, JointsFile, write_training
@@ -83,22 +84,16 @@ def test_mujoco_draws_within_the_range_and_holds_the_joint() -> None:
     assert np.abs(data.qpos).max() < 1e-3
 
 
-def test_mjlab_gets_a_term_for_each_limit_with_names_that_match_nothing_else() -> None:
-    """The point of `FL.calf` is a point."""
-    stand_ins = {
-        "mjlab": module(),
-        "mjlab__envs": module(),
-        "mjlab__envs__mdp": module(dr=SimpleNamespace(joint_friction="joint_friction")),
-        "mjlab__managers": module(),
-        "mjlab__managers__event_manager": module(EventTermCfg=lambda **values: values),
-        "mjlab__managers__scene_entity_config": module(SceneEntityCfg=lambda name, joint_names: joint_names),
-    }
-    text = randomization_term(recipe_of(TRAINING, LIMITS), "mjlab").text
-    first, second = run(text, **stand_ins)["FRICTION_EVENTS"].values()
-    drawn = {"operation": "abs", "shared_random": True}
-    assert first["params"] == drawn | {"asset_cfg": ("FL_hip", "FR_hip"), "ranges": (0, 4.8)}
-    assert second["params"]["asset_cfg"] == (r"FL\.calf",) and second["params"]["ranges"] == (0, 10.8)
-    assert first["func"] == "joint_friction" and first["mode"] == "reset"
+@pytest.mark.parametrize("which", ["moving", "static"])
+def test_mjlab_gets_lines_that_read_the_file(which: Which) -> None:
+    """The torque limits are those of the robot there."""
+    text = training_lines(Path("out/training.json"), TRAINING, which).text
+    asked = ', friction="static"' if which == "static" else ""
+    assert text.splitlines()[1:] == [
+        "from stiction.mjlab import friction_events",
+        "",
+        f"cfg.events |= friction_events('out/training.json'{asked})",
+    ]
 
 
 class Asset:
@@ -168,7 +163,7 @@ BOTH = TRAINING | {
 def test_a_place_with_one_number_gets_friction_in_motion(which: Which, most: float) -> None:
     """24 % at rest over 1.5 are 16 % in motion; how much more holds the joint is said, and can be asked for."""
     recipe = recipe_of(BOTH, {"FL.calf": 45.0}, which)
-    for to in ("mujoco", "mjlab", "legged_gym"):
+    for to in ("mujoco", "legged_gym"):
         written = randomization_term(recipe, to)
         assert f"{most:g})" in written.text and "24 % of each joint's torque limit at rest\n" in written.text, to
         assert any(note.startswith("breakaway over moving: 1.5; a place with one number") for note in written.notes)
@@ -261,11 +256,13 @@ def test_a_user_writes_a_range(folder: Path, capsys: pytest.CaptureFixture, fram
     ("words", "said"),
     [
         (["training.json", "--to", "urdf"], "takes the values of a joints.json"),
+        (["training.json", "--to", "mjlab", "--robot", "go2"], "--robot requires --to isaaclab, legged_gym or mujoco;"),
         (["training.json", "--to", "mjlab", "--timestep", "0.002"], "--timestep requires --to mujoco;"),
         (["training.json", "--to", "mjlab", "--assumed-load", "5"], "--assumed-load requires --to isaaclab or"),
         (["training.json", "--to", "mujoco", "--joint-map", "a=b"], "--joint-map requires a joints.json;"),
         (["training.json", "--to", "mujoco", "--robot", "go3"], "go3"),
-        (["joints.json", "--to", "mjlab"], "writes the range of a training.json"),
+        (["joints.json", "--to", "legged_gym"], "writes the range of a training.json"),
+        (["joints.json", "--to", "mjlab"], "record 'shank' holds nothing that a simulator takes"),
         (["joints.json", "--to", "urdf", "--robot", "go2"], "--robot requires a training.json;"),
         (["none.json", "--to", "urdf"], "none.json"),
     ],

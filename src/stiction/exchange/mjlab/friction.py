@@ -1,0 +1,80 @@
+"""Dry friction drawn in mjlab as a `training.json` proposes it, and observed by who may be told it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from mjlab.managers.event_manager import EventTermCfg, requires_model_fields
+
+from stiction.exchange.mjlab.motors import limits_of, motors_of
+from stiction.exchange.mujoco import SOLIMP
+from stiction.exchange.physics import Which
+from stiction.exchange.randomization import recipe_of
+from stiction.files.joints import read_training
+
+
+def friction_events(training: str | Path, entity: str = "robot", *, friction: Which = "moving") -> dict[str, Any]:
+    """Return the event that draws dry friction at each reset as a `training.json` proposes, for `cfg.events`.
+
+    Where the proposal is of one number a robot, all joints of a robot have the same share of their torque limits,
+    whatever those are; a term of mjlab for each limit would draw one number each.
+
+    Args:
+        training: the `training.json` of `stiction identify`.
+        entity: name of the robot among the scene's entities.
+        friction: dry friction in motion (`moving`), or at rest (`static`): MuJoCo has one number.
+
+    Raises `StictionError` for a proposal without friction to draw.
+
+    """
+    recipe = recipe_of(read_training(Path(training)), {entity: 1.0}, friction)
+    shares = (recipe.alone * recipe.ranges[0].low, recipe.alone * recipe.ranges[0].high)
+    params = {"shares": shares, "together": recipe.together, "entity": entity}
+    return {"joint_friction": EventTermCfg(func=DrawFriction, mode="reset", params=params)}
+
+
+@requires_model_fields("dof_frictionloss", "dof_solref", "dof_solimp")
+class DrawFriction:
+    """Event: dry friction of every driven joint as a drawn share of its torque limit.
+
+    The rows of friction become as stiff as the timestep allows: with MuJoCo's own settings a joint creeps below them.
+    """
+
+    def __init__(self, cfg: Any, env: Any) -> None:
+        self.dofs, self.limits = _driven(env, cfg.params["entity"])
+
+    def __call__(self, env: Any, env_ids: Any, shares: tuple[float, float], together: bool, entity: str) -> None:
+        """Draw for the robots that are reset; env_ids: their numbers, all for None."""
+        model, rows = env.sim.model, slice(None) if env_ids is None else env_ids[:, None]
+        robots = env.num_envs if env_ids is None else len(env_ids)
+        share = self.limits.new_empty(robots, 1 if together else len(self.limits)).uniform_(*shares)
+        model.dof_frictionloss[rows, self.dofs] = share * self.limits
+        model.dof_solref[rows, self.dofs] = self.limits.new_tensor((2 * env.physics_dt, 1.0))
+        model.dof_solimp[rows, self.dofs] = self.limits.new_tensor(SOLIMP)
+
+
+class friction_told:  # as mjlab calls its terms, which are classes where they keep something
+    """Observation: dry friction of every driven joint over its torque limit [1], shape (num_envs, joints).
+
+    For critics and teachers, and for policies that are told on the robot what was identified.
+    """
+
+    def __init__(self, cfg: Any, env: Any) -> None:
+        self.dofs, self.limits = _driven(env, cfg.params.get("entity", "robot"))
+
+    def __call__(self, env: Any, entity: str = "robot") -> Any:
+        """Return the friction that the robots have now; entity: name of the robot among the scene's entities."""
+        return env.sim.model.dof_frictionloss[:, self.dofs] / self.limits
+
+
+def _driven(env: Any, entity: str) -> tuple[Any, Any]:
+    """Return where a robot's driven joints are among the model's degrees of freedom, and their torque limits [N m].
+
+    Both are tensors of shape (joints,). Raises `ConfigurationError` for a joint without a torque limit.
+    """
+    asset = env.scene[entity]
+    motors = motors_of(env, asset)
+    dofs = asset.indexing.joint_v_adr[[motor.joint for motor in motors.values()]]
+    # Of the device and the type of the model's numbers.
+    return dofs, env.sim.model.dof_frictionloss[0].new_tensor(limits_of(motors))

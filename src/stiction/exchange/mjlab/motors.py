@@ -1,0 +1,81 @@
+"""What drives the joints of a running mjlab robot: torque limits and gains, as its compiled model has them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from mjlab.actuator import BuiltinPositionActuator, IdealPdActuator
+from mjlab.actuator.actuator import TransmissionType
+
+from stiction.core.errors import ConfigurationError
+from stiction.files.log import Axis
+
+KINDS: dict[str, Axis] = {"mjJNT_HINGE": "rotary", "mjJNT_SLIDE": "linear"}
+"""Type of a joint in MuJoCo -> axis of its record."""
+
+
+@dataclass(frozen=True)
+class Motor:
+    """What drives one joint."""
+
+    joint: int
+    """Index among the robot's joints."""
+    axis: Axis
+    limit: float | None
+    """Torque limit [N m]; None where there is none."""
+    kp: float | None = None
+    """Proportional gain [N m/rad]; None of an actuator that has no such gain."""
+    kd: float | None = None
+    """Derivative gain [N m s/rad]."""
+
+
+def motors_of(env: Any, asset: Any, world: int = 0) -> dict[str, Motor]:
+    """Return joint -> its motor, in the order of the robot's joints.
+
+    env: mjlab's `ManagerBasedRlEnv`; asset: its `Entity`; world: robot whose gains they are, where those are drawn.
+    """
+    found: dict[int, tuple[str, Motor]] = {}
+    for actuator in asset.actuators:
+        if actuator.transmission_type != TransmissionType.JOINT:
+            continue
+        for number, (name, joint) in enumerate(zip(actuator.target_names, actuator.target_ids.tolist(), strict=True)):
+            control, number_of_all = int(actuator.global_ctrl_ids[number]), int(asset.indexing.joint_ids[joint])
+            limit, gains = _limit(env.sim.mj_model, number_of_all, control), _gains(env, actuator, number, world)
+            found[joint] = name, Motor(joint, KINDS[asset.indexing.joints[joint].type.name], limit, *gains)
+    return {name: motor for _, (name, motor) in sorted(found.items())}
+
+
+def limits_of(motors: dict[str, Motor]) -> list[float]:
+    """Return the torque limits of all motors; raise `ConfigurationError` for one that has none."""
+    limits = []
+    for name, motor in motors.items():
+        if motor.limit is None:
+            raise ConfigurationError(
+                f"joint {name!r}: got no torque limit, of which friction is a share; set effort_limit of its actuator"
+            )
+        limits.append(motor.limit)
+    return limits
+
+
+def _limit(model: Any, joint: int, actuator: int) -> float | None:
+    """Return the least of the limits that a compiled model has on an actuator and on its joint [N m]."""
+    limits = []
+    if model.actuator_forcelimited[actuator]:
+        limits.append(model.actuator_gear[actuator, 0] * model.actuator_forcerange[actuator, 1])
+    if model.jnt_actfrclimited[joint]:
+        limits.append(model.jnt_actfrcrange[joint, 1])
+    least = min(limits, default=np.inf)
+    return float(least) if np.isfinite(least) else None
+
+
+def _gains(env: Any, actuator: Any, number: int, world: int) -> tuple[float | None, float | None]:
+    """Return kp and kd of one joint of an actuator, as they are in a world; None where they are none."""
+    if isinstance(actuator, IdealPdActuator):
+        return float(actuator.stiffness[world, number]), float(actuator.damping[world, number])
+    if isinstance(actuator, BuiltinPositionActuator):
+        control, model = actuator.global_ctrl_ids[number], env.sim.model
+        return float(model.actuator_gainprm[world, control, 0]), float(-model.actuator_biasprm[world, control, 2])
+    # MuJoCo's pair of a position and a velocity actuator cannot be drawn anew.
+    return getattr(actuator.cfg, "stiffness", None), getattr(actuator.cfg, "damping", None)

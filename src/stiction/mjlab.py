@@ -1,0 +1,18 @@
+"""Dry friction for people who train in mjlab: `from stiction.mjlab import with_joints, friction_events`.
+
+Three lines in a training script; docs/mjlab.md goes from an empty folder to an answer.
+"""
+
+from stiction.core.errors import ConfigurationError
+from stiction.core.extras import missing_extra
+
+try:
+    from stiction.exchange.mjlab.friction import DrawFriction, friction_events, friction_told
+    from stiction.exchange.mjlab.joints import with_joints
+    from stiction.exchange.mjlab.log import StictionLog
+except ModuleNotFoundError as error:
+    if (message := missing_extra(error, "stiction.mjlab")) is None:
+        raise
+    raise ConfigurationError(message) from error
+
+__all__ = ["DrawFriction", "StictionLog", "friction_events", "friction_told", "with_joints"]
