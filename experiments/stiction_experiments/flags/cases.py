@@ -47,6 +47,9 @@ DEGREES = float(np.rad2deg(1.0))
 GO2_JOINTS = tuple(f"{leg}_{kind}" for leg in ("FL", "FR", "RL", "RR") for kind in ("hip", "thigh", "calf"))
 """The Go2's joints, in the order of the record."""
 
+GO2_LEVELS = {"RL_thigh": 0.188, "FL_hip": 0.303}
+"""Dry friction of joints with which mistakes are made [N m over k]."""
+
 
 class Identified(Protocol):
     """A log with flags, right or wrong, that can be identified."""
@@ -170,16 +173,22 @@ def emps(folder: Path) -> Given:
 
 
 @cache
+def go2_in_air(folder: Path) -> Given:
+    """Return all joints of the Go2. Raises `StictionError` where the record is not there."""
+    from stiction.identification.logs import open_log
+
+    setup = IdentifySetup(kp=20.0, kd=1.5, torque_limit=23.7, test_condition="in_air")
+    return Given(open_log(record_file(folder, GO2), names=GO2_JOINTS), setup, np.nan)
+
+
 def go2(folder: Path, joint: str = "RL_thigh") -> Given:
-    """Return a joint of the Go2; its friction is what the right flags give (results/identification).
+    """Return a joint of the Go2; its friction is what the right flags give (results/identification), where a case asks.
 
     Raises `StictionError` where the record is not there.
     """
-    from stiction.identification.logs import open_log
-
-    log = open_log(record_file(folder, GO2), names=GO2_JOINTS)
-    setup = IdentifySetup(kp=20.0, kd=1.5, torque_limit=23.7, test_condition="in_air")
-    return Given(replace(log, joints={joint: log.joints[joint]}), setup, {"RL_thigh": 0.188, "FL_hip": 0.303}[joint])
+    legs = go2_in_air(folder)
+    log = replace(legs.log, joints={joint: legs.log.joints[joint]})
+    return replace(legs, log=log, level=GO2_LEVELS.get(joint, np.nan))
 
 
 def record_file(folder: Path, name: Path) -> Path:
