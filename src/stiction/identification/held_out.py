@@ -18,9 +18,8 @@ from stiction.files.joints import JointRecord
 from stiction.identification.in_loop import respond
 from stiction.identification.model import Model, nearest_joint
 from stiction.identification.output_error import OutputError
-from stiction.identification.reading import cut
 from stiction.identification.regression import FEWEST_ROWS, INVERSE_STRENGTH, Fit, fit_rows
-from stiction.identification.runs import Run
+from stiction.identification.runs import Run, part_of
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import simulate
 
@@ -127,9 +126,7 @@ def _last_part(run: Run, judged: np.ndarray) -> tuple[Run, np.ndarray]:
     A simulation forgets where it began well within `LEAD`.
     """
     first = max(0, int(np.argmax(judged)) - round(LEAD / run.signals.step))
-    prepared = replace(run.prepared, position=run.prepared.position[first:], velocity=run.prepared.velocity[first:])
-    part = replace(run, signals=cut(run.signals, slice(first, None)), prepared=prepared, driven=run.driven[first:])
-    return part, judged[first:]
+    return part_of(run, slice(first, None)), judged[first:]
 
 
 def _models(

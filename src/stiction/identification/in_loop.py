@@ -23,9 +23,9 @@ from stiction.identification.consistency import COMPARED, Comparison, common_spe
 from stiction.identification.evidence import MIN_EVIDENCE, evidence_of
 from stiction.identification.model import GRAVITY_TERMS, Model, nearest_joint
 from stiction.identification.output_error import FEW_TRIALS, MAX_ITERATIONS, OutputError, Signal, fit_output_error
-from stiction.identification.reading import Reading, cut, fine_steps, may_hold, refine, torque_lag
+from stiction.identification.reading import Reading, fine_steps, may_hold, refine, torque_lag
 from stiction.identification.regression import INVERSE_STRENGTH, Fit
-from stiction.identification.runs import Run, reread
+from stiction.identification.runs import Run, part_of, reread
 from stiction.identification.setup import Payload
 from stiction.joints.pd import PDGains
 
@@ -147,10 +147,8 @@ def _contest(run: Run, base: Fit, whole: OutputError) -> tuple[bool, bool]:
     half = abs(whole.values.get("delay", 0.0) / run.signals.step - 0.5) < NEAR_HALF
     if whole.rms > TELLING * run.prepared.noise:
         return half, False
-    part = cut(run.signals, slice(int(np.searchsorted(run.signals.time, CONTEST, "right"))))
-    velocity = run.prepared.velocity[: len(part.time)]
-    short = replace(run, signals=part, prepared=replace(run.prepared, velocity=velocity))
-    pieces, start = fine_steps(part, True), base.by_name | whole.values
+    short = part_of(run, slice(int(np.searchsorted(run.signals.time, CONTEST, "right"))))
+    pieces, start = fine_steps(short.signals, True), base.by_name | whole.values
     straight, held = (
         fit_in_loop(replace(short, reading=Reading(held=way)), base, start, pieces, FEW_TRIALS) for way in (False, True)
     )

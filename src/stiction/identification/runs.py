@@ -13,7 +13,7 @@ from stiction.identification.checks import FEWEST_POOLED, FEWEST_SAMPLES, Unifor
 from stiction.identification.filters import slope
 from stiction.identification.model import GRAVITY_TERMS, Model
 from stiction.identification.prepare import Prepared, Rows, make_rows, prepare
-from stiction.identification.reading import Reading, controller_torque
+from stiction.identification.reading import Reading, controller_torque, cut
 from stiction.identification.regression import MAX_INFLATION, check_rows, fit_rows
 from stiction.identification.setup import IdentifySetup
 from stiction.joints.pd import PDGains
@@ -110,6 +110,13 @@ def reread(run: Run, reading: Reading) -> Run:
     prepared = prepare(signals, torque, run.prepared.cutoff, unusable)
     rows = make_rows([prepared], [setup.payload], setup.motor_strength or 1.0)
     return replace(run, reading=reading, prepared=prepared, rows=rows, driven=torque)
+
+
+def part_of(run: Run, part: slice) -> Run:
+    """Return what a simulation needs of a part of a run, its time from zero; filtered rows stay those of the whole."""
+    filtered = {name: getattr(run.prepared, name)[part] for name in ("position", "velocity")}
+    signals, prepared = cut(run.signals, part), replace(run.prepared, **filtered)
+    return replace(run, signals=signals, prepared=prepared, driven=run.driven[part])
 
 
 def fit_signals(
