@@ -166,24 +166,13 @@ def _fit(
     """Fit the promising laws; return those that a joint can have, and why others are none."""
     fits: dict[Law, OutputError] = {}
     reasons: dict[Law, str] = {}
-    values, noise = base.by_name | plain.values, run.prepared.noise
     worth = [one for one in screened if one.evidence >= MIN_EVIDENCE]
     tried = [one for one in worth if one.evidence >= PROMISING * worth[0].evidence][:MOST_TRIED]
     rises = any(one.law == "stribeck" and one.evidence >= MIN_EVIDENCE for one in screened)
     if rises and any(phase.sign == 0 for phase in plain.response.motion.phases):
         tried.append(_Screened("breakaway", 0.0, {}))
     for one in tried:
-        model = _model(run, base, one.law)
-        fit = None
-        for start in _starts(one, values, model):
-            fit = fit_in_loop(run, fit_at(base.rows, model, start), start, trials=FEW_TRIALS)
-            # One that explains much and not nearly all is on its way still.
-            for _ in range(MOST_AGAIN):
-                if fit is None or not TELLING * noise < fit.rms < MUCH * plain.rms:
-                    break
-                fit = fit_in_loop(run, fit_at(base.rows, model, fit.values), fit.values, trials=FEW_TRIALS) or fit
-            if fit is not None and fit.rms < plain.rms:
-                break
+        fit = _search(run, plain, base, one)
         if fit is None:
             reasons[one.law] = "the simulation does not tell its parameters"
         elif negative := negative_friction(fit.values):
@@ -195,6 +184,25 @@ def _fit(
         else:
             fits[one.law] = fit
     return fits, reasons
+
+
+def _search(run: Run, plain: OutputError, base: Fit, screened: _Screened) -> OutputError | None:
+    """Return the simulation of a law, from the first start that explains more than the symmetric law, else the last."""
+    model, fit = _model(run, base, screened.law), None
+
+    def follow(start: dict[str, float]) -> OutputError | None:
+        return fit_in_loop(run, fit_at(base.rows, model, start), start, trials=FEW_TRIALS)
+
+    for start in _starts(screened, base.by_name | plain.values, model):
+        fit = follow(start)
+        for _ in range(MOST_AGAIN):
+            # One that explains much and not nearly all is on its way still.
+            if fit is None or not TELLING * run.prepared.noise < fit.rms < MUCH * plain.rms:
+                break
+            fit = follow(fit.values) or fit
+        if fit is not None and fit.rms < plain.rms:
+            break
+    return fit
 
 
 def _starts(screened: _Screened, plain: Mapping[str, float], model: Model) -> list[dict[str, float]]:
