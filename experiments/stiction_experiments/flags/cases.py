@@ -5,6 +5,7 @@ Mistakes with servos are in `drives`, with whole limbs in `limbs`, with walks in
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -189,6 +190,14 @@ def go2(folder: Path, joint: str = "RL_thigh") -> Given:
     legs = go2_in_air(folder)
     log = replace(legs.log, joints={joint: legs.log.joints[joint]})
     return replace(legs, log=log, level=GO2_LEVELS.get(joint, np.nan))
+
+
+def data_folder() -> Path:
+    """Return the folder of the measured records; raise `FileError` where none is named."""
+    folder = os.environ.get("STICTION_DATA")
+    if not folder:
+        raise FileError("STICTION_DATA names no folder; expected one with the measured records emps and go2")
+    return Path(folder)
 
 
 def record_file(folder: Path, name: Path) -> Path:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stiction.core.errors import FileError, StictionError
+from stiction.core.errors import StictionError
 from stiction.core.records import column
 from stiction.files.joints import FRICTION_REACHES_ZERO
 from stiction_experiments.flags import RIGHT
@@ -139,11 +138,11 @@ def all_cases(folder: Path) -> list[Case]:
 
 def run(options: FlagsOptions, work: Work) -> Report:
     """Make every mistake."""
-    folder = os.environ.get("STICTION_DATA")
-    if not folder:
-        raise FileError("STICTION_DATA names no folder; expected one with the measured records emps and go2")
+    from stiction_experiments.flags.cases import data_folder
+
+    folder = data_folder()
     work.begin()
-    todo = all_cases(Path(folder))
+    todo = all_cases(folder)
     rows = []
     for number, case in enumerate(todo):
         work.progress(f"{case.mistake}: {case.record}", number / len(todo))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from stiction.core.cache import key_of
 from stiction.core.decode import from_plain
-from stiction.core.errors import ConfigurationError, FileError, check_once, unknown_name
+from stiction.core.errors import ConfigurationError, check_once, unknown_name
 from stiction.core.records import column, make_folder
 from stiction_experiments import CODE
 from stiction_experiments.lab.files import cached
@@ -239,6 +238,7 @@ def means(rows: Sequence[PeerRow]) -> list[Mean]:
 
 def chosen_records(options: PeersOptions) -> list[Record]:
     """Return the records of the options. Raises `StictionError` where a measured one is missing."""
+    from stiction_experiments.flags.cases import data_folder
     from stiction_experiments.peers.records import measured_records, simulated_records
 
     todo: list[Record] = []
@@ -258,7 +258,7 @@ def walk_rows(folders: Sequence[Path]) -> list[WalkRow]:
         return []
     from stiction.identification.pipeline import identify_log
     from stiction.robots.catalog import find_robot
-    from stiction_experiments.flags.cases import go2_in_air
+    from stiction_experiments.flags.cases import data_folder, go2_in_air
     from stiction_experiments.peers.walks import identified_friction, replayed
 
     robot = find_robot("go2")
@@ -276,14 +276,6 @@ def walk_lead(rows: Sequence[WalkRow]) -> list[str]:
         texts = ", ".join(f"{name} {1e3 * error:.0f}" for name, error in errors.items())
         sentences.append(f"walk {log}, error of the angles by friction [mrad]: {texts}")
     return sentences
-
-
-def data_folder() -> Path:
-    """Return the folder of measured records. Raises `FileError` where none is named."""
-    folder = os.environ.get("STICTION_DATA")
-    if not folder:
-        raise FileError("STICTION_DATA: got none, expected a folder with the records emps and go2; set it")
-    return Path(folder)
 
 
 def run(options: PeersOptions, work: Work) -> Report:

@@ -8,7 +8,6 @@ its kind, identified with its legs in the air. Only the robot's start is the log
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,6 +16,7 @@ import mujoco
 import numpy as np
 
 from stiction.core.errors import FileError
+from stiction.core.files import digest_of
 from stiction.core.records import column
 from stiction.files.joints import JointRecord
 from stiction.robots.mjcf import build_model
@@ -99,7 +99,7 @@ def read_history(folder: Path, robot: Robot) -> History:
         raise FileError(
             f"{folder}: got {seconds[0][0]:.3g} to {seconds[0][-1]:.3g} s, expected {-BEFORE:g} to {WALKED:g} s"
         )
-    digest = hashlib.sha256((folder / "state_history.csv").read_bytes()).hexdigest()
+    digest = digest_of(folder / "state_history.csv")
     return History(folder.name, digest, seconds[0], states[:, order], seconds[1], target)
 
 
