@@ -18,7 +18,7 @@ from stiction.robots.model import GRAVITY, TRUNK_LENGTH, Robot
 from stiction.task.audit_robots import FrictionBench, Stand
 from stiction.task.config import TaskCfg
 from stiction.task.env import LocomotionEnv
-from stiction.task.randomization import NUMBERS
+from stiction.task.friction import NUMBERS
 
 TOLERANCE = 0.1
 """Largest deviation of a share from 1; the errors of physics step and soft contacts are well under it."""

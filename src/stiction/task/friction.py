@@ -17,6 +17,9 @@ from stiction.files.method import Mixture, Stage, find_method, method_names
 from stiction.joints.friction import LAWS, Law, has_coefficient, simulated_laws
 from stiction.robots.model import Robot
 
+NUMBERS = ("static_ratio", "stribeck_velocity")
+"""Numbers of a friction law that may differ by robot."""
+
 
 def law_flag(text: str, name: str = "") -> Form:
     """Return the form of an option that names a law: what `text` says, then every law of the table; name: its flag."""
@@ -104,7 +107,7 @@ class FrictionCfg:
 
     def _check_law(self) -> None:
         """Refuse numbers that make no law, and ranges with ends the wrong way round."""
-        for name in ("static_ratio", "stribeck_velocity"):
+        for name in NUMBERS:
             value = getattr(self, name)
             if isinstance(value, tuple) and not (len(value) == 2 and value[0] <= value[1]):
                 raise ConfigurationError(

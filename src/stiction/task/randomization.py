@@ -16,14 +16,11 @@ from stiction.robots.physics import CONTACT_TIME
 from stiction.sim.chosen import put
 from stiction.sim.fleet import Fleet
 from stiction.task.config import RandomizationCfg
-from stiction.task.friction import FrictionCfg, Mixture, friction_share
+from stiction.task.friction import NUMBERS, FrictionCfg, Mixture, friction_share
 from stiction.task.task_fleet import HostFleet, TaskFleet
 
 PAYLOAD_UNIT, MULTIPLIER_UNIT, FRICTION_UNIT = 3.0, 0.2, 0.1
 """What an entry of 1 stands for: 3 kg of payload, a multiplier of 1.2, dry friction of 0.1 of the torque limit."""
-
-NUMBERS = ("static_ratio", "stribeck_velocity")
-"""Numbers of a friction law that may differ by robot."""
 
 PRIVILEGED_TERMS = (
     ("payload", "robot"),
