@@ -60,7 +60,7 @@ class StictionLog(RecorderTerm):
         return np.concatenate([tensor[self.world, self.joints].double().cpu().numpy() for tensor in tensors])
 
     def record_post_reset(self, env_ids: Any) -> None:
-        """Begin the log where the robot is reset, or end it where nobody told of that before."""
+        """Begin the log at a reset, after writing what was not written before it."""
         if self.world in env_ids.tolist():
             self._write()
             self.state = self._now(self.asset.data.joint_pos, self.asset.data.joint_vel)
