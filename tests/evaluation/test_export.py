@@ -35,7 +35,11 @@ pytest.importorskip("rsl_rl", reason="the package rsl_rl, of the extra 'train', 
 
 from stiction.learning.run import RunDirectory, save_checkpoint  # noqa: E402
 
-HEADER = {"command": "/home/somebody/.venv/bin/stiction train --seed 3", "revision": "abc1234", "identified": None}
+HEADER = {
+    "command": "/home/somebody/.venv/bin/stiction train --seed 3 --out /tmp/a",
+    "revision": "abc1234",
+    "identified": None,
+}
 
 
 def make_module(contract: Contract):
@@ -88,7 +92,7 @@ def test_the_contract_of_a_run_says_what_was_trained() -> None:
     assert contract.friction_level == 0.2
     assert contract.friction_range == pytest.approx((0.0, 0.24))
     assert (contract.method, contract.seed, contract.control_period) == ("deception", 3, 0.02)
-    assert contract.command == "stiction train --seed 3"
+    assert contract.command == "stiction train --seed 3 --out a"
     assert contract.revision == "abc1234"
     assert contract.joints_file == {"name": "joints.json", "sha256": "0" * 64}
     assert replace(contract, joints_file=None, friction_range=(0.0, 0.24)) == make_contract(
@@ -96,7 +100,7 @@ def test_the_contract_of_a_run_says_what_was_trained() -> None:
         seed=3,
         phases=2,
         revision="abc1234",
-        command="stiction train --seed 3",
+        command="stiction train --seed 3 --out a",
         action_clip=5.0,
         anatomy=find_robot("saturn_lite"),
         command_range={"forward": (-0.8, 0.8), "sideways": (-0.3, 0.3), "turn": (-0.6, 0.6)},

@@ -162,7 +162,8 @@ def answers(summary: dict[str, Any]) -> list[str]:
             for probe in (one["probes"] if len(runs) > 1 else runs[0]["probes"])
             if probe["row"] == "walk" and not probe["shuffled"]
         }
-        found = [f"{INPUT[name]} {whole[name, per]} per {per}" for name in ("latent", "moments") for per in TARGET]
+        names = ("latent" if ("latent", "robot") in whole else "explicit", "moments")
+        found = [f"{INPUT[name]} {whole[name, per]} per {per}" for name in names for per in TARGET]
         monitored = ", ".join(f"{sum(estimated(run['wear']))} of {len(estimated(run['wear']))}" for run in runs)
         name = one["runs"][0] if len(runs) == 1 else f"{method}, {len(runs)} seeds"
         lines.append(f"{name}: R² of the friction from {'; '.join(found)}; monitored targets: {monitored}.")
@@ -170,7 +171,10 @@ def answers(summary: dict[str, Any]) -> list[str]:
 
 
 def effect_text(summary: dict[str, Any]) -> str:
-    """Return how much of its command a policy's speed changes by another latent, as a sentence to be read aloud."""
+    """Return how much of its command a policy's speed changes by another latent, as a sentence to be read aloud.
+
+    Empty where no policy has a latent.
+    """
     parts = []
     for latent in GIVEN:
         sizes = {
@@ -180,7 +184,7 @@ def effect_text(summary: dict[str, Any]) -> str:
         said = [f"{100 * size:.0f} % ({method})" for method, size in sizes.items() if size is not None]
         if said:
             parts.append(f"by up to {', '.join(said)} when {GIVEN[latent]}")
-    return f"A policy's speed changes, of the command, {'; '.join(parts)}."
+    return f"A policy's speed changes, of the command, {'; '.join(parts)}." if parts else ""
 
 
 def _is_speed(effect: dict[str, Any], latent: str) -> bool:
@@ -197,16 +201,18 @@ GIVEN = {
 
 def lead(summary: dict[str, Any]) -> list[str]:
     """Return what another latent does, then how much of the friction can be read, as a sentence for each training."""
-    lines = [effect_text(summary)]
+    lines = list(filter(None, [effect_text(summary)]))
     for method, one in summary["methods"].items():
         runs = [summary["runs"][name] for name in one["runs"]]
         probes = one["probes"] if len(runs) > 1 else runs[0]["probes"]
         means = {(p["input"], p["per"]): p["mean"] for p in probes if p["row"] == "walk" and not p["shuffled"]}
         seeds = f"{len(runs)} training seeds" if len(runs) > 1 else "one training seed"
-        robot, joint = means["latent", "robot"], means["latent", "joint"]
+        known = "latent" if ("latent", "robot") in means else "explicit"
+        words = {"latent": "the latent z*", "explicit": "the estimates"}[known]
+        robot, joint = means[known, "robot"], means[known, "joint"]
         lines.append(
-            f"From the latent z* of {method} ({seeds}), over a walk, the mean friction of a robot can be read with R² "
-            f"{robot:.2f}, that of each joint with R² {joint:.2f}; from the moments of the frames that z* is made of, "
+            f"From {words} of {method} ({seeds}), over a walk, the mean friction of a robot can be read with R² "
+            f"{robot:.2f}, that of each joint with R² {joint:.2f}; from the moments of the frames behind them, "
             f"with {means['moments', 'robot']:.2f} and {means['moments', 'joint']:.2f}."
         )
     return lines
@@ -214,7 +220,9 @@ def lead(summary: dict[str, Any]) -> list[str]:
 
 def report(found: dict[str, Any]) -> Report:
     """Return the report of the study, from what summary.json has of it."""
-    effects, probes = draw_effects(found["methods"], LATENT), draw_probes(found["methods"], INPUT, TARGET)
+    swapped = {method: one for method, one in found["methods"].items() if one["effects"]}
+    effects = draw_effects(swapped, LATENT) if swapped else None
+    probes = draw_probes(found["methods"], INPUT, TARGET)
     lines = answers(found)
     return Report(
         title="What does adaptation do?",
@@ -228,26 +236,28 @@ def report(found: dict[str, Any]) -> Report:
         },
         sections=sections(found, effects, probes),
         summary=found,
-        figures={"latents": effects, "probes": probes},
+        figures=({} if effects is None else {"latents": effects}) | {"probes": probes},
         answer=lines,
     )
 
 
-def sections(summary: dict[str, Any], effects: Figure, probes: Figure) -> list[Section]:
-    """Return the page's parts, with the figures of `draw_effects` and `draw_probes`."""
+def sections(summary: dict[str, Any], effects: Figure | None, probes: Figure) -> list[Section]:
+    """Return the page's parts, with the figures of `draw_effects`, None without a latent, and `draw_probes`."""
     wear = [wear_table(name, run["wear"]) for name, run in summary["runs"].items()]
     if len(wear) > 2:
         wear = [wear[0], fold("every run", wear[1:])]
     methods, runs = summary["methods"], summary["runs"].items()
-    latents = over_runs(methods, {name: run["latents"]["effects"] for name, run in runs}, "effects", effects_table)
+    latents: list[Section] = []
+    if effects is not None:
+        each = {name: run["latents"]["effects"] for name, run in runs}
+        tables = over_runs({m: one for m, one in methods.items() if one["effects"]}, each, "effects", effects_table)
+        parts = (paragraph(ABOUT_LATENTS), picture(figure_uri(effects), EACH_LINE), *tables)
+        latents = [Section("Latents taken away and swapped", parts)]
     readable = over_runs(methods, {name: run["probes"] for name, run in runs}, "probes", probes_table)
     return [
+        *latents,
         Section(
-            "Latents taken away and swapped",
-            (paragraph(ABOUT_LATENTS), picture(figure_uri(effects), EACH_LINE), *latents),
-        ),
-        Section(
-            "How much friction can be read from z*",
+            "How much friction can be read from what the policy knows",
             (paragraph(ABOUT_PROBES), picture(figure_uri(probes), EACH_DOT), *readable),
         ),
         Section("Can it watch for wear?", (paragraph(ABOUT_WEAR.format(summary["threshold"])), *wear)),

@@ -57,7 +57,7 @@ class FrictionWalk:
     frames: np.ndarray
     """o_prio, float32, shape (T, N, frame)."""
     latent: np.ndarray
-    """z*, float32, shape (T, N, latent)."""
+    """z*, float32, shape (T, N, latent); latent is 0 of a policy without one."""
     explicit: np.ndarray
     """o_exp*, the estimate of base velocity and foot contacts, float32, shape (T, N, explicit)."""
     teacher: np.ndarray
@@ -102,13 +102,15 @@ def walk_with_friction(
     upright, parts = np.ones(cfg.robots, dtype=bool), []
     with torch.no_grad():
         first = env.get_observations()
-        # DreamWaQ has no teacher.
-        none = isinstance(actor, ContextActor)
-        teacher = np.empty((cfg.robots, 0)) if none else actor.privileged_encoder(first["privileged"]).numpy()
+        # DreamWaQ has no teacher, and a policy without a latent neither that nor z*.
+        coded, latent = isinstance(actor, ContextActor), bool(train.network.latent)
+        teach = actor.privileged_encoder if latent and not coded else _nothing
+        adapt = actor.adaptation if latent or coded else _nothing
+        teacher = teach(first["privileged"]).numpy()
         for step in range(steps):
             obs = env.get_observations()
             if step >= skip:
-                seen = obs["proprioception"], actor.adaptation(obs["history"]), actor.estimator(obs["history"])
+                seen = obs["proprioception"], adapt(obs["history"]), actor.estimator(obs["history"])
                 parts.append([value.numpy() for value in seen])
             _, _, dones, _ = env.step(actor(obs))
             # What the last step leads to is not recorded any more.
@@ -116,6 +118,11 @@ def walk_with_friction(
             progress((step + 1) / steps)
     frames, latent, explicit = (np.stack(values)[:, upright] for values in zip(*parts, strict=True))
     return FrictionWalk(frames, latent, explicit, teacher[upright], friction[upright], int((~upright).sum()))
+
+
+def _nothing(obs: torch.Tensor) -> torch.Tensor:
+    """Return no numbers of every robot, (N, 0)."""
+    return obs[:, :0]
 
 
 PENALTIES = tuple(10.0**power for power in range(-4, 2))
@@ -273,10 +280,14 @@ def histories(frames: np.ndarray, length: int) -> np.ndarray:
 
 
 def inputs(walk: FrictionWalk, moments: Moments) -> Iterator[tuple[str, str, Callable[[], np.ndarray]]]:
-    """Yield every input: its name, what a row is, and a function that returns it, (rows per robot, N, features)."""
+    """Yield every input: its name, what a row is, and a function that returns it, (rows per robot, N, features).
+
+    The first is what the policy knows of its history: z*, of one without it the explicit estimate.
+    """
     steps, frames = slice(max(HISTORIES) - 1, None, EVERY), walk.frames
     products = moments(frames[:-1], frames[1:])
     signals = {"latent": walk.latent, "explicit": walk.explicit, "frame": frames, "moments": products}
+    signals = {name: signal for name, signal in signals.items() if signal.shape[-1]}
     for name, signal in signals.items():
         if name in ("latent", "explicit"):
             yield name, "step", partial(signal.__getitem__, steps)
@@ -316,8 +327,8 @@ def probe_walk(
 ) -> list[dict[str, Any]]:
     """Probe every input of a walk; return R² of each, as plain data, with `input`, `row`, `per` and `shuffled`.
 
-    Targets are the joints' f/τ_max; where friction is drawn per robot, its one level. The control beside them is z*
-    over the whole walk with the friction of the robots shuffled: what a probe finds by chance.
+    Targets are the joints' f/τ_max; where friction is drawn per robot, its one level. The control beside them is the
+    first input over the whole walk with the friction of the robots shuffled: what a probe finds by chance.
     """
     targets = walk.friction if per == "joint" else walk.friction[:, :1]
     every = list(inputs(walk, moments))
@@ -326,7 +337,8 @@ def probe_walk(
         found.append({"input": name, "row": row, "per": per, "shuffled": False} | probe(make(), targets))
         progress((number + 1) / (len(every) + 1))
     mixed = targets[np.random.default_rng(0).permutation(len(targets))]
-    control = {"input": "latent", "row": "walk", "per": per, "shuffled": True}
-    found.append(control | probe(windows(walk.latent, len(walk.latent)), mixed))
+    signal = walk.latent if walk.latent.shape[-1] else walk.explicit
+    control = {"input": every[0][0], "row": "walk", "per": per, "shuffled": True}
+    found.append(control | probe(windows(signal, len(signal)), mixed))
     progress(1.0)
     return found

@@ -67,14 +67,12 @@ def study(
     """Study every run; return the summary. Each run's part is cached in `out` as RUN.json and RUN-wear.json.
 
     Raises:
-        StictionError: a run without a finished student or without a latent, or two of the same name.
+        StictionError: a run without a finished student, or two of the same name.
 
     """
     check_names([run.resolve().name for run in runs], "runs")
     trained = [RunDirectory(run).config() for run in runs]
-    for run, config in zip(runs, trained, strict=True):
-        if not config.network.latent:
-            raise ConfigurationError(f"{run} has no latent to look at; train one with --set network.latent=16")
+    for run in runs:
         RunDirectory(run).check_finished("student")
     parts = [study_run(run, out, cfg, threads, progress) for run in runs]
     seeds = same_but_for_seed([(part["method"], config) for part, config in zip(parts, trained, strict=True)])
@@ -109,7 +107,10 @@ def same_but_for_seed(runs: Sequence[tuple[str, TrainCfg]]) -> dict[str, list[in
 
 
 def study_run(run: Path, out: Path, cfg: AdaptationCfg, threads: int, progress: Progress) -> dict[str, Any]:
-    """Return one run's part: `latents`, `probes`, `wear`; read from `out` where the same was done before."""
+    """Return one run's part: `latents`, `probes`, `wear`; read from `out` where the same was done before.
+
+    Of a policy without a latent `latents` has no walks: nothing of it can be swapped.
+    """
     directory, name = RunDirectory(run), run.resolve().name
     header, train = directory.header(), directory.config()
     student = directory.student_digest()
@@ -118,7 +119,9 @@ def study_run(run: Path, out: Path, cfg: AdaptationCfg, threads: int, progress: 
     if (done := read_entry(file, key)) is not None:
         progress(name, 1.0)
         return done
-    latents = latent_effects(run, cfg.evaluation, threads, lambda share: progress(f"{name}: latents", share))
+    latents: dict[str, Any] = {"rows": [], "effects": []}
+    if train.network.latent:
+        latents = latent_effects(run, cfg.evaluation, threads, lambda share: progress(f"{name}: latents", share))
     contract, actor = contract_of(train, header), load_actor(directory, "student")
     moments = Moments(contract.observation, contract.scale)
     found = identified_values(header)

@@ -55,8 +55,9 @@ def run(options: AdaptationOptions, work: Work) -> Report:
 
 
 DESCRIPTION = (
-    "What does adaptation do? Every student also walks with its latent z* frozen at its mean and taken from another "
-    "robot, and a linear probe reads each joint's friction from z*, and from the history behind it.\n\n"
+    "What does adaptation do? A student that has a latent z* also walks with it frozen at its mean and taken from "
+    "another robot, and a linear probe reads each joint's friction from z*, from the estimates, and from the history "
+    "behind them.\n\n"
     "Example:\n  stiction study adaptation runs/seed-0 runs/seed-1 --out adaptation"
 )
 

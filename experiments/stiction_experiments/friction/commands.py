@@ -1,9 +1,10 @@
-"""Count the commands that policies follow: counts.csv and counts.md from tables of `stiction evaluate`, and the advice.
+"""Count the commands that policies follow, in tables of `stiction evaluate`, and write the part of the advice.
 
     python -m stiction_experiments.friction.commands OUT TABLE... [--advice FILE --command WORDS --revision REVISION]
 
-Each TABLE is a results.csv, in whatever engines. FILE is what `stiction identify` advises by: it gets the counts of the
-methods in `METHODS`, with the command and the revision that trained their policies.
+OUT gets counts.csv, counts.md and counts.png. Each TABLE is a results.csv, in whatever engines. FILE is what `stiction
+identify` advises by: it gets the counts of the methods in `METHODS`, with the command and the revision that trained
+their policies.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import argparse
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from stiction.core.errors import FileError
 from stiction.core.files import write_text
@@ -20,12 +22,15 @@ from stiction.files.advice import SHARES, TRAINING, Source, TrainedWith
 from stiction.files.following import CommandCount, count_commands
 from stiction.files.method import find_method
 from stiction.files.results import ResultRow, read_results
-from stiction.identification.advice import TOLD
+from stiction.identification.advice import PLACES, TOLD
 from stiction.report.following import counts_sheet
-from stiction.report.page import Sheet
+from stiction.report.page import Sheet, legend, line_look, mark_look, new_figure, save_figure
 from stiction.robots.catalog import find_robot
 from stiction_experiments.friction.manifest import LEVEL
 from stiction_experiments.lab.files import write_source
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 METHODS = {"none": "none", "direct": "direct", "deception": "deception", TOLD: "deception"}
 """Method of the rows that the advice compares -> `--method` of its training."""
@@ -76,6 +81,27 @@ def pairs_sheet(rows: Sequence[ResultRow]) -> Sheet:
     return Sheet(title, ("method", *engines, "pairs of seed and place"), tuple(lines))
 
 
+def draw_counts(counts: Sequence[CommandCount], names: Sequence[str]) -> Figure:
+    """Return the share of commands followed over Coulomb friction, a panel for each engine, a line for each method.
+
+    names: methods that are drawn, in the order of their colours.
+    """
+    drawn = [count for count in counts if count.friction_law == "coulomb" and count.method in names]
+    drawn.sort(key=lambda count: count.friction_level)
+    engines = tuple(dict.fromkeys(count.engine for count in counts if count in drawn and "+" not in count.engine))
+    figure, axes = new_figure(1, len(engines), size=(3.0 * len(engines) + 0.4, 3.2))
+    for axis, engine in zip(axes, engines, strict=True):
+        for name in names:
+            points = [count for count in drawn if (count.engine, count.method) == (engine, name)]
+            levels, shares = [100 * one.friction_level for one in points], [one.followed / one.cells for one in points]
+            look = {"marker": mark_look(name, names), "label": name} | line_look(name, names)
+            axis.plot(levels, [100 * share for share in shares], markersize=4, linewidth=1.8, **look)
+        axis.set(title=PLACES[engine], xlabel="friction, % of torque limit", ylim=(0, 103))
+    axes[0].set_ylabel("commands followed, %")
+    legend(axes[0], loc="lower left")
+    return figure
+
+
 def source_of(
     rows: Sequence[ResultRow], counts: Sequence[CommandCount], tables: Sequence[Path], args: argparse.Namespace
 ) -> Source:
@@ -104,9 +130,9 @@ def source_of(
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Write the counts, and the part of the advice where its file is named."""
+    """Write the counts and their figure, and the part of the advice where its file is named."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("out", type=Path, help="folder of counts.csv and counts.md")
+    parser.add_argument("out", type=Path, help="folder of counts.csv, counts.md and counts.png")
     parser.add_argument("tables", type=Path, nargs="+", help="results.csv of `stiction evaluate`")
     parser.add_argument("--advice", type=Path, help="advice.json, which gets the counts")
     parser.add_argument("--command", help="with --advice: command that trained the policies, with its --preset")
@@ -121,6 +147,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     write_rows(args.out / "counts.csv", counts)
     write_text(
         args.out / "counts.md", "\n".join(sheet.markdown() for sheet in (pairs_sheet(rows), counts_sheet(counts)))
+    )
+    save_figure(
+        draw_counts(counts, [name for name in METHODS if name in {row.method for row in counts}]),
+        args.out / "counts.png",
     )
     if args.advice is not None:
         write_source(args.advice, TRAINING, source_of(rows, counts, args.tables, args))

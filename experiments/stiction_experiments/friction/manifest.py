@@ -2,8 +2,8 @@
 
 All conditions have one preset, without its clips: the same budget, no early stop. Three ask what three times as much
 would do. They differ from `stiction train --preset PRESET --video-every 0` in the options that stand here and nothing
-else. The first part is trained with any preset, `designs`, `methods` and `cohort` with those of one phase, all
-others with `TWO_PHASE` alone, whose phases they name.
+else. `designs`, `methods` and `cohort` are trained with presets of one phase, all others with `TWO_PHASE`, whose phases
+they name.
 
 The paper explains frozen training by friction that filters early actions. The first actions of saturn_lite ask for
 kp · action scale · σ = 100 N m/rad · 0.25 rad · 0.8 = 20 N m, one standard deviation, against 5 N m (hip, thigh) and
@@ -54,15 +54,13 @@ PARTS = {
 """Part -> what it is about, in the order in which the parts are worth their time."""
 
 
-ONE_PHASE_PARTS = ("1", "designs", "methods", "cohort")
-"""Parts that presets of one phase train; of them the first alone is trained with `TWO_PHASE` too."""
+ONE_PHASE_PARTS = ("designs", "methods", "cohort")
+"""Parts that presets of one phase train, and `TWO_PHASE` does not."""
 
 
 def parts_of(preset: str) -> list[str]:
     """Return the parts that are trained with a preset, in their order."""
-    return [
-        part for part in PARTS if (part in ONE_PHASE_PARTS if preset != TWO_PHASE else part not in ONE_PHASE_PARTS[1:])
-    ]
+    return [part for part in PARTS if (part in ONE_PHASE_PARTS) == (preset != TWO_PHASE)]
 
 
 @dataclass(frozen=True)
@@ -81,7 +79,7 @@ class Condition:
     @property
     def runs(self) -> tuple[Run, ...]:
         """One run a seed, with the first preset that trains it."""
-        preset = TWO_PHASE if self.part not in ONE_PHASE_PARTS[1:] else ONE_PHASE
+        preset = ONE_PHASE if self.part in ONE_PHASE_PARTS else TWO_PHASE
         return tuple(Run(self, seed, preset) for seed in self.seeds)
 
 
@@ -101,9 +99,7 @@ class Run:
     @property
     def arguments(self) -> tuple[str, ...]:
         """Words for `stiction train`, without the folder. Nobody looks at the clips of an experiment."""
-        before = () if self.preset == TWO_PHASE or self.condition.part == "cohort" else BEFORE
-        options = _over(before, self.condition.options)
-        return "--preset", self.preset, *options, "--seed", str(self.seed), "--video-every", "0"
+        return "--preset", self.preset, *self.condition.options, "--seed", str(self.seed), "--video-every", "0"
 
     def configuration(self) -> TrainCfg:
         """Return what `stiction train` reads in the arguments: those of a condition once, for its seeds are fields."""
@@ -156,24 +152,21 @@ COHORT_SEEDS = (10, 11, 12, 13, 14)
 
 GROUND = "--task.randomization.contact-time"
 SOFT = (GROUND, "0.02", "0.02")
-"""Options of the ground on which designs and methods are compared: the simulator's own, as soft for every robot. The
-presets of one phase draw its softness, which is what came out best of the designs."""
+"""Options of the ground on which designs and methods are compared: the simulator's own, as soft for every robot."""
 
 DRAWN = (GROUND, "0.01", "0.03")
-"""Options of the ground of those presets."""
+"""Options of ground of drawn softness, which is what came out best of the designs."""
 
 QUIET = ("--teacher.quiet", "30")
 """Options of a training that ends with quiet iterations."""
 
 
-BEFORE = (
-    *("--set", "task.first_side=false", "--set", "task.randomization.standing_start=0", *DRAWN, "--physics", "rows"),
+COMPARED = (
+    *("--set", "task.first_side=false", "--set", "task.randomization.standing_start=0"),
     *("--set", "task.commands.forward=[-0.8, 0.8]", "--set", "task.commands.sideways=[-0.3, 0.3]"),
     *("--set", "task.commands.turn=[-0.6, 0.6]", "--set", "network.latent=16"),
+    *(*SOFT, "--physics", "plastic", "--teacher.quiet", "0"),
 )
-"""Options of the presets of one phase as they were when all parts but `cohort` were trained."""
-
-COMPARED = (*SOFT, "--physics", "plastic", "--teacher.quiet", "0")
 """Options with which designs and methods are compared, whatever the presets have since."""
 
 

@@ -17,8 +17,8 @@ without --train it evaluates what is finished. Stop it at any time: nothing is d
 the same.
 
 Examples:
-  stiction study friction --preset quick --parts 1 --train --runs runs --out friction
-  stiction study friction --preset quick --parts 1 --runs runs --out friction"""
+  stiction study friction --preset quick --parts cohort --train --runs runs --out friction
+  stiction study friction --preset quick --parts cohort --runs runs --out friction"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,8 +26,8 @@ class FrictionOptions(ParallelOptions, RedrawnOptions):
     """Options of `stiction study friction`."""
 
     preset: Literal["two-phase", "quick", "full"] | None = None
-    """How the runs are trained; by default `two-phase`, and of a plan both that and `quick`. The first part has presets
-    of one phase too, and then no teacher; `designs` and `methods` have them alone."""
+    """How the runs are trained; by default `two-phase`, and of a plan both that and `quick`. `cohort`, `designs` and
+    `methods` have presets of one phase, and no teacher, all other parts that of two."""
     runs: Path = Path("runs")
     """Folder of the training runs, one folder each."""
     policies: tuple[Path, ...] = ()
@@ -43,8 +43,8 @@ class FrictionOptions(ParallelOptions, RedrawnOptions):
     """Folder of results.csv, intervals.csv, following.csv, curves.csv, learned.csv, summary.json, tables.md, figures,
     report.html."""
     parts: tuple[str, ...] = ()
-    """Parts of the experiment: 1 to 6, gait, history, literal, and in one phase 1, designs, methods; by default all
-    that the preset has."""
+    """Parts of the experiment: 1 to 6, gait, history, literal, and in one phase cohort, designs, methods; by default
+    all that the preset has."""
     train: bool = False
     """First train what is missing."""
     cache: Path | None = None

@@ -235,8 +235,8 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
     narrowest = float((spec.joint_values("upper") - spec.joint_values("lower")).min())
     angle, push = friction_angle(task.friction, joints, spec), BY_SPEED.push
 
-    # Where the program lay says nothing to others.
-    words = shlex.split(str(header["command"]))
+    # Where the program lay, and the run, says nothing to others.
+    words = [Path(word).name if Path(word).is_absolute() else word for word in shlex.split(str(header["command"]))]
 
     def of_joints(name: str) -> tuple[float, ...]:
         return tuple(spec.joint_values(name).tolist())
@@ -277,7 +277,7 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         command_correction=COMMAND_CORRECTION,
         command_range=_command_range(task),
         revision=str(header["revision"]),
-        command=shlex.join([Path(word).name if not number else word for number, word in enumerate(words)]),
+        command=shlex.join(words),
         actuator=header.get("actuator"),
         torque_source=header.get("torque_source"),
         joints_file={"name": identified["file"], "sha256": identified["sha256"]} if identified else None,

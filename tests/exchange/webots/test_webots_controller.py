@@ -102,7 +102,7 @@ def test_the_targets_are_the_golden_vectors(
         monkeypatch.setattr(program.PolicyLoop, "torque", torque)
         robot = Robot(robot_in(project), 5.0, playback(bundle, record))
         seconds = len(record) * contract.control_period + 1
-        assert program.walk(robot, bundle, program.ControllerCfg(seconds=seconds, encoder_noise=0.0)).startswith(
+        assert program.walk(robot, bundle, program.ControllerCfg(seconds=seconds)).startswith(
             "vx=0.5: stopped by Webots"
         )
     assert walked_steps(golden) >= 500
@@ -150,7 +150,7 @@ def test_a_toy_robot_with_other_gains_is_driven_by_its_contract(
 
     monkeypatch.setattr(program.PolicyLoop, "torque", spy)
     physics = playback(done.bundle, record)
-    exact = program.ControllerCfg(seconds=0.2, encoder_noise=0.0)
+    exact = program.ControllerCfg(seconds=0.2)
     program.walk(Robot(robot_in(done.path), 5.0, physics), done.bundle, exact)
     targets = [target for due, _, target in seen if due]
     assert len(targets) == 20
@@ -168,22 +168,6 @@ def spied(program: ModuleType, monkeypatch: pytest.MonkeyPatch, note: Callable) 
         lambda self, sensors, command: seen.append(note(sensors, command)) or original(self, sensors, command),
     )
     return seen
-
-
-def test_encoders_err_as_those_of_a_robot_do(
-    project: Path, program: ModuleType, bundle: Bundle, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
-) -> None:
-    """In a pose that is its own mirror image, measured exactly, a policy that is its own too stands still for ever."""
-    (_, record), *_ = walks(bundle.golden)
-    seen = spied(program, monkeypatch, lambda sensors, command: sensors.joint_position)
-    for noise in (0.0, 0.001):
-        cfg = program.ControllerCfg(seconds=0.1, encoder_noise=noise)
-        program.walk(Robot(robot_in(project), 5.0, playback(bundle, record)), bundle, cfg)
-    exact, measured = np.split(np.array(seen), 2)
-    errors = np.abs(measured - exact)
-    assert 0.0008 < errors.max() <= 0.001 and np.ptp(errors, axis=0).min() > 0.0003
-    assert program.main(["--encoder-noise", "-1"]) == 1
-    assert "encoder noise of -1.0 rad; expected 0 to 0.1" in capsys.readouterr().err
 
 
 def test_a_fall_ends_the_walk_and_is_said(project: Path, program: ModuleType, bundle: Bundle) -> None:

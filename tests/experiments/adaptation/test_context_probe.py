@@ -1,5 +1,6 @@
-"""What DreamWaQ's code tells of friction is probed as z* is, in walks with friction that its training has not."""
+"""What a policy without z* knows is probed too: DreamWaQ's code, and the estimates of one without a latent."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from rollouts import phase_runner
@@ -31,3 +32,15 @@ def test_the_code_is_probed_and_no_teacher_is(tmp_path: Path) -> None:
     contract = contract_of(CFG, {"command": "c", "revision": "r", "identified": None})
     names = [name for name, _, _ in inputs(walk, Moments(contract.observation, contract.scale))]
     assert "latent" in names and "teacher" not in names
+
+
+def test_a_policy_without_a_latent_is_probed_by_its_estimates(tmp_path: Path) -> None:
+    """As the presets of one phase train since: the first input is the estimate, and shuffled it is the control."""
+    task = replace(CFG.task, friction=FrictionCfg("deception", level=0.2))
+    cfg = replace(CFG, task=task, network=replace(CFG.network, latent=0), method_settings=None)
+    actor = phase_runner(cfg, tmp_path).alg.actor
+    walk = walk_with_friction(cfg, None, actor, "robot", WalkCfg(robots=4, seconds=1.2, settle=0.1))
+    assert walk.latent.shape[-1] == walk.teacher.shape[-1] == 0 < walk.explicit.shape[-1]
+    contract = contract_of(cfg, {"command": "c", "revision": "r", "identified": None})
+    names = [name for name, _, _ in inputs(walk, Moments(contract.observation, contract.scale))]
+    assert names[0] == "explicit" and not {"latent", "teacher"} & {*names}

@@ -12,7 +12,6 @@ from stiction.core.errors import StictionError
 from stiction.evaluation.evaluate import EvaluationCfg
 from stiction.evaluation.export import export_run
 from stiction.learning.config import StudentCfg, TrainCfg
-from stiction.learning.presets import PRESETS
 from stiction.learning.run import RunDirectory, save_checkpoint
 from stiction.task.friction import FrictionCfg
 from stiction_experiments.adaptation.monitor import over_seeds, per_episode
@@ -101,9 +100,6 @@ def test_what_cannot_be_studied_is_refused(tmp_path: Path) -> None:
         study([run.path], tmp_path, AdaptationCfg(), 1)
     with pytest.raises(StictionError, match="two runs are called 'run'"):
         study([run.path, run.path], tmp_path, AdaptationCfg(), 1)
-    bare = RunDirectory.create(tmp_path / "bare", PRESETS["quick"], "stiction train", None)
-    with pytest.raises(StictionError, match="bare has no latent to look at"):
-        study([bare.path], tmp_path, AdaptationCfg(), 1)
 
 
 def test_a_monitor_of_another_student_does_not_get_into_a_bundle(tmp_path: Path) -> None:

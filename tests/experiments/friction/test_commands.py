@@ -55,6 +55,7 @@ def test_one_command_writes_counts_pairs_and_advice(tmp_path: Path) -> None:
         ("deception-plain", "mujoco"): 49,
         ("deception", "physx"): 60 + 36,
     }
+    assert (tmp_path / "counts.png").read_bytes()[:4] == b"\x89PNG"
     text = (tmp_path / "counts.md").read_text()
     assert "| deception | 3 of 3 | 1 of 2 | 4 of 5 |" in text and "| none | 1 of 3 | – | 1 of 3 |" in text
     assert "| none | mujoco | 24 % | 1 of 3 | 35 of 45 | 0.083 | wz=0.5: too slow |" in text

@@ -83,7 +83,7 @@ def test_runs_of_several_machines_make_one_experiment(
     """If this failed, trainings of yesterday's machine would be lost, or those of two presets mixed."""
     words = (*SMALL[: SMALL.index("--student.iterations")],)
     monkeypatch.setattr(
-        manifest, "MANIFEST", (manifest.Condition("coulomb20-deception", "1", "a test", words, (0, 1)),)
+        manifest, "MANIFEST", (manifest.Condition("coulomb20-deception", "cohort", "a test", words, (0, 1)),)
     )
     monkeypatch.setattr(evaluation, "WINDOW", 1)
     monkeypatch.setattr(evaluation, "BASE", replace(evaluation.BASE, friction_levels=(0.0, 0.2)))
@@ -117,7 +117,7 @@ def test_listing_begins_nothing(small: None, tmp_path: Path, capsys: pytest.Capt
     assert listed.startswith("missing        0%        0 min  stiction train --preset two-phase --robot go1")
     assert re.search(r"(\d+) runs, of up to \d+ seeds; \1 are missing, some 0.0 hours of one core", listed)
     assert re.search(
-        r"\d+ more are those of --preset quick: parts 1, designs, methods, cohort\n.* replicate .*\n$", listed
+        r"\d+ more are those of --preset quick: parts designs, methods, cohort\n.* replicate .*\n$", listed
     )
     for name in ("friction", "training"):
         assert main(["study", name, "--plan", *of_two]) == 0
@@ -146,16 +146,14 @@ def test_a_plan_counts_the_policies_that_are_there_and_no_others(
     """A folder that is mistyped would say that everything is missing, and another's policy that a run is done."""
     shipped = find_bundle(Path("saturn_lite-flat-deception-0.2"))
     seed, words = read_bundle(shipped).contract.seed, ("--method", "deception", "--friction-level", "0.2")
-    condition = manifest.Condition("coulomb20-deception", "1", "a test", words, (seed,))
+    condition = manifest.Condition("coulomb20-deception", "cohort", "a test", words, (seed,))
     monkeypatch.setattr(manifest, "MANIFEST", (condition,))
     shutil.copytree(shipped, tmp_path / "policies" / f"coulomb20-deception-s{seed}")
     plan = ["study", "training", "--plan", "--runs", str(tmp_path / "runs"), "--policies"]
-    # Both presets have a run of this name, and the policy is of one of them.
     (tmp_path / "others").mkdir()
     assert main([*plan, str(tmp_path / "others"), str(tmp_path / "policies")]) == 0
-    two_phase, quick, total, _ = capsys.readouterr().out.splitlines()
-    assert two_phase.startswith("missing        0%") and quick.startswith("exported     100%")
-    assert total.startswith("2 runs, of up to 1 seeds; 1 are missing")
+    quick, total, _ = capsys.readouterr().out.splitlines()
+    assert quick.startswith("exported     100%") and total.startswith("1 runs, of up to 1 seeds; 0 are missing")
     assert main([*plan, str(tmp_path / "none"), "--preset", "quick"]) == 1
     assert f"there is no folder {tmp_path / 'none'}" in capsys.readouterr().err
     assert main([*plan, str(tmp_path / "policies"), "--preset", "quick"]) == 0

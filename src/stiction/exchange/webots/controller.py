@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import importlib
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -92,15 +92,6 @@ class ControllerCfg:
     """Correct the heading back to that of the start, as a pilot would: for stairs."""
     seconds: float = 20.0
     """How long [s]; the first 2 s are not measured."""
-    encoder_noise: float = 0.001
-    """Error of the measured joint angles, up to so much to either side, anew at every step [rad]. Webots' sensors are
-    exact, and a policy that treats left and right alike does not leave a pose that is its own mirror image; a robot's
-    encoders err by as much."""
-
-    def __post_init__(self) -> None:
-        """Refuse what is no error of an encoder."""
-        if not 0 <= self.encoder_noise <= 0.1:
-            raise PolicyError(f"encoder noise of {self.encoder_noise} rad; expected 0 to 0.1, 0.001 in use")
 
 
 class Devices:
@@ -232,14 +223,11 @@ def walk(robot: Any, bundle: Bundle, cfg: ControllerCfg) -> str:
     devices, loop = Devices(robot, contract), PolicyLoop(contract, load_policy(contract, bundle.policy))
     odometer, end = Odometer(contract.control_period), "stopped by Webots"
     start: tuple[float, float] | None = None
-    errors = np.random.default_rng(0)
     if robot.step(devices.milliseconds) != -1:
         devices.sense()  # Velocities are differences: they need a sample before the first.
     while robot.step(devices.milliseconds) != -1:
         devices.listen(loop.steps)
         sensors, place = devices.sense(), devices.place()
-        error = errors.uniform(-cfg.encoder_noise, cfg.encoder_noise, len(sensors.joint_position))
-        sensors = replace(sensors, joint_position=sensors.joint_position + error)
         if start is None:
             start = yaw(sensors.quaternion), place[2]
         first, stood = start
