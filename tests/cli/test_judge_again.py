@@ -80,7 +80,7 @@ def test_the_comparison_is_judged_from_its_summary_alone(tmp_path: Path, capsys:
 
 REDRAWN = {
     "actuator": "actuator",
-    "adaptation": "adaptation/rows",
+    "adaptation": "adaptation/shipped",
     "compensation": "compensation",
     "damping": "damping",
     "engines": "engines",
