@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from deployed import CONTRACT, JOINTS, SHORT, STANDING, Run, state
-from stiction.deploy.control import JointCommand
+from stiction.deploy.control import ControlLoop, JointCommand
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import load_policy
 from stiction.deploy.runtime.channel import SENSORS, Channel, sight_layout, socket_pair, targets_layout
@@ -58,11 +58,12 @@ def test_the_policy_sees_in_a_run_what_it_saw_in_training() -> None:
     bundle = read_bundle(find_bundle(Path("saturn_lite-flat-deception-0.2")))
     contract, golden = bundle.contract, bundle.golden
     policy = load_policy(contract, bundle.policy)
+    loop = ControlLoop(policy, contract)
     sights = sight_layout(contract.num_joints)
     worst = 0.0
     for t in range(500):
         if golden.reset[t]:
-            policy.reset()
+            loop.reset()
         recorded = {name: getattr(golden, name)[t] for name in SENSORS}
         message = STATES.unpack(STATES.pack(t, golden.time[t], state_vectors(state(t, golden.time[t], **recorded))))
         assert message is not None
@@ -71,7 +72,7 @@ def test_the_policy_sees_in_a_run_what_it_saw_in_training() -> None:
         sight = sights.unpack(sights.pack(t, 0.0, told))
         assert sight is not None
         seen = sights.vectors(sight)
-        step = policy.step(Sensors(*(seen[name] for name in SENSORS)), seen["velocity"])
+        step = loop.act(Sensors(*(seen[name] for name in SENSORS)), seen["velocity"])
         policy.take_over(golden.action[t])
         worst = max(worst, float(np.abs(step.observation - golden.observation[t]).max()))
     assert worst <= 1e-6

@@ -107,7 +107,7 @@ def test_the_page_without_a_server_plays(browser: Browser, tmp_path: Path) -> No
     [
         (("nowhere",), 1, "unknown policy 'nowhere'"),
         (("--follow",), 1, "--follow is for a training run"),
-        ((POLICY, "--command", "vx=3"), 1, "friction': command vx=3: the policy was trained for vx -0.8 to 0.8"),
+        ((POLICY, "--command", "vx=3"), 1, "friction': command vx=3: the policy was trained for vx -0.9 to 0.9"),
         ((POLICY, "--port", "99999"), 1, "port 99999; expected 1 to 65535"),
         ((POLICY, "--friction-level", "2"), 1, "--friction-level 2; expected 0 to 0.9"),
         ((POLICY, "--friction-law", "glue"), 2, "glue"),
