@@ -13,7 +13,7 @@ from stiction.files.joints import Estimate
 from stiction.files.log import Log
 from stiction.identification.example import SATURN_LITE, Excitation, SensorNoise, example_log
 from stiction.identification.pipeline import _pooled, identify_joint
-from stiction.identification.pooling import Pooling, compare_runs
+from stiction.identification.pooling import Pooling, compare_runs, share_delay
 from stiction.identification.runs import make_run
 from stiction.identification.setup import IdentifySetup
 
@@ -76,3 +76,23 @@ def test_what_is_no_run_is_refused() -> None:
     blind = replace(short(1), joints={"shank": replace(short(1).joints["shank"], torque=None)})
     with pytest.raises(ConfigurationError, match="runs with and without torque"):
         identify_joint(log, more=[blind])
+
+
+def _delay(value: float, reach: float) -> Estimate:
+    """Return an estimate whose interval reaches so far either way."""
+    return Estimate(value, reach / 2, (value - reach, value + reach))
+
+
+def test_one_delay_of_a_robot_by_hand() -> None:
+    """4, 6 and 8 ms, each to 4 ms, are 6 ms together; one told to over 5 ms, or below zero, is silent."""
+    told = {"hip": _delay(4e-3, 4e-3), "thigh": _delay(6e-3, 4e-3), "calf": _delay(8e-3, 4e-3)}
+    shared = share_delay(told | {"wide": _delay(3e-3, 6e-3), "early": _delay(-5e-4, 1e-3)}, 5e-3)
+    assert shared is not None and shared.telling == tuple(told) and shared.silent == ("wide", "early")
+    assert shared.estimate.value == pytest.approx(6e-3) and shared.agreed
+    # Deviations of 2.04 ms: the mean's is that over the root of three, and Q is 2 (2/2.04)².
+    assert shared.estimate.std == pytest.approx(4e-3 / 1.96 / 3**0.5, rel=1e-3)
+    assert shared.probability == pytest.approx(np.exp(-((1.96 * 2 / 4) ** 2)), rel=1e-3)
+    assert "3 other joints of the log together, 6 ms" in shared.sentence()
+    apart = share_delay({name: _delay(one.value, 1e-4) for name, one in told.items()}, 5e-3)
+    assert apart is not None and not apart.agreed and "each joint keeps its own" in apart.sentence()
+    assert share_delay(dict(list(told.items())[:2]), 5e-3) is None

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from held import sampled_log
 from stiction.files.joints import Estimate
 from stiction.files.log import JointSignals, Log, LogSetup
+from stiction.identification.example import SATURN_LITE, Excitation, example_log
 from stiction.identification.pipeline import identify_joint
-from stiction.joints.friction import Asymmetric, FrictionLaw, PositionDependent, Stribeck
+from stiction.joints.friction import Asymmetric, Effort, FrictionLaw, PositionDependent, Stribeck
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Joint, simulate
 
@@ -86,3 +89,39 @@ def test_loss_with_the_motors_torque_is_a_law() -> None:
     assert record.coulomb_friction is not None and torque is not None
     expected = 0.3 + 0.2 * float(np.abs(torque).mean())
     assert record.coulomb_friction.value == pytest.approx(expected, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("friction", "law", "parameters"),
+    [
+        (Stribeck(0.442, 0.65, 0.4), "stribeck", {"static_friction": 0.65, "coulomb_friction": 0.442}),
+        (Effort(0.3, 0.15), "effort", {"effort_coefficient": 0.15, "coulomb_friction": 0.3}),
+    ],
+    ids=["stribeck", "effort"],
+)
+def test_a_law_is_tried_before_the_loop_is_given_up(
+    friction: FrictionLaw, law: str, parameters: dict[str, float]
+) -> None:
+    """Noise in the loop is 4 % of the torque, and the symmetric law leaves over three times the position's noise."""
+    motor = replace(SATURN_LITE, joint=replace(SATURN_LITE.joint, friction=friction))
+    log = example_log(motor, Excitation((0.35, 0.26), (0.71, 1.59), 12.0), seed=2)
+    record = identify_joint(log).record
+    assert record.friction_law["law"] == law and record.diagnostics["controller_mismatch"] > 0.03
+    assert record.diagnostics["output_error"] is not None and record.diagnostics["closed_loop"] is None
+    for name, true in parameters.items():
+        low, high = record.friction_law["parameters"][name]["interval95"]
+        assert low <= true <= high, name
+
+
+def test_play_between_motor_and_encoder_is_no_law() -> None:
+    """The encoder stands while the motor crosses 4 mrad: no law follows it, and the torque is believed."""
+    whole = simulated_log(Stribeck(0.3, 0.3, 0.2))
+    signals, link = whole.joints["shank"], []
+    for angle in signals.position.tolist():
+        before = link[-1] if link else angle
+        link.append(min(max(before, angle - 0.002), angle + 0.002))
+    loose = replace(whole, joints={"shank": replace(signals, position=np.array(link))})
+    record = identify_joint(loose).record
+    assert record.diagnostics["output_error"] is None and record.diagnostics["method"] == "torque_regression"
+    assert any("by any law: the torque is believed" in text for text in record.warnings)
+    assert record.coulomb_friction is not None and record.coulomb_friction.value == pytest.approx(0.3, rel=0.05)

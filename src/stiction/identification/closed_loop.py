@@ -76,6 +76,8 @@ class ClosedLoop:
         self.rate = np.gradient(self.goal, signals.step)
         self.outside = signals.disturbance
         """Torque that acts from outside, the correction of the late loop included [N m], shape (num_samples,)."""
+        self.settled = SETTLED
+        """Change of the path between two passes at which a simulation is taken [rad]."""
 
     def delayed(self, values: np.ndarray, time: float) -> np.ndarray:
         """Return `values` of shape (num_samples,) or (num_samples, n) as they were `time` seconds before."""
@@ -116,7 +118,7 @@ class ClosedLoop:
         signals, target = self.signals, self.delayed(self.goal, delay)
         start = values["start_position"], values["start_velocity"]
         try:
-            motion = simulate(joint, gains, signals.step, target, *start, self.outside, guess, SETTLED)
+            motion = simulate(joint, gains, signals.step, target, *start, self.outside, guess, self.settled)
         except StictionError as error:
             raise LoopError(f"output error is not done: {error}") from error
         commanded = self._commanded(gains, target, motion, delay)

@@ -120,6 +120,12 @@ def hold_out(
     return HeldOut(source, seconds, tuple(predictions.values()))
 
 
+def predicts(record: JointRecord) -> bool:
+    """Return True if what was chosen predicts an unseen record in its loop."""
+    held = record.diagnostics.get("held_out") or {"predictions": ()}
+    return any(one["model"] == "chosen" and one["closed_loop"] is not None for one in held["predictions"])
+
+
 def _last_part(run: Run, judged: np.ndarray) -> tuple[Run, np.ndarray]:
     """Return what of a run has to be simulated to predict its judged samples, and these; shape (num_samples,).
 

@@ -36,8 +36,8 @@ MOST_GAPS = 10
 """Long gaps of a log through which its loop is simulated."""
 
 NOISY = 3.0
-"""Residual of a simulation over the position's noise, beyond which a torque that the declared controller does not quite
-explain is believed in its place."""
+"""Residual of the best law's simulation over the position's noise, beyond which a torque that the declared controller
+does not quite explain is believed in its place."""
 
 FIRST_DELAY = 1e-3
 """Delay at which the search begins [s]."""
@@ -65,6 +65,21 @@ class InLoop:
         """Output error with the richest law that was simulated."""
         return self.chosen or self.symmetric
 
+    def believed(self, noise: float) -> InLoop:
+        """Return the simulations, or none where no law follows a log whose torque is not quite the controller's.
+
+        noise: of the position [rad].
+        """
+        best, mismatch = self.best, self.mismatch
+        if best is None or mismatch is None or mismatch.rest <= EXPLAINED or best.rms <= NOISY * noise:
+            return self
+        return InLoop(
+            mismatch=mismatch,
+            reason=f"the logged torque is the declared controller's but for {mismatch.rest:.0%}, and under that "
+            f"controller the simulation leaves {best.rms / noise:.1f} times the position's noise by any law: the "
+            "torque is believed, as with play between motor and encoder; output error is not done",
+        )
+
 
 def close_loop(run: Run, base: Fit) -> tuple[Run, InLoop]:
     """Fit viscous and Coulomb friction by simulation; return the run as it is to be read, and the fit.
@@ -89,14 +104,6 @@ def close_loop(run: Run, base: Fit) -> tuple[Run, InLoop]:
         read, symmetric, told = _read(run, base)
     except LoopError as error:
         return run, InLoop(mismatch=mismatch, reason=str(error))
-    noise = run.prepared.noise
-    if mismatch is not None and mismatch.rest > EXPLAINED and symmetric.rms > NOISY * noise:
-        return run, InLoop(
-            mismatch=mismatch,
-            reason=f"the logged torque is the declared controller's but for {mismatch.rest:.0%}, and under that "
-            f"controller the simulation leaves {symmetric.rms / noise:.1f} times the position's noise: the torque is "
-            "believed, as with play between motor and encoder; output error is not done",
-        )
     return read, InLoop(symmetric, mismatch=mismatch, told=told)
 
 

@@ -18,7 +18,7 @@ from stiction.core.errors import ConfigurationError, StictionError
 from stiction.core.linear import MIN_SHARE
 from stiction.files.joints import Estimate
 from stiction.identification.checks import Uniform
-from stiction.identification.closed_loop import EXTRAS, START, ClosedLoop, LoopError, Response
+from stiction.identification.closed_loop import EXTRAS, SETTLED, START, ClosedLoop, LoopError, Response
 from stiction.identification.intervals import (
     block_count,
     bootstrap_reach,
@@ -50,9 +50,8 @@ RELATIVE_CURVATURE_FLOOR = 1e-12
 """Curvature, over the largest one with columns of unit length, under which a direction is left alone."""
 
 
-# Not scipy.optimize.least_squares: stick and slip leave corners in the cost that no step size resolves, and a search
-# that asks the cost itself whether it still falls spends most of its time on them. This one stops where its linear
-# model predicts no further decrease that matters.
+# Not scipy.optimize.least_squares: stick and slip leave corners in the cost that no step size resolves, on which it
+# spends most of its time. This one stops where its linear model predicts no further decrease that matters.
 def levenberg_marquardt(
     residual: Callable[[np.ndarray], np.ndarray],
     jacobian: Callable[[np.ndarray], np.ndarray],
@@ -111,11 +110,13 @@ def _damped_step(slopes: np.ndarray, rows: np.ndarray, bound: np.ndarray, dampin
 
 
 FEW_TRIALS, FEW_ROUNDS = 8, 1
-"""Points tried in each round, and rounds, where fits are compared with each other: the one that is kept is fitted to
-the end."""
+"""Points tried in each round, and rounds, where fits are compared: the one that is kept is fitted to the end."""
 
 ROUNDS, MOST_ROUNDS = 3, 8
 """Rounds of the search, at least and at most, each with weights and exact delay of what the one before found."""
+
+SETTLED_SHARE = 0.03
+"""Change of the path between two passes, over the position's residual, at which the search takes a simulation."""
 
 SETTLED_DELAY = 0.02
 """Change of the delay from round to round, in steps, at which it is settled."""
@@ -411,9 +412,8 @@ class _Search:
         before = np.inf
         for rounds in range(MOST_ROUNDS if trials > FEW_TRIALS else FEW_ROUNDS):
             # The delay's exact torque is of the path before, so rounds go on until both agree.
-            if rounds >= ROUNDS and (
-                late is None or abs(values[late] - before) < SETTLED_DELAY * self.loop.signals.step
-            ):
+            settled = late is None or abs(values[late] - before) < SETTLED_DELAY * self.loop.signals.step
+            if rounds >= ROUNDS and settled:
                 break
             before = np.inf if late is None else values[late]
             if rounds:
@@ -430,7 +430,9 @@ class _Search:
                 size = float(np.std(row[self.valid]))
                 # A simulated log without noise leaves nothing, and its weight must be finite all the same.
                 self.weights[name] = 1.0 / max(size, 1e-9 * float(np.std(self.measured[name])))
+            self.loop.settled = max(SETTLED, SETTLED_SHARE / self.weights["position"])
             values = levenberg_marquardt(self.weighted, self.slopes, values, lower, upper, tolerance, trials)
+        self.loop.settled, self._latest = SETTLED, None
         return values
 
 
@@ -473,9 +475,9 @@ def _result(search: _Search, values: np.ndarray, velocity: np.ndarray) -> Output
     lost |= {name for name, estimate in found.items() if not estimate.std < MAX_STD.get(name, np.inf)}
     motion = response.motion
     simulated = Trajectory(response.position, motion.velocity, response.torque, motion.phases)
-    logged = search.logged.items()
     compared = {
-        name: (np.where(search.valid, getattr(response, name) - values, 0.0), values) for name, values in logged
+        name: (np.where(search.valid, getattr(response, name) - values, 0.0), values)
+        for name, values in search.logged.items()
     }
     compared["velocity"] = (np.where(search.valid, simulated.velocity - velocity, 0.0), velocity)
     return OutputError(

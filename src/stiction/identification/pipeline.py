@@ -22,11 +22,11 @@ from stiction.identification.choice import choose_gravity, choose_law
 from stiction.identification.combinations import strength_identified
 from stiction.identification.consistency import REPEAT, Comparison, compare, compare_parts, compare_timing
 from stiction.identification.evidence import MIN_EVIDENCE, evidence_of
-from stiction.identification.held_out import hold_out
+from stiction.identification.held_out import hold_out, predicts
 from stiction.identification.in_loop import InLoop, close_loop, compare_in_loop, predict_run, read_again
 from stiction.identification.model import GRAVITY_TERMS, Model
 from stiction.identification.objections import NEGATIVE_FRICTION, contradicted, find_objections
-from stiction.identification.pooling import compare_runs, pooled_rows
+from stiction.identification.pooling import compare_runs, pooled_rows, share_delay
 from stiction.identification.prepare import Rows, make_rows
 from stiction.identification.record import JointFits, make_record, plain
 from stiction.identification.regression import (
@@ -129,22 +129,21 @@ def _identify(
     if drive is not None:
         return _identify(log, joint, replace(setup, ke=drive.ke), repeats, more, moving, held_out, drive)
     _check_values(run, base)
-    # Simulate, and read the log as the simulation says; then choose a law.
-    loop = InLoop(reason=SEVERAL)
-    if not more:
-        reread, loop = close_loop(run, base)
-        if reread is not run and rows is run.rows:
-            run, base = reread, _symmetric(reread, others)
-            rows = base.rows
+    # Simulate, and read the log as the best law's simulation says; where none is believed choose a law by torque.
+    read, loop = (run, InLoop(reason=SEVERAL)) if more else close_loop(run, base)
+    choice = chosen = None
     if loop.symmetric is not None and rows is run.rows:
-        choice, richer = choose_simulated(run, loop.symmetric, base)
-        loop = replace(loop, chosen=richer)
-        if richer is not None:
-            run = read_again(run, richer)
-            base = _symmetric(run, others)
-        rows = base.rows
-        chosen = base if richer is None else fit_at(rows, choice.model, richer.values)
+        again = _symmetric(read, others)
+        choice, richer = choose_simulated(read, loop.symmetric, again)
+        loop = replace(loop, chosen=richer).believed(run.prepared.noise)
+        if loop.symmetric is not None:
+            run = read if richer is None else read_again(read, richer)
+            base = again if richer is None else _symmetric(run, others)
+            rows = base.rows
+            chosen = base if richer is None else fit_at(rows, choice.model, richer.values)
     else:
+        loop = loop.believed(run.prepared.noise)
+    if choice is None or chosen is None:
         choice = choose_law(rows, base, strength_unknown)
         chosen = base if choice.law == "coulomb" else fit_rows(rows, choice.model, strength_unknown)
     # Compare and predict; repeats that were fitted as well are no test of the fit.
@@ -395,8 +394,34 @@ def identify_log(
             done(name)
     if not found:
         raise LogError(refused[names[0]])
+    found |= _with_shared_delay(log, setup or IdentifySetup(), found, jobs)
     empty = {name: JointRecord(warnings=(REFUSED + refused[name],)) for name in names if name in refused}
     return {name: found[name] for name in names if name in found}, empty
+
+
+def _with_shared_delay(
+    log: Log, setup: IdentifySetup, found: Mapping[str, Identification], jobs: Mapping[str, _Job]
+) -> dict[str, Identification]:
+    """Identify joints that do not tell the delay of their loop again, with that of the others; say where these differ.
+
+    found, jobs: joint -> its identification, and what that was called with. Returns what changed.
+    """
+    delays = {name: one.record.delay for name, one in found.items() if one.record.delay is not None}
+    shared = share_delay(delays, float(np.median(np.diff(log.time))))
+    if shared is None:
+        return {}
+    changed = {name: found[name] for name in shared.telling} if not shared.agreed else {}
+    if shared.agreed:
+        late = replace(setup, delay=max(0.0, shared.estimate.value))
+        again = {name: (*jobs[name][:2], late, *jobs[name][3:]) for name in shared.silent}
+        for name, outcome in _outcomes(again, min(len(again), num_threads())):
+            # A delay that the joint's inertia does not admit leaves nothing that could predict.
+            if not isinstance(outcome, StictionError) and predicts(outcome.record) >= predicts(found[name].record):
+                changed[name] = outcome
+    return {
+        name: replace(one, record=replace(one.record, warnings=(*one.record.warnings, shared.sentence())))
+        for name, one in changed.items()
+    }
 
 
 def _outcomes(jobs: Mapping[str, _Job], workers: int) -> Iterator[tuple[str, Identification | StictionError]]:

@@ -57,12 +57,7 @@ class Pooling:
         """Return how probable so much disagreement is by chance alone (Cochran's Q); NaN for fewer than two runs."""
         if len(self.telling) < 2:
             return float("nan")
-        # Deviations from the intervals, which know how few blocks a short run has.
-        widths = [found[name].interval95[1] - found[name].interval95[0] for found in self.telling]
-        weights = (2 * float(ndtri(0.975)) / np.array(widths).clip(1e-300)) ** 2
-        values = self.values(name)
-        centre = float(weights @ values / weights.sum())
-        return float(chdtrc(len(values) - 1, float(weights @ (values - centre) ** 2)))
+        return agreement([found[name] for found in self.telling])[1]
 
     def admitted(self, estimates: Mapping[str, Estimate]) -> dict[str, Estimate]:
         """Return estimates whose intervals reach as far as the mean of the runs' own is uncertain."""
@@ -101,6 +96,67 @@ class Pooling:
             "spread": {name: self.spread(name) for name in COMPARED} if len(self.telling) > 1 else None,
             "probability": {name: self.probability(name) for name in COMPARED} if len(self.telling) > 1 else None,
         }
+
+
+def agreement(estimates: Sequence[Estimate]) -> tuple[Estimate, float]:
+    """Return the weighted mean of estimates of one quantity, and how probable so much scatter is (Cochran's Q)."""
+    # Deviations from the intervals, which know how few blocks a short run has.
+    widths = [one.interval95[1] - one.interval95[0] for one in estimates]
+    weights = (2 * float(ndtri(0.975)) / np.array(widths).clip(1e-300)) ** 2
+    values, std = np.array([one.value for one in estimates]), float(weights.sum() ** -0.5)
+    centre, reach = float(weights @ values / weights.sum()), float(ndtri(0.975)) * std
+    scatter = float(weights @ (values - centre) ** 2)
+    return Estimate(centre, std, (centre - reach, centre + reach)), float(chdtrc(len(values) - 1, scatter))
+
+
+FEWEST_DELAYS = 3
+"""Joints that tell the delay of their loop from which on the others of the log have theirs."""
+
+
+@dataclass(frozen=True)
+class SharedDelay:
+    """One delay of all joints of a log, which one controller and one bus drive."""
+
+    estimate: Estimate
+    """Weighted mean of the joints that tell it [s]."""
+    probability: float
+    """Probability of so much scatter between them by chance."""
+    telling: tuple[str, ...]
+    """Joints that tell their delay to a sample interval."""
+    silent: tuple[str, ...]
+    """Joints that do not, or whose estimate is below zero."""
+
+    @property
+    def agreed(self) -> bool:
+        """True if the joints agree."""
+        return self.probability >= CHANCE
+
+    def sentence(self) -> str:
+        """Say what a joint that does not tell its delay is read with, or that the joints disagree."""
+        if self.agreed:
+            value, std = 1e3 * max(0.0, self.estimate.value), 1e3 * self.estimate.std
+            return (
+                f"its motion does not tell how late its loop is: the delay is that of {len(self.telling)} other joints "
+                f"of the log together, {value:.2g} ms (± {std:.2g})"
+            )
+        return (
+            f"the delays of {len(self.telling)} joints of the log, {1e3 * self.estimate.value:.2g} ms in the mean, "
+            "differ beyond chance: each joint keeps its own"
+        )
+
+
+def share_delay(delays: Mapping[str, Estimate], step: float) -> SharedDelay | None:
+    """Return the delay that the joints of a log have together; None where under three of them tell it.
+
+    delays: joint -> its own estimate [s]; step: sample interval of the log [s].
+    """
+    telling = tuple(
+        name for name, one in delays.items() if one.value >= 0 and one.interval95[1] - one.interval95[0] <= 2 * step
+    )
+    if len(telling) < FEWEST_DELAYS:
+        return None
+    silent = tuple(name for name in delays if name not in telling)
+    return SharedDelay(*agreement([delays[name] for name in telling]), telling, silent)
 
 
 def compare_runs(runs: Sequence[Run], base: Fit) -> Pooling:

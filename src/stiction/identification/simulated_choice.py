@@ -29,6 +29,10 @@ AT_NOISE = 1.15
 MOST_TRIED, PROMISING = 2, 0.25
 """Laws that are fitted, the most promising ones: so many, of at least this share of the best one's evidence."""
 
+KEPT_PROMISE = 0.7
+"""Evidence promised to first order, over that of a law which follows the log nearly to its noise, under which another
+law is not fitted: fits keep what was promised to a third."""
+
 STRIBECK_SHARES = (0.01, 0.03, 0.1, 0.3)
 """Stribeck velocities over the top speed at which it is asked what that law would explain."""
 
@@ -166,12 +170,18 @@ def _fit(
     """Fit the promising laws; return those that a joint can have, and why others are none."""
     fits: dict[Law, OutputError] = {}
     reasons: dict[Law, str] = {}
+    reached = 0.0
     worth = [one for one in screened if one.evidence >= MIN_EVIDENCE]
     tried = [one for one in worth if one.evidence >= PROMISING * worth[0].evidence][:MOST_TRIED]
     rises = any(one.law == "stribeck" and one.evidence >= MIN_EVIDENCE for one in screened)
     if rises and any(phase.sign == 0 for phase in plain.response.motion.phases):
         tried.append(_Screened("breakaway", 0.0, {}))
     for one in tried:
+        if one.law == "load" and not load_known(base):
+            reasons[one.law] = LOAD_UNKNOWN
+            continue
+        if one.law != "breakaway" and one.evidence < KEPT_PROMISE * reached:
+            continue
         fit = _search(run, plain, base, one)
         if fit is None:
             reasons[one.law] = "the simulation does not tell its parameters"
@@ -179,10 +189,11 @@ def _fit(
             reasons[one.law] = negative
         elif not _rises(fit):
             reasons[one.law] = "friction does not rise toward rest"
-        elif one.law == "load" and not load_known(base):
-            reasons[one.law] = LOAD_UNKNOWN
         else:
             fits[one.law] = fit
+            if fit.rms <= TELLING * run.prepared.noise:
+                more = len(fit.estimates) - len(plain.estimates)
+                reached = max(reached, evidence_between(plain, fit, more))
     return fits, reasons
 
 

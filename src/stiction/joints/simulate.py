@@ -15,7 +15,7 @@ import numpy as np
 from stiction.core.errors import ConfigurationError
 from stiction.joints.friction import FrictionLaw
 from stiction.joints.pd import PDGains, pd_torque
-from stiction.joints.stick_slip import Mechanism, Phase, StickSlip
+from stiction.joints.stick_slip import Mechanism, Phase, Regimes, StickSlip
 
 
 @dataclass(frozen=True)
@@ -120,9 +120,11 @@ def simulate(
             )
     outside = np.zeros(len(target)) if load is None else np.asarray(load, float)
 
+    regimes: Regimes = {}
+
     def run(push: np.ndarray, more_friction: np.ndarray, spring: float) -> Motion:
         mechanism = Mechanism(joint.inertia, joint.viscous, joint.friction, spring, push, more_friction)
-        course = StickSlip(mechanism, gains, step, target)
+        course = StickSlip(mechanism, gains, step, target, regimes)
         return course.run(position, velocity), tuple(course.phases)
 
     if joint.gravity is None and not joint.friction.depends_on_angle and not joint.friction.effort_coefficient:

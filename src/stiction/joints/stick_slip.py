@@ -255,30 +255,35 @@ class _Sliding(NamedTuple):
     change: np.ndarray
     excited: np.ndarray
     course: np.ndarray | None
-    """q and q' from rest at zero on, shape (2, num_samples); None where the system runs away from whatever it does."""
+    """q, q' and what the controller asks for [N m] from rest at zero on, shape (3, num_samples); None where the system
+    runs away from whatever it does."""
     free: np.ndarray | None
-    """Of `Regime.free`; every motion is `course` and a share of these."""
+    """The same without input, from q = 1 and from q' = 1, shape (2, 3, num_samples); every motion is `course` and a
+    share of these."""
     slow: float
     """Speed at which the piece begins [rad/s]."""
     fast: float
     """Speed at which it ends [rad/s]."""
 
 
+Regimes = dict[tuple[float, float], tuple[Regime, np.ndarray | None]]
+"""Stiffness and damping -> the linear system, and its motions without input."""
+
+
 class StickSlip:
     """One run of a mechanism under its controller; `run` fills `phases`."""
 
-    def __init__(self, mechanism: Mechanism, gains: PDGains, step: float, target: np.ndarray) -> None:
-        """Prepare a run; step [s]; target: a [rad], shape (num_samples,)."""
+    def __init__(
+        self, mechanism: Mechanism, gains: PDGains, step: float, target: np.ndarray, regimes: Regimes | None = None
+    ) -> None:
+        """Prepare a run; step [s]; target: a [rad], shape (num_samples,); regimes: kept from other runs."""
         self.mechanism, self.gains, self.step, self.target = mechanism, gains, step, target
         self.phases: list[Phase] = []
         self.pieces: dict[int, tuple[Piece, ...]] = {sign: mechanism.friction.pieces(sign) for sign in (-1, 1)}
         self.holds = {sign: mechanism.friction.hold(sign) for sign in (-1, 1)}
         self.limited = bool(np.isfinite(gains.torque_limit))
         self.loaded = bool(mechanism.load_friction.any())
-        # At single samples numbers of Python are many times as fast as those of NumPy.
-        self._targets, self._pushes = target.tolist(), mechanism.push.tolist()
-        self._loads = mechanism.load_friction.tolist()
-        self._regimes: dict[tuple[float, float], tuple[Regime, np.ndarray | None]] = {}
+        self._regimes: Regimes = {} if regimes is None else regimes
         self._slidings: dict[tuple[int, int, int], _Sliding] = {}
 
     def sliding(self, sign: int, side: int, piece: int) -> _Sliding:
@@ -302,15 +307,21 @@ class StickSlip:
                 )
             if pair not in self._regimes:
                 regime = Regime(*pair, self.step)
-                self._regimes[pair] = regime, regime.free(len(self.target)) if regime.steady else None
+                self._regimes[pair] = regime, self._asked(regime.free(len(self.target))) if regime.steady else None
             motor = side * gains.torque_limit if side else kp * self.target
             drive = (motor + joint.push - sign * (law.level + joint.load_friction)) / joint.inertia
             fast = pieces[piece + 1].start if piece + 1 < len(pieces) else np.inf
             regime, free = self._regimes[pair]
             changes = regime.changes(drive)
-            course = None if free is None else regime.stretch((0.0, 0.0), *changes)
+            course = None if free is None else self._asked(regime.stretch((0.0, 0.0), *changes), self.target)
             self._slidings[key] = _Sliding(regime, drive, *changes, course, free, law.start, fast)
         return self._slidings[key]
+
+    def _asked(self, motion: np.ndarray, target: np.ndarray | float = 0.0) -> np.ndarray:
+        """Return q, q' and the controller's torque [N m], (..., 3, num_samples), of q and q', (..., 2, num_samples)."""
+        gains = self.gains
+        asked = gains.strength * (gains.kp * (target - motion[..., 0, :]) - gains.kd * motion[..., 1, :])
+        return np.concatenate([motion, asked[..., None, :]], axis=-2)
 
     def pull(self, samples: slice, position: float) -> np.ndarray:
         """Return the torque on a joint at rest at some samples, friction apart [N m]."""
@@ -323,22 +334,16 @@ class StickSlip:
     def pull_at(self, index: int, position: float) -> float:
         """Return the same at one sample, in numbers of Python."""
         joint, gains = self.mechanism, self.gains
-        motor = (gains.strength * gains.kp) * (self._targets[index] - position)
+        motor = (gains.strength * gains.kp) * (float(self.target[index]) - position)
         if self.limited:
             motor = min(max(motor, -gains.torque_limit), gains.torque_limit)
-        return motor + (self._pushes[index] - joint.spring * position)
+        return motor + (float(joint.push[index]) - joint.spring * position)
 
     def side_at(self, index: int, position: float, velocity: float) -> int:
         """Return -1 or +1 where the controller asks for more than the motor gives at one sample, else 0."""
         gains = self.gains
-        commanded = gains.strength * (gains.kp * (self._targets[index] - position) - gains.kd * velocity)
+        commanded = gains.strength * (gains.kp * (float(self.target[index]) - position) - gains.kd * velocity)
         return 0 if abs(commanded) <= gains.torque_limit else (1 if commanded > 0 else -1)
-
-    def changes_side(self, samples: slice, motion: np.ndarray, side: int) -> np.ndarray:
-        """Return where along a motion ahead the motor's state is no longer `side`; shape (num_samples,)."""
-        gains = self.gains
-        commanded = gains.strength * (gains.kp * (self.target[samples] - motion[0]) - gains.kd * motion[1])
-        return side * commanded <= gains.torque_limit if side else np.abs(commanded) > gains.torque_limit
 
     def rest(self, index: int, position: float) -> int:
         """Return the first sample after `index` that friction no longer holds, or the number of samples."""
@@ -360,11 +365,12 @@ class StickSlip:
         The direction is 0 if the joint rests until the next sample.
         """
         pull, pull_next = self.pull_at(index, position), self.pull_at(index + 1, position)
+        load, load_next = self.mechanism.load_friction[index : index + 2].tolist()
         soonest, direction = self.step, 0
         for sign in (1, -1):
             hold = self.holds[sign]
-            begin = sign * pull - hold - self._loads[index]
-            end = sign * pull_next - hold - self._loads[index + 1]
+            begin = sign * pull - hold - load
+            end = sign * pull_next - hold - load_next
             if begin + (end - begin) * since / self.step > 0:
                 return since, sign
             if end > 0:
@@ -439,7 +445,7 @@ class StickSlip:
                 side = self.side_at(index, *state) if self.limited else 0
                 ahead, last, left_piece = self._slide(index, state, sign, side, piece, length)
                 length = max(FIRST_STRETCH, last) if left_piece else 2 * length
-                motion[:, index : index + last + 1] = ahead[:, : last + 1]
+                motion[:, index : index + last + 1] = ahead[:2, : last + 1]
                 if last:
                     self.phases.append(Phase(index, index + last, 0.0, last * self.step, sign, side, piece, state))
                 index, state = index + last, (float(ahead[0, last]), float(ahead[1, last]))
@@ -457,11 +463,12 @@ class StickSlip:
         end = index + min(length, regime.longest)
         if course is None or free is None:
             ahead = regime.stretch(state, change[:, index:end], excited[:, index : end - 1])
+            ahead = self._asked(ahead, self.target[index : end + 1])
         else:
             ahead = course[:, index : end + 1]
-            gap, free = state - ahead[:, 0], free[:, :, : ahead.shape[1]]
-            ahead = ahead + gap[0] * free[0] + gap[1] * free[1]
-            ahead[:, 0] = state
+            apart, faster, free = state[0] - ahead[0, 0], state[1] - ahead[1, 0], free[:, :, : ahead.shape[1]]
+            ahead = ahead + apart * free[0] + faster * free[1]
+            ahead[:2, 0] = state
         speed = sign * ahead[1]
         # At zero speed the joint stops; on the edge of another piece a stretch may well begin.
         left = speed <= slow if slow == 0 else speed < slow
@@ -471,7 +478,8 @@ class StickSlip:
         left[0] = False
         events = left
         if self.limited:
-            changed = self.changes_side(slice(index, end + 1), ahead, side)
+            limit = self.gains.torque_limit
+            changed = side * ahead[2] <= limit if side else np.abs(ahead[2]) > limit
             changed[0] = False
             events = left | changed
         first = int(events.argmax())
