@@ -10,7 +10,8 @@ import pytest
 from carried import without_torque
 from stiction.core.errors import StictionError
 from stiction.identification import in_loop
-from stiction.identification.closed_loop import LoopError
+from stiction.identification.checks import Uniform
+from stiction.identification.closed_loop import START, ClosedLoop, LoopError
 from stiction.identification.example import SATURN_LITE, example_log
 from stiction.identification.in_loop import close_loop, controller, fit_in_loop
 from stiction.identification.model import Model
@@ -19,6 +20,7 @@ from stiction.identification.pipeline import identify_joint
 from stiction.identification.regression import fit_rows
 from stiction.identification.runs import make_run
 from stiction.identification.setup import IdentifySetup
+from stiction.joints.pd import PDGains
 
 PAYLOAD = IdentifySetup(payload_mass=1.0, payload_distance=0.2, payload_angle=0.3)
 
@@ -65,6 +67,17 @@ def test_a_simulation_that_cannot_be_done_costs_the_joint_nothing(monkeypatch: p
 
 def _runs_away(*arguments: object, **words: object) -> None:
     raise StictionError("it runs away")
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_late_loop_without_friction_runs_away_and_is_no_number() -> None:
+    """kp 1, 0.05 s late, on 0.004 kg m² turns damping to −0.05: e^(6 t) for 40 s was 1e72 degrees, and a warning."""
+    time = 0.01 * np.arange(4000)
+    signals = Uniform(time, 0.01, np.zeros(4000), None, np.sin(time), None)
+    values = dict.fromkeys(START, 0.0) | {"inertia": 0.004, "viscous_friction": 0.0, "coulomb_friction": 0.0}
+    loop = ClosedLoop(signals, PDGains(1.0, 0.0), Model("coulomb"), {"delay": 0.05, "offset": 0.0})
+    with pytest.raises(LoopError, match="the simulated joint runs away"):
+        loop.run(values)
 
 
 def test_delays_that_no_joint_has_are_the_users_to_mend() -> None:

@@ -37,6 +37,9 @@ SETTLED = 1e-5
 """Change of the path between two passes of a simulation at which it is taken [rad]: the next one would change it by a
 tenth of that or less, well below any encoder's step."""
 
+FARTHEST = 1e3
+"""Distance of a simulated joint from the measured one at which it has run away [rad]."""
+
 
 class LoopError(StictionError):
     """The loop cannot be simulated, or what it does in simulation does not tell the joint's parameters."""
@@ -96,7 +99,7 @@ class ClosedLoop:
         free: values of what is not fixed; guess: roughly the motion [rad], shape (num_samples,).
 
         Raises:
-            LoopError: no joint has these values, or its motion does not settle.
+            LoopError: no joint has these values, or its motion does not settle, or runs away.
             StictionError: the delays would take half of the inertia.
 
         """
@@ -118,9 +121,13 @@ class ClosedLoop:
         signals, target = self.signals, self.delayed(self.goal, delay)
         start = values["start_position"], values["start_velocity"]
         try:
-            motion = simulate(joint, gains, signals.step, target, *start, self.outside, guess, self.settled)
+            # Without friction a late loop may run away, to numbers beyond all.
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                motion = simulate(joint, gains, signals.step, target, *start, self.outside, guess, self.settled)
         except StictionError as error:
             raise LoopError(f"output error is not done: {error}") from error
+        if not np.abs(motion.position - signals.position).max() < FARTHEST:
+            raise LoopError("output error is not done: the simulated joint runs away")
         commanded = self._commanded(gains, target, motion, delay)
         # The log has what was asked for: a motor of strength k is at its limit from limit/k on.
         limit = gains.torque_limit / gains.strength
