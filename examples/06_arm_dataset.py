@@ -1,7 +1,7 @@
 """A recording of an arm of hobby servos, as LeRobot keeps it: 30 Hz, degrees, no torque. Its dead bands are known.
 
-Needs pyarrow, of the extra `logs`. Each servo pulls towards its target by kp and brakes by kd; gravity bends the shoulder,
-the elbow and the wrist; dry friction f stops every joint within f/kp of where it should be.
+Needs pyarrow, of the extra `logs`. Each servo pulls towards its target by kp and brakes by kd; gravity bends shoulder,
+elbow and wrist; dry friction f stops every joint within f/kp of where it should be.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ KP, KD = 8.0, 0.3  # [N m/rad], [N m s/rad]
 INERTIA = np.array([0.03, 0.03, 0.015, 0.005, 0.003, 0.003])  # [kg m²]
 GRAVITY = np.array([0.0, 0.8, 0.5, 0.1, 0.0, 0.0])  # [N m], times sin(angle)
 FRICTION = np.array([0.30, 0.25, 0.25, 0.15, 0.12, 0.10])  # [N m]
-RATE, SECONDS, SUBSTEPS = 30, 40, 100
+RATE, SECONDS, SUBSTEPS = 30, 60, 100
 ENCODER = 360 / 4096  # [deg]
 
 draw = np.random.default_rng(0)
@@ -25,7 +25,7 @@ target, measured = np.zeros((count, 6)), np.zeros((count, 6))
 for frame in range(count):
     # Somebody moves the leader arm: smoothly, now and then to another pose.
     goal = np.where(draw.random(6) < 0.02, draw.uniform(-0.8, 0.8, 6), goal)
-    speed += (2 * (goal - hand) - 3 * speed) / RATE
+    speed += (4 * (goal - hand) - 4 * speed) / RATE
     hand = hand + speed / RATE
     target[frame], measured[frame] = hand, angle
     for _ in range(SUBSTEPS):

@@ -12,7 +12,7 @@ from stiction.cli.progress import Display
 from stiction.core import gemm
 from stiction.files.contract import read_contract
 from stiction.files.joints import Estimate, JointRecord, JointsFile, write_training
-from stiction.identification.proposal import propose, write_proposal
+from stiction.identification.verdict import propose, write_proposal
 from stiction.learning.run import latest_checkpoint, load_checkpoint
 from stiction.report.terminal import stop_requests
 from stiction.task.friction import FrictionCfg

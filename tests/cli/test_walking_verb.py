@@ -9,7 +9,7 @@ import pytest
 
 import walks
 from stiction.cli import evaluate
-from stiction.cli.identify import RESULTS
+from stiction.cli.identified import RESULTS
 from stiction.cli.main import main
 from stiction.files.joints import load_joints, read_training
 from stiction.files.tables import write_csv

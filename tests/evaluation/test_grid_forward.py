@@ -17,7 +17,7 @@ from stiction.evaluation.grid import GridCfg
 from stiction.evaluation.run import walk_grid
 from stiction.evaluation.table import rows_of
 from stiction.files.bundle import Bundle, read_bundle
-from stiction.files.joints import Estimate, JointRecord, JointsFile, load_joints
+from stiction.files.joints import Estimate, JointRecord, JointsFile, load_joints, refused
 from stiction.robots.catalog import find_robot
 from stiction.virtual import bench as bench_module
 from stiction.virtual.bench import Bench
@@ -92,7 +92,7 @@ def hide(monkeypatch: pytest.MonkeyPatch, *ends: str) -> None:
         make(bench, folder, workers)
         if bench.case.seed == 4:
             joints = dict(load_joints(folder / "joints.json").joints)
-            nothing = JointRecord(warnings=("not identified: it hardly moves",))
+            nothing = refused("it hardly moves")
             JointsFile({n: nothing if n.endswith(ends) else old for n, old in joints.items()}).write(
                 folder / "joints.json"
             )

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from stiction.core.errors import FileError
-from stiction.files.joints import SCHEMA_VERSION, Estimate, JointRecord, JointsFile, load_joints
+from stiction.files.joints import SCHEMA_VERSION, Estimate, Finding, JointRecord, JointsFile, load_joints, warning
 
 FRICTION = Estimate(0.442, 0.01, (0.42, 0.464))
 RECORD = JointRecord(
@@ -21,7 +21,7 @@ RECORD = JointRecord(
     test_condition="bare_motor",
     kp=20.0,
     diagnostics={"blocks": 30},
-    warnings=("something",),
+    findings=(warning("", "something"),),
 )
 
 
@@ -30,6 +30,20 @@ def test_what_is_written_is_read_again(tmp_path: Path) -> None:
     written = JointsFile({"shank": RECORD, "FL_shank": JointRecord()})
     written.write(tmp_path / "joints.json")
     assert load_joints(tmp_path / "joints.json") == written
+
+
+def test_findings_keep_their_severity_in_a_file() -> None:
+    """An error is an objection and leads the warnings; a note is read again as a warning, an objection as an error."""
+    error = Finding("units", "the position covers 57 rad", "run again with --position-scale")
+    record = JointRecord(findings=(error, warning("kp", "no kp"), Finding("reading", "2 rows cut", severity="note")))
+    data = record.to_dict()
+    assert data["objections"] == [{"reason": "units", "seen": error.seen, "remedy": error.remedy}]
+    assert data["warnings"] == ["the position covers 57 rad", "no kp", "2 rows cut"] and "findings" not in data
+    read = JointRecord.from_dict(data, "x")
+    assert read.findings == (error, warning("", "no kp"), warning("", "2 rows cut")) and read.to_dict() == data
+    # Whatever else a file says of it, what stands among its objections makes the fit invalid.
+    data["objections"][0]["severity"] = "note"
+    assert JointRecord.from_dict(data, "x").objection_to("inertia") == error
 
 
 def test_the_file_has_the_names_of_the_contract(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from stiction.files.bundle import shipped_bundles
 from stiction.files.joints import Estimate, JointRecord, JointsFile, write_training
 from stiction.files.log import LogSetup, write_log
 from stiction.identification.example import LEG, example_log
-from stiction.identification.proposal import propose
+from stiction.identification.verdict import propose
 
 BLOCK = re.compile(r"^( *)```(\w*)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
 MARK = re.compile(r"<!-- test: ((?:(?!-->).)*) -->\s*$", re.DOTALL)

@@ -9,7 +9,8 @@ import pytest
 
 from stiction.core.errors import LogError
 from stiction.files.log import JointSignals, Log
-from stiction.identification.checks import check_excitation, check_log, unit_doubts
+from stiction.identification.checks import check_excitation, check_log
+from stiction.identification.contradictions import unit_findings
 
 TIME = np.arange(400) * 0.002
 WAVE = np.sin(20 * TIME)
@@ -76,15 +77,15 @@ def test_a_spike_is_no_motion_and_a_short_burst_is_no_spike() -> None:
 
 def test_degrees_and_strange_torques_are_noticed() -> None:
     """A slip of units is said, for a joint could do it; metres have no such limits."""
-    assert unit_doubts(check()) == ()
+    assert [*unit_findings(check())] == []
     degrees = check(signals=JointSignals(position=57.3 * WAVE, target=WAVE, torque=5000 * WAVE))
-    said, remedies = zip(*unit_doubts(degrees), strict=True)
+    said, remedies = zip(*((one.seen, one.remedy) for one in unit_findings(degrees)), strict=True)
     assert len(said) == 3
     assert "in degrees, or at the motor" in said[0] and "is the position in degrees" in said[1] and "N mm" in said[2]
     assert "--position-scale 0.0174533" in remedies[0] and "--torque-scale" in remedies[2]
     assert "convert the position to rad in the log, for --position-scale is of both" in remedies[1]
-    assert "is the target in degrees" in unit_doubts(check(signals=replace(SIGNALS, target=57.3 * WAVE)))[0][0]
-    assert unit_doubts(degrees, "linear") == ()
+    assert "is the target in degrees" in next(unit_findings(check(signals=replace(SIGNALS, target=57.3 * WAVE)))).seen
+    assert [*unit_findings(degrees, "linear")] == []
 
 
 def test_motion_in_one_direction_is_refused() -> None:

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from stiction.core.errors import ConfigurationError, LogError
-from stiction.identification.drive import Drive
 from stiction.identification.runs import make_run
-from stiction.identification.setup import IdentifySetup
+from stiction.identification.setup import Drive, IdentifySetup
 from stiction_experiments.flags.servo import SERVO
 
 COLUMN, SPEED = np.array([0.5, -0.5, 0.0]), np.array([1.0, 0.0, -2.0])

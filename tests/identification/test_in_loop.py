@@ -71,7 +71,7 @@ def _runs_away(*arguments: object, **words: object) -> None:
 
 @pytest.mark.filterwarnings("error")
 def test_a_late_loop_without_friction_runs_away_and_is_no_number() -> None:
-    """kp 1, 0.05 s late, on 0.004 kg m² turns damping to −0.05: e^(6 t) for 40 s was 1e72 degrees, and a warning."""
+    """A gain of 1, 0.05 s late, on 0.004 kg m² makes damping −0.05: e^(6 t) for 40 s was 1e72 degrees."""
     time = 0.01 * np.arange(4000)
     signals = Uniform(time, 0.01, np.zeros(4000), None, np.sin(time), None)
     values = dict.fromkeys(START, 0.0) | {"inertia": 0.004, "viscous_friction": 0.0, "coulomb_friction": 0.0}

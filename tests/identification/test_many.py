@@ -10,9 +10,10 @@ import pytest
 from shanks import GO1
 from stiction.core.errors import StictionError
 from stiction.core.provenance import THREADS_VARIABLE
+from stiction.files.joints import REFUSED
 from stiction.files.log import JointSignals, Log
 from stiction.identification.example import SATURN_LITE, Excitation, example_log
-from stiction.identification.pipeline import REFUSED, identify_joint, identify_log
+from stiction.identification.pipeline import identify_joint, identify_log
 
 SHORT = Excitation(duration=8.0)
 

@@ -9,7 +9,7 @@ from stiction.files.advice import TRAINING
 from stiction.files.joints import Estimate, JointRecord, JointsFile
 from stiction.files.method import find_method
 from stiction.identification.advice import shipped
-from stiction.identification.proposal import propose
+from stiction.identification.verdict import propose
 from stiction.task.friction import FrictionCfg
 
 

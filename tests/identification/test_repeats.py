@@ -11,9 +11,9 @@ from stiction.core.errors import LogError
 from stiction.files.log import JointSignals, Log
 from stiction.identification.checks import moving_beside
 from stiction.identification.example import SATURN_LITE, Excitation, example_log
+from stiction.identification.findings import repeat_lines
 from stiction.identification.pipeline import identify_joint, identify_log
 from stiction.identification.setup import IdentifySetup
-from stiction.identification.warnings import repeat_lines
 
 SHORT = Excitation(duration=8.0)
 

@@ -15,8 +15,7 @@ from stiction.exchange.physics import beyond_coulomb, joint_physics
 from stiction.exchange.urdf import urdf_snippet
 from stiction.files.joints import Estimate, JointRecord, JointsFile
 from stiction.identification.pipeline import identify_joint
-from stiction.identification.proposal import propose
-from stiction.identification.verdict import judge
+from stiction.identification.verdict import judge, propose
 from stiction.task.friction import FrictionCfg
 from task.test_env import make
 

@@ -8,9 +8,8 @@ import pytest
 
 from estimates import holds
 from stiction.files.joints import JointRecord
-from stiction.identification.drive import BRAKE
 from stiction.identification.pipeline import identify_joint
-from stiction.identification.setup import IdentifySetup
+from stiction.identification.setup import BRAKE, IdentifySetup
 from stiction_experiments.flags.servo import HANGS, SERVO
 
 WHOLE = SERVO.viscous + SERVO.brake

@@ -8,13 +8,13 @@ import pytest
 
 from stiction.files.advice import TRAINING, Source, TrainedWith
 from stiction.files.following import CommandCount
-from stiction.files.joints import FRICTION_REACHES_ZERO, Estimate, JointRecord, Objection
+from stiction.files.joints import FRICTION_REACHES_ZERO, Estimate, Finding, JointRecord
 from stiction.identification.advice import shipped
 from stiction.identification.verdict import TrainingNeed, judge
 
 FRICTION = Estimate(1.0, 0.1, (0.8, 1.2))
 
-NONE_SHOWN = Objection(FRICTION_REACHES_ZERO, "the interval of coulomb_friction reaches zero", "log for longer")
+NONE_SHOWN = Finding(FRICTION_REACHES_ZERO, "the interval of coulomb_friction reaches zero", "log for longer")
 
 
 def ratio(high: float) -> Estimate:
@@ -55,7 +55,7 @@ def test_friction_that_scatters_about_zero_is_said_to_be_at_most_its_upper_end()
             friction_ratio=faint,
             dead_band=band,
             test_condition="in_air",
-            objections=(NONE_SHOWN,),
+            findings=(NONE_SHOWN,),
         )
     )
     assert told.lines[0].startswith("No dry friction can be told from zero in this log: it is at most 0.12 N m")
@@ -106,7 +106,7 @@ def test_whether_it_matters_is_one_word_and_the_number_that_decides(
     share = Estimate(middle, 0.001, ends)
     known = {"coulomb_friction": share.scaled(40.0), "friction_ratio": share, "test_condition": condition}
     objections = (NONE_SHOWN,) if ends[0] <= 0 else ()
-    told = judge(JointRecord(**known, **LIMIT, objections=objections), SOURCES)
+    told = judge(JointRecord(**known, **LIMIT, findings=objections), SOURCES)
     assert len(told.lines) == 3 and told.lines[2].startswith("Nothing") == (objections != () and answer == "No")
     assert "the hexapod Saturn Lite, trained without friction, lost up to 1 % of their speed with 1 %" in told.lines[1]
     assert "(f/kp 0.0045 rad), and fell under 80 % of the command with 2 to 10 %, by the engine." in told.lines[1]
@@ -117,9 +117,9 @@ def test_whether_it_matters_is_one_word_and_the_number_that_decides(
 
 def test_what_makes_a_fit_invalid_stands_in_the_place_of_the_answer() -> None:
     """First what to do, then why; neither level nor training, however certain the interval looks."""
-    objection = Objection("follows_position", "the torque follows the position", "--gravity True")
+    objection = Finding("follows_position", "the torque follows the position", "--gravity True")
     record = JointRecord(coulomb_friction=FRICTION, friction_ratio=ratio(0.2), test_condition="loaded", **LIMIT)
-    told = judge(replace(record, objections=(objection, replace(objection, seen="and so on"))))
+    told = judge(replace(record, findings=(objection, replace(objection, seen="and so on"))))
     assert told.lines[0] == "Do first: --gravity True." and "the torque follows the position" in told.lines[1]
     assert "And 1 more: and so on" in told.lines[1] and "no level" in told.lines[2]
     assert told.level is None and told.training is None and told.to_dict()["range"] is None

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.files.joints import FRICTION_REACHES_ZERO, Estimate, JointRecord, JointsFile, Objection
+from stiction.files.joints import FRICTION_REACHES_ZERO, Estimate, Finding, JointRecord, JointsFile, warning
 from stiction.files.walk import WalkFit, read_walk_fit, write_walk_fit
-from stiction.report.identification import lead_lines
+from stiction.report.joints import lead_lines
 from stiction.report.walking import grouped_warnings, write_walking_page
 
+TIRED = warning("tired", "the robot was tired")
 REFUSED = "the interval of the hips' load coefficient is too wide <to tell>"
 
 
@@ -25,9 +26,9 @@ def make_records() -> JointsFile:
         load_coefficient=Estimate(0.15, 0.01, (0.13, 0.17)),
         torque_limit=25.0,
         diagnostics={"swings": 30, "samples_used": 200, "load": loaded, "verdict": {"lines": ["Much.", "Run this."]}},
-        warnings=("the robot was tired",),
+        findings=(TIRED,),
     )
-    hip = JointRecord(diagnostics={"swings": 3, "load": {"refusal": REFUSED}}, warnings=("the robot was tired",))
+    hip = JointRecord(diagnostics={"swings": 3, "load": {"refusal": REFUSED}}, findings=(TIRED,))
     return JointsFile({"FL_shank": shank, "hip": hip})
 
 
@@ -71,16 +72,13 @@ def test_the_page_has_what_a_reader_needs(tmp_path: Path) -> None:
 def test_what_many_joints_have_against_them_is_one_line() -> None:
     """Of a walk without friction eighteen joints had theirs twice: forty lines, the same but for their numbers."""
     seen = {name: f"the interval of {name} reaches zero" for name in ("hip", "knee", "toe")}
-    objections = {name: (Objection(FRICTION_REACHES_ZERO, text, "log for longer"),) for name, text in seen.items()}
-    records = {
-        name: JointRecord(objections=objections[name], warnings=(text, "tired"), diagnostics={"verdict": {"lines": []}})
-        for name, text in seen.items()
-    }
+    findings = {name: (Finding(FRICTION_REACHES_ZERO, text, "log for longer"), TIRED) for name, text in seen.items()}
+    records = {name: JointRecord(findings=findings[name], diagnostics={"verdict": {"lines": []}}) for name in seen}
     joints = JointsFile(records)
     count, first = lead_lines(joints)
     assert count.endswith("3 of them not validly: no friction is stated for any.")
     assert first == f"all joints: do first: log for longer. hip, and the others alike: {seen['hip']}."
-    assert grouped_warnings(joints) == ["all joints: tired"]
+    assert grouped_warnings(joints) == ["all joints: the robot was tired"]
     other = JointsFile(records | {"toe": JointRecord(diagnostics={"verdict": {"lines": []}})})
     assert lead_lines(other)[1].startswith("hip, knee: do first: ")
 

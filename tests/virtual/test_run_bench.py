@@ -21,7 +21,7 @@ from stiction.deploy.runtime.runtime import row
 from stiction.deploy.runtime.supervisor import Supervisor
 from stiction.deploy.transports.udp import LOOPBACK, UdpLink
 from stiction.files.bundle import find_bundle, read_bundle
-from stiction.files.joints import Estimate, JointRecord, JointsFile, Objection
+from stiction.files.joints import Estimate, Finding, JointRecord, JointsFile
 from stiction.files.run_log import RunLog, RunLogHeader, joint_log
 from stiction.identification.pipeline import identify_log
 from stiction.robots.catalog import find_robot
@@ -101,10 +101,10 @@ def test_the_runtimes_log_tells_the_robots_own_friction(tmp_path: Path) -> None:
 
 def test_what_agrees_is_counted_by_hand(tmp_path: Path) -> None:
     """An interval that misses counts as one that holds, or one that was not found as one that misses."""
-    no = Objection("clipped", "seen", "remedy")
+    no = Finding("clipped", "seen", "remedy")
     records = {
         "a": JointRecord(coulomb_friction=Estimate(1.0, 0.1, (0.8, 1.2))),
-        "b": JointRecord(coulomb_friction=Estimate(2.0, 0.05, (1.9, 2.1)), objections=(no,)),
+        "b": JointRecord(coulomb_friction=Estimate(2.0, 0.05, (1.9, 2.1)), findings=(no,)),
         "c": JointRecord(),
     }
     JointsFile(records).write(tmp_path / "joints.json")

@@ -103,9 +103,9 @@ def walk_with_friction(
     with torch.no_grad():
         first = env.get_observations()
         # DreamWaQ has no teacher, and a policy without a latent neither that nor z*.
-        coded, latent = isinstance(actor, ContextActor), bool(train.network.latent)
-        teach = actor.privileged_encoder if latent and not coded else _nothing
-        adapt = actor.adaptation if latent or coded else _nothing
+        coded, has_latent = isinstance(actor, ContextActor), bool(train.network.latent)
+        teach = actor.privileged_encoder if has_latent and not coded else _nothing
+        adapt = actor.adaptation if has_latent or coded else _nothing
         teacher = teach(first["privileged"]).numpy()
         for step in range(steps):
             obs = env.get_observations()

@@ -18,8 +18,7 @@ from stiction.files.joints import JointRecord
 from stiction.files.log import JointSignals, Log, LogSetup
 from stiction.identification.limb.dynamics import model_torques
 from stiction.identification.limb.pipeline import identify_limb
-from stiction.identification.limb.setup import LimbSetup
-from stiction.identification.setup import IdentifySetup
+from stiction.identification.setup import IdentifySetup, LimbSetup
 from stiction.robots.mechanism import Mechanism
 from stiction_experiments.flags import RIGHT
 from stiction_experiments.flags.cases import (

@@ -66,7 +66,7 @@ class Evaluated(Result):
 
     def table(self) -> Markup:
         """Return a row a condition; the last column is the slowest walk, where that is known."""
-        from stiction.report.terminal import SLOWEST_WALK, result_cells
+        from stiction.report.following import SLOWEST_WALK, result_cells
 
         first = ("policy", "engine", "friction", "terrain", "command")
         last = (SLOWEST_WALK,) if tell_slowest_walk(self.rows) else ()

@@ -15,10 +15,9 @@ from stiction.api.result import Progress, Result, html_table, silent
 from stiction.core.errors import ConfigurationError, FileError, LogError
 from stiction.files import joints as files
 from stiction.files.joints import FitSignals, JointRecord, JointsFile, write_fit
-from stiction.identification.limb.setup import LimbSetup
 from stiction.identification.pipeline import identify_log
-from stiction.identification.proposal import propose, write_proposal
-from stiction.identification.setup import IdentifySetup
+from stiction.identification.setup import IdentifySetup, LimbSetup
+from stiction.identification.verdict import propose, write_proposal
 
 
 @dataclass(frozen=True, repr=False)
@@ -41,7 +40,7 @@ class Identified(Result):
     @property
     def verdict(self) -> tuple[str, ...]:
         """How much friction, whether it matters, what to do: a line each; of several joints, of the worst."""
-        from stiction.report.identification import lead_lines
+        from stiction.report.joints import lead_lines
 
         return lead_lines(self.file)
 
@@ -85,7 +84,7 @@ class Identified(Result):
 
     def table(self) -> Markup:
         """Return a row a joint."""
-        from stiction.report.page import number, unit
+        from stiction.report.joints import number, unit
 
         def cell(record: JointRecord, name: str) -> str:
             found = getattr(record, name)

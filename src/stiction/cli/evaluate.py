@@ -177,7 +177,7 @@ def write_and_print(cfg: EvaluateCfg, rows: list[ResultRow], summary: dict[str, 
     """Write the files and the page; print the rows."""
     from stiction.api.evaluation import Evaluated
     from stiction.files.results import summary_text
-    from stiction.report.terminal import print_rows
+    from stiction.report.following import print_rows
 
     Evaluated(tuple(rows), summary).write(cfg.out)
     if cfg.json:

@@ -2,31 +2,35 @@
 
 from __future__ import annotations
 
-import os
 import shlex
-from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
-from rich.console import Console
-
-from stiction.cli.identified import show, show_limb, show_walk
+from stiction.cli.identified import (
+    ODD,
+    RESULTS,
+    USUAL,
+    ReadOptions,
+    WriteOptions,
+    keep_inputs,
+    log_inputs,
+    memory_of,
+    print_results,
+    show,
+    show_limb,
+    status_of,
+)
 from stiction.core.effects import excludes, flag_of, needs
-from stiction.core.errors import ConfigurationError, LogError, RobotError, nearest
-from stiction.core.flags import ARGUMENT, SETTING, flag
-from stiction.core.memory import DEFAULT_LIMIT, limit_memory
+from stiction.core.errors import ConfigurationError, LogError, nearest
+from stiction.core.flags import ARGUMENT, SETTING
+from stiction.core.memory import limit_memory
 from stiction.core.options import read_options, refuse
 from stiction.core.records import part_of
-from stiction.files.joints import JointsFile
-from stiction.files.log import Log, LogSetup, sidecar_of
-from stiction.files.plain import object_text
-from stiction.files.run_log import is_walk_log
-from stiction.files.settings import SETTINGS, check_settings, results_folder
-from stiction.identification.limb.setup import LimbSetup
-from stiction.identification.setup import IdentifySetup
-from stiction.identification.walking.setup import RobotLogSetup, WalkSetup
+from stiction.files.log import Log, LogSetup
+from stiction.files.settings import check_settings, results_folder
+from stiction.identification.setup import IdentifySetup, LimbSetup
 from stiction.report.terminal import Terminal
 
 if TYPE_CHECKING:
@@ -53,92 +57,20 @@ Examples:
   stiction identify leg.csv --robot robot.urdf
   stiction identify walk walk.csv --robot robot.xml"""
 
-USUAL = ("--robot", "--kp", "--kd", "--torque-limit", "--torque-source", "--out", "--json")
-ODD = ("--columns", "--names", "--torque-scale", "--position-scale", "--time-scale", "--rate", "--from", "--to")
-
 GROUPS = {
     "usually needed": (*USUAL, "--test-condition", "--joint"),
     "odd logs": ("--init", *ODD, "--torque-column", "--join", "--repeat", "--held-out", "--axis"),
 }
 """The options that people use."""
 
-WALK_DESCRIPTION = """Find the friction of a walking robot's joints in its log: unloaded friction from legs in swing,
-and what load adds to it from the body in stance, where the robot's masses are declared known. The log is one of
-evaluate --log, or has columns of its own; then name the robot, and have an IMU beside the joints, 200 Hz or more. Base
-position and velocity are not needed, and of load nothing is told then. Writes joints.json, fit.npz, training.json and
-report.html.
-
-Examples:
-  stiction identify walk walk.csv --robot robot.xml --torque-source motor_side
-  stiction identify walk stiction-deploy/log
-  stiction identify walk logs/walk.npz --mass-known"""
-
-WALK_GROUPS = {"usually needed": (*USUAL, "--mass-known"), "odd logs": (*ODD, "--joint-map")}
-"""The options for walks that people use."""
-
 WALK = "walk"
 """The word before a log that is one of a walk, in whatever form."""
-
-PLAIN_WIDTH = 120
-"""Columns of a table where nobody says how wide the terminal is."""
 
 COUPLED = (
     "several joints were identified, each as if the others stood still: if they moved at once and are of one leg or "
     "arm, --robot FILE takes off what each does to the others"
 )
 """What is said of a log with several joints and no robot."""
-
-DECLARED = ("kp", "kd", "torque_limit", "torque_source", "torque_scale", "position_scale")
-"""What may be declared of the motors in the log of a walk."""
-
-RESULTS = ("joints.json", "fit.npz", "training.json", "report.html", SETTINGS)
-"""What is written into --out."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReadOptions:
-    """How a log is read that is not in our own form."""
-
-    names: tuple[str, ...] = ()
-    """Names of the joints, in order, for a log that only numbers them."""
-    columns: tuple[str, ...] = ()
-    """ROLE=NAME pairs for logs with other column names; roles: time, position, velocity, target, torque, disturbance
-    (torque from outside), feedforward (torque that the controller adds, and that a torque column has in it already);
-    position=q_{joint} or position=1,2,3 for several joints; state=TOPIC command=TOPIC for bags;
-    of a walk also quaternion, gyroscope, accelerometer and foot_force, as quaternion=W,X,Y,Z, and imu=TOPIC."""
-    time_scale: float | None = None
-    """Seconds per unit of the time stamps, 1e-3 for milliseconds; by default found from them, and said."""
-    begin: Annotated[float | None, flag("--from")] = None
-    """Where to begin in the log, from its first stamp [s]."""
-    end: Annotated[float | None, flag("--to")] = None
-    """Where to end in the log, from its first stamp [s]."""
-    rate: float | None = None
-    """Samples per second of a log without time stamps [Hz]."""
-    sidecar: Path | None = None
-    """A sidecar that does not lie beside the log as LOG.json: gains, limits and so on, for all joints and for each."""
-
-    def open(self, path: Path, joint: str | None = None, body: bool = False) -> Log:
-        """Open a log. joint: name of the joint of a log without names; body: signals of the body are read, too."""
-        from stiction.identification.logs import open_log, parse_columns
-
-        columns, ends = parse_columns(self.columns), (self.begin, self.end)
-        return open_log(path, columns, joint, self.names, self.rate, self.sidecar, self.time_scale, *ends, body=body)
-
-
-@dataclass(frozen=True, kw_only=True)
-class WriteOptions:
-    """Where results go, and what reading and fitting may take."""
-
-    out: Path = Path("identified")
-    """Folder for joints.json, fit.npz, training.json and report.html."""
-    overwrite: bool = False
-    """Write over results in --out that are of other settings, or nobody knows of what."""
-    json: bool = False
-    """Print the machine-readable summary, and nothing else, on standard output."""
-    page: Annotated[bool, SETTING] = True
-    """Write report.html, which takes a second of drawing."""
-    memory_limit: float = DEFAULT_LIMIT / 2**30
-    """Memory that reading and fitting may take beyond the program's own [GiB]; a table may take a quarter of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,35 +102,13 @@ class IdentifyConfig(WriteOptions, ReadOptions, IdentifySetup, LimbSetup):
     """ROLE=NAME pairs that the repeats have and the log has not: disturbance=pulses, say."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class WalkOptions(WriteOptions, ReadOptions, WalkSetup, RobotLogSetup):
-    """Options for the log of a walk; those on columns, time and motors are for logs that are not of evaluate --log."""
-
-    log: Annotated[Path, ARGUMENT]
-    """The log: of evaluate --log, or one with columns of its own, of any kind that identify reads."""
-    robot: str | None = None
-    """The robot, with its masses and link lengths: a MuJoCo or URDF file, a robot.yaml, or the name of a shipped one;
-    by default the shipped one that a log of evaluate --log names."""
-    kp: float | None = None
-    """Proportional gain of the joint controllers during the walk [N m/rad]; the sidecar can say it joint by joint."""
-    kd: float | None = None
-    """Derivative gain [N m s/rad]."""
-    torque_limit: float | None = None
-    """Largest torque of the motors [N m]; by default the robot's."""
-    torque_source: Literal["motor_side", "output_side"] | None = None
-    """Where torque was measured: motor_side is current or command, output_side a sensor behind the gear."""
-    torque_scale: float | None = None
-    """N m per unit of the torque column."""
-    position_scale: float | None = None
-    """rad per unit of position, velocity and target."""
-
-
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
-    if arguments[:1] == [WALK]:
-        return _identify_walk(arguments[1:])
-    if any(is_walk_log(Path(text)) for text in arguments if not text.startswith("-")):
-        return _identify_walk(arguments)
+    named = arguments[:1] == [WALK]
+    if named or any(_is_walk(Path(text)) for text in arguments if not text.startswith("-")):
+        from stiction.cli.identify_walk import identify_walk
+
+        return identify_walk(arguments[named:])
     config = read_options(IdentifyConfig, arguments, "stiction identify", DESCRIPTION, groups=GROUPS)
     # A misspelt `walk` would be taken for the name of a log.
     first = "".join(map(str, config.log[:1]))
@@ -211,6 +121,7 @@ def main(arguments: list[str]) -> int:
 def _identify_joints(config: IdentifyConfig, command: str) -> int:
     """Identify the joints of one log or of several, or of a whole limb; return the exit status. command: as typed."""
     from stiction.api.identification import identify_joints, identify_limb
+    from stiction.files.inputs import with_sidecars
     from stiction.identification.logs import join_logs
     from stiction.report.terminal import work_progress
 
@@ -221,9 +132,15 @@ def _identify_joints(config: IdentifyConfig, command: str) -> int:
         return 0
     held_out = [] if config.held_out is None else [config.held_out]
     for log in (*config.log, *config.repeat, *held_out):
-        _keep_inputs(log, config.out)
+        keep_inputs(log, config.out)
     # Before anything is read: a folder of other results is refused at once, not after minutes of fitting.
-    check_settings(config.out, _verb(config), config, RESULTS, _inputs(config))
+    inputs: Inputs = {
+        **log_inputs(config, config.log),
+        "repeat": with_sidecars(config.repeat),
+        "held_out": with_sidecars(held_out),
+        "robot": config.robot,
+    }
+    check_settings(config.out, "identify", config, RESULTS, inputs)
     setup = part_of(IdentifySetup, config)
     joint = config.joint[0] if len(config.joint) == 1 else None
     first, *more = [config.open(path, joint) for path in config.log]
@@ -239,20 +156,24 @@ def _identify_joints(config: IdentifyConfig, command: str) -> int:
         limb = part_of(LimbSetup, config)
         with Terminal(stderr=True).status("fitting all joints at once"):
             found = identify_limb(first, config.robot, setup, limb, config.joint, [*repeats, *unseen], more)
-    with results_folder(config.out, _verb(config), config, RESULTS, _inputs(config)):
+    with results_folder(config.out, "identify", config, RESULTS, inputs):
         found.write(config.out, command, config.page)
     if config.robot is not None:
-        _print_results(config, found.file, partial(show_limb, model_error=config.model_error))
-        return _status(found.file)
-    _print_results(config, found.file, show)
+        print_results(config, found.file, partial(show_limb, model_error=config.model_error))
+        return status_of(found.file)
+    print_results(config, found.file, show)
     if len(found.signals) > 1 and setup.test_condition != "bare_motor":
         Terminal(stderr=True).print(COUPLED, highlight=False, soft_wrap=True)
-    return _status(found.file)
+    return status_of(found.file)
 
 
-def _status(joints: JointsFile) -> int:
-    """Return the exit status: 1 where the fit of a joint is not valid."""
-    return int(any(record.objection_to("inertia") is not None for record in joints.joints.values()))
+def _is_walk(path: Path) -> bool:
+    """Return whether a path is a walking log by its looks: an archive, or the folder of a run."""
+    if path.suffix != ".npz" and not path.is_dir():
+        return False
+    from stiction.files.run_log import is_walk_log
+
+    return is_walk_log(path)
 
 
 def _start_sidecar(config: IdentifyConfig) -> str:
@@ -281,109 +202,3 @@ def _open_repeat(config: IdentifyConfig, path: Path, joint: str | None) -> Log:
         return replace(config, columns=words, sidecar=None, begin=None, end=None).open(path, joint)
     except LogError as error:
         raise LogError(f"{path.name} cannot be compared, leave it out or mend it: {error}") from error
-
-
-def memory_of(limit: float) -> int:
-    """Return a limit in bytes; raise `ConfigurationError` for one that nothing fits into, or that is no number."""
-    if not 0.125 <= limit <= 1e6:
-        raise ConfigurationError(f"memory limit {limit} GiB: expected at least 0.125")
-    return round(limit * 2**30)
-
-
-def _identify_walk(arguments: list[str]) -> int:
-    """Identify the log of a walk; return the exit status."""
-    options = read_options(WalkOptions, arguments, "stiction identify walk", WALK_DESCRIPTION, groups=WALK_GROUPS)
-    from stiction.files.run_log import read_walk_log
-    from stiction.files.walk import write_walk_fit
-    from stiction.identification.proposal import write_proposal
-    from stiction.identification.walking.foreign import foreign_walk
-    from stiction.identification.walking.pipeline import identify_walk
-    from stiction.identification.walking.walk import Walk
-    from stiction.report.walking import write_walking_page
-    from stiction.robots.catalog import find_robot
-
-    _keep_inputs(options.log, options.out)
-    # As above, before anything is read.
-    check_settings(options.out, _verb(options), options, RESULTS, _inputs(options))
-    setup = part_of(WalkSetup, options)
-    with limit_memory(memory_of(options.memory_limit)), Terminal(stderr=True).status("reading, fitting"):
-        if is_walk_log(options.log):
-            _refuse_declared(options)
-            recorded = read_walk_log(options.log)
-            name = options.robot or recorded.header.robot
-            if options.robot is None and not name.isidentifier():
-                raise RobotError(f"the log is of the robot {name!r}, not a shipped one; name it: --robot")
-            walk = Walk(recorded, find_robot(name), setup)
-        else:
-            log = options.open(options.log, body=True)
-            if options.robot is None:
-                raise RobotError(f"{log.source}: of which robot is this walk? Its masses and lengths: --robot FILE")
-            declared = IdentifySetup(**{name: getattr(options, name) for name in DECLARED})
-            walk = foreign_walk(log, find_robot(options.robot), declared, part_of(RobotLogSetup, options), setup)
-        found = identify_walk(walk)
-        with results_folder(options.out, _verb(options), options, RESULTS, _inputs(options)):
-            found.joints.write(options.out / "joints.json")
-            write_proposal(options.out, found.joints)
-            write_walk_fit(options.out / "fit.npz", found.fit)
-            if options.page:
-                write_walking_page(options.out, shlex.join(["stiction", "identify", WALK, *arguments]))
-    _print_results(options, found.joints, show_walk)
-    return _status(found.joints)
-
-
-def _refuse_declared(options: WalkOptions) -> None:
-    """Refuse what a log of our own form says itself."""
-    names = [item.name for part in (ReadOptions, RobotLogSetup) for item in fields(part)] + list(DECLARED)
-    for name in names:
-        if getattr(options, name) not in (None, ()):
-            raise ConfigurationError(
-                f"{flag_of(name)} with {options.log.name}, a log of evaluate --log, which says that itself: "
-                "leave it out"
-            )
-
-
-def _verb(options: IdentifyConfig | WalkOptions) -> str:
-    """Return the words that the options are of."""
-    return f"identify {WALK}" if isinstance(options, WalkOptions) else "identify"
-
-
-def _inputs(options: IdentifyConfig | WalkOptions) -> Inputs:
-    """Return what is read; a sidecar that is named stands in for that of a log, and not for those of repeats."""
-    from stiction.files.inputs import with_sidecars
-
-    logs = [options.log] if isinstance(options, WalkOptions) else [*options.log]
-    repeats = () if isinstance(options, WalkOptions) else options.repeat
-    return {
-        "log": with_sidecars(logs) if options.sidecar is None else logs,
-        "sidecar": options.sidecar,
-        "repeat": with_sidecars(repeats),
-        "held_out": []
-        if isinstance(options, WalkOptions) or options.held_out is None
-        else with_sidecars([options.held_out]),
-        "robot": options.robot,
-    }
-
-
-def _keep_inputs(log: Path, out: Path) -> None:
-    """Refuse a folder in which a result would overwrite the log, or be taken for its sidecar by the next run."""
-    # Not `Path.resolve`, which raises where a link leads to itself.
-    real = Path(os.path.realpath(log))
-    inputs = (real, sidecar_of(real))
-    for name in RESULTS:
-        if (out / name).resolve() in inputs:
-            raise ConfigurationError(
-                f"--out {out} would put {name} where {log.name} has itself or its sidecar; choose another --out"
-            )
-
-
-def _print_results(
-    options: WriteOptions, joints: JointsFile, show: Callable[[Console, JointsFile, Path], None]
-) -> None:
-    """Print what was found: as JSON, or as `show` does for a person, of a file in a folder."""
-    if options.json:
-        print(object_text(joints.to_dict()), end="")
-        return
-    terminal = Terminal()
-    show(terminal if terminal.is_terminal else Terminal(width=PLAIN_WIDTH), joints, options.out)
-    if options.page:
-        Terminal(stderr=True).print(f"page: {options.out / 'report.html'}", highlight=False, soft_wrap=True)

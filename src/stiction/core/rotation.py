@@ -1,4 +1,4 @@
-"""Rotations in NumPy. Quaternions are of unit length, in the order w, x, y, z; angles are in rad.
+"""Rotations in NumPy, and what pulls down. Quaternions are of unit length, in the order w, x, y, z; angles are in rad.
 
 A function whose name is in the singular takes one quaternion, shape (4,), and vectors of shape (3,); its plural takes N
 of them, batch first: a control loop at 1 kHz and a fleet of thousands must both be fast. What has no plural takes any
@@ -13,6 +13,9 @@ from typing import TypeVar
 import numpy as np
 
 Entry = TypeVar("Entry", float, np.ndarray)
+
+GRAVITY = 9.81
+"""Acceleration of fall [m/s²], in every engine and wherever a weight is known."""
 
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 """Orientation of a base that is not turned: it looks along x."""

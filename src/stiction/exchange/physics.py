@@ -7,7 +7,7 @@ from typing import Literal
 
 from stiction.core.errors import FileError
 from stiction.files.joints import ARMATURE, LOAD_REGRESSORS, Estimate, JointRecord
-from stiction.identification.reference import CONDITIONS
+from stiction.identification.advice import CONDITIONS
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,7 @@ from typing import Any
 
 from stiction.core.errors import StictionError
 from stiction.core.files import digest_of
-from stiction.files.bundle import SUMS, find_bundle
 from stiction.files.log import sidecar_of
-from stiction.files.run_log import find_run_log
-from stiction.robots.description import files_of
 
 Inputs = Mapping[str, str | Path | Sequence[Path] | None]
 """Option -> what was given: paths, a shipped bundle by its name among them; or, as text, a robot by its file or name.
@@ -58,6 +55,8 @@ def changes(before: Any, now: Digests) -> dict[str, str]:
 def _paths(given: str | Path | Sequence[Path] | None) -> Sequence[Path]:
     """Return the files and folders that an option names; of a robot that is no file, none."""
     if isinstance(given, str):
+        from stiction.robots.description import files_of
+
         return files_of(Path(given)) if Path(given).is_file() else ()
     # An option of somebody's own study may be anything.
     several = given if isinstance(given, Sequence) else (given,)
@@ -66,6 +65,12 @@ def _paths(given: str | Path | Sequence[Path] | None) -> Sequence[Path]:
 
 def _digest(path: Path) -> str:
     """Return what a file, bundle or log of a run is known by; raise `OSError` or `StictionError` for what is none."""
+    if path.is_file():
+        return digest_of(path)
+    # Bundles and logs of runs are read where there is one: a table of text needs neither.
+    from stiction.files.bundle import SUMS, find_bundle
+    from stiction.files.run_log import find_run_log
+
     folder = path if path.exists() else find_bundle(path)
     if not folder.is_dir():
         return digest_of(folder)

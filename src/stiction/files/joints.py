@@ -11,20 +11,20 @@ people: what the level rests on, joint by joint.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from stiction.core.decode import from_plain
+from stiction.core.decode import from_plain, value_of
 from stiction.core.errors import FileError, unknown_name
 from stiction.core.names import kind_of
 from stiction.files.log import Axis, TestCondition
 from stiction.files.plain import read_object, take_version, write_object
 from stiction.files.tables import publish_npz, read_npz_arrays
 from stiction.joints.friction import SYMMETRIC
-from stiction.joints.net import TorqueSource
+from stiction.joints.pd import TorqueSource
 
 SCHEMA_VERSION = 1
 """Version of joints.json."""
@@ -97,18 +97,36 @@ FRICTIONS = (
 
 
 @dataclass(frozen=True)
-class Objection:
-    """Why a fit must not be used, and what to do first."""
+class Finding:
+    """What a reader must know before a number is used."""
 
     reason: str
-    """One word for programs: `unexplained_torque`."""
+    """One word for programs: `unexplained_torque`; empty for a warning of a file, which has its sentence alone."""
     seen: str
-    remedy: str
+    """What was seen, with its number; of a warning also what to do."""
+    remedy: str = ""
+    """What to do first, of an error."""
+    severity: Literal["error", "warning", "note"] = "error"
+    """An error makes the whole fit invalid, a warning concerns a part of it, a note says how the log was read."""
 
     @property
     def text(self) -> str:
-        """Both in one sentence."""
-        return f"{self.seen}. Do first: {self.remedy}"
+        """What was seen and what to do in one sentence."""
+        return f"{self.seen}. Do first: {self.remedy}" if self.remedy else self.seen
+
+
+def warning(reason: str, seen: str) -> Finding:
+    """Return a finding that leaves the fit valid."""
+    return Finding(reason, seen, severity="warning")
+
+
+def refused(why: str) -> JointRecord:
+    """Return the record of a joint that was not identified: empty but for the reason."""
+    return JointRecord(findings=(warning("refused", REFUSED + why),))
+
+
+REFUSED = "not identified: "
+"""How the warning of a refused joint begins."""
 
 
 @dataclass(frozen=True)
@@ -160,11 +178,20 @@ class JointRecord:
     """Largest torque of the motor [N m]."""
     diagnostics: dict[str, Any] = field(default_factory=dict)
     """Plain data about the fit: conditioning, residuals, what the other estimator found, and so on."""
-    objections: tuple[Objection, ...] = ()
-    """What makes the fit invalid; where there is any, nothing that trains or simulates takes its friction."""
-    warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    """Errors first, the plainest at the head, then warnings and notes."""
 
-    def objection_to(self, quantity: str) -> Objection | None:
+    @property
+    def objections(self) -> tuple[Finding, ...]:
+        """What makes the fit invalid; where there is any, nothing that trains or simulates takes its friction."""
+        return tuple(one for one in self.findings if one.severity == "error")
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was seen, a sentence a finding."""
+        return tuple(one.seen for one in self.findings)
+
+    def objection_to(self, quantity: str) -> Finding | None:
         """Return why a quantity must not be used, None where it may be.
 
         Dry friction that cannot be told from zero invalidates nothing else, and may be used as zero where it is at most
@@ -226,12 +253,20 @@ class JointRecord:
         """Return plain data for JSON."""
         data = vars(self) | {name: value.to_dict() for name, value in vars(self).items() if isinstance(value, Estimate)}
         data["combinations"] = {name: value.to_dict() for name, value in self.combinations.items()}
-        return data | {"objections": [asdict(one) for one in self.objections], "warnings": list(self.warnings)}
+        del data["findings"]
+        objections = [{"reason": one.reason, "seen": one.seen, "remedy": one.remedy} for one in self.objections]
+        return data | {"objections": objections, "warnings": list(self.warnings)}
 
     @classmethod
     def from_dict(cls, data: Any, where: str) -> JointRecord:
         """Build from plain data; `where` is named in messages. Absent fields take their defaults."""
-        record = from_plain(cls, data, where)
+        said = {name: data[name] for name in ("objections", "warnings") if isinstance(data, dict) and name in data}
+        record = from_plain(cls, {name: data[name] for name in data if name not in said} if said else data, where)
+        errors = value_of(tuple[Finding, ...], said.get("objections", ()), f"{where}: objections", FileError)
+        texts = value_of(tuple[str, ...], said.get("warnings", ()), f"{where}: warnings", FileError)
+        findings = [replace(one, severity="error") for one in errors]
+        findings += [warning("", text) for text in texts if text not in {one.seen for one in errors}]
+        record = replace(record, findings=(*record.findings, *findings))
         estimates = {name: getattr(record, name) for name in QUANTITIES} | record.combinations
         for name, estimate in estimates.items():
             if estimate is not None:

@@ -24,7 +24,7 @@ from stiction.core.names import kind_of
 from stiction.files.plain import read_object
 from stiction.files.tables import Columns, Table, publish_npz, read_npz, read_parquet, write_csv, write_parquet
 from stiction.files.text import read_csv
-from stiction.joints.net import TorqueSource
+from stiction.joints.pd import TorqueSource
 
 TestCondition = Literal["bare_motor", "in_air", "loaded"]
 Axis = Literal["rotary", "linear"]

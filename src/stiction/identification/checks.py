@@ -10,7 +10,7 @@ import numpy as np
 from stiction.core.errors import LogError
 from stiction.files.log import JointSignals, Log
 from stiction.identification.readings import take_readings
-from stiction.identification.setup import LARGEST_TORQUE, LARGEST_VALUE
+from stiction.identification.setup import LARGEST_VALUE
 from stiction.identification.timing import FEWEST_PER_CYCLE, Grid, Timing, even_grid, resample
 
 FEWEST_SAMPLES = 200
@@ -211,43 +211,6 @@ def _check_signal(where: str, name: str, values: np.ndarray, grid: Grid) -> None
             f"{where} jumps from {values[before]:.6g} to {values[after]:.6g} at sample {after + 1}, over "
             f"{limit:.0f} times its usual step; cut damaged samples out or log again"
         )
-
-
-def unit_doubts(signals: Uniform, axis: str = "rotary") -> tuple[tuple[str, str], ...]:
-    """Return what is probably not in SI units: what was seen, and what to do; on a linear axis none is known."""
-    if axis != "rotary":
-        return ()
-    found = []
-    reach = float(np.ptp(signals.position))
-    if reach > LARGEST_REACH:
-        found.append(
-            (
-                f"the position covers {reach:.3g} rad, over {reach / (2 * np.pi):.1f} turns: is it in degrees, or at "
-                "the motor instead of the joint? The result is wrong then",
-                "run again with --position-scale 0.0174533 if the angles are degrees, one over the gear ratio if they "
-                "are the motor's",
-            )
-        )
-    if signals.target is not None:
-        ratio = float(np.std(signals.target)) / max(float(np.std(signals.position)), 1e-300)
-        for factor, word in ((180 / np.pi, "target"), (np.pi / 180, "position")):
-            if abs(np.log(max(ratio, 1e-300) / factor)) < 0.5:
-                found.append(
-                    (
-                        f"the target moves {ratio:.3g} times as far as the position: is the {word} in degrees?",
-                        f"convert the {word} to rad in the log, for --position-scale is of both, and run again",
-                    )
-                )
-    if signals.torque is not None:
-        peak = float(np.abs(signals.torque).max())
-        if peak > LARGEST_TORQUE:
-            found.append(
-                (
-                    f"the torque reaches {peak:.4g} N m: is it in other units, N mm, mA or counts?",
-                    "run again with --torque-scale, N m per unit of the torque column",
-                )
-            )
-    return tuple(found)
 
 
 def check_excitation(source: str, velocity: np.ndarray, step: float) -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stiction.identification.evidence import MIN_EVIDENCE, Gain, evidence_of, gain_of
+from stiction.identification.consistency import MIN_EVIDENCE, Gain, evidence_of, gain_of
 from stiction.identification.intervals import block_count
 from stiction.identification.model import GRAVITY_TERMS, LAWS, Law, Model
 from stiction.identification.prepare import Rows

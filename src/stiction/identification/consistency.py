@@ -1,11 +1,13 @@
 """Consistency of a fit: halves of the log, its slow and fast parts, repeats, drift, timing, whiteness of the residual.
 
 Each part is fitted by itself with viscous and Coulomb friction. Where the parts disagree beyond their intervals the
-law lacks something, and the intervals, which know scatter only, are widened until they admit both.
+law lacks something, and the intervals, which know scatter only, are widened until they admit both. How much better one
+description of a log is than another: `Gain` of the held-out error, and the information criterion.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -229,3 +231,58 @@ def compare_timing(prepared: Prepared, base: Fit) -> Comparison | None:
     speed = float(np.quantile(np.abs(base.rows.velocity), 0.9))
     moved = replace(base, values=np.array([other[name].value for name in base.names]))
     return Comparison(TIMING, parts, values, speed, (friction_at(base, speed), friction_at(moved, speed)), True)
+
+
+DEVIATIONS = 2.0
+"""Standard deviations by which the held-out error must fall for a richer law."""
+
+MIN_GAIN = 0.02
+"""Share by which the held-out error must fall: less is not worth a parameter to anybody."""
+
+MIN_EVIDENCE = 6.0
+"""Drop of the information criterion for a richer law; 6 is called strong."""
+
+
+@dataclass(frozen=True)
+class Gain:
+    """By how much a held-out squared error fell, as a share, with the deviation that the blocks' scatter gives it."""
+
+    mean: float
+    """The share by which it fell [1]."""
+    std: float
+    """Its deviation [1]."""
+
+    @property
+    def certain(self) -> bool:
+        """Whether it is beyond noise and worth a parameter."""
+        return self.mean > DEVIATIONS * self.std and self.mean > MIN_GAIN
+
+
+def gain_of(error: np.ndarray, reference: np.ndarray) -> Gain:
+    """Compare squared errors block by block; shape (num_blocks,) each."""
+    shares = (reference - error) * len(error) / max(float(reference.sum()), 1e-300)
+    return Gain(float(shares.mean()), float(shares.std(ddof=1) / np.sqrt(len(shares))))
+
+
+def gain_by_block(error: np.ndarray, reference: np.ndarray) -> Gain:
+    """Compare squared errors as a share of each block's own, where single blocks hold most of all error.
+
+    error, reference: shape (num_blocks,) each; no block counts for more than it all.
+    """
+    shares = np.clip(1.0 - error / reference.clip(1e-300), -1.0, 1.0)
+    return Gain(float(shares.mean()), float(shares.std(ddof=1) / np.sqrt(len(shares))))
+
+
+def evidence_of(plain: Sequence[np.ndarray], rich: Sequence[np.ndarray], more: int) -> float:
+    """Return by how much the Bayesian information criterion falls from a law to a richer one.
+
+    plain, rich: residuals by either law of every signal, in the same order, shape (num_samples,) each, of the samples
+    that count alone; more: the richer law's further parameters. Σ n ln(Σ r₀² / Σ r₁²) − more ln Σ n over the signals,
+    where n counts independent samples, by the residual with the longer memory.
+    """
+    total, samples = 0.0, 0.0
+    for before, after in zip(plain, rich, strict=True):
+        independent = len(before) / max(correlation_time(before), correlation_time(after))
+        total += independent * float(np.log(np.sum(before**2) / max(float(np.sum(after**2)), 1e-300)))
+        samples += independent
+    return total - more * float(np.log(samples))

@@ -19,8 +19,7 @@ from stiction.identification.closed_loop import (
     controller_mismatch,
 )
 from stiction.identification.combinations import shifted
-from stiction.identification.consistency import COMPARED, Comparison, common_speed, splits
-from stiction.identification.evidence import MIN_EVIDENCE, evidence_of
+from stiction.identification.consistency import COMPARED, MIN_EVIDENCE, Comparison, common_speed, evidence_of, splits
 from stiction.identification.model import GRAVITY_TERMS, Model, nearest_joint
 from stiction.identification.output_error import FEW_TRIALS, MAX_ITERATIONS, OutputError, Signal, fit_output_error
 from stiction.identification.reading import Reading, fine_steps, may_hold, refine, torque_lag

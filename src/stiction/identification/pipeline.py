@@ -14,18 +14,25 @@ import numpy as np
 from stiction.core.errors import ConfigurationError, LogError, StictionError
 from stiction.core.parallel import spread
 from stiction.core.provenance import num_threads
-from stiction.files.joints import FitSignals, JointRecord
+from stiction.files.joints import FitSignals, JointRecord, refused, warning
 from stiction.files.log import UNNAMED, Log
-from stiction.identification.back_emf import BackEmf, find_back_emf
 from stiction.identification.checks import PoorMotion, coupled_text, moving_beside
 from stiction.identification.choice import choose_gravity, choose_law
-from stiction.identification.combinations import strength_identified
-from stiction.identification.consistency import REPEAT, Comparison, compare, compare_parts, compare_timing
-from stiction.identification.evidence import MIN_EVIDENCE, evidence_of
+from stiction.identification.combinations import BackEmf, find_back_emf, strength_identified
+from stiction.identification.consistency import (
+    MIN_EVIDENCE,
+    REPEAT,
+    Comparison,
+    compare,
+    compare_parts,
+    compare_timing,
+    evidence_of,
+)
+from stiction.identification.contradictions import contradicted
+from stiction.identification.findings import NAMELESS, NEGATIVE_FRICTION, find_errors, find_warnings
 from stiction.identification.held_out import hold_out, predicts
 from stiction.identification.in_loop import InLoop, close_loop, compare_in_loop, predict_run, read_again
 from stiction.identification.model import GRAVITY_TERMS, Model
-from stiction.identification.objections import NEGATIVE_FRICTION, contradicted, find_objections
 from stiction.identification.pooling import compare_runs, pooled_rows, share_delay
 from stiction.identification.prepare import Rows, make_rows
 from stiction.identification.record import JointFits, make_record, plain
@@ -44,14 +51,9 @@ from stiction.identification.runs import Run, fit_signals, make_run
 from stiction.identification.setup import IdentifySetup
 from stiction.identification.simulated_choice import choose_simulated
 from stiction.identification.verdict import is_leg, judge
-from stiction.identification.warnings import NAMELESS, find_warnings
 
 Done = Callable[[str], None]
 """Called with a joint's name when it is identified."""
-
-REFUSED = "not identified: "
-"""How the warning of a refused joint begins."""
-
 
 _Job = tuple[Log, str | None, IdentifySetup | None, tuple[Log, ...], tuple[Log, ...], tuple[str, ...], Log | None]
 """What `_attempt` is called with."""
@@ -156,19 +158,19 @@ def _identify(
     fits = JointFits(
         run, rows, base, chosen, choice, loop, comparisons, gravity, predictions, pooling, found_ke, predicted
     )
-    # Make the record, which objections, verdict and warnings read in this order.
+    # Make the record, which errors, verdict and warnings read in this order.
     record = make_record(fits)
-    record = replace(record, objections=find_objections(fits, record, moving))
+    record = replace(record, findings=find_errors(fits, record, moving))
     if any(one.reason == NEGATIVE_FRICTION for one in record.objections):
         none = {"law": None, "text": "No friction law was chosen: friction comes out below zero, which no joint has."}
         record = replace(record, friction_law=(record.friction_law or {}) | none)
     verdict = judge(record, legs=is_leg(run.joint)).to_dict()
     record = replace(record, diagnostics=record.diagnostics | plain({"verdict": verdict}))
-    warnings = (*(one.seen for one in record.objections), *find_warnings(record, run))
+    findings = (*record.findings, *find_warnings(record, run))
     if run.joint == UNNAMED and joint is None and record.axis == "rotary":
-        warnings += (NAMELESS,)
-    warnings += pooling.sentences() if pooling else ()
-    return Identification(run.joint, replace(record, warnings=warnings), _fit_signals(fits))
+        findings += (NAMELESS,)
+    findings += tuple(warning("runs", text) for text in pooling.sentences()) if pooling else ()
+    return Identification(run.joint, replace(record, findings=findings), _fit_signals(fits))
 
 
 def _repeats(
@@ -371,7 +373,7 @@ def identify_log(
     """
     names = [log.joint(name)[0] for name in joints] or list(log.joints)
     found: dict[str, Identification] = {}
-    refused: dict[str, str] = {}
+    unable: dict[str, str] = {}
     # Of several joints each is asked for by name, or a repeat that lacks it could offer its only joint instead.
     named = bool(joints) or len(log.joints) > 1
     jobs = {
@@ -388,14 +390,14 @@ def identify_log(
     }
     for name, outcome in _outcomes(jobs, min(len(jobs), workers or num_threads())):
         if isinstance(outcome, StictionError):
-            refused[name] = str(outcome)
+            unable[name] = str(outcome)
         else:
             found[name] = outcome
             done(name)
     if not found:
-        raise LogError(refused[names[0]])
+        raise LogError(unable[names[0]])
     found |= _with_shared_delay(log, setup or IdentifySetup(), found, jobs)
-    empty = {name: JointRecord(warnings=(REFUSED + refused[name],)) for name in names if name in refused}
+    empty = {name: refused(unable[name]) for name in names if name in unable}
     return {name: found[name] for name in names if name in found}, empty
 
 
@@ -419,7 +421,9 @@ def _with_shared_delay(
             if not isinstance(outcome, StictionError) and predicts(outcome.record) >= predicts(found[name].record):
                 changed[name] = outcome
     return {
-        name: replace(one, record=replace(one.record, warnings=(*one.record.warnings, shared.sentence())))
+        name: replace(
+            one, record=replace(one.record, findings=(*one.record.findings, warning("shared_delay", shared.sentence())))
+        )
         for name, one in changed.items()
     }
 

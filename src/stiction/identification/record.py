@@ -9,27 +9,30 @@ from typing import Any
 import numpy as np
 
 from stiction.files.joints import LOAD_REGRESSORS, PARAMETERS, Estimate, JointRecord
-from stiction.identification.assumption import torque_unit
-from stiction.identification.back_emf import BackEmf, Braking, brake_summary, braking, split_viscous
 from stiction.identification.choice import Choice, GravityChoice
 from stiction.identification.combinations import (
+    BackEmf,
+    Braking,
     Strength,
+    brake_summary,
+    braking,
     combine,
     find_strength,
     missing_experiment,
     position_torque,
     product,
     shifted,
+    split_viscous,
 )
 from stiction.identification.consistency import REPEAT, Comparison, Drift, find_drift, whiteness, widened
 from stiction.identification.held_out import HeldOut
 from stiction.identification.in_loop import InLoop, doubt
 from stiction.identification.model import GRAVITY_TERMS
-from stiction.identification.output_error import OutputError
 from stiction.identification.pooling import Pooling
 from stiction.identification.prepare import Rows
 from stiction.identification.regression import INVERSE_STRENGTH, MAX_INFLATION, Fit
 from stiction.identification.runs import Run
+from stiction.identification.verdict import torque_unit
 from stiction.joints.friction import dead_band, friction_ratio
 
 DELAY_ERROR = 0.1
@@ -130,11 +133,8 @@ class JointFits:
     @property
     def admitted(self) -> tuple[Comparison, ...]:
         """Comparisons that stated intervals admit: all, but for those with repeats that the law does not predict."""
-        poor = {
-            tried["source"]
-            for tried in self.predictions
-            if predicted_badly(tried, _relative_error(self.chosen, self.rows))
-        }
+        own = _relative_error(self.chosen, self.rows)
+        poor = {tried["source"] for tried in self.predictions if predicted_badly(tried, own)}
         return tuple(one for one in self.comparisons if not (one.label.startswith(REPEAT) and one.parts[1] in poor))
 
     @property
@@ -183,6 +183,9 @@ class JointFits:
 
 NEAR_NOISE = 2.0
 """Residual of a simulation over the position's noise up to which nothing is missing in the model."""
+
+UNITLESS = ("stribeck_velocity", "load_coefficient", "effort_coefficient")
+"""Parameters that do not grow with the motor strength."""
 
 SHARED = ("inertia", "offset", *GRAVITY_TERMS)
 """Parameters that mean the same under every friction law."""
@@ -262,7 +265,14 @@ def make_record(fits: JointFits) -> JointRecord:
     # Where the torque is not known in N m the limit is in the unit of what the estimators saw, and k cancels.
     limited = parameters["coulomb_friction"] if in_si else level
     law = _law(fits, strength)
-    law_fields = _law_fields(law, strength)
+    # Fields that only a richer law fills.
+    names = {"load_coefficient": law["parameters"].get("effort_coefficient")} | law["parameters"]
+    law_fields = {
+        name: None if (data := names.get(name)) is None else Estimate.from_dict(data, name)
+        for name in ("static_friction", "stribeck_velocity", "load_coefficient")
+    }
+    if strength.value is None:
+        law_fields["static_friction"] = None
     # Judge the joint by friction at rest where that is more: a torque and a position error must overcome it.
     static = fits.law().get("static_friction")
     held = law_fields["static_friction"] if in_si else static
@@ -276,19 +286,9 @@ def make_record(fits: JointFits) -> JointRecord:
     band = holding.scaled(dead_band(1.0, setup.kp)) if gains_fit and setup.kp else None
     if not fits.by_simulation and not inertia_known(base):
         parameters["inertia"] = None
-    known = parameters | law_fields | loop_unknowns(base, fits.loop, setup.hanging_angle)
+    known: dict[str, Any] = parameters | law_fields | loop_unknowns(base, fits.loop, setup.hanging_angle)
     record = JointRecord(
-        inertia=known["inertia"],
-        viscous_friction=known["viscous_friction"],
-        coulomb_friction=known["coulomb_friction"],
-        offset=known["offset"],
-        gravity_sin=known.get("gravity_sin"),
-        gravity_cos=known.get("gravity_cos"),
-        static_friction=known["static_friction"],
-        stribeck_velocity=known["stribeck_velocity"],
-        load_coefficient=known["load_coefficient"],
-        encoder_bias=known["encoder_bias"],
-        delay=known["delay"],
+        **known,
         motor_strength=strength.value if strength.source == "known_load" else None,
         friction_ratio=ratio,
         dynamic_ratio=dynamic_ratio if held else None,
@@ -383,28 +383,9 @@ def _law(fits: JointFits, strength: Strength) -> dict[str, Any]:
     }
 
 
-UNITLESS = ("stribeck_velocity", "load_coefficient", "effort_coefficient")
-"""Parameters that do not grow with the motor strength."""
-
-
-def _law_fields(law: dict[str, Any], strength: Strength) -> dict[str, Estimate | None]:
-    """Return the fields of the record that only a richer law fills."""
-    names = ("static_friction", "stribeck_velocity", "load_coefficient")
-    known = {name: law["parameters"].get(name) for name in names}
-    known["load_coefficient"] = known["load_coefficient"] or law["parameters"].get("effort_coefficient")
-    if strength.value is None:
-        known["static_friction"] = None
-    return {name: None if data is None else Estimate.from_dict(data, name) for name, data in known.items()}
-
-
 def _relative_error(fit: Fit, rows: Rows) -> float:
     """Return |residual| / |torque| over the rows."""
     return float(np.linalg.norm(fit.residual) / np.linalg.norm(rows.torque))
-
-
-def _simulated(result: OutputError | None) -> dict[str, Any] | None:
-    """Return what output error found, in units of k."""
-    return None if result is None else {**result.estimates, "relative_errors": result.relative_errors}
 
 
 def sampling(run: Run) -> dict[str, Any]:
@@ -418,15 +399,17 @@ def sampling(run: Run) -> dict[str, Any]:
     }
 
 
-def needs_position_check(fits: JointFits) -> bool:
-    """Return True if a torque that follows the position may be missing in the model."""
-    return not (fits.run.setup.fits_gravity or fits.run.setup.payload or fits.follows)
-
-
 def _diagnostics(fits: JointFits, strength: Strength) -> dict[str, Any]:
     """Return the diagnostics of a joint's record."""
     run, base, rows, loop = fits.run, fits.base, fits.rows, fits.loop
     alone = rows is run.rows
+    # Where gravity is in the model, or nothing is missing in it, the position takes no torque.
+    asks_position = not (run.setup.fits_gravity or run.setup.payload or fits.follows)
+    # What output error found, in units of k.
+    simulated, law = (
+        None if one is None else {**one.estimates, "relative_errors": one.relative_errors}
+        for one in (loop.symmetric, loop.chosen)
+    )
     return {
         "method": fits.method,
         "seen": base.estimates(),
@@ -443,7 +426,7 @@ def _diagnostics(fits: JointFits, strength: Strength) -> dict[str, Any]:
         "relative_torque_error": _relative_error(base, rows),
         "whiteness": whiteness(base.residual),
         "blocks": base.blocks.count,
-        "position_torque": position_torque(rows, base) if needs_position_check(fits) else None,
+        "position_torque": position_torque(rows, base) if asks_position else None,
         "comparisons": [comparison.to_dict() for comparison in fits.comparisons],
         "predictions": fits.predictions,
         "inertia_known": fits.by_simulation or inertia_known(base),
@@ -452,8 +435,8 @@ def _diagnostics(fits: JointFits, strength: Strength) -> dict[str, Any]:
         "controller_mismatch": loop.mismatch and loop.mismatch.size,
         "torque_unit": torque_unit(run),
         "closed_loop": loop.reason,
-        "output_error": _simulated(loop.symmetric),
-        "output_error_law": _simulated(loop.chosen),
+        "output_error": simulated,
+        "output_error_law": law,
         "reading": run.reading,
         "held_out": fits.held_out and fits.held_out.to_dict(),
         **({"runs": fits.pooling.to_dict()} if fits.pooling else {}),

@@ -14,7 +14,7 @@ import numpy as np
 
 from stiction.identification.choice import FOLDS, LOAD_UNKNOWN, Candidate, Choice, load_known, negative_friction, settle
 from stiction.identification.closed_loop import LoopError
-from stiction.identification.evidence import MIN_EVIDENCE, evidence_of, gain_by_block
+from stiction.identification.consistency import MIN_EVIDENCE, evidence_of, gain_by_block
 from stiction.identification.in_loop import TELLING, evidence_between, fit_in_loop
 from stiction.identification.intervals import block_count
 from stiction.identification.model import Law, Model

@@ -2,7 +2,10 @@
 
 Where the fit is not valid the three lines say what to do first, why, and that there is no level. Of walking is spoken
 where the joint is a leg's. From which friction on a policy suffers, which training to choose, and what it covers: see
-`advice`.
+`advice`. `propose` makes of the worst joint what `stiction train --friction-from` reads.
+
+A log stays the same if all torques in it grow by one factor. What fixes that factor is a controller whose gains are
+known, a known weight, links of known mass, or what was declared; the first line says what that was (`assumption`).
 """
 
 from __future__ import annotations
@@ -10,14 +13,119 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 from stiction.core.names import kind_of
 from stiction.files.advice import Source
-from stiction.files.joints import FRICTION_REACHES_ZERO, LOAD_REGRESSORS, Estimate, JointRecord
-from stiction.identification.advice import TRAINED_UNDER, Advice, Thresholds, advise, draw_rise, thresholds
-from stiction.identification.assumption import assumption
-from stiction.identification.reference import CONDITIONS, Placement, place
+from stiction.files.joints import (
+    FRICTION_REACHES_ZERO,
+    LOAD_REGRESSORS,
+    Estimate,
+    JointRecord,
+    JointsFile,
+    write_training,
+)
+from stiction.identification.advice import (
+    CONDITIONS,
+    TRAINED_UNDER,
+    Advice,
+    Placement,
+    Thresholds,
+    advise,
+    draw_rise,
+    place,
+    thresholds,
+)
+from stiction.identification.runs import Run
+
+NAMED = {
+    "--kt": ("kt", "N m/A"),
+    "--resistance": ("R", "ohm"),
+    "--duty-voltage": ("supply", "V"),
+    "--torque-scale": ("scale", "a unit"),
+}
+"""Flag -> name and unit of a constant that makes torque of a column."""
+
+WEIGHTS = {
+    "pendulum_mass": "--pendulum-mass",
+    "pendulum_length": "--pendulum-length",
+    "pendulum_angle": "--set pendulum_angle",
+    "payload_mass": "--payload-mass",
+    "payload_distance": "--payload-distance",
+    "payload_angle": "--payload-angle",
+}
+"""Field of the set-up -> flag, of those that say how much a known weight pulls."""
+
+
+def torque_unit(run: Run) -> dict[str, Any] | None:
+    """Return what the log's torque column holds and what its N m rest on, declared numbers by flag; None without one.
+
+    `calibrated`: whether it is in N m; `side`: where it was said to be measured; `weight`: flags of a known weight.
+    """
+    if not run.measured:
+        return None
+    drive, scale = run.setup.drive, run.setup.torque_scale
+    flags = {"--kt": drive.kt, "--resistance": drive.resistance, "--duty-voltage": drive.supply}
+    motor = {"torque": (), "current": ("--kt",), "voltage": ("--kt", "--resistance"), "duty": tuple(flags)}
+    known = {flag: flags[flag] for flag in motor[drive.column]} | {"--torque-scale": scale}
+    return {
+        "column": drive.column,
+        "declared": {flag: value for flag, value in known.items() if value is not None},
+        "calibrated": run.setup.calibrated,
+        "side": run.setup.torque_source,
+        "weight": [flag for name, flag in WEIGHTS.items() if getattr(run.setup, name) is not None],
+    }
+
+
+def assumption(record: JointRecord) -> tuple[tuple[str, ...], str]:
+    """Return the flags that friction rests on and nothing in the log shows, and the same in words; empty where none."""
+    data, rotary = record.diagnostics, record.axis == "rotary"
+    source, given = data.get("strength", {}).get("source"), data.get("torque_unit")
+    if source == "declared":
+        return ("--set motor_strength", "--kp", "--kd"), "all of it if the motor strength and the gains are as declared"
+    if record.torque_source is None and record.kp is not None and record.coulomb_friction is None:
+        gain = f"{record.kp:.4g} {'N m/rad' if rotary else 'N/m'}"
+        said = f"all of it if kp is {gain} and angles are the joint's, as declared: positions alone do not show it"
+        return ("--kp", "--kd", "--position-scale"), said
+    if record.torque_source is None or record.coulomb_friction is None:
+        return (), ""
+    if "torque_by_weight" in data:
+        shows = "nothing in so short a walk shows it"
+        if data["torque_by_weight"] is not None:
+            low, high = data["torque_by_weight"]["interval95"]
+            together = f"the robot's weight says so of all joints together, to {low:.2g} to {high:.2g} times"
+            shows = f"{together}, and of each nothing"
+        return ("--torque-scale",), f"all of it if the torque is in N m, as declared: {shows}"
+    # Where there is a mismatch, however small, the torque was held against gains and positions: that shows its scale.
+    if given is None or data.get("controller_mismatch") is not None:
+        return (), ""
+    if source == "known_load":
+        # A pendulum beside a torque of known unit was held against it.
+        if not given["weight"] or (given["calibrated"] and "--pendulum-mass" in given["weight"]):
+            return (), ""
+        said = "all of it if the known weight is as declared, which tells the scale of the torque"
+        return tuple(given["weight"]), said
+    return _of_unit(given, data.get("torque_by_links"), "N m" if rotary else "N")
+
+
+def _of_unit(given: dict[str, Any], links: dict[str, Any] | None, unit: str) -> tuple[tuple[str, ...], str]:
+    """Return what a torque column rests on; given: `torque_unit`; links: its scale by the links of a limb, or None."""
+    declared = given["declared"]
+    if given["column"] == "torque":
+        flags, what = ("--torque-scale",), f"the torque is in {unit}"
+        shows = "without --kp, --kd and a target nothing shows it"
+    else:
+        numbers = [f"{name} {declared[flag]:.4g} {of}" for flag, (name, of) in NAMED.items() if flag in declared]
+        flags, what = ("--torque-column", *declared), f"the column is a {', '.join([given['column'], *numbers])}"
+        shows = "nothing in the log shows it, and a known pendulum would (--pendulum-mass, --pendulum-length)"
+    if links is not None:
+        low, high = links["interval95"]
+        shows = f"the links' masses say so to {low:.2g} to {high:.2g} times"
+    # A torque scale leaves the speed as it is, and dry friction does not ask how fast.
+    speed = "" if links else ", and of inertia and viscous friction if angles are the joint's and stamps seconds"
+    return flags, f"all of it if {what}, as declared{speed}: {shows}"
+
 
 MARGIN = 2.0
 """Factor on friction measured without load. Friction grows with load, by how much is not known here: a choice."""
@@ -264,3 +372,70 @@ def _span(estimate: Estimate, factor: float, unit: str) -> str:
     low, high = estimate.interval95
     value = f"{estimate.value * factor:.4g}" if low > 0 else f"at most {max(high, 0.0) * factor:.4g}"
     return f"{value}{unit} (95 %: {low * factor:.4g} to {high * factor:.4g})"
+
+
+def propose(file: JointsFile) -> dict[str, Any]:
+    """Return what `stiction train --friction-from` reads, as plain data.
+
+    One training for all joints, by the friction of the worst: what `train` draws is a share of each joint's own limit.
+    `joints` has each joint's ratio, at rest where that is more, and the level that would cover it, `advice` what the
+    choice rests on. `friction` is null, and `text` says why, where no joint has a ratio, or where one is beyond what
+    can be trained. A joint whose fit is not valid has no level.
+    """
+    levels = {name: level for name, one in file.joints.items() if (level := friction_level(one)) is not None}
+    beyond = [name for name, level in levels.items() if level >= TRAINABLE]
+    objections = [f"{name} is not valid: {each.text}" for name, one in file.joints.items() for each in one.objections]
+    need = TrainingNeed(None, ())
+    if not levels and objections:
+        text = f"the fit of {objections[0]}"
+    elif not levels:
+        text = "no rotary joint has a ratio of friction to torque limit: identify with --torque-limit"
+    elif beyond:
+        text = f"{', '.join(beyond)} would need level {TRAINABLE:g} or more, which leaves nothing to walk with: mend it"
+    else:
+        worst = max(levels, key=lambda name: levels[name])
+        verdict = file.joints[worst].diagnostics.get("verdict")
+        robot = verdict.get("robot") if isinstance(verdict, dict) else None
+        need = judge(file.joints[worst], robot=robot if isinstance(robot, str) else None)
+        text = f"{_reason(file, levels, worst)}. The training {need.proposal}"
+        text += f" {need.advice.comparison}" if need.advice else ""
+    return {
+        "friction": need.training,
+        "range": need.advice and need.advice.range,
+        "text": text,
+        "advice": need.advice and need.advice.to_dict(),
+        "joints": {
+            name: {
+                "friction_ratio": record.friction_ratio and record.friction_ratio.to_dict(),
+                "dynamic_ratio": record.dynamic_ratio and record.dynamic_ratio.to_dict(),
+                "dead_band": record.dead_band and record.dead_band.to_dict(),
+                "test_condition": record.test_condition,
+                "friction_level": levels.get(name),
+            }
+            for name, record in file.joints.items()
+        },
+    }
+
+
+def _reason(file: JointsFile, levels: dict[str, float], worst: str) -> str:
+    """Say which joint sets the level, and which joints were not asked."""
+    record = file.joints[worst]
+    measured = CONDITIONS.get(record.test_condition or "", "under no stated condition")
+    text = f"provisional; level {levels[worst]:g} of {worst}, the worst of {len(levels)}, measured {measured}"
+    text += ", by what holds it at rest" if record.holding_friction is not None else ""
+    if record.test_condition != "loaded":
+        text += ", with a margin chosen, not measured, for the load that was not on it"
+    left = [name for name in file.joints if name not in levels]
+    return text + (f"; not valid or without a ratio, and so not asked: {', '.join(left)}" if left else "")
+
+
+def write_proposal(folder: Path, file: JointsFile) -> None:
+    """Write `training.json` beside a `joints.json`; none, and none of before, where no joint's fit is valid.
+
+    May raise `OSError`.
+    """
+    path, known = folder / "training.json", [record for record in file.joints.values() if record.diagnostics]
+    if known and all(record.objections for record in known):
+        path.unlink(missing_ok=True)
+    else:
+        write_training(path, propose(file))

@@ -15,13 +15,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
 from stiction.core.decode import is_integer, is_number, is_text
 from stiction.core.errors import ConfigurationError, FileError
 from stiction.core.names import kind_of
+from stiction.joints.pd import TORQUE_SOURCES as TORQUE_SOURCES
+from stiction.joints.pd import TorqueSource as TorqueSource
 
 
 @dataclass(frozen=True)
@@ -134,9 +136,6 @@ def _check_layers(net: ActuatorNet) -> None:
             width = len(bias)
         _expect(width == 1, where, f"{width} outputs", "one, the torque over its limit")
 
-
-TorqueSource = Literal["motor_side", "output_side"]
-TORQUE_SOURCES: tuple[TorqueSource, ...] = get_args(TorqueSource)
 
 ROWS = 3072
 """Rows that go through the layers at once, so that they stay in the processor's cache."""

@@ -6,11 +6,15 @@ The paper prints the position term with the opposite sign, (θ − a); that join
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from stiction.core.errors import ConfigurationError
+
+TorqueSource = Literal["motor_side", "output_side"]
+TORQUE_SOURCES: tuple[TorqueSource, ...] = get_args(TorqueSource)
+"""Where a torque is measured: by current or command, or behind the gear and the joint's friction."""
 
 
 @dataclass(frozen=True)

@@ -26,9 +26,8 @@ from stiction.report.evaluation import (
     results_table,
     run_blocks,
 )
-from stiction.report.following import command_map, followed_text
+from stiction.report.following import command_map, followed_text, pace_text
 from stiction.report.page import Section, file_uri, paragraph, picture, render_page, table
-from stiction.report.terminal import pace_text
 
 RESULTS = (
     *("report.html", "side-by-side.webp", "example/shank.csv", "example/shank.json", "example/joints.json"),

@@ -19,10 +19,13 @@ from stiction.files.results import DIRECTIONS, FOLLOWS, ResultRow, tell_slowest_
 from stiction.joints.friction import LAWS, has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
 from stiction.report.following import (
+    SLOWEST_WALK,
     command_map,
     counts_sheet,
     followed_text,
     judged_text,
+    pace_text,
+    result_cells,
     shade_following,
 )
 from stiction.report.page import (
@@ -45,7 +48,6 @@ from stiction.report.page import (
     settings_table,
     table,
 )
-from stiction.report.terminal import SLOWEST_WALK, pace_text, result_cells
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -2,42 +2,42 @@
 
 from __future__ import annotations
 
-import shlex
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from markupsafe import Markup
 
 from stiction.core.files import write_text
 from stiction.core.parallel import spread
 from stiction.core.provenance import num_threads
-from stiction.files.joints import (
-    ARMATURE,
-    PARAMETERS,
-    Estimate,
-    FitSignals,
-    JointRecord,
-    JointsFile,
-    load_joints,
-    read_fit,
-)
+from stiction.files.joints import PARAMETERS, Estimate, FitSignals, JointRecord, JointsFile, load_joints, read_fit
 from stiction.identification.consistency import COMPARED, REPEAT
-from stiction.report.joint_figures import against_angle, cloud, overview, residuals, signals
-from stiction.report.page import (
+from stiction.report.joints import (
     CONDITIONS,
+    EXTRA,
     SOURCES,
-    Section,
     axis_units,
-    bullets,
     cells,
-    fold,
+    gather_warnings,
+    joint_columns,
+    joint_row,
     label,
+    lead_lines,
     number,
+    remaining_warnings,
+)
+from stiction.report.page import (
+    COLORS,
+    Section,
+    bullets,
+    figure_block,
+    fold,
+    legend,
+    new_figure,
     paragraph,
     render_page,
     table,
-    unit,
 )
 
 
@@ -154,9 +154,6 @@ MANY = 4
 MOST_NAMES = 4
 """Joints whose names fit into a title."""
 
-EXTRA = ("static_friction", "gravity_sin", "gravity_cos", "motor_strength", "encoder_bias", "delay")
-"""Quantities that are shown only where they were found."""
-
 
 def write_identification_page(folder: Path, command: str = "") -> Path:
     """Write `report.html` beside the `joints.json` and `fit.npz` of `folder`; return its path.
@@ -176,60 +173,6 @@ def write_identification_page(folder: Path, command: str = "") -> Path:
     title = f"Joint identification: {named}"
     write_text(page, render_page(title, sections, lead_lines(joints, folder), remaining_warnings(joints), command))
     return page
-
-
-def lead_lines(joints: JointsFile, folder: Path | None = None) -> tuple[str, ...]:
-    """Return the verdict as the page and the terminal begin with it. folder: where training.json lies, to be named.
-
-    Of one joint its three lines; of several how many there are, what to do first about those that are not valid, a line
-    for all with the same reason, and the lines of the one with the most friction for its motor.
-    """
-    found = {name: record for name, record in joints.joints.items() if record.diagnostics}
-    file = "training.json" if folder is None else shlex.quote(str(folder / "training.json"))
-    lines = {
-        name: tuple(line.replace("--friction-from training.json", f"--friction-from {file}") for line in said)
-        for name, record in found.items()
-        if (said := record.diagnostics.get("verdict", {}).get("lines")) is not None
-    }
-    if len(joints.joints) == 1:
-        return next(iter(lines.values()), ())
-    bad = [name for name, record in found.items() if record.objections]
-    first = [_do_first(found, names) for names in _alike(found, bad)]
-    valid = {name: record for name, record in found.items() if name not in bad}
-    ratios = {name: record.friction_ratio for name, record in valid.items() if record.friction_ratio is not None}
-    count = f"{len(found)} of {len(joints.joints)} joints were identified"
-    none = "any" if len(bad) == len(found) else ", ".join(bad)
-    count += f", {len(bad)} of them not validly: no friction is stated for {none}." if bad else "."
-    if not valid:
-        return (count, *first)
-    if not ratios:
-        return (count, *first, "Without torque limits their friction cannot be judged: --torque-limit.")
-    # By the upper end: a joint whose friction is badly known may be the worst.
-    worst = max(ratios, key=lambda name: ratios[name].interval95[1])
-    return (count, *first, f"{worst} has the most dry friction for its motor:", *lines.get(worst, ()))
-
-
-def _alike(found: Mapping[str, JointRecord], bad: Sequence[str]) -> list[list[str]]:
-    """Return the joints that are not valid, those together that have the same first reason and the same to do."""
-    groups: dict[tuple[str, str], list[str]] = {}
-    for name in bad:
-        first = found[name].objections[0]
-        groups.setdefault((first.reason, first.remedy), []).append(name)
-    return list(groups.values())
-
-
-def _do_first(found: Mapping[str, JointRecord], names: Sequence[str]) -> str:
-    """Return what to do first about joints that are alike, and what was seen: of the first one, where each differs."""
-    first = [found[name].objections[0] for name in names]
-    who = "all joints" if 1 < len(names) == len(found) else ", ".join(names)
-    whose = f"{names[0]}, and the others alike: " if len({one.seen for one in first}) > 1 else ""
-    return f"{who}: do first: {first[0].remedy}. {whose}{first[0].seen}."
-
-
-def remaining_warnings(joints: JointsFile) -> list[str]:
-    """Return `shared_warnings` without what the verdict says already: page and terminal have them below it."""
-    said = " ".join(lead_lines(joints))
-    return [text for text in shared_warnings(joints) if text not in said]
 
 
 def joint_sections(name: str, record: JointRecord, fit: FitSignals) -> list[Section]:
@@ -270,66 +213,6 @@ def _many(joints: JointsFile, drawn: dict[str, list[Section]]) -> list[Section]:
         Section("All joints", (table(["joint", *joint_columns(found)], rows, caption), overview(found))),
         Section("Joint by joint", tuple(blocks)),
     ]
-
-
-def joint_columns(found: Mapping[str, JointRecord]) -> list[str]:
-    """Return the headings of `joint_row`, with the units of the joints, or of each kind of axis among them."""
-
-    def units(quantity: str) -> str:
-        return " or ".join(dict.fromkeys(unit(record, quantity) for record in found.values())) or "1"
-
-    friction = units("coulomb_friction")
-    return [
-        *(f"dry friction [{friction}]", f"95 % interval [{friction}]", f"viscous [{units('viscous_friction')}]"),
-        *(f"inertia [{units('inertia')}]", "f/τ_max [%]", f"f/kp [{units('dead_band')}]", "law"),
-    ]
-
-
-def joint_row(record: JointRecord) -> list[str]:
-    """Return one joint among several, under `joint_columns`: what is known over the motor strength k in its place."""
-    damping = "(B + k·kd)/k" if record.torque_source is None else "B/k"
-    viscous = record.viscous_friction or record.combinations.get(damping)
-    inertia = record.inertia or record.combinations.get("I/k") or record.combinations.get(ARMATURE)
-    friction, _, interval = cells(record.moving_friction)
-    if (holding := record.holding_friction) is not None:
-        friction += f" ({number(holding.value)} at rest)"
-    ratio = "" if record.friction_ratio is None else f"{record.friction_ratio.value:.2%}"
-    numbers = ("" if each is None else number(each.value) for each in (viscous, inertia))
-    band = "" if record.dead_band is None else number(record.dead_band.value)
-    return [friction, interval, *numbers, ratio, band, (record.friction_law or {}).get("law") or ""]
-
-
-def shared_warnings(joints: JointsFile) -> list[str]:
-    """Return the warnings of a single joint; else those that several share, and why joints were refused."""
-    said = gather_warnings(joints)
-    if len(joints.joints) == 1:
-        return list(said)
-    refused = {name for name, record in joints.joints.items() if not record.diagnostics}
-    return [
-        f"{', '.join(names) if len(names) < len(joints.joints) else 'all'}: {text}"
-        for text, names in said.items()
-        if len(names) > 1 or set(names) & refused
-    ]
-
-
-def own_warnings(joints: JointsFile) -> list[tuple[str, str]]:
-    """Return the warnings that one joint of several has alone, with its name; those of a refused one are shared."""
-    if len(joints.joints) == 1:
-        return []
-    return [
-        (names[0], text)
-        for text, names in gather_warnings(joints).items()
-        if len(names) == 1 and joints.joints[names[0]].diagnostics
-    ]
-
-
-def gather_warnings(joints: JointsFile) -> dict[str, list[str]]:
-    """Return every warning once, with the joints that it concerns."""
-    said: dict[str, list[str]] = {}
-    for name, record in joints.joints.items():
-        for text in record.warnings:
-            said.setdefault(text, []).append(name)
-    return said
 
 
 def _values(record: JointRecord) -> Markup:
@@ -409,3 +292,142 @@ def _meaning(name: str, record: JointRecord) -> list[Section]:
     details = record.diagnostics.get("verdict", {}).get("details", ())
     fine_print = fold("What the verdict rests on", [paragraph(text) for text in details])
     return [Section(f"{name}: what it means", (fine_print,))] if details else []
+
+
+MOST_POINTS = 3000
+"""Points drawn per curve; more makes the page heavy and nothing clearer."""
+
+SHOWN = 5.0
+"""Length of the stretch of signals that is drawn [s]."""
+
+
+def cloud(record: JointRecord, fit: FitSignals) -> Markup:
+    """Draw friction, the torque less what inertia, gravity and offset take, against speed, and the law through it."""
+    position, torque = axis_units(record)
+    figure, (axis,) = new_figure(size=(8.0, 4.2), fixed=True)
+    used = _used(fit)
+    friction = fit.torque - fit.rigid_torque
+    axis.plot(fit.velocity[used], friction[used], ".", markersize=2.5, alpha=0.35, label="measured")
+    order = used[np.argsort(fit.velocity[used])]
+    plain = _name(record) == "coulomb"
+    # Each direction for itself: one line would join both levels across zero speed, where friction may take any value.
+    for side in (order[fit.velocity[order] < 0], order[fit.velocity[order] > 0]):
+        last = side is not None and len(side) and fit.velocity[side[0]] > 0
+        if not plain:
+            symmetric = (fit.fitted_torque - fit.rigid_torque)[side]
+            named = "viscous and Coulomb friction" if last else None
+            axis.plot(fit.velocity[side], symmetric, ":", color=COLORS[2], linewidth=1.2, label=named)
+        law = (fit.law_torque - fit.rigid_torque)[side]
+        style = "." if _name(record) in ("position", "load") else "-"
+        named = f"{_name(record)} law" if last else None
+        axis.plot(fit.velocity[side], law, style, color=COLORS[1], linewidth=2, markersize=2, label=named)
+    axis.set(xlabel=f"speed [{position}/s]", ylabel=f"friction [{torque}]")
+    legend(axis)
+    return figure_block(
+        figure,
+        "Each dot is a sample that entered the fit. The step at zero speed is twice the dry friction, the slope is the "
+        "viscous friction. Samples around reversals are left out: there friction may take any value.",
+    )
+
+
+def against_angle(record: JointRecord, fit: FitSignals) -> tuple[Markup, ...]:
+    """Draw dry friction against the angle, where the law that was chosen depends on it; else nothing."""
+    if _name(record) not in ("position", "load"):
+        return ()
+    position, torque = axis_units(record)
+    law = record.friction_law or {}
+    figure, (axis,) = new_figure(size=(8.0, 3.4), fixed=True)
+    used = _used(fit)
+    sign = np.sign(fit.velocity[used])
+    slope = law["drawn"]["viscous_friction"]
+    measured = sign * (fit.torque - fit.rigid_torque)[used] - slope * np.abs(fit.velocity[used])
+    drawn = sign * (fit.law_torque - fit.rigid_torque)[used] - slope * np.abs(fit.velocity[used])
+    order = np.argsort(fit.position[used])
+    axis.plot(fit.position[used], measured, ".", markersize=2.5, alpha=0.35, label="measured")
+    axis.plot(fit.position[used][order], drawn[order], ".", markersize=2, color=COLORS[1], label=f"{_name(record)} law")
+    axis.axhline(law["drawn"]["symmetric"], linestyle=":", color=COLORS[2], label="one value for all angles")
+    axis.set(xlabel=f"angle [{position}]", ylabel=f"dry friction [{torque}]")
+    legend(axis)
+    return (
+        figure_block(
+            figure,
+            "Dry friction against the angle of the joint: what is left of the friction once the viscous part is off.",
+        ),
+    )
+
+
+def signals(record: JointRecord, fit: FitSignals) -> Markup:
+    """Draw position and torque over a few seconds, measured and fitted."""
+    position, torque = axis_units(record)
+    start = 0.3 * float(fit.time[-1])
+    end = start + min(SHOWN, 0.5 * float(fit.time[-1]))
+    shown = np.flatnonzero((fit.time >= start) & (fit.time <= end))
+    shown = shown[:: max(1, len(shown) // MOST_POINTS)]
+    figure, (top, bottom) = new_figure(2, 1, (8.0, 5.0), fixed=True)
+    time = fit.time[shown]
+    if fit.target is not None:
+        top.plot(time, fit.target[shown], label="target", linestyle=":", color=COLORS[2])
+    top.plot(time, fit.position[shown], label="measured", color=COLORS[0])
+    measured = "measured (filtered)" if record.torque_source else "from the controller's law (filtered)"
+    bottom.plot(time, fit.torque[shown], label=measured, color=COLORS[0])
+    bottom.plot(time, fit.law_torque[shown], label=f"regression, {_name(record)} law", color=COLORS[1])
+    if fit.simulated_position is not None:
+        top.plot(time, fit.simulated_position[shown], "--", label="simulated", color=COLORS[1])
+    if fit.simulated_torque is not None:
+        bottom.plot(time, fit.simulated_torque[shown], "--", label="simulated", color=COLORS[3])
+    top.set_ylabel(f"position [{position}]")
+    bottom.set_ylabel(f"torque [{torque}]" if record.axis != "linear" else f"force [{torque}]")
+    bottom.set_xlabel("time [s]")
+    legend(top)
+    legend(bottom)
+    return figure_block(
+        figure, "A few seconds of the log. Simulated: the joint under its controller, from the target alone."
+    )
+
+
+def residuals(record: JointRecord, fit: FitSignals) -> Markup:
+    """Draw what the law does not explain."""
+    figure, (axis,) = new_figure(size=(8.0, 2.6), fixed=True)
+    used = _used(fit)
+    if _name(record) != "coulomb":
+        plain = (fit.torque - fit.fitted_torque)[used]
+        axis.plot(fit.time[used], plain, ".", markersize=2, color=COLORS[2], alpha=0.5, label="viscous and Coulomb")
+    axis.plot(fit.time[used], (fit.torque - fit.law_torque)[used], ".", markersize=2, label=f"{_name(record)} law")
+    axis.set(xlabel="time [s]", ylabel=f"residual [{axis_units(record)[1]}]")
+    legend(axis)
+    return figure_block(
+        figure, "Measured minus fitted torque, at the samples used. A pattern here is physics that the law lacks."
+    )
+
+
+def overview(records: dict[str, JointRecord]) -> Markup:
+    """Draw the dry friction of all joints side by side, with intervals, and its share of the torque limit."""
+    figure, axes = new_figure(1, 2, (8.0, 0.6 + 0.28 * len(records)))
+    names = list(records)
+    panels = (
+        ("dry friction f, or f/k", lambda record: record.holding_friction or record.moving_friction, 1.0),
+        ("f/τ_max [%]", lambda record: record.friction_ratio, 100.0),
+    )
+    for axis, (title, pick, factor) in zip(axes, panels, strict=True):
+        for line, name in enumerate(names):
+            estimate = pick(records[name])
+            if estimate is not None:
+                shown = estimate.scaled(factor)
+                axis.plot(shown.interval95, [line, line], color=COLORS[0], alpha=0.5, linewidth=4)
+                axis.plot([shown.value], [line], "o", color=COLORS[0], markersize=4)
+        axis.set_yticks(range(len(names)), names)
+        axis.set_ylim(len(names) - 0.5, -0.5)
+        axis.set_xlim(left=0)
+        axis.set_xlabel(title)
+    return figure_block(figure, "Dry friction of each joint with its 95 % interval, at rest where that is more.")
+
+
+def _name(record: JointRecord) -> str:
+    """Return the name of the law that was chosen."""
+    return (record.friction_law or {}).get("law") or "coulomb"
+
+
+def _used(fit: FitSignals) -> np.ndarray:
+    """Return indices of at most `MOST_POINTS` samples that entered the fit."""
+    used = np.flatnonzero(fit.used > 0)
+    return used[:: max(1, len(used) // MOST_POINTS)]

@@ -1,10 +1,10 @@
-"""What verbs share on the terminal: a progress bar for named pieces of work, and a table of results."""
+"""What verbs share on the terminal: a console for names from files, progress of named pieces of work, how to stop."""
 
 from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
 from types import FrameType
 from typing import Annotated, Any, TextIO
@@ -13,16 +13,11 @@ from rich.console import Console
 from rich.file_proxy import FileProxy
 from rich.live import Live
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.table import Table
 from rich.text import Text
 
 from stiction.core.errors import ConfigurationError, escaped
 from stiction.core.flags import flag
 from stiction.core.provenance import MOST_THREADS, num_threads
-from stiction.core.records import header, texts
-from stiction.files.following import judge_row
-from stiction.files.results import ResultRow, tell_slowest_walk
-from stiction.joints.friction import level_text
 
 
 class StreamAboveDisplay(FileProxy):
@@ -93,63 +88,6 @@ def print_warnings(verb: str, warnings: Sequence[str]) -> None:
     """Print what a reader must know before the results, a line each, on standard error."""
     for warning in warnings:
         print(f"stiction {verb}: {warning}", file=sys.stderr)
-
-
-COLUMNS = ("friction", "command", "speed ratio", "pace", "error", "falls", "jitter", "tripod")
-"""Main columns of results."""
-
-SLOWEST_WALK = "slowest walk"
-"""One more, where a row has it."""
-
-
-def print_rows(rows: Sequence[ResultRow], limits: Mapping[str, str] | None = None) -> None:
-    """Print the main columns of results on standard output, a heading and a table for each policy.
-
-    limits: policy -> torque limits that its levels are shares of, where they are not the robot's.
-    """
-    console, lines = Terminal(), [result_cells(row) for row in rows]
-    columns = list(COLUMNS)
-    if tell_slowest_walk(rows):
-        columns.insert(columns.index("speed ratio") + 1, SLOWEST_WALK)
-    for policy in dict.fromkeys(row.policy for row in rows):
-        console.print(policy, style="bold", soft_wrap=True, highlight=False)
-        if of := (limits or {}).get(policy):
-            console.print(f"friction is a share of {of}", soft_wrap=True, highlight=False)
-        table = Table(collapse_padding=True)
-        named = {"engine": [row.engine for row in rows], "ground": [row.terrain for row in rows]}
-        where = [name for name, values in named.items() if len(set(values)) > 1]
-        for name in where:
-            table.add_column(name, overflow="fold")
-        for name in columns:
-            # On a narrow terminal headings and words fold before commands and numbers do.
-            least = 1 if name == "pace" else max(len(line[name]) for line in lines)
-            left = name in ("command", "pace")
-            table.add_column(name, justify="left" if left else "right", overflow="fold", min_width=least)
-        for index, row in enumerate(rows):
-            if row.policy == policy:
-                table.add_row(*(named[name][index] for name in where), *(lines[index][name] for name in columns))
-        console.print(table)
-
-
-def pace_text(row: ResultRow) -> str:
-    """Return `follows`, or the faults; a dash for rows without a mean velocity, of older files."""
-    verdict = judge_row(row)
-    return "–" if verdict is None else ", ".join(verdict.faults) or "follows"
-
-
-def result_cells(row: ResultRow) -> dict[str, str]:
-    """Return column -> cell of a row of results, a dash where there is no number."""
-    measured = dict(zip(header(row), texts(row), strict=True))
-    friction = level_text(row.friction_law, row.friction_level)
-    if row.slowest is not None:
-        measured["speed ratio"] += f" ({row.slowest:.2f} to {row.fastest:.2f})"
-    walk = "–" if row.slowest_walk is None else f"{row.slowest_walk:.2f}"
-    return measured | {
-        "friction": friction,
-        "command": row.command,
-        "pace": pace_text(row),
-        SLOWEST_WALK: walk,
-    }
 
 
 class StopRequest:

@@ -12,7 +12,15 @@ from stiction.core.files import write_text
 from stiction.core.names import kind_of
 from stiction.files.joints import Estimate, JointRecord, JointsFile, load_joints
 from stiction.files.walk import WalkFit, read_walk_fit
-from stiction.report.identification import gather_warnings, lead_lines
+from stiction.report.joints import (
+    VALUE_CAPTION,
+    VALUE_COLUMNS,
+    contact_line,
+    grouped_warnings,
+    lead_lines,
+    span,
+    value_rows,
+)
 from stiction.report.page import (
     COLORS,
     INK,
@@ -56,17 +64,6 @@ def write_walking_page(folder: Path, command: str = "") -> Path:
     return page
 
 
-def grouped_warnings(joints: JointsFile) -> list[str]:
-    """Return every warning once, with the joints that it is about in front; not what their lead lines begin with."""
-    everyone = len(joints.joints)
-    led = {one.seen for record in joints.joints.values() for one in record.objections[:1]}
-    return [
-        f"{'all joints' if len(names) == everyone else ', '.join(names)}: {text}"
-        for text, names in gather_warnings(joints).items()
-        if text not in led
-    ]
-
-
 def _kind(name: str, record: JointRecord) -> str:
     """Return the kind of a joint, or of a record that stands for a kind; of a file that does not say, by the name."""
     return str(record.diagnostics.get("kind", kind_of(name)))
@@ -81,39 +78,6 @@ def _panels(count: int, label: str) -> tuple[Figure, list[Axes]]:
     for axis in axes[::MOST_PANELS]:
         axis.set_ylabel(label)
     return figure, axes[:count]
-
-
-def span(estimate: Estimate | None, factor: float = 1.0) -> str:
-    """Return `value ± half-width` of the 95 % interval, with three and two digits."""
-    if estimate is None:
-        return "not known"
-    low, high = estimate.interval95
-    return f"{factor * estimate.value:.3g} ± {factor * (high - low) / 2:.2g}"
-
-
-VALUE_COLUMNS = ("dry friction [N m]", "of limit [%]", "viscous [N m s/rad]", "per load [1]", "swings")
-VALUE_CAPTION = "Friction of the unloaded leg, and what load adds to it; ± is the half-width of the 95 % interval"
-
-
-def value_rows(joints: JointsFile) -> list[list[str]]:
-    """Return what was found, a row a joint: its name, then `VALUE_COLUMNS`."""
-    return [
-        [
-            name,
-            span(record.coulomb_friction),
-            span(record.friction_ratio, 100),
-            span(record.viscous_friction),
-            span(record.load_coefficient),
-            str(record.diagnostics.get("swings", "")),
-        ]
-        for name, record in joints.joints.items()
-    ]
-
-
-def contact_line(joints: JointsFile) -> str:
-    """Say where it is known from which feet bore load."""
-    said = {record.diagnostics["contact"] for record in joints.joints.values() if "contact" in record.diagnostics}
-    return f"feet on the ground, from {'; '.join(sorted(said))}" if said else ""
 
 
 def _condition(joints: JointsFile) -> Markup:

@@ -18,11 +18,9 @@ from typing import Self
 import numpy as np
 
 from stiction.core.errors import RobotError, unknown_name
+from stiction.core.rotation import GRAVITY as GRAVITY
 from stiction.core.rotation import about_vector, matrix, quaternion_of, uprightness
 from stiction.robots.shapes import Shape, Vector
-
-GRAVITY = 9.81
-"""Acceleration of fall [m/s²], in every engine and wherever a weight is known."""
 
 TRUNK_LENGTH = 0.70
 """Length of the trunk of the paper's robot, to which its table of randomisation refers [m]."""

@@ -22,12 +22,12 @@ from stiction.core.provenance import seed_streams
 from stiction.deploy.control import ControlStep, JointCommand, Port, Reading
 from stiction.engines.catalog import binaries, make_engine
 from stiction.files.bundle import Bundle
-from stiction.files.joints import JointRecord, JointsFile
+from stiction.files.joints import JointsFile, refused
 from stiction.files.log import JointSignals, Log, LogSetup
 from stiction.files.walk import WalkHeader, WalkLog
 from stiction.identification.excite.pattern import Pattern
-from stiction.identification.pipeline import REFUSED, identify_log
-from stiction.identification.proposal import write_proposal
+from stiction.identification.pipeline import identify_log
+from stiction.identification.verdict import write_proposal
 from stiction.joints.net import TorqueSource
 from stiction.robots.model import Robot
 from stiction.virtual.cases import Case
@@ -163,7 +163,7 @@ def identify_on_bench(bench: Bench, folder: Path, workers: int = 1) -> None:
     try:
         joints = identified(log, workers)
     except StictionError as error:
-        joints = JointsFile({name: JointRecord(warnings=(f"{REFUSED}no joint was; {error}",)) for name in log.joints})
+        joints = JointsFile({name: refused(f"no joint was; {error}") for name in log.joints})
     with publish_entry(folder, bench.key, bench.label) as partial:
         write_found(joints, partial)
 

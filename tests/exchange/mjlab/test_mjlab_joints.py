@@ -17,7 +17,7 @@ from mjlab.entity import Entity, EntityArticulationInfoCfg
 from mjlab_leg import KP, PERIOD, leg_cfg, made, spec
 from motors import motor, number
 from stiction.core.errors import StictionError
-from stiction.files.joints import JointsFile, Objection
+from stiction.files.joints import Finding, JointsFile
 from stiction.mjlab import with_joints
 
 
@@ -101,7 +101,7 @@ def test_what_is_left_out_is_said_in_a_sentence(tmp_path: Path) -> None:
 
 def test_what_cannot_be_taken_is_refused_in_a_sentence(tmp_path: Path) -> None:
     """A fit that is not valid, a record without a joint, another axis, a robot's configuration, a wrong name."""
-    path = written(tmp_path, shank=motor(objections=(Objection("unexplained_torque", "it is bad", "log again"),)))
+    path = written(tmp_path, shank=motor(findings=(Finding("unexplained_torque", "it is bad", "log again"),)))
     with pytest.raises(
         StictionError, match=r"'shank' is not valid, nothing of it is written: it is bad. Do first: log"
     ):

@@ -13,8 +13,7 @@ from stiction.core.errors import ConfigurationError, LogError
 from stiction.files.joints import ARMATURE, JointsFile
 from stiction.files.log import JointSignals, Log, LogSetup
 from stiction.identification.limb.pipeline import identify_limb
-from stiction.identification.limb.setup import LimbSetup
-from stiction.identification.setup import IdentifySetup
+from stiction.identification.setup import IdentifySetup, LimbSetup
 from stiction.robots.catalog import find_mechanism
 from stiction.robots.mechanism import Mechanism
 from stiction.robots.model import Link

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from limb_logs import ARM6, Truth, limb_logs
 
-from stiction.cli.identify import RESULTS
+from stiction.cli.identified import RESULTS
 from stiction.cli.main import main
 from stiction.files.joints import ARMATURE, load_joints
 from stiction.files.log import write_log

@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to have a robot walk")
 
 from stiction.files.joints import JointRecord, JointsFile
-from stiction.identification.proposal import propose
+from stiction.identification.verdict import propose
 from stiction_experiments.flags import walks as wrong
 from stiction_experiments.flags.study import outcome
 from stiction_experiments.flags.walks import walk_cases

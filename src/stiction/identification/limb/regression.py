@@ -22,9 +22,9 @@ from stiction.identification.combinations import shifted
 from stiction.identification.intervals import SMALLEST_RESIDUAL, block_count, correlation_time
 from stiction.identification.limb.dynamics import MODES, joint_inertia, link_torques
 from stiction.identification.limb.fit import PriorFit, fit_blocks, solve
-from stiction.identification.limb.setup import LimbSetup
 from stiction.identification.limb.signals import LimbRun
 from stiction.identification.runs import Run
+from stiction.identification.setup import LimbSetup
 
 OWN = ("armature", "viscous_friction", "coulomb_friction", "offset")
 """Parameters of each joint, `coulomb_friction.NAME` and so on in a fit; `mass.NAME` is the error of the link that the

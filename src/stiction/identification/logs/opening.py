@@ -28,7 +28,6 @@ from stiction.files.log import (
     sidecar_of,
     suffix_of,
 )
-from stiction.files.run_log import find_run_log, joint_log, read_run_log
 from stiction.files.tables import Table
 from stiction.identification.logs.naming import TOPICS, find_body, find_signals
 from stiction.identification.logs.rows import check_stamps, complete_rows, cut, mend, seconds
@@ -120,10 +119,13 @@ def open_log(
     """
     given = {"rate": rate, "time_scale": time_scale, "begin": begin, "end": end}
     with _unquoted(path):
-        if not body and (run := find_run_log(path)) is not None:
-            useless = {"columns": columns, "names": names, "sidecar": sidecar, "rate": rate, "time_scale": time_scale}
-            _refuse(path.name, useless, "is a log of a run, which says it itself")
-            return cut(joint_log(path.name, read_run_log(run)), begin, end)
+        if path.is_dir() and not body:
+            from stiction.files.run_log import find_run_log, joint_log, read_run_log
+
+            if (run := find_run_log(path)) is not None:
+                useless = {"columns": columns, "names": names, "sidecar": sidecar, "rate": rate}
+                _refuse(path.name, useless | {"time_scale": time_scale}, "is a log of a run, which says it itself")
+                return cut(joint_log(path.name, read_run_log(run)), begin, end)
         _refuse_absent(path)
         with _unquoted(sidecar or sidecar_of(path)):
             setup = _declared(path, sidecar)

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from stiction.core.errors import LogError
-from stiction.files.joints import LOAD_REGRESSORS, Estimate, JointRecord, JointsFile, Objection
+from stiction.files.joints import LOAD_REGRESSORS, Estimate, Finding, JointRecord, JointsFile, warning
 from stiction.files.walk import WalkFit
 from stiction.identification.combinations import shifted
 from stiction.identification.limb.dynamics import joint_inertia
 from stiction.identification.record import plain
 from stiction.identification.verdict import judge
+from stiction.identification.walking.findings import check_walk, joint_errors
 from stiction.identification.walking.load import LoadFit, fit_load
-from stiction.identification.walking.objections import check_walk, joint_objections
 from stiction.identification.walking.swing import SwingFit, SwingRows, fit_swing, swing_rows
 from stiction.identification.walking.walk import SOURCES, Walk
 from stiction.joints.friction import dead_band, friction_ratio
@@ -51,7 +52,7 @@ class WalkFits:
     """What is stated: joint, or kind where a joint's own swings do not tell -> fit."""
     load: LoadFit
     """What load adds."""
-    objections: tuple[Objection, ...]
+    errors: tuple[Finding, ...]
     """What makes all of them invalid."""
     weight: Estimate | None
     """What the motors hold over the robot's weight [1], where the walk tells."""
@@ -77,8 +78,7 @@ def identify_walk(walk: Walk) -> WalkIdentification:
         name = max(chosen, key=lambda name: chosen[name].rows)
         raise LogError(f"this walk tells nothing about any joint: {name}: {chosen[name].refusal}")
     known = [chosen.get(joint.name) or chosen[joint.kind] for joint in spec.joints]
-    objections, weight = check_walk(walk, [one.fit for one in known])
-    fits = WalkFits(walk, chosen, load, objections, weight)
+    fits = WalkFits(walk, chosen, load, *check_walk(walk, [one.fit for one in known]))
     records = {name: joint_record(fits, name) for name in chosen}
     return WalkIdentification(JointsFile(records), load, _walk_fit(fits, rows))
 
@@ -101,7 +101,7 @@ def standing_inertia(spec: Robot) -> np.ndarray:
 
 
 def joint_record(fits: WalkFits, name: str) -> JointRecord:
-    """Return the record of a joint or of a kind, with its objections, verdict and warnings.
+    """Return the record of a joint or of a kind, with its findings and verdict.
 
     The inertia is that of a leg in the air: rotor, and links in the standing pose, whoever uses it takes those off.
     Where no torque was logged, the motor's strength is unknown: newton metres are null, the ratios stay.
@@ -139,7 +139,7 @@ def joint_record(fits: WalkFits, name: str) -> JointRecord:
         "torque_by_weight": fits.weight,
         "contact": SOURCES[walk.contact],
     }
-    objections = fits.objections
+    errors = fits.errors
     if swing.fit is not None:
         fit, rates = swing.fit, rates_are_known(walk)
         rotor, viscous, coulomb = (fit.estimate(key) for key in ("armature", "viscous_friction", "coulomb_friction"))
@@ -162,48 +162,58 @@ def joint_record(fits: WalkFits, name: str) -> JointRecord:
             if rates:
                 inertia = shifted(rotor, float(standing_inertia(spec)[number]))
                 settings |= {"viscous_friction": viscous, "inertia": inertia}
-        objections += joint_objections(fit, walk.measured_acceleration)
-    record = JointRecord(**settings, objections=objections, diagnostics=plain(diagnostics))
+        errors += tuple(joint_errors(fit, walk.measured_acceleration))
+    record = JointRecord(**settings, findings=errors, diagnostics=plain(diagnostics))
     record = replace(record, diagnostics=record.diagnostics | {"verdict": judge(record, robot=spec.name).to_dict()})
-    said = (*(one.seen for one in objections), *_warnings(fits, name, kind), *walk.notes)
-    return replace(record, warnings=said)
+    notes = (Finding("reading", text, severity="note") for text in walk.notes)
+    return replace(record, findings=(*errors, *_warnings(fits, name, kind), *notes))
 
 
-def _warnings(fits: WalkFits, name: str, kind: str) -> list[str]:
-    """Return what a reader should know before trusting the record of a joint, or of a kind."""
-    walk, swing, found = fits.walk, fits.chosen[name], []
+def _warnings(fits: WalkFits, name: str, kind: str) -> Iterator[Finding]:
+    """Yield what a reader should know before trusting the record of a joint, or of a kind."""
+    walk, swing = fits.walk, fits.chosen[name]
     if swing.fit is None:
-        found.append(f"nothing is known: {swing.refusal}")
+        yield warning("swings", f"nothing is known: {swing.refusal}")
     elif name not in walk.spec.joint_names:
         silent = ", ".join(one for one in swing.joints if one not in fits.chosen)
-        found.append(f"swings of all {name} joints together, as if alike, for those whose own do not tell: {silent}")
+        yield warning(
+            "swings", f"swings of all {name} joints together, as if alike, for those whose own do not tell: {silent}"
+        )
     if not walk.measured_torque:
-        found.append(
+        yield warning(
+            "torque",
             "torque was not logged: what the controller asked for stands in, so newton metres are null; friction is "
-            "known as a share of the motor's command"
+            "known as a share of the motor's command",
         )
     elif walk.log.header.torque_source is None:
-        found.append(
+        yield warning(
+            "torque_source",
             "where torque was measured was not declared: taken as the motor's side (current or command, joint friction "
-            "not in it); declare it, --torque-source, or torque_source in the header of a log of evaluate --log"
+            "not in it); declare it, --torque-source, or torque_source in the header of a log of evaluate --log",
         )
     if not walk.measured_acceleration:
-        found.append("there was no accelerometer: the base's acceleration is neglected, and intervals are wide for it")
+        yield warning(
+            "accelerometer",
+            "there was no accelerometer: the base's acceleration is neglected, and intervals are wide for it",
+        )
     if not rates_are_known(walk):
-        found.append(
+        yield warning(
+            "rates",
             "inertia and viscous friction are not stated: between samples of the torque it is not known when it jumps "
-            f"with the target; that takes {1 / COARSE:.0f} samples a second, the targets, and the gains --kp and --kd"
+            f"with the target; that takes {1 / COARSE:.0f} samples a second, the targets, and the gains --kp and --kd",
         )
     elif walk.log.header.recorded_in == "robot" and walk.period > COARSE:
-        found.append(
+        yield warning(
+            "rates",
             f"sampled at {1 / walk.period:.0f} Hz: inertia and viscous friction may be off by a tenth, dry friction "
-            "is not; log at 500 Hz"
+            "is not; log at 500 Hz",
         )
     if walk.log.foot_contact is None and walk.contact == "height":
-        found.append("foot contact was not logged: feet clear of the lowest one are taken to swing, as on flat ground")
+        yield warning(
+            "contact", "foot contact was not logged: feet clear of the lowest one are taken to swing, as on flat ground"
+        )
     if refusal := fits.load.refusal or fits.load.refused.get(kind, ""):
-        found.append(f"friction under load is not known: {refusal}")
-    return found
+        yield warning("load", f"friction under load is not known: {refusal}")
 
 
 def _walk_fit(fits: WalkFits, rows: list[SwingRows]) -> WalkFit:

@@ -7,15 +7,16 @@ the ground carry the robot's weight. Each takes the model, all angles, and what 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
 
 from stiction.core.rotation import crosses
-from stiction.files.joints import Estimate, JointRecord, Objection
+from stiction.files.joints import Estimate, Finding, JointRecord
+from stiction.identification.contradictions import SERIOUS
+from stiction.identification.findings import below_zero, no_friction_shown
 from stiction.identification.limb.fit import PriorFit, fit_blocks
-from stiction.identification.objections import NEGATIVE_FRICTION, SERIOUS, no_friction_shown
 from stiction.identification.walking.swing import BLOCK, FEWEST_ROWS
 from stiction.identification.walking.walk import BEARING, Walk, foot_positions, grow, smooth, swings
 from stiction.robots.model import GRAVITY
@@ -45,7 +46,7 @@ Fits = Sequence[PriorFit | None]
 """What is known of each joint of a robot, None where nothing is."""
 
 
-def check_walk(walk: Walk, fits: Fits) -> tuple[tuple[Objection, ...], Estimate | None]:
+def check_walk(walk: Walk, fits: Fits) -> tuple[tuple[Finding, ...], Estimate | None]:
     """Hold a walk against the robot and against itself.
 
     Returns what makes every joint's fit invalid, the plainest first, and what the motors hold on the ground over the
@@ -68,22 +69,15 @@ def check_walk(walk: Walk, fits: Fits) -> tuple[tuple[Objection, ...], Estimate 
     return tuple(one for one in found if one is not None), weight
 
 
-def joint_objections(fit: PriorFit, accelerometer: bool) -> tuple[Objection, ...]:
-    """Return what makes one joint's fit invalid: friction below zero, or none that is shown.
+def joint_errors(fit: PriorFit, accelerometer: bool) -> Iterator[Finding]:
+    """Yield what makes one joint's fit invalid: friction below zero, or none that is shown.
 
     accelerometer: whether there was one; what the base's acceleration does is else taken for viscous friction.
     """
-    found = []
     for name in ("viscous_friction", "coulomb_friction") if accelerometer else ("coulomb_friction",):
-        low, high = fit.estimate(name).interval95
-        if high < 0:
-            seen = (
-                f"{name} comes out below zero ({low:.4g} to {high:.4g}), which no joint has: something in its swings "
-                "drives the joint that the model does not have"
-            )
-            remedy = "log for longer, at different speeds; check the torques, and the contact (--contact)"
-            found.append(Objection(NEGATIVE_FRICTION, seen, remedy))
-    return (*found, *no_friction_shown(JointRecord(), fit.estimate("coulomb_friction")))
+        remedy = "log for longer, at different speeds; check the torques, and the contact (--contact)"
+        yield from below_zero(name, fit.estimate(name), "its swings", remedy)
+    yield from no_friction_shown(JointRecord(), fit.estimate("coulomb_friction"))
 
 
 def _own_torque(walk: Walk, fits: Fits) -> tuple[np.ndarray, np.ndarray]:
@@ -109,7 +103,7 @@ def _slope(x: np.ndarray, y: np.ndarray, block: np.ndarray) -> Estimate | None:
     return fit_blocks(("slope",), x[:, None], y, block).estimate("slope")
 
 
-def _rates(walk: Walk) -> Objection | None:
+def _rates(walk: Walk) -> Finding | None:
     """Object to velocities that are another multiple of the rates of the angles."""
     rate, logged = smooth(walk.rate, walk.weights), smooth(walk.log.joint_velocity, walk.weights)
     moves = np.sqrt(np.mean(rate**2, axis=0)) > walk.setup.slow
@@ -121,10 +115,10 @@ def _rates(walk: Walk) -> Objection | None:
         f"the joints' velocities are {middle:.3g} times the rates of their angles: the stamps, or the unit of one of "
         "the two, are not as declared"
     )
-    return Objection("rates", seen, "check --time-scale, --rate and --position-scale")
+    return Finding("rates", seen, "check --time-scale, --rate and --position-scale")
 
 
-def _turns(walk: Walk, standing: np.ndarray) -> Objection | None:
+def _turns(walk: Walk, standing: np.ndarray) -> Finding | None:
     """Object to feet on the ground that turn about the base otherwise than the gyroscope says.
 
     Of two feet that stand the distance p turns with the world, p' = -ω × p in the base frame. Along up this holds for
@@ -142,7 +136,7 @@ def _turns(walk: Walk, standing: np.ndarray) -> Objection | None:
     turn = _slope(*np.concatenate(parts).T) if parts else None
     if turn is None or (turn.interval95[0] <= TURNS[1] and turn.interval95[1] >= TURNS[0]):
         return None
-    return Objection(
+    return Finding(
         "turns",
         f"by the joints' angles the base turns over the feet on the ground {_said(turn)} times as fast as its "
         "gyroscope says: angles, their order or signs, the stamps, the gyroscope's unit or the IMU's axes are not as "
@@ -152,7 +146,7 @@ def _turns(walk: Walk, standing: np.ndarray) -> Objection | None:
     )
 
 
-def _swing(walk: Walk, force: np.ndarray, least: np.ndarray, fits: Fits) -> Objection | None:
+def _swing(walk: Walk, force: np.ndarray, least: np.ndarray, fits: Fits) -> Finding | None:
     """Object to a foot that is said to swing and bears load, by the motors' torque, on average or at a swing's ends.
 
     force, least: on each foot over the weight, (T, L). The ends of a swing, where joints turn round and friction is
@@ -179,7 +173,7 @@ def _swing(walk: Walk, force: np.ndarray, least: np.ndarray, fits: Fits) -> Obje
         return None
     _, name, borne = max(found, key=lambda one: one[0])
     low, high = borne.interval95
-    return Objection(
+    return Finding(
         "swing_load",
         f"by the motors' torque foot {name} bears {borne.value:.0%} ({low:.0%} to {high:.0%}) of the robot's weight "
         "where it is said to swing: its contact is another foot's, or comes late, or torques and angles are of other "
@@ -189,13 +183,13 @@ def _swing(walk: Walk, force: np.ndarray, least: np.ndarray, fits: Fits) -> Obje
     )
 
 
-def _carried(walk: Walk, weight: Estimate) -> Objection | None:
+def _carried(walk: Walk, weight: Estimate) -> Finding | None:
     """Object to torques that hold another weight than the robot's."""
     (low, high), most = weight.interval95, SERIOUS + (0 if walk.measured_torque else walk.setup.strength_error)
     if low <= 1 + most and high >= 1 - most:
         return None
     source, flag = ("torques", "--torque-scale") if walk.measured_torque else ("gains", "--kp, --kd")
-    return Objection(
+    return Finding(
         "weight",
         f"on the ground the motors hold {_said(weight)} times the robot's weight, "
         f"{walk.spec.mass + walk.setup.payload:.3g} kg: the {source}, the masses and lengths of --robot or its load "
@@ -205,13 +199,13 @@ def _carried(walk: Walk, weight: Estimate) -> Objection | None:
     )
 
 
-def _late(walk: Walk, fits: Fits) -> Objection | None:
+def _late(walk: Walk, fits: Fits) -> Finding | None:
     """Object to torque that is later, or earlier, against the angles than was declared."""
     late = [fit.value("lateness") for fit in fits if fit is not None]
     middle, bound = float(np.median(late)) if late else 0.0, walk.setup.timing_error * walk.period
     if abs(middle) <= LATE * bound or not walk.measured_acceleration:
         return None
-    return Objection(
+    return Finding(
         "late_torque",
         f"the torque is {1e3 * abs(middle):.2g} ms {'late' if middle > 0 else 'early'} against the angles, and at most "
         f"{1e3 * bound:.2g} ms were declared",

@@ -16,33 +16,33 @@ from stiction.core.errors import LogError, StictionError
 from stiction.exchange.physics import joint_physics
 from stiction.files.joints import (
     Estimate,
+    Finding,
     JointRecord,
     JointsFile,
-    Objection,
     load_joints,
     read_training,
 )
 from stiction.files.known_friction import bench_friction
 from stiction.files.log import Log, write_log
 from stiction.identification.example import LEG, SATURN_LITE, Excitation, example_log
-from stiction.identification.objections import follows_position
+from stiction.identification.findings import below_zero, follows_position, no_friction_shown, unexplained
 from stiction.identification.pipeline import identify_joint
-from stiction.identification.proposal import propose
 from stiction.identification.setup import IdentifySetup
+from stiction.identification.verdict import propose
 from stiction_experiments.flags import RIGHT, drives, limbs
 from stiction_experiments.flags import cases as wrong
 from stiction_experiments.flags.study import all_cases, outcome
 
 SHORT = Excitation(duration=8.0)
 FRICTION = Estimate(0.44, 0.01, (0.42, 0.46))
-GRAVITY_LEFT_OUT = Objection("follows_position", "the torque follows the position", "--gravity True")
+GRAVITY_LEFT_OUT = Finding("follows_position", "the torque follows the position", "--gravity True")
 
 
-def invalid(*objections: Objection, **fields) -> JointRecord:
-    """Return a bare motor's record with objections."""
+def invalid(*errors: Finding, **fields) -> JointRecord:
+    """Return a bare motor's record with errors."""
     known = dict.fromkeys(("inertia", "viscous_friction", "coulomb_friction"), FRICTION)
     known |= {"friction_ratio": FRICTION.scaled(1 / 44), "test_condition": "bare_motor"}
-    return JointRecord(**(known | fields), objections=objections)
+    return JointRecord(**(known | fields), findings=errors)
 
 
 @pytest.mark.parametrize(
@@ -97,6 +97,22 @@ def test_torque_follows_position_by_hand() -> None:
     follows = {"slope": 0.4, "std": 0.1, "changes": {"inertia": -0.3, "coulomb_friction": 0.05}}
     assert follows_position(follows, 0.1) == "inertia" and follows_position(follows, 0.3) is None
     assert follows_position(follows | {"std": 0.14}, 0.1) is None and follows_position(None, 0.0) is None
+
+
+def test_errors_of_a_record_by_hand() -> None:
+    """Each holds at its bound and not before it, with the number that was seen and what to do."""
+    (negative,) = below_zero("viscous_friction", Estimate(-0.2, 0.05, (-0.3, -0.1)), "this log", "look")
+    assert negative.reason == "negative_friction" and negative.remedy == "look" and negative.severity == "error"
+    assert negative.seen.startswith("viscous_friction comes out below zero (-0.3 to -0.1), which no joint has")
+    assert not [*below_zero("viscous_friction", Estimate(-0.2, 0.05, (-0.3, 0.0)), "this log", "look")]
+    (rest,) = unexplained(0.31, "friction", ": noise", "look")
+    assert rest.text == "31% of the torque is not explained by friction, at most 30% may be: noise. Do first: look"
+    assert not [*unexplained(0.3, "friction", ": noise", "look")]
+    faint, static = Estimate(0.01, 0.01, (0.0, 0.02)), Estimate(0.3, 0.01, (0.28, 0.32))
+    (none,) = no_friction_shown(JointRecord(axis="linear"), faint)
+    assert "reaches zero (0 to 0.02 N): the log does not show" in none.seen
+    assert not [*no_friction_shown(JointRecord(static_friction=static), faint)]
+    assert not [*no_friction_shown(JointRecord(), FRICTION)]
 
 
 def test_nobody_reads_a_level_from_an_invalid_fit() -> None:
