@@ -234,13 +234,14 @@ def convert(corpus: Corpus) -> None:
     (folder / "leg.xml").write_text(MODEL)
     (folder / "arm.urdf").write_text(logs.ARM)
     names = "--joint-map FL_hip=FL_hip_joint FL_calf=FL_calf_joint"
-    for target in ("mujoco", "urdf", "isaaclab", "webots", "mjlab"):
+    trainers = ("isaaclab", "isaaclab_newton", "playground", "legged_gym", "genesis")
+    for target in ("mujoco", "urdf", "webots", "mjlab", *trainers):
         corpus.run(f"joints-{target}", f"convert out/joints.json --to {target}")
     corpus.run("joints-mujoco-model", f"convert out/joints.json --to mujoco --model leg.xml {names} --out new.xml")
     corpus.run("joints-urdf-model", "convert out/joints.json --to urdf --model arm.urdf --joint-map FL_hip=shoulder "
                "FL_calf=elbow --out new.urdf")  # fmt: skip
     corpus.run("joints-json", f"convert out/joints.json --to isaaclab {names} --assumed-load 20 --json")
-    for target in ("isaaclab", "legged_gym", "mujoco"):
+    for target in ("mujoco", *trainers):
         corpus.run(f"training-{target}", f"convert out/training.json --to {target} --robot go2 --out {target}.txt")
     corpus.run("training-mjlab", "convert out/training.json --to mjlab")
     corpus.run("training-own", "convert out/training.json --to isaaclab")

@@ -672,7 +672,7 @@ def run(folder: Path, command: str) -> tuple[int, str]:
 
 def outcome(folder: Path, stranger: Stranger) -> dict[str, str]:
     """Write a stranger's file, run the commands, and return the row of the table."""
-    from stiction.files.joints import load_joints
+    from stiction.files.bam import load_joints
 
     stranger.write(folder)
     for command in stranger.commands:

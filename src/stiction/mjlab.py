@@ -7,6 +7,7 @@ from stiction.core.errors import ConfigurationError
 from stiction.core.extras import missing_extra
 
 try:
+    from stiction.exchange.mjlab.actuator import IdentifiedActuatorCfg, friction_law_event, identified_actuator
     from stiction.exchange.mjlab.friction import DrawFriction, friction_events, friction_told
     from stiction.exchange.mjlab.joints import with_joints
     from stiction.exchange.mjlab.log import StictionLog
@@ -15,4 +16,13 @@ except ModuleNotFoundError as error:
         raise
     raise ConfigurationError(message) from error
 
-__all__ = ["DrawFriction", "StictionLog", "friction_events", "friction_told", "with_joints"]
+__all__ = [
+    "DrawFriction",
+    "IdentifiedActuatorCfg",
+    "StictionLog",
+    "friction_events",
+    "friction_law_event",
+    "friction_told",
+    "identified_actuator",
+    "with_joints",
+]

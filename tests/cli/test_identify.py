@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from stiction.cli.main import main
-from stiction.files.joints import load_joints
+from stiction.files.bam import load_joints
 from stiction.files.log import Log, write_log
 from stiction.identification.example import SATURN_LITE, example_log
 

@@ -11,7 +11,8 @@ import walks
 from stiction.cli import evaluate
 from stiction.cli.identified import RESULTS
 from stiction.cli.main import main
-from stiction.files.joints import load_joints, read_training
+from stiction.files.bam import load_joints
+from stiction.files.joints import read_training
 from stiction.files.tables import write_csv
 from stiction.files.walk import read_walk, write_walk
 from without import run_without

@@ -16,8 +16,9 @@ from stiction.evaluation.evaluate import EvaluationCfg
 from stiction.evaluation.grid import GridCfg
 from stiction.evaluation.run import walk_grid
 from stiction.evaluation.table import rows_of
+from stiction.files.bam import load_joints
 from stiction.files.bundle import Bundle, read_bundle
-from stiction.files.joints import Estimate, JointRecord, JointsFile, load_joints, refused
+from stiction.files.joints import Estimate, JointRecord, JointsFile, refused
 from stiction.robots.catalog import find_robot
 from stiction.virtual import bench as bench_module
 from stiction.virtual.bench import Bench

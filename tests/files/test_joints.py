@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from stiction.core.errors import FileError
-from stiction.files.joints import SCHEMA_VERSION, Estimate, Finding, JointRecord, JointsFile, load_joints, warning
+from stiction.files.bam import load_joints
+from stiction.files.joints import SCHEMA_VERSION, Estimate, Finding, JointRecord, JointsFile, warning
 
 FRICTION = Estimate(0.442, 0.01, (0.42, 0.464))
 RECORD = JointRecord(

@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from estimates import holds
-from stiction.files.joints import JointRecord
+from stiction.files.joints import BRAKE, JointRecord
 from stiction.identification.pipeline import identify_joint
-from stiction.identification.setup import BRAKE, IdentifySetup
+from stiction.identification.setup import IdentifySetup
 from stiction_experiments.flags.servo import HANGS, SERVO
 
 WHOLE = SERVO.viscous + SERVO.brake

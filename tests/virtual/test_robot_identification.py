@@ -14,7 +14,7 @@ from stiction.core import cache
 from stiction.core.cache import has_entry
 from stiction.core.errors import StictionError
 from stiction.engines.catalog import ENGINES, EngineSpec
-from stiction.files.joints import load_joints
+from stiction.files.bam import load_joints
 from stiction.robots.catalog import find_robot
 from stiction.virtual import bench as identification
 from stiction.virtual.bench import Bench, BenchCfg, identify_on_bench

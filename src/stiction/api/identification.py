@@ -13,8 +13,8 @@ from stiction.api.logs import Log, as_log
 from stiction.api.options import options_of, public, several
 from stiction.api.result import Progress, Result, html_table, silent
 from stiction.core.errors import ConfigurationError, FileError, LogError
-from stiction.files import joints as files
-from stiction.files.joints import FitSignals, JointRecord, JointsFile, write_fit
+from stiction.files import bam
+from stiction.files.joints import FitSignals, JointRecord, JointsFile, read_fit, write_fit
 from stiction.identification.pipeline import identify_log
 from stiction.identification.setup import IdentifySetup, LimbSetup
 from stiction.identification.verdict import propose, write_proposal
@@ -262,9 +262,9 @@ def load_joints(path: str | Path) -> Identified:
 
     """
     file = Path(path) / "joints.json" if Path(path).is_dir() else Path(path)
-    joints, fit = files.load_joints(file), file.with_name("fit.npz")
+    joints, fit = bam.load_joints(file), file.with_name("fit.npz")
     measured = [name for name, record in joints.joints.items() if record.diagnostics]
-    signals = {name: files.read_fit(fit, name) for name in measured} if fit.is_file() else {}
+    signals = {name: read_fit(fit, name) for name in measured} if fit.is_file() else {}
     return Identified(joints, signals)
 
 

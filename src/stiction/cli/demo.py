@@ -159,7 +159,8 @@ def _identify_record(out: Path, warnings: list[str]) -> list[DemoJoint]:
 def _identify(title: str, arguments: list[str]) -> DemoJoint:
     """Run `stiction identify` and take from its files what the page shows."""
     from stiction.cli import identify
-    from stiction.files.joints import load_joints, read_fit
+    from stiction.files.bam import load_joints
+    from stiction.files.joints import read_fit
     from stiction.report.demo import DemoJoint
     from stiction.report.identification import joint_sections
 

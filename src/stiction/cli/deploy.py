@@ -203,7 +203,7 @@ def _planned(cfg: DeployCfg, address: Address, bundle: Bundle, folder: Path) -> 
     from stiction.deploy.runtime.motion import Motion
     from stiction.deploy.runtime.runtime import run
     from stiction.evaluation.course import untrained
-    from stiction.files.joints import load_joints
+    from stiction.files.bam import load_joints
     from stiction.files.velocity import parse_command
 
     planned = part_of(RunCfg, cfg, supervisor=part_of(SupervisorCfg, cfg))

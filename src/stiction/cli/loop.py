@@ -18,7 +18,7 @@ from stiction.core.errors import FileError, StictionError
 from stiction.core.files import write_text
 from stiction.core.records import column, header, texts
 from stiction.deploy.runtime.ticker import BUSY, LATE, QUIET
-from stiction.files.joints import load_joints
+from stiction.files.bam import load_joints
 from stiction.files.plain import read_object
 
 POLICY, ROBOT = "saturn_lite-flat-deception-0.2", "saturn_lite"

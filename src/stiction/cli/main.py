@@ -21,7 +21,7 @@ VERBS = {
     "robot": "check a robot's file, show its values and their origins",
     "excite": "design the log for identification, before any motion",
     "identify": "find a joint's inertia and friction from a log, with intervals",
-    "convert": "write joints for MuJoCo, URDF, Isaac Lab or Webots",
+    "convert": "write joints and ranges for simulators and trainers",
     "train": "train a policy to walk, with or without joint friction",
     "evaluate": "drive a bundle over engines, friction, grounds, commands",
     "replicate": "run the paper's comparison, and judge its sentences",

@@ -22,9 +22,10 @@ from stiction.core.parallel import spread
 from stiction.evaluation.grid import GridCfg, Walk, plan_forward
 from stiction.evaluation.policies import known_to, nominal_known, parse_source
 from stiction.evaluation.rollout import friction_at
+from stiction.files.bam import load_joints
 from stiction.files.bundle import Bundle
 from stiction.files.contract import Contract, robot_of
-from stiction.files.joints import JointsFile, load_joints
+from stiction.files.joints import JointsFile
 from stiction.files.known_friction import BenchFriction, bench_friction, kind_average
 from stiction.joints.compensation import LOAD_LAW, parse_compensation
 from stiction.robots.model import Robot

@@ -28,12 +28,12 @@ from stiction.deploy.policy import INPUT, OUTPUT, VELOCITY, PolicyStep
 from stiction.deploy.vendor import VendorMap, write_maker_targets
 from stiction.evaluation.golden import record_golden
 from stiction.evaluation.policies import nominal_known
+from stiction.files.bam import load_joints
 from stiction.files.bundle import MAX_BYTES, WEAR
 from stiction.files.contract import Contract, robot_of
 from stiction.files.contract_rules import COMMAND_CORRECTION, TARGET_LIMITS
 from stiction.files.contract_training import span_text
 from stiction.files.joint_map import mapped, refuse_alone
-from stiction.files.joints import load_joints
 from stiction.files.known_friction import TERM, bench_friction, known_friction_text
 from stiction.files.method import Method, describe_method, known_method
 from stiction.files.observation import FIRST_SIDE

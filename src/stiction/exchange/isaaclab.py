@@ -8,22 +8,31 @@ load. Newton, the other backend of Isaac Lab 3, has MuJoCo's row: `friction` alo
 
 from __future__ import annotations
 
-from stiction.exchange.physics import Conversion, JointPhysics, Which, breakaway_text, known, notes_of, number
+from stiction.exchange.physics import (
+    Conversion,
+    JointPhysics,
+    Which,
+    breakaway_text,
+    headline,
+    known,
+    notes_of,
+    number,
+)
 
 
 def isaaclab_snippet(
-    joints: list[JointPhysics], assumed_load: float | None = None, which: Which = "moving"
+    joints: list[JointPhysics], assumed_load: float | None = None, which: Which = "moving", newton: bool = False
 ) -> Conversion:
     """Return Python with one actuator group a joint; its name is the group's joint expression, a regular expression.
 
     assumed_load: |F| + |T| that the joint transmits [N + N m], for the coefficients of the older PhysX; without it none
-    are written; which: friction of a coefficient, and on Newton.
+    are written; which: friction of a coefficient, and on Newton; newton: whether it is for that backend.
     """
-    notes = _notes(joints, assumed_load, which)
-    lines = [f"# {note}" for note in notes]
-    lines += ["", "from isaaclab.actuators import IdealPDActuatorCfg", "", "IDENTIFIED_ACTUATORS = {"]
+    notes, held = _notes(joints, assumed_load, newton), frozenset() if newton else frozenset({"static_friction"})
+    told = [headline(joints, held)]
+    lines = [f"# {told[0]}", "", "from isaaclab.actuators import IdealPDActuatorCfg", "", "IDENTIFIED_ACTUATORS = {"]
     for joint in joints:
-        lines += _group(joint)
+        lines += _group(joint, newton)
     lines.append("}")
     if assumed_load is not None:
         lines += ["", f"# unitless, PhysX before 5.6 only, at an assumed load of {number(assumed_load)} N + N m"]
@@ -33,14 +42,17 @@ def isaaclab_snippet(
                 friction = joint.friction if which == "moving" else _at_rest(joint, joint.friction)
                 lines.append(f"    {joint.name!r}: {number(friction / assumed_load)},")
         lines.append("}")
-    return Conversion.of("\n".join(lines) + "\n", joints, notes)
+    return Conversion.of("\n".join(lines) + "\n", joints, notes, told)
 
 
-def _group(joint: JointPhysics) -> list[str]:
+def _group(joint: JointPhysics, newton: bool) -> list[str]:
     """Return the lines of one actuator group."""
-    rest = None if joint.friction is None else _at_rest(joint, joint.friction)
+    friction = {"friction": joint.friction}
+    if not newton:
+        rest = None if joint.friction is None else _at_rest(joint, joint.friction)
+        friction = {"friction": rest, "dynamic_friction": joint.friction}
     values = known(
-        friction=rest, dynamic_friction=joint.friction, viscous_friction=joint.damping, armature=joint.armature
+        effort_limit=joint.record.torque_limit, **friction, viscous_friction=joint.damping, armature=joint.armature
     )
     gains = {"stiffness": joint.record.kp, "damping": joint.record.kd}
     lines = [f"    {joint.name!r}: IdealPDActuatorCfg(", f"        joint_names_expr=[{joint.name!r}],"]
@@ -56,13 +68,13 @@ def _at_rest(joint: JointPhysics, moving: float) -> float:
     return moving if static is None else max(static.value, moving)
 
 
-def _notes(joints: list[JointPhysics], assumed_load: float | None, which: Which) -> list[str]:
+def _notes(joints: list[JointPhysics], assumed_load: float | None, newton: bool) -> list[str]:
     """Say which versions read this, then what was left out of each joint."""
+    if newton:
+        return notes_of(joints, "for Newton, the other backend of Isaac Lab 3: one number for rest and motion")
     general = [
         "friction as an effort [N m] needs PhysX 5.6 or later (Isaac Sim 5 or 6): there friction holds at rest, "
-        "dynamic_friction brakes in motion",
-        "on Newton (Isaac Lab 3) friction alone is read, for rest and motion: give it the number of "
-        f"{'dynamic_friction' if which == 'moving' else 'friction, which brakes by too much'}",
+        "dynamic_friction brakes in motion; for Newton (Isaac Lab 3) convert --to isaaclab_newton",
         "before that, friction is a unitless coefficient of the load on the joint: these numbers would mean something "
         "else; set friction to 0 there, or use coefficients for one load",
     ]

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from stiction.core.errors import ConfigurationError, FileError
-from stiction.exchange.physics import Conversion, JointPhysics, check_axis, known, notes_of, number, one_line
+from stiction.exchange.physics import Conversion, JointPhysics, check_axis, headline, known, notes_of, number, one_line
 from stiction.exchange.urdf import Edit, Markup, Tag, parse_markup, read_model, set_attributes, xml_comment
 from stiction.robots.physics import FRICTION_D0, LEAST_ITERATIONS, LEAST_LS_ITERATIONS, budget_objection
 
@@ -83,8 +83,9 @@ def mujoco_snippet(joints: list[JointPhysics], timestep: float | None) -> Conver
         tag = set_attributes(b"<joint/>", joint_attributes(joint, step)).decode()
         lines.append(f'  <default class="{_class_name(joint.name)}">\n    {tag}\n  </default>')
     notes.append(ROTOR_NOTE)
-    text = xml_comment(notes) + "<default>\n" + "\n".join(lines) + "\n</default>\n"
-    return Conversion.of(text, joints, notes)
+    told = [headline(joints)]
+    text = xml_comment(told) + "<default>\n" + "\n".join(lines) + "\n</default>\n"
+    return Conversion.of(text, joints, notes, told)
 
 
 def model_joints(markup: Markup) -> dict[str, Tag]:
@@ -144,13 +145,12 @@ def patch_mujoco(
     """
     tree, defaults = model_joints(markup), _defaults(markup, {"joint"})
     step = timestep or _timestep(markup)
-    notes = _notes(joints, step)
-    edits = _budget_edits(markup, notes)
+    told = [headline(joints)]
+    edits = _budget_edits(markup, told)
     rotors, zeroed = _Rotors.of(markup), dict[str, list[str]]()
-    if not rotors.actuators:
-        notes.append(ROTOR_NOTE)
+    notes = _notes(joints, step) + ([] if rotors.actuators else [ROTOR_NOTE])
     if passive:
-        notes.append(f"left as they are, as no actuator drives them: {', '.join(passive)}; a pair may name one in full")
+        told.append(f"left as they are, as no actuator drives them: {', '.join(passive)}; a pair may name one in full")
     # A single number would leave the powers of a default class as they are.
     powers = any(len(tag.attributes.get("damping", "").split()) > 1 for tag in markup.tags if tag.name == "joint")
     for joint in joints:
@@ -170,27 +170,27 @@ def patch_mujoco(
             for name in zeros:
                 zeroed.setdefault(name, []).append(joint.name)
         if joint.damping is not None and damping > LARGE_DAMPING * joint.damping:
-            notes.append(
+            told.append(
                 f"{joint.name}: the model's damping was {number(damping)}, now {number(joint.damping)}: if it stood "
                 "for the controller's kd, give that to the actuator (kv)"
             )
-    notes += [
+    told += [
         f"{name} at the actuators of {', '.join(dict.fromkeys(names))} is 0 now: MuJoCo adds it, times gear squared, "
         "to the joint's, which has what was identified"
         for name, names in zeroed.items()
     ]
-    notes = [one_line(note) for note in notes]
-    return Conversion.of(markup.edited(edits, notes), joints, notes)
+    told = [one_line(note) for note in told]
+    return Conversion.of(markup.edited(edits, told), joints, notes + told[1:], told)
 
 
-def _budget_edits(markup: Markup, notes: list[str]) -> list[Edit]:
-    """Return the changes of `<option>` that give the solver the budget which friction needs, and note them."""
+def _budget_edits(markup: Markup, told: list[str]) -> list[Edit]:
+    """Return the changes of `<option>` that give the solver the budget which friction needs, and tell them."""
     options = [tag for tag in markup.tags if tag.name == "option"]
     stated = {key: tag.attributes[key] for tag in options for key in BUDGET if key in tag.attributes}
     had = [int(np.nan_to_num(_float(stated.get(key, str(own))))) for key, (_, own) in BUDGET.items()]
     if (objection := budget_objection(*had)) is None:
         return []
-    notes.append(f"{objection}: <option> has that now; a file that includes this one must not lower it")
+    told.append(f"{objection}: <option> has that now; a file that includes this one must not lower it")
     edits = []
     for tag in options:
         low = {k: str(least) for k, (least, _) in BUDGET.items() if _float(tag.attributes.get(k, "inf")) < least}

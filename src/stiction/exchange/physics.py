@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from stiction.core.errors import FileError
@@ -41,13 +41,23 @@ class Conversion:
     joints: dict[str, str]
     """Joint of the model -> record."""
     notes: tuple[str, ...]
-    """What the simulator cannot hold, what was left out, and what to mind."""
+    """What the simulator cannot hold, what was left out, and what to mind; all of it, for programs."""
+    told: tuple[str, ...]
+    """The same in one line, and what else was changed in a model: the comment of the text."""
+    files: dict[str, str] = field(default_factory=dict)
+    """Name -> contents, where a target has a file a joint; the text is then that of the first."""
 
     @classmethod
-    def of(cls, text: str, joints: list[JointPhysics], notes: list[str]) -> Conversion:
+    def of(cls, text: str, joints: list[JointPhysics], notes: list[str], told: list[str]) -> Conversion:
         """Return what became of some joints."""
-        return cls(text, {joint.name: joint.recorded for joint in joints}, tuple(notes))
+        return cls(text, {joint.name: joint.recorded for joint in joints}, tuple(notes), tuple(told))
 
+
+PAGE = "docs/which-value-goes-where.md"
+"""Where the traps of every target stand."""
+
+RICHER = ("static_friction", "stribeck_velocity", "load_coefficient")
+"""Quantities of a record beyond Coulomb and viscous friction."""
 
 Which = Literal["moving", "static"]
 """Dry friction for a place with one number: in motion, or at rest where that is more."""
@@ -96,14 +106,13 @@ def joint_physics(recorded: str, record: JointRecord, name: str | None = None, w
 
 def beyond_coulomb(record: JointRecord, represented: frozenset[str] = frozenset()) -> list[str]:
     """Name what the record knows beyond symmetric Coulomb and viscous friction, but for what is `represented`."""
-    richer = ("static_friction", "stribeck_velocity", "load_coefficient")
     # Three laws have a load coefficient, and no target has friction that follows one.
     regressor = record.load_regressor
     load = "" if regressor is None else f" of {LOAD_REGRESSORS[regressor]}"
     notes = [
         f"{quantity} {number(estimate.value)}{load if quantity == 'load_coefficient' else ''} is not represented"
         + (f", {breakaway_text(record)} (--friction static writes it)" if quantity == "static_friction" else "")
-        for quantity in richer
+        for quantity in RICHER
         if quantity not in represented and (estimate := getattr(record, quantity)) is not None
     ]
     law = (record.friction_law or {}).get("law")
@@ -165,6 +174,26 @@ def notes_of(
             own.append(f"{rotor}: {number(joint.armature)} is left out")
         notes |= dict.fromkeys(one_line(f"{joint.recorded}: {note}") for note in own)
     return list(notes)
+
+
+def headline(joints: list[JointPhysics], represented: frozenset[str] = frozenset(), rotor: bool = True) -> str:
+    """Return in one line what is left out of which record, and where the rest stands.
+
+    represented: see `beyond_coulomb`; rotor: whether the simulator has a place for a rotor's inertia.
+    """
+    left: dict[str, list[str]] = {}
+    for joint in joints:
+        parts = {"dry friction": joint.friction, "viscous friction": joint.damping}
+        parts["armature"] = joint.armature if rotor else None
+        out = [name for name, value in parts.items() if value is None]
+        held = represented | joint.represented
+        out += [name for name in RICHER if name not in held and getattr(joint.record, name) is not None]
+        for name in out:
+            left.setdefault(name, []).append(joint.recorded)
+    told = ", ".join(f"{name} ({', '.join(dict.fromkeys(names))})" for name, names in left.items())
+    return one_line(
+        f"written by `stiction convert`{f'; left out: {told}' if told else ''}; why, and what to mind: {PAGE}"
+    )
 
 
 def check_axis(joint: JointPhysics, kind: str, allowed: tuple[str, ...]) -> None:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
+from string import Template
 from typing import Literal
 
 from stiction.core.effects import check_effects, flag_of, needs, requirement
@@ -13,17 +14,38 @@ from stiction.core.errors import ConfigurationError, FileError
 from stiction.exchange.isaaclab import isaaclab_snippet
 from stiction.exchange.mjlab.lines import joints_lines, training_lines
 from stiction.exchange.mujoco import included_joints, joint_kinds, mujoco_snippet, patch_mujoco
-from stiction.exchange.physics import Conversion, JointPhysics, Which, joint_physics
-from stiction.exchange.randomization import FRAMEWORKS, randomization_term, recipe_of
+from stiction.exchange.physics import PAGE, Conversion, JointPhysics, Which, headline, joint_physics, notes_of
+from stiction.exchange.randomization import Recipe, recipe_of
+from stiction.exchange.trainer_texts import (
+    COEFFICIENT,
+    GENESIS,
+    ISAACLAB,
+    LEGGED_GYM,
+    MUJOCO,
+    PLAYGROUND,
+    Tables,
+    trainer_text,
+)
 from stiction.exchange.urdf import TYPES, Markup, parse_markup, patch_urdf, read_model, urdf_joints, urdf_snippet
 from stiction.exchange.webots_joints import patch_webots, webots_joints, webots_snippet
+from stiction.files.bam import bam_of_record, load_joints
 from stiction.files.joint_map import MOST_NAMES, map_joints, parse_joint_map
-from stiction.files.joints import JointsFile, load_joints, read_training
+from stiction.files.joints import JointsFile, read_training
+from stiction.files.plain import object_text
 
-Target = Literal["mujoco", "urdf", "isaaclab", "webots", "mjlab", "legged_gym"]
-
-NOMINAL: tuple[Target, ...] = ("mujoco", "urdf", "isaaclab", "webots", "mjlab")
-"""What takes the values of a `joints.json`; the range of a `training.json` goes to mjlab and `FRAMEWORKS`."""
+Target = Literal[
+    "mujoco",
+    "urdf",
+    "webots",
+    "mjlab",
+    "isaaclab",
+    "isaaclab_newton",
+    "playground",
+    "legged_gym",
+    "genesis",
+    "bam",
+    "joints",
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,8 +53,8 @@ class ConvertOptions:
     """What to convert to, and how."""
 
     to: Target
-    """The simulator, or format. Of a joints.json its values: mujoco, urdf, isaaclab, webots, mjlab; of a training.json
-    the range to train with: mjlab, isaaclab, legged_gym, mujoco."""
+    """The simulator, trainer or format. All take the values of a joints.json; the range of a training.json goes to the
+    simulators and trainers, but for urdf and webots. bam writes BAM's file of each joint, joints a joints.json."""
     model: Path | None = field(default=None, metadata=needs("--to mujoco, urdf or webots"))
     """A MJCF, URDF, PROTO or world to put the values into; it is not changed itself."""
     joint_map: tuple[str, ...] = ()
@@ -45,7 +67,7 @@ class ConvertOptions:
     the values, or in place of the range."""
     friction: Which = "moving"
     """Dry friction of a target with one number: that in motion, or what holds the joint at rest where that is more.
-    Isaac Lab gets both; there it is for Newton and --assumed-load, which have one."""
+    Isaac Lab on PhysX gets both; there it is for --assumed-load."""
     robot: str | None = None
     """Of a training.json: the robot whose joints and torque limits its shares are of; its name, robot.yaml, MJCF or
     URDF. By default the joints of the joints.json that lies beside it."""
@@ -58,8 +80,112 @@ class ConvertOptions:
                 raise ConfigurationError(f"{name} {value}: expected a positive number")
         check_effects(self)
         wild = [pair for pair in self.joint_map if set("*?[") & set(pair)]
-        if wild and self.model is None and self.to not in ("isaaclab", "mjlab"):
+        if wild and self.model is None and self.to not in ("isaaclab", "isaaclab_newton", "mjlab"):
             raise ConfigurationError(f"--joint-map {wild[0]!r}: wildcards need a --model whose joints they can match")
+
+
+@dataclass(frozen=True)
+class Source:
+    """Identified joints, with the file that they come from and its options."""
+
+    joints: list[JointPhysics]
+    path: Path
+    pairs: tuple[tuple[str, str], ...]
+    options: ConvertOptions
+
+
+@dataclass(frozen=True)
+class TargetSpec:
+    """What is written for one target; what it does not take is None."""
+
+    values: Callable[[Source], Conversion]
+    """Writer of the values of a `joints.json`."""
+    ranges: Callable[[Recipe, ConvertOptions], Conversion] | None = None
+    """Writer of the range of a `training.json`."""
+    both: bool = False
+    """True if it has friction at rest and in motion apart."""
+
+
+def _values_of(template: Template) -> Callable[[Source], Conversion]:
+    """Return the writer of values into the text of a trainer."""
+
+    def write(source: Source) -> Conversion:
+        tables = Tables(
+            {joint.name: (joint.friction, joint.friction) for joint in source.joints if joint.friction is not None},
+            {joint.name: joint.damping for joint in source.joints if joint.damping is not None},
+            {joint.name: joint.armature for joint in source.joints if joint.armature is not None},
+        )
+        if not tables.friction:
+            raise FileError(f"{source.path.name} has no dry friction that may be used; --to mujoco takes the rest")
+        if source.options.assumed_load is not None:
+            load = source.options.assumed_load
+            tables = Tables({name: (low / load, high / load) for name, (low, high) in tables.friction.items()})
+        told = [headline(source.joints)]
+        chosen = template if source.options.assumed_load is None else COEFFICIENT
+        text = f"# {told[0]}\n\n{trainer_text(chosen, tables)}"
+        return Conversion.of(text, source.joints, notes_of(source.joints), told)
+
+    return write
+
+
+def _ranges_of(template: Template, newton: bool = False) -> Callable[[Recipe, ConvertOptions], Conversion]:
+    """Return the writer of ranges into the text of a trainer; newton: whether it is Isaac Lab on Newton."""
+
+    def write(recipe: Recipe, options: ConvertOptions) -> Conversion:
+        apart = template is ISAACLAB and options.assumed_load is None
+        factor = 1.0 if apart else recipe.alone / (options.assumed_load or 1.0)
+        spans = {name: (factor * span.low, factor * span.high) for span in recipe.ranges for name in span.joints}
+        tables = Tables(spans, moving=recipe.moving if apart else (1.0, 1.0), together=recipe.together)
+        if newton:
+            drawn = "rest" if options.friction == "static" else "moving"
+            tables = replace(tables, written=f"joint_friction_coeff={drawn}")
+        told = f"{recipe.notes[0]}; what it rests on, and what to mind: {PAGE}"
+        chosen = COEFFICIENT if template is LEGGED_GYM and options.assumed_load is not None else template
+        text = f"# {told}\n\n{trainer_text(chosen, tables)}"
+        return Conversion(text, {name: name for name in spans}, recipe.notes, (told,))
+
+    return write
+
+
+def _bam_files(source: Source) -> Conversion:
+    """Return a parameter file of BAM for each joint."""
+    texts = {joint.name: object_text(bam_of_record(joint.recorded, joint.record)) for joint in source.joints}
+    told = ["BAM's friction under load is of |external - motor torque|, at rest twice the motor's: half of ours"]
+    loaded = any(joint.record.load_coefficient is not None for joint in source.joints)
+    names = {joint.name: joint.recorded for joint in source.joints}
+    return Conversion(next(iter(texts.values())), names, (), tuple(told if loaded else ()), texts)
+
+
+def _joints_file(source: Source) -> Conversion:
+    """Return the records as one joints.json."""
+    text = object_text(JointsFile({joint.name: joint.record for joint in source.joints}).to_dict())
+    return Conversion.of(text, source.joints, [], [])
+
+
+TARGETS: dict[Target, TargetSpec] = {
+    "mujoco": TargetSpec(lambda s: mujoco_snippet(s.joints, s.options.timestep), _ranges_of(MUJOCO)),
+    "urdf": TargetSpec(lambda s: urdf_snippet(s.joints)),
+    "webots": TargetSpec(lambda s: webots_snippet(s.joints)),
+    # Its range needs no torque limits: it has the robot. See `convert_training`.
+    "mjlab": TargetSpec(lambda s: joints_lines(s.path, s.joints, s.pairs, s.options.friction)),
+    "isaaclab": TargetSpec(
+        lambda s: isaaclab_snippet(s.joints, s.options.assumed_load, s.options.friction),
+        _ranges_of(ISAACLAB),
+        both=True,
+    ),
+    "isaaclab_newton": TargetSpec(
+        lambda s: isaaclab_snippet(s.joints, which=s.options.friction, newton=True), _ranges_of(ISAACLAB, newton=True)
+    ),
+    "playground": TargetSpec(_values_of(PLAYGROUND), _ranges_of(PLAYGROUND)),
+    "legged_gym": TargetSpec(_values_of(LEGGED_GYM), _ranges_of(LEGGED_GYM)),
+    "genesis": TargetSpec(_values_of(GENESIS), _ranges_of(GENESIS)),
+    "bam": TargetSpec(_bam_files),
+    "joints": TargetSpec(_joints_file),
+}
+"""Every target of `stiction convert`."""
+
+RANGES = tuple(name for name, spec in TARGETS.items() if spec.ranges)
+"""Targets whose range is drawn by a text of ours; mjlab's is drawn by `stiction.mjlab`."""
 
 
 def convert(file: JointsFile, options: ConvertOptions, path: Path = Path("joints.json")) -> Conversion:
@@ -68,11 +194,6 @@ def convert(file: JointsFile, options: ConvertOptions, path: Path = Path("joints
     Raises `StictionError` for a model that cannot be read or does not fit, and for records that hold nothing.
     """
     options.check()
-    if options.to not in NOMINAL:
-        raise ConfigurationError(
-            f"--to {options.to} writes the range of a training.json; the values of a joints.json go to "
-            f"{', '.join(NOMINAL)}"
-        )
     if options.robot is not None:
         raise ConfigurationError(requirement("--robot", "a training.json"))
     to, pairs = options.to, parse_joint_map(options.joint_map)
@@ -86,14 +207,9 @@ def convert(file: JointsFile, options: ConvertOptions, path: Path = Path("joints
         return (
             _into_mujoco(file, pairs, markup, options) if to == "mujoco" else _into_urdf(file, pairs, markup, options)
         )
-    if to == "isaaclab":
-        return isaaclab_snippet(_joints(file, pairs, None), options.assumed_load, options.friction)
-    joints = _joints(file, pairs, None, which=options.friction)
-    if to == "mjlab":
-        return joints_lines(path, joints, pairs, options.friction)
-    if to == "mujoco":
-        return mujoco_snippet(joints, options.timestep)
-    return urdf_snippet(joints) if to == "urdf" else webots_snippet(joints)
+    spec = TARGETS[to]
+    joints = _joints(file, pairs, None, which="moving" if spec.both else options.friction)
+    return spec.values(Source(joints, path, pairs, options))
 
 
 def _into_urdf(
@@ -151,15 +267,15 @@ def convert_training(path: Path, options: ConvertOptions) -> Conversion:
     if options.to == "mjlab":
         # It has the robot, and so the torque limits.
         if options.robot is not None:
-            raise ConfigurationError(requirement("--robot", "--to isaaclab, legged_gym or mujoco"))
+            raise ConfigurationError(requirement("--robot", f"--to {', '.join(RANGES)}"))
         return training_lines(path, read_training(path), options.friction)
-    if options.to not in FRAMEWORKS:
+    if (write := TARGETS[options.to].ranges) is None:
         raise ConfigurationError(
             f"--to {options.to} takes the values of a joints.json; the range of a training.json goes to "
-            f"mjlab, {', '.join(FRAMEWORKS)}"
+            f"mjlab, {', '.join(RANGES)}"
         )
     recipe = recipe_of(read_training(path), torque_limits(path, options.robot), options.friction)
-    return randomization_term(recipe, options.to, options.assumed_load)
+    return write(recipe, options)
 
 
 def torque_limits(path: Path, robot: str | None) -> dict[str, float]:

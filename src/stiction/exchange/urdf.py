@@ -15,7 +15,7 @@ from xml.parsers import expat
 
 from stiction.core.errors import FileError
 from stiction.core.files import read_bounded
-from stiction.exchange.physics import Conversion, JointPhysics, check_axis, known, notes_of, one_line
+from stiction.exchange.physics import Conversion, JointPhysics, check_axis, headline, known, notes_of, one_line
 
 LARGEST = 16_000_000
 """Bytes of a model; meshes are files of their own."""
@@ -183,7 +183,8 @@ def urdf_snippet(joints: list[JointPhysics]) -> Conversion:
     # A name that does not end a comment.
     names = {joint.name: one_line(joint.name).replace("--", "- -").replace(">", "?") for joint in joints}
     lines = [f"<!-- {names[joint.name]} -->\n{_dynamics(joint).decode()}" for joint in joints if _values(joint)]
-    return Conversion.of(xml_comment(notes) + "\n".join(lines) + "\n", joints, notes)
+    told = [headline(joints, rotor=False)]
+    return Conversion.of(xml_comment(told) + "\n".join(lines) + "\n", joints, notes, told)
 
 
 def urdf_joints(markup: Markup) -> dict[str, Tag]:
@@ -210,7 +211,8 @@ def patch_urdf(markup: Markup, joints: list[JointPhysics]) -> Conversion:
         check_axis(joint, tag.attributes.get("type", ""), TYPES[joint.record.axis])
         if _values(joint):
             edits.append(_edit(markup, tag, joint))
-    return Conversion.of(markup.edited(edits, notes), joints, notes)
+    told = [headline(joints, rotor=False)]
+    return Conversion.of(markup.edited(edits, told), joints, notes, told)
 
 
 def _edit(markup: Markup, tag: Tag, joint: JointPhysics) -> Edit:

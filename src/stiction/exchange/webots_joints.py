@@ -13,7 +13,7 @@ import re
 from dataclasses import dataclass, field
 
 from stiction.core.errors import FileError
-from stiction.exchange.physics import Conversion, JointPhysics, known, notes_of, one_line
+from stiction.exchange.physics import Conversion, JointPhysics, headline, known, notes_of, one_line
 from stiction.exchange.urdf import Edit, edited
 
 _TOKEN = re.compile(rb'#[^\n]*|"(?:\\.|[^"\\])*"|%<|[{}\[\]]|"|[^\s,{}\[\]"#%]+|%', re.DOTALL)
@@ -80,11 +80,12 @@ def webots_snippet(joints: list[JointPhysics]) -> Conversion:
     """Return `jointParameters` fields, one a joint, for a PROTO or a world; raise `StictionError` for a linear axis."""
     notes = _notes(joints)
     notes.append("add the fields to each joint's own HingeJointParameters, beside its axis and anchor")
-    lines = [f"# {note}" for note in notes]
+    told = [headline(joints, rotor=False)]
+    lines = [f"# {note}" for note in told]
     for joint in joints:
         fields = [f"  {name} {value}" for name, value in _fields(joint).items()]
         lines += [f"# {one_line(joint.name)}", "jointParameters HingeJointParameters {", *fields, "}"]
-    return Conversion.of("\n".join(lines) + "\n", joints, notes)
+    return Conversion.of("\n".join(lines) + "\n", joints, notes, told)
 
 
 def webots_joints(data: bytes, where: str) -> dict[str, Node]:
@@ -130,8 +131,9 @@ def patch_webots(data: bytes, where: str, joints: list[JointPhysics]) -> Convers
         edits.append((node.start, node.start, added))
     # The first line says what the file is, and has to stay the first.
     first = data.find(b"\n") + 1
-    edits.append((first, first, "".join(f"# {note}\n" for note in notes).encode()))
-    return Conversion.of(edited(data, edits), joints, notes)
+    told = [headline(joints, rotor=False)]
+    edits.append((first, first, f"# {told[0]}\n".encode()))
+    return Conversion.of(edited(data, edits), joints, notes, told)
 
 
 def _fields(joint: JointPhysics) -> dict[str, str]:

@@ -46,6 +46,9 @@ ARMATURE = "armature"
 """Name among the combinations of a rotor's inertia at its joint, links apart [kg m²]: what the log of a whole limb
 tells in place of an inertia, which there depends on how the other joints stand."""
 
+BRAKE = "B + kt·ke/R"
+"""Name among the combinations of viscous friction and the brake of a motor that is driven by voltage [N m s/rad]."""
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -351,15 +354,14 @@ class JointsFile:
         write_object(path, self.to_dict())
 
 
-def load_joints(path: Path) -> JointsFile:
-    """Read and validate a `joints.json`; raise `FileError` that names the field that is wrong."""
-    data = read_object(path, "the joints.json of identify")
+def read_joints(data: dict[str, Any], where: str) -> JointsFile:
+    """Return a `joints.json` from plain data; raise `FileError` that names the field that is wrong."""
     if "friction" in data:
-        raise FileError(f"{path.name}: this proposes what to train; expected the joints.json that lies beside it")
-    joints = take_version(data, SCHEMA_VERSION, path.name, what="joints.json of identify").get("joints")
+        raise FileError(f"{where}: this proposes what to train; expected the joints.json that lies beside it")
+    joints = take_version(data, SCHEMA_VERSION, where, what="joints.json of identify").get("joints")
     if not isinstance(joints, dict) or not joints:
-        raise FileError(f"{path.name}: field 'joints' must be an object with at least one joint")
-    return JointsFile({name: JointRecord.from_dict(entry, f"{path.name}: {name}") for name, entry in joints.items()})
+        raise FileError(f"{where}: field 'joints' must be an object with at least one joint")
+    return JointsFile({name: JointRecord.from_dict(entry, f"{where}: {name}") for name, entry in joints.items()})
 
 
 @dataclass(frozen=True)
@@ -431,8 +433,9 @@ def is_training(path: Path) -> bool:
 def _check_withheld(path: Path) -> None:
     """Raise `FileError` where a training.json is missing because the fit beside it is not valid."""
     beside = path.parent / "joints.json"
-    records = load_joints(beside).joints if not path.exists() and beside.is_file() else {}
-    for name, record in records.items():
+    if path.exists() or not beside.is_file():
+        return
+    for name, record in read_joints(read_object(beside, "the joints.json of identify"), beside.name).joints.items():
         for one in record.objections:
             raise FileError(
                 f"there is no {path.name}, for nothing can be proposed from this identification: {name}: {one.text}"

@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from stiction.files.joints import PARAMETERS, Estimate
+from stiction.files.joints import BRAKE, PARAMETERS, Estimate
 from stiction.identification.prepare import Rows
 from stiction.identification.regression import INVERSE_STRENGTH, MAX_INFLATION, Fit, fit_with_column
 from stiction.identification.runs import Run
-from stiction.identification.setup import BACK_EMF_ERROR, BRAKE
+from stiction.identification.setup import BACK_EMF_ERROR
 
 OVER_K = {
     "inertia": "I/k",

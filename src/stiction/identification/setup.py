@@ -33,9 +33,6 @@ BACK_EMF_ERROR = 0.1
 """Share of kt ke/R that the interval of viscous friction admits where ke was taken and not found: copper that is 25 K
 warmer has a tenth more resistance. A choice."""
 
-BRAKE = "B + kt·ke/R"
-"""Name among the combinations of viscous friction and the motor's brake together [N m s/rad]."""
-
 
 @dataclass(frozen=True)
 class Drive:

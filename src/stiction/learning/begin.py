@@ -15,8 +15,8 @@ from stiction.core.errors import ConfigurationError, EngineError
 from stiction.core.files import digest_of
 from stiction.engines.batch import EngineBatch
 from stiction.engines.catalog import what_is_missing
+from stiction.files.bam import load_joints
 from stiction.files.joint_map import mapped, refuse_alone
-from stiction.files.joints import load_joints
 from stiction.joints.friction import has_coefficient
 from stiction.learning.config import TrainCfg
 from stiction.learning.ranks import ALONE, Ranks

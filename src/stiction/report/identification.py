@@ -11,7 +11,8 @@ from markupsafe import Markup
 from stiction.core.files import write_text
 from stiction.core.parallel import spread
 from stiction.core.provenance import num_threads
-from stiction.files.joints import PARAMETERS, Estimate, FitSignals, JointRecord, JointsFile, load_joints, read_fit
+from stiction.files.bam import load_joints
+from stiction.files.joints import PARAMETERS, Estimate, FitSignals, JointRecord, JointsFile, read_fit
 from stiction.identification.consistency import COMPARED, REPEAT
 from stiction.report.joints import (
     CONDITIONS,

@@ -10,7 +10,8 @@ from markupsafe import Markup
 
 from stiction.core.files import write_text
 from stiction.core.names import kind_of
-from stiction.files.joints import Estimate, JointRecord, JointsFile, load_joints
+from stiction.files.bam import load_joints
+from stiction.files.joints import Estimate, JointRecord, JointsFile
 from stiction.files.walk import WalkFit, read_walk_fit
 from stiction.report.joints import (
     VALUE_CAPTION,

@@ -56,12 +56,20 @@ def test_a_coefficient_needs_a_load() -> None:
 
 def test_a_coefficient_has_one_friction_and_efforts_have_both() -> None:
     """0.6 at rest and 0.4 in motion under 100 N + N m: by default the one in motion, by --friction static at rest."""
-    for which, coefficient, newton in (
-        ("moving", 0.004, "dynamic_friction"),
-        ("static", 0.006, "friction, which brakes"),
-    ):
+    for which, coefficient in (("moving", 0.004), ("static", 0.006)):
         given = isaaclab_snippet([joint("hip", static_friction=number(0.6))], 100.0, which)
         assert f"'hip': {coefficient:g}," in given.text and "motor: breakaway over moving: 1.5" in given.notes
         found = groups(given.text)["hip"]
         assert (found["friction"], found["dynamic_friction"]) == (0.6, 0.4)
-        assert any(f"give it the number of {newton}" in note for note in given.notes)
+
+
+def test_newton_gets_one_friction() -> None:
+    """It reads no dynamic friction: that in motion stands under `friction`, and what holds at rest is told as left out.
+
+    The torque limit is what the actuator clips at, on both backends.
+    """
+    given = isaaclab_snippet([joint("hip", static_friction=number(0.6), torque_limit=45.0)], newton=True)
+    found = groups(given.text)["hip"]
+    assert found["friction"] == 0.4 and "dynamic_friction" not in found and found["effort_limit"] == 45.0
+    assert "left out: static_friction (motor)" in given.text.splitlines()[0]
+    assert groups(isaaclab_snippet([joint("hip", torque_limit=45.0)]).text)["hip"]["effort_limit"] == 45.0

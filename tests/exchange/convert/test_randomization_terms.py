@@ -13,11 +13,13 @@ import numpy as np
 import pytest
 import torch
 
+from motors import motor
 from stiction.cli.main import main
 from stiction.core.errors import StictionError
 from stiction.exchange.mjlab.lines import training_lines
 from stiction.exchange.physics import Which
-from stiction.exchange.randomization import FRAMEWORKS, FrictionRange, randomization_term, recipe_of
+from stiction.exchange.randomization import FrictionRange, Recipe, recipe_of
+from stiction.exchange.targets import RANGES, TARGETS, ConvertOptions, Target, convert
 from stiction.files.joints import JointRecord, JointsFile, write_training
 
 TRAINING = {
@@ -36,6 +38,16 @@ def test_shares_become_newton_metres_joints_of_one_limit_together() -> None:
         FrictionRange(("FL.calf",), 0.0, pytest.approx(10.8)),
     )
     assert all("\n" not in note for note in recipe.notes)
+
+
+def term(recipe: Recipe, to: Target, load: float | None = None, which: Which = "moving") -> str:
+    """Return the text that draws a range."""
+    write = TARGETS[to].ranges
+    assert write is not None
+    done = write(recipe, ConvertOptions(to=to, assumed_load=load, friction=which))
+    assert done.text.startswith(f"# {done.told[0]}\n") and len(done.told) == 1 and len(done.told[0]) < 240
+    assert done.told[0].endswith("docs/which-value-goes-where.md")
+    return done.text
 
 
 def run(text: str, **modules: ModuleType) -> dict[str, Any]:
@@ -64,7 +76,7 @@ def module(**values: Any) -> ModuleType:
 
 def test_mujoco_draws_within_the_range_and_holds_the_joint() -> None:
     """One number for all joints; the joint under 90 % of its friction stays where it is."""
-    draw = run(randomization_term(recipe_of(TRAINING, {"a": 10.0, "b": 20.0}), "mujoco").text)["draw_friction"]
+    draw = run(term(recipe_of(TRAINING, {"a": 10.0, "b": 20.0}), "mujoco"))["draw_friction"]
     body = '<body><joint name="{0}" axis="0 1 0"/><geom size=".1" mass="1" pos=".2 0 0" contype="0"/></body>'
     model = mujoco.MjModel.from_xml_string(
         f'<mujoco><option timestep="0.002" integrator="implicitfast" gravity="0 0 0"/><worldbody>{body.format("a")}'
@@ -112,6 +124,29 @@ class Asset:
         self.written = values
 
 
+class ManagerTermBase:
+    """Isaac Lab's base of terms that keep something."""
+
+    def __init__(self, cfg: Any, env: Any) -> None:
+        self.cfg, self._env = cfg, env
+
+
+def drawn_in_isaac_lab(text: str) -> dict[str, Any]:
+    """Run an event in 300 robots, made and called as Isaac Lab's event manager does; return what it writes."""
+    stand_ins = {
+        "isaaclab": module(),
+        "isaaclab__managers": module(EventTermCfg=SimpleNamespace, ManagerTermBase=ManagerTermBase),
+        "isaaclab__utils": module(configclass=lambda cls: cls),
+    }
+    asset = Asset()
+    env = SimpleNamespace(scene=type("Scene", (dict,), {"num_envs": 300})({"robot": asset}))
+    cfg = run(text, **stand_ins)["FrictionEvents"].joint_friction
+    assert issubclass(cfg.func, ManagerTermBase) and cfg.mode == "reset"
+    cfg.params = {}
+    cfg.func(cfg, env)(env, None, **cfg.params)
+    return asset.written
+
+
 APART = {"friction_ratio": {"value": 0.3}, "dynamic_ratio": {"value": 0.2}, "friction_level": 0.3}
 
 
@@ -128,27 +163,18 @@ def test_isaac_lab_gets_friction_at_rest_and_in_motion_and_no_viscous(
     """Its own term would draw viscous friction from the range of the dry one; where rest and motion were told apart,
     their ratio is that of the joint that sets the level.
     """
-    stand_ins = {
-        "isaaclab": module(),
-        "isaaclab__managers": module(EventTermCfg=lambda **values: values),
-        "isaaclab__utils": module(configclass=lambda cls: cls),
-    }
     training = TRAINING | {"friction": TRAINING["friction"] | {"per": per}, "joints": joints}
-    text = randomization_term(recipe_of(training, LIMITS), "isaaclab", load).text
-    defined = run(text, **stand_ins)
-    asset = Asset()
-    scene = {"robot": asset}
-    env = SimpleNamespace(scene=type("Scene", (dict,), {"num_envs": 300})(scene))
-    defined["FrictionEvents"].joint_friction["func"](env, None)
-    friction = asset.written["joint_friction_coeff"]
-    torch.testing.assert_close(asset.written["joint_dynamic_friction_coeff"], moving * friction)
-    assert set(asset.written) == {"joint_friction_coeff", "joint_dynamic_friction_coeff", "joint_ids", "env_ids"}
+    recipe = recipe_of(training, LIMITS)
+    written = drawn_in_isaac_lab(term(recipe, "isaaclab", load))
+    friction = written["joint_friction_coeff"]
+    torch.testing.assert_close(written["joint_dynamic_friction_coeff"], moving * friction)
+    assert set(written) == {"joint_friction_coeff", "joint_dynamic_friction_coeff", "joint_ids", "env_ids"}
     share = friction / torch.tensor([20.0, 20.0, 45.0]) * (load or 1.0)
     assert friction.shape == (300, 3) and share.min() >= 0.0 and 0.22 < share.max() <= 0.2401
     assert bool((share.std(dim=1) < 1e-6).all()) == (per == "robot")
-    newton = run(text.replace("NEWTON = False", "NEWTON = True"), **stand_ins)
-    newton["FrictionEvents"].joint_friction["func"](env, None)
-    assert set(asset.written) == {"joint_friction_coeff", "joint_ids", "env_ids"}
+    newton = drawn_in_isaac_lab(term(recipe, "isaaclab_newton"))
+    assert set(newton) == {"joint_friction_coeff", "joint_ids", "env_ids"}
+    assert newton["joint_friction_coeff"].max() <= moving * 0.2401 * 45.0
 
 
 RISES = {"friction_ratio": {"value": 0.18}, "dynamic_ratio": {"value": 0.12}, "friction_level": 0.2}
@@ -163,33 +189,27 @@ BOTH = TRAINING | {
 def test_a_place_with_one_number_gets_friction_in_motion(which: Which, most: float) -> None:
     """24 % at rest over 1.5 are 16 % in motion; how much more holds the joint is said, and can be asked for."""
     recipe = recipe_of(BOTH, {"FL.calf": 45.0}, which)
-    for to in ("mujoco", "legged_gym"):
-        written = randomization_term(recipe, to)
-        assert f"{most:g})" in written.text and "24 % of each joint's torque limit at rest\n" in written.text, to
-        assert any(note.startswith("breakaway over moving: 1.5; a place with one number") for note in written.notes)
-    assert f"{most / 50:g})" in randomization_term(recipe, "legged_gym", 50.0).text
-    assert f"{most / 50:g})" in randomization_term(recipe, "isaaclab", 50.0).text
+    targets: tuple[Target, ...] = ("mujoco", "legged_gym", "playground", "genesis")
+    for to in targets:
+        text = term(recipe, to)
+        assert f"{most:g})" in text and "24 % of each joint's torque limit at rest;" in text, to
+        assert any(note.startswith("breakaway over moving: 1.5; a place with one number") for note in recipe.notes)
+    assert f"{most / 50:g})" in term(recipe, "legged_gym", 50.0)
+    assert f"{most / 50:g})" in term(recipe, "isaaclab", 50.0)
 
 
 def test_isaac_lab_draws_the_ratio_too() -> None:
     """1 over 1.25 to 2: one share a robot, of its friction at rest; on Newton that in motion alone is written."""
-    stand_ins = {
-        "isaaclab": module(),
-        "isaaclab__managers": module(EventTermCfg=lambda **values: values),
-        "isaaclab__utils": module(configclass=lambda cls: cls),
-    }
-    text = randomization_term(recipe_of(BOTH, LIMITS), "isaaclab").text
-    asset = Asset()
-    env = SimpleNamespace(scene=type("Scene", (dict,), {"num_envs": 300})({"robot": asset}))
-    run(text, **stand_ins)["FrictionEvents"].joint_friction["func"](env, None)
-    rest, motion = (asset.written[f"joint_{name}friction_coeff"] for name in ("", "dynamic_"))
+    written = drawn_in_isaac_lab(term(recipe_of(BOTH, LIMITS), "isaaclab"))
+    rest, motion = (written[f"joint_{name}friction_coeff"] for name in ("", "dynamic_"))
     share = motion / rest
     assert 0.5 <= share.min() < 0.51 and 0.79 < share.max() <= 0.8001 and share.std(dim=1).max() < 1e-6
-    run(text.replace("NEWTON = False", "NEWTON = True"), **stand_ins)["FrictionEvents"].joint_friction["func"](
-        env, None
-    )
-    newton = asset.written["joint_friction_coeff"] / torch.tensor([20.0, 20.0, 45.0])
+    assert abs(torch.corrcoef(torch.stack([rest[:, 0], share[:, 0]]))[0, 1]) < 0.2, "the two numbers are drawn apart"
+    limits = torch.tensor([20.0, 20.0, 45.0])
+    newton = drawn_in_isaac_lab(term(recipe_of(BOTH, LIMITS), "isaaclab_newton"))["joint_friction_coeff"] / limits
     assert 0.15 < newton.max() <= 0.8001 * 0.24
+    static = drawn_in_isaac_lab(term(recipe_of(BOTH, LIMITS, "static"), "isaaclab_newton", which="static"))
+    assert (static["joint_friction_coeff"] / limits).max() > 0.22
 
 
 @pytest.mark.parametrize("ratio", [None, [2.0, 1.0], [0.5, 1.0], [1.0], 1.5])
@@ -217,8 +237,8 @@ def test_legged_gym_brakes_by_the_drawn_friction_and_draws_at_reset() -> None:
         def _compute_torques(self, actions: torch.Tensor) -> torch.Tensor:
             return actions
 
-    own = run(randomization_term(recipe_of(TRAINING, LIMITS), "legged_gym").text)
-    robot = type("Own", (own["DryFriction"], Robot), {})()
+    own = run(term(recipe_of(TRAINING, LIMITS), "legged_gym"))
+    robot = type("Own", (own["JointFriction"], Robot), {})()
     robot._init_buffers()
     torque = robot._compute_torques(torch.zeros(200, 4))
     torch.testing.assert_close(torque[:, 0], -robot.friction[:, 0])
@@ -230,6 +250,61 @@ def test_legged_gym_brakes_by_the_drawn_friction_and_draws_at_reset() -> None:
     assert changed.nonzero().tolist() == [[3]]
 
 
+def test_legged_gym_gets_values_too() -> None:
+    """Dry and viscous friction off the torque, 0.4 + 2 * 0.07 N m at 2 rad/s, and the rotor's inertia."""
+
+    class Robot:
+        """As far as legged_gym's LeggedRobot goes."""
+
+        num_envs, num_dof, device = 3, 2, "cpu"
+        dof_names = ("neck", "hip")
+        dof_vel = torch.full((3, 2), 2.0)
+
+        def _init_buffers(self) -> None: ...
+
+        def _process_dof_props(self, props: Any, env_id: int) -> Any:
+            return props
+
+        def _compute_torques(self, actions: torch.Tensor) -> torch.Tensor:
+            return actions
+
+    text = convert(JointsFile({"hip": motor()}), ConvertOptions(to="legged_gym")).text
+    robot = type("Own", (run(text)["JointFriction"], Robot), {})()
+    robot._init_buffers()
+    torch.testing.assert_close(robot._compute_torques(torch.zeros(3, 2)), torch.tensor([[0.0, -0.54]]).expand(3, 2))
+    props = robot._process_dof_props({"armature": np.zeros(2)}, 0)
+    assert props["armature"].tolist() == [0.0, 0.03]
+
+
+class GenesisRobot:
+    """An entity of Genesis, as far as its joints are written to."""
+
+    def __init__(self) -> None:
+        self.written: dict[str, tuple] = {}
+
+    def get_joint(self, name: str) -> Any:
+        """Return a joint by name."""
+        solver = lambda params: self.written.update({name: tuple(params)})  # noqa: E731
+        return SimpleNamespace(dofs_idx_local=[{"FL_hip": 6, "FR_hip": 9, "FL.calf": 8}[name]], set_sol_params=solver)
+
+    def __getattr__(self, name: str) -> Any:
+        return lambda *values: self.written.update({name: values})
+
+
+def test_genesis_gets_values_and_ranges() -> None:
+    """Numbers by the place of the joint's degree of freedom, rows of friction as stiff as the step allows."""
+    robot = GenesisRobot()
+    values = run(convert(JointsFile({"FL_hip": motor()}), ConvertOptions(to="genesis")).text)
+    values["with_joints"](robot, 0.002)
+    assert robot.written["FL_hip"] == (0.004, 1.0, 0.999, 0.999, 0.001, 0.5, 2)
+    assert robot.written["set_dofs_frictionloss"] == ([0.4], [6])
+    assert robot.written["set_dofs_damping"] == ([0.07], [6]) and robot.written["set_dofs_armature"] == ([0.03], [6])
+    run(term(recipe_of(TRAINING, LIMITS), "genesis"))["draw_friction"](robot, torch.arange(50))
+    friction, dofs, envs = robot.written["set_dofs_frictionloss"]
+    share = friction / torch.tensor([20.0, 20.0, 45.0])
+    assert dofs == [6, 9, 8] and len(envs) == 50 and share.max() <= 0.2401 and share.std(dim=1).max() < 1e-6
+
+
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with an identification and a proposal."""
@@ -239,7 +314,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("framework", FRAMEWORKS)
+@pytest.mark.parametrize("framework", RANGES)
 def test_a_user_writes_a_range(folder: Path, capsys: pytest.CaptureFixture, framework: str) -> None:
     """By the limits of the joints that were identified, or of a robot; as text, file and JSON."""
     assert main(["convert", "training.json", "--to", framework]) == 0
@@ -256,12 +331,15 @@ def test_a_user_writes_a_range(folder: Path, capsys: pytest.CaptureFixture, fram
     ("words", "said"),
     [
         (["training.json", "--to", "urdf"], "takes the values of a joints.json"),
-        (["training.json", "--to", "mjlab", "--robot", "go2"], "--robot requires --to isaaclab, legged_gym or mujoco;"),
+        (
+            ["training.json", "--to", "mjlab", "--robot", "go2"],
+            "--robot requires --to mujoco, isaaclab, ",
+        ),
         (["training.json", "--to", "mjlab", "--timestep", "0.002"], "--timestep requires --to mujoco;"),
         (["training.json", "--to", "mjlab", "--assumed-load", "5"], "--assumed-load requires --to isaaclab or"),
         (["training.json", "--to", "mujoco", "--joint-map", "a=b"], "--joint-map requires a joints.json;"),
         (["training.json", "--to", "mujoco", "--robot", "go3"], "go3"),
-        (["joints.json", "--to", "legged_gym"], "writes the range of a training.json"),
+        (["joints.json", "--to", "legged_gym"], "record 'shank' holds nothing that a simulator takes"),
         (["joints.json", "--to", "mjlab"], "record 'shank' holds nothing that a simulator takes"),
         (["joints.json", "--to", "urdf", "--robot", "go2"], "--robot requires a training.json;"),
         (["none.json", "--to", "urdf"], "none.json"),

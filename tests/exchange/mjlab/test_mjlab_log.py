@@ -49,6 +49,26 @@ def test_what_was_put_in_is_identified_from_the_log(tmp_path: Path) -> None:
         assert not record.objections
 
 
+def test_the_target_is_the_one_that_the_actuator_got(tmp_path: Path) -> None:
+    """Two steps late: kp (target - angle) - kd speed is then the torque; a lag that varies has no one target."""
+    cfg = leg_cfg(decimation=1)
+    for actuator in cfg.scene.entities["robot"].articulation.actuators:
+        actuator.delay_min_lag = actuator.delay_max_lag = 2
+    cfg.recorders["log"] = RecorderTermCfg(func=StictionLog, params={"path": tmp_path / "leg.npz"})
+    env = made(cfg)
+    rng = np.random.default_rng(0)
+    for _ in range(40):
+        env.step(env.sim.data.qpos.new_tensor(0.3 * rng.standard_normal((2, 2))))
+    env.close()
+    joint = stiction.load_log(tmp_path / "leg.npz").joints["shank_joint"]
+    np.testing.assert_allclose(
+        joint.torque[3:], (KP * (joint.target - joint.position) - KD * joint.velocity)[3:], atol=1e-3
+    )
+    cfg.scene.entities["robot"].articulation.actuators[0].delay_min_lag = 0
+    with pytest.raises(StictionError, match=r"joint 'hip_joint': got a command delay that varies"):
+        made(cfg)
+
+
 def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
     """Before anything is simulated."""
     for params, said in (

@@ -11,7 +11,8 @@ import pytest
 
 from stiction.cli.main import main
 from stiction.deploy.control import Port
-from stiction.files.joints import load_joints, read_training
+from stiction.files.bam import load_joints
+from stiction.files.joints import read_training
 from stiction.files.log import Log
 from stiction.learning.arguments import parse
 from stiction.learning.begin import with_friction

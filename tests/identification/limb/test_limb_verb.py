@@ -9,7 +9,8 @@ from limb_logs import ARM6, Truth, limb_logs
 
 from stiction.cli.identified import RESULTS
 from stiction.cli.main import main
-from stiction.files.joints import ARMATURE, load_joints
+from stiction.files.bam import load_joints
+from stiction.files.joints import ARMATURE
 from stiction.files.log import write_log
 
 pytestmark = pytest.mark.usefixtures("undrawn")

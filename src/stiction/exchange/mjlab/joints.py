@@ -21,8 +21,8 @@ from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.exchange.mjlab.motors import KINDS
 from stiction.exchange.mujoco import SOLIMP
 from stiction.exchange.physics import JointPhysics, Which, check_axis, joint_physics, notes_of
+from stiction.files.bam import load_joints
 from stiction.files.joint_map import map_joints, parse_joint_map
-from stiction.files.joints import load_joints
 from stiction.robots.physics import LEAST_ITERATIONS, LEAST_LS_ITERATIONS
 
 

@@ -23,14 +23,14 @@ def joints_lines(
     joint_map = tuple("=".join(pair) for pair in pairs)
     more = f", joint_map={joint_map!r}" if joint_map else ""
     text = _text("with_joints", f"with_joints(cfg, {path.as_posix()!r}{more}{_friction(which)})")
-    return Conversion.of(text, joints, notes_of(joints, CAVEATS))
+    return Conversion.of(text, joints, notes_of(joints, CAVEATS), [CAVEATS])
 
 
 def training_lines(path: Path, training: dict[str, Any], which: Which = "moving") -> Conversion:
     """Return the lines that draw the range of a `training.json` in mjlab; raise `FileError` where it has none."""
     notes = [*recipe_of(training, {"robot": 1.0}, which).notes, CAVEATS]
     text = _text("friction_events", f"cfg.events |= friction_events({path.as_posix()!r}{_friction(which)})")
-    return Conversion(text, {}, tuple(one_line(note) for note in notes))
+    return Conversion(text, {}, tuple(one_line(note) for note in notes), (CAVEATS,))
 
 
 def _friction(which: Which) -> str:

@@ -20,7 +20,8 @@ class StictionLog(RecorderTerm):
 
     The log begins at a reset and ends at the next one, after `seconds`, or when the environment closes; later episodes
     are not written. A row has angle and speed at its time, and target and torque from that time on, before the joint's
-    dry friction: `motor_side`.
+    dry friction: `motor_side`. The target is the one that its actuator has got: where mjlab delays commands by a
+    constant lag, that of so many rows before; angle and speed are never delayed there.
 
     Parameters: `path`, a .csv, .npz or .parquet; `entity`, name of the robot; `world`, number of its environment;
     `seconds`, longest log [s]; `test_condition`, as in a sidecar, by default `in_air` on a fixed base.
@@ -34,6 +35,11 @@ class StictionLog(RecorderTerm):
         self.motors = motors_of(env, self.asset)
         if not 0 <= self.world < env.num_envs:
             raise ConfigurationError(f"StictionLog: got world {self.world}, expected 0 to {env.num_envs - 1}")
+        if late := [name for name, motor in self.motors.items() if motor.lag is None]:
+            raise ConfigurationError(
+                f"StictionLog: joint {late[0]!r}: got a command delay that varies, expected a constant one: set "
+                "delay_min_lag to delay_max_lag"
+            )
         self.condition = condition or ("in_air" if self.asset.is_fixed_base else None)
         self.joints = [motor.joint for motor in self.motors.values()]
         self.rows: list[np.ndarray] = []
@@ -82,6 +88,9 @@ class StictionLog(RecorderTerm):
             return
         self.written = True
         position, velocity, target, torque = np.split(np.array(self.rows), 4, axis=1)
+        for i, motor in enumerate(self.motors.values()):
+            if motor.lag:
+                target[:, i] = np.concatenate([np.full(motor.lag, target[0, i]), target[:, i]])[: len(target)]
         signals = {
             name: JointSignals(position[:, i], velocity[:, i], target[:, i], torque[:, i])
             for i, name in enumerate(self.motors)

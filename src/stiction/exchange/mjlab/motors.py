@@ -29,6 +29,8 @@ class Motor:
     """Proportional gain [N m/rad]; None of an actuator that has no such gain."""
     kd: float | None = None
     """Derivative gain [N m s/rad]."""
+    lag: int | None = 0
+    """Physics steps by which the target comes late; None where it varies."""
 
 
 def motors_of(env: Any, asset: Any, world: int = 0) -> dict[str, Motor]:
@@ -43,7 +45,9 @@ def motors_of(env: Any, asset: Any, world: int = 0) -> dict[str, Motor]:
         for number, (name, joint) in enumerate(zip(actuator.target_names, actuator.target_ids.tolist(), strict=True)):
             control, number_of_all = int(actuator.global_ctrl_ids[number]), int(asset.indexing.joint_ids[joint])
             limit, gains = _limit(env.sim.mj_model, number_of_all, control), _gains(env, actuator, number, world)
-            found[joint] = name, Motor(joint, KINDS[asset.indexing.joints[joint].type.name], limit, *gains)
+            least, most = actuator.cfg.delay_min_lag, actuator.cfg.delay_max_lag
+            lag = most if least == most else None
+            found[joint] = name, Motor(joint, KINDS[asset.indexing.joints[joint].type.name], limit, *gains, lag)
     return {name: motor for _, (name, motor) in sorted(found.items())}
 
 

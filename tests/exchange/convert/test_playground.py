@@ -1,0 +1,129 @@
+"""What is written for MuJoCo Playground, run in MJX where JAX is installed; elsewhere it is compiled alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from code_blocks import blocks_of
+from motors import motor, number
+from stiction.exchange.randomization import recipe_of
+from stiction.exchange.targets import TARGETS, ConvertOptions, convert
+from stiction.files.joints import JointsFile
+
+PAGE = Path(__file__).parents[3] / "docs/playground.md"
+MODEL = """<mujoco><option timestep="0.004" iterations="1" ls_iterations="5" gravity="0 0 0"/><worldbody>
+<body><joint name="hip" axis="0 1 0" frictionloss="0.3"/><geom size=".1" pos=".2 0 0" mass="1" contype="0"/></body>
+<body><joint name="knee" axis="0 1 0" frictionloss="1"/><geom size=".1" pos=".2 0 0" mass="1" contype="0"/></body>
+<body><joint name="bare" axis="0 1 0"/><geom size=".1" pos=".2 0 0" mass="1" contype="0"/></body>
+</worldbody></mujoco>"""
+
+
+def ranges(**limits: float) -> str:
+    """Return the text that draws 10 to 24 % of torque limits."""
+    friction = {"method": "deception", "level": 0.2, "law": "coulomb", "per": "robot"}
+    write = TARGETS["playground"].ranges
+    assert write is not None
+    return write(recipe_of({"friction": friction, "range": [0.1, 0.24]}, limits), ConvertOptions(to="playground")).text
+
+
+def values() -> str:
+    """Return the text that sets a hip."""
+    record = motor(coulomb_friction=number(0.5))
+    return convert(JointsFile({"hip": record}), ConvertOptions(to="playground")).text
+
+
+def domain_randomize(text: str):
+    """Return the function that a text defines, its imports of JAX and MJX included."""
+    pytest.importorskip("mujoco.mjx", reason="mujoco-mjx and jax are not installed; pip install mujoco-mjx jax")
+    defined: dict = {}
+    exec(compile(text, "friction.py", "exec"), defined)
+    return defined["domain_randomize"]
+
+
+def test_the_text_compiles_and_is_short() -> None:
+    """A function of some 30 lines, as Playground's registry takes it."""
+    for text in (values(), ranges(hip=10.0, knee=20.0)):
+        compile(text, "friction.py", "exec")
+        body = text[text.index("def domain_randomize(model, rng):") :]
+        assert len(body.splitlines()) < 40 and "opt.ls_iterations" in body
+
+
+def test_friction_is_drawn_a_share_a_robot_and_holds() -> None:
+    """Worlds differ, joints of a world have one share; under 0.9 of its friction a joint stays, over it goes."""
+    draw = domain_randomize(ranges(hip=10.0, knee=20.0))
+    import jax
+    import mujoco
+    from mujoco import mjx
+
+    model = mjx.put_model(mujoco.MjModel.from_xml_string(MODEL))
+    worlds, axes = draw(model, rng=jax.random.split(jax.random.PRNGKey(0), 8))
+    friction = np.array(worlds.dof_frictionloss)
+    share = friction[:, :2] / (10.0, 20.0)
+    np.testing.assert_allclose(share[:, 0], share[:, 1], rtol=1e-5)
+    assert share.min() >= 0.1 and share.max() <= 0.2401 and len(np.unique(share[:, 0])) == 8
+    assert not friction[:, 2].any() and (worlds.opt.iterations, worlds.opt.ls_iterations) == (20, 50)
+
+    def moved(factor: float) -> np.ndarray:
+        def walk(world, friction):
+            data = mjx.make_data(world).replace(qfrc_applied=factor * friction)
+            return jax.lax.fori_loop(0, 50, lambda _, data: mjx.step(world, data), data).qpos
+
+        return np.array(jax.jit(jax.vmap(walk, in_axes=(axes, 0)))(worlds, worlds.dof_frictionloss))
+
+    assert np.abs(moved(0.9)[:, :2]).max() < 1e-3 and moved(1.1)[:, :2].min() > 5e-3
+
+
+def test_values_are_the_same_in_all_worlds() -> None:
+    """Friction, damping and armature of the joint that was identified; others keep theirs."""
+    draw = domain_randomize(values())
+    import jax
+    import mujoco
+    from mujoco import mjx
+
+    model = mjx.put_model(mujoco.MjModel.from_xml_string(MODEL))
+    worlds, axes = draw(model, jax.random.split(jax.random.PRNGKey(0), 3))
+    np.testing.assert_allclose(worlds.dof_frictionloss, [[0.5, 1.0, 0.0]] * 3)
+    np.testing.assert_allclose(worlds.dof_damping, [0.07, 0.0, 0.0])
+    np.testing.assert_allclose(worlds.dof_armature, [0.03, 0.0, 0.0], atol=1e-7)
+    assert axes.dof_damping is None and axes.dof_frictionloss == 0
+
+
+def test_both_functions_of_the_page_act_together() -> None:
+    """The task scales friction and mass; friction is then ours, mass the task's."""
+    draw = domain_randomize(ranges(hip=10.0, knee=20.0))
+    import jax
+    import mujoco
+    from mujoco import mjx
+
+    def task_randomize(model, rng):
+        mass = jax.vmap(lambda key: model.body_mass * jax.random.uniform(key))(rng)
+        friction = jax.vmap(lambda key: model.dof_frictionloss[:2] * jax.random.uniform(key, (2,)))(rng)
+        axes = jax.tree_util.tree_map(lambda _: None, model)
+        axes = axes.tree_replace({"body_mass": 0, "dof_frictionloss": 0})
+        return model.tree_replace({"body_mass": mass, "dof_frictionloss": friction}), axes
+
+    (block,) = (block for block in blocks_of(PAGE) if "def both" in block.text)
+    names: dict = {"domain_randomize": draw, "task_randomize": task_randomize}
+    exec(block.text, names)
+    model = mjx.put_model(mujoco.MjModel.from_xml_string(MODEL))
+    worlds, axes = names["both"](model, jax.random.split(jax.random.PRNGKey(0), 4))
+    share = np.array(worlds.dof_frictionloss)[:, :2] / (10.0, 20.0)
+    np.testing.assert_allclose(share[:, 0], share[:, 1], rtol=1e-5)
+    assert share.min() >= 0.1 and worlds.opt.ls_iterations == 50 and axes.body_mass == axes.dof_frictionloss == 0
+    jax.vmap(lambda world: mjx.step(world, mjx.make_data(world)).qpos, in_axes=(axes,))(worlds)
+
+
+@pytest.mark.parametrize(("joint", "said"), [("bare", "MJX makes friction rows where"), ("neck", "no joint 'neck'")])
+def test_what_would_not_act_is_refused(joint: str, said: str) -> None:
+    """Friction drawn for a joint whose model has none is lost in MJX without a word."""
+    draw = domain_randomize(ranges(**{joint: 10.0}))
+    import jax
+    import mujoco
+    from mujoco import mjx
+
+    model = mjx.put_model(mujoco.MjModel.from_xml_string(MODEL))
+    with pytest.raises(ValueError, match=said):
+        draw(model, jax.random.split(jax.random.PRNGKey(0), 2))

@@ -1,0 +1,42 @@
+"""Tasks of mjlab with friction in the joints, which `import mjlab` finds by the entry point of this package."""
+
+from __future__ import annotations
+
+import tomllib
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("mjlab", reason="the package mjlab is not installed here; `make test-mjlab` makes its environment")
+
+import torch
+from mjlab.envs import ManagerBasedRlEnv
+from mjlab.tasks.registry import list_tasks, load_env_cfg
+
+PROJECT = Path(__file__).parents[3] / "pyproject.toml"
+
+
+def test_the_entry_point_registers_both_tasks() -> None:
+    """As mjlab does at its import, and a second time, which is no error."""
+    (value,) = tomllib.loads(PROJECT.read_text())["project"]["entry-points"]["mjlab.tasks"].values()
+    import_module(value)
+    assert {"Stiction-Velocity-Flat-Unitree-Go1", "Stiction-Velocity-Flat-Unitree-G1"} <= set(list_tasks())
+
+
+def test_go1_has_one_share_a_robot_and_the_critic_is_told() -> None:
+    """Two steps of four robots; the policy's observations are as before."""
+    import_module("stiction.exchange.mjlab.tasks")
+    cfg = load_env_cfg("Stiction-Velocity-Flat-Unitree-Go1")
+    cfg.scene.num_envs = 4
+    env = ManagerBasedRlEnv(cfg, device="cpu")
+    observed, _ = env.reset()
+    for _ in range(2):
+        env.step(torch.zeros(4, env.action_manager.total_action_dim))
+    share = env.sim.model.dof_frictionloss[:, 6:] / torch.tensor([23.7, 23.7, 35.55] * 4)
+    assert (share.std(dim=1) < 1e-6).all() and share.max() <= 0.2401 and share[:, 0].unique().numel() == 4
+    plain = ManagerBasedRlEnv(load_env_cfg("Mjlab-Velocity-Flat-Unitree-Go1"), device="cpu").observation_manager
+    shapes = env.observation_manager.group_obs_dim
+    assert shapes["actor"] == plain.group_obs_dim["actor"]
+    assert shapes["critic"][0] == plain.group_obs_dim["critic"][0] + 12
+    torch.testing.assert_close(observed["critic"][:, -12:], share)
