@@ -14,12 +14,12 @@ from counts import count
 from stiction.cli.main import main
 from stiction.core.errors import LogError, StictionError
 from stiction.exchange.physics import joint_physics
+from stiction.files.bam import load_joints
 from stiction.files.joints import (
     Estimate,
     Finding,
     JointRecord,
     JointsFile,
-    load_joints,
     read_training,
 )
 from stiction.files.known_friction import bench_friction

@@ -55,7 +55,9 @@ def test_the_proposal_says_what_it_does_not_cover() -> None:
     """Whoever reads training.json alone learns whose evidence it is, and that load is not in it."""
     loaded = record(0.15, load_coefficient=Estimate(0.1, 0.01, (0.08, 0.12)))
     told = propose(JointsFile({"shank": replace(loaded, diagnostics={"verdict": {"robot": "go2"}})}))
-    assert re.search("It covers 15 %|It does not cover 15 %|Whether it covers 15 % is not known", told["text"])
+    assert re.search(
+        "It (nearly )?covers 15 %|It does not cover 15 %|Whether it covers 15 % is not known", told["text"]
+    )
     assert "of Go2 nothing is known directly" in told["text"]
     assert "What load adds to this joint's friction, 0.1 (95 %: 0.08 to 0.12) times" in told["text"]
     assert told["advice"]["robot"] == "saturn_lite" and told["advice"]["tables"] == list(shipped()[TRAINING].tables)

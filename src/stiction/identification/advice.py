@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from stiction.files.advice import SHARES, TRAINING, TRANSFER, Source, TrainedWith, read_advice, robot_title
-from stiction.files.following import FEWEST_SEEDS, CommandCount
+from stiction.files.following import DRIFT, FEWEST_SEEDS, CommandCount
 from stiction.files.joints import Estimate, JointRecord
 from stiction.files.results import FOLLOWS
 
@@ -264,6 +264,9 @@ class Advice:
             answer = f"It covers {asked}, and not all below it"
         elif any(cell.every_seed for cell in same or cells[-1 if beyond else -2 :]):
             answer = f"Whether it covers {asked} is not known"
+        elif not beyond and all(_nearly_covered(cell) for cell in cells):
+            followed, total = (sum(getattr(cell, name) for cell in cells) for name in ("followed", "cells"))
+            answer = f"It nearly covers {asked}, {followed} of {total} pairs of seed and command"
         else:
             answer = f"It does not cover {asked}"
         parts = [f"{answer}: {PLACES[TRAINED_IN]} every command is followed by {_counts(cells)}"]
@@ -352,6 +355,14 @@ def _rank(cells: Sequence[CommandCount], levels: Sequence[float]) -> tuple[bool,
 def _all_covered(cells: Sequence[CommandCount], levels: Sequence[float]) -> bool:
     """Return whether a training follows with every seed, of three or more, at every one of the levels."""
     return len(cells) == len(levels) and all(cell.covered for cell in cells)
+
+
+def _nearly_covered(cell: CommandCount) -> bool:
+    """Return whether 95 % of the pairs of seed and command are followed, of three seeds or more, and no miss is large.
+
+    A miss under a tenth of a m/s (rad/s) is one that nobody would see.
+    """
+    return cell.seeds >= FEWEST_SEEDS and cell.followed >= 0.95 * cell.cells and cell.largest_miss <= DRIFT
 
 
 def _counts(cells: Sequence[CommandCount]) -> str:
