@@ -408,7 +408,9 @@ def _with_shared_delay(
 
     found, jobs: joint -> its identification, and what that was called with. Returns what changed.
     """
-    delays = {name: one.record.delay for name, one in found.items() if one.record.delay is not None}
+    # In the order of the log: in that of who was done first, the last bits of their mean would be of chance.
+    identified = {name: found[name].record for name in jobs if name in found}
+    delays = {name: record.delay for name, record in identified.items() if record.delay is not None}
     shared = share_delay(delays, float(np.median(np.diff(log.time))))
     if shared is None:
         return {}
