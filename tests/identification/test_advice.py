@@ -78,6 +78,9 @@ def test_covered_comes_before_share_and_share_before_miss() -> None:
     assert advise(0.2, 0.2, sources(*near)).method == "none"
     equal = cell("none", 0.2, 3, miss=0.02), cell("deception", 0.2, 3, miss=0.01)
     assert advise(0.2, 0.2, sources(*equal)).method == "deception"
+    # Within 5 % of the best share, where nobody follows all, the wider range: other joints may have less friction.
+    alike = cell("none", 0.2, 3, followed=73), cell("deception", 0.2, 2, followed=70)
+    assert advise(0.2, 0.2, sources(*alike)).method == "deception"
     # Two seeds say nothing of a training, however well they follow; at one of two levels is not everywhere.
     few = cell("none", 0.2, 2, seeds=2), cell("deception", 0.2, 5)
     assert advise(0.2, 0.2, sources(*few)).method == "deception"

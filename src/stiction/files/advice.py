@@ -38,6 +38,11 @@ class TrainedWith:
     high: float
     """Most of it [-]."""
 
+    @property
+    def width(self) -> float:
+        """Width of the range of friction in training, over the torque limit [-]."""
+        return self.level * (self.high - self.low)
+
 
 @dataclass(frozen=True)
 class FrictionEffect:

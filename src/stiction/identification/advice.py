@@ -150,6 +150,9 @@ TRAINED_IN = "mujoco"
 TRAINED_UNDER = "coulomb"
 """Friction law of the trainings that are compared."""
 
+ALIKE = 0.05
+"""Difference of shares that a handful of seeds does not tell: a choice."""
+
 TOLD = "told"
 """Method that observes its joints' friction: it is shown, and not chosen, for the robot has to tell it."""
 
@@ -320,7 +323,8 @@ def advise(low: float, high: float, sources: Mapping[str, Source] | None = None,
     The trainings are compared at the tested levels from the last that is not above `low` to the first that is not below
     `high`, or to the highest, in the simulator of the training: first by whether every seed, of three or more, follows
     every command at all of them, then by the share of pairs of seed and command that are followed, then by the least
-    mean miss. `TOLD` is compared and never chosen.
+    mean miss. Where none does the first, those within `ALIKE` of the best share are alike, and the widest range counts:
+    what was not measured may have another friction. `TOLD` is compared and never chosen.
 
     sources: as of `read_advice`; by default what comes with the package; robot: whose joint it is, by its name.
     """
@@ -336,7 +340,11 @@ def advise(low: float, high: float, sources: Mapping[str, Source] | None = None,
         for name in source.methods
         if (chosen := tuple(cell for cell in walked if cell.method == name and cell.friction_level in levels))
     }
-    best = max((name for name in cells if name != TOLD), key=lambda name: _rank(cells[name], levels))
+    ranks = {name: _rank(cells[name], levels) for name in cells if name != TOLD}
+    best = max(ranks, key=lambda name: ranks[name])
+    if not ranks[best][0]:
+        alike = [name for name, (_, share, _) in ranks.items() if share >= ranks[best][1] - ALIKE]
+        best = max(alike, key=lambda name: (source.methods[name].width, ranks[name]))
     elsewhere: dict[str, CommandCount] = {}
     # Rounded, or the last bits of a difference would decide between two that are as near: the lower does.
     for cell in sorted(source.cells, key=lambda one: (round(abs(one.friction_level - high), 9), one.friction_level)):

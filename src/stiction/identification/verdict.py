@@ -202,14 +202,19 @@ class TrainingNeed:
 
 
 def judge(
-    record: JointRecord, sources: Mapping[str, Source] | None = None, legs: bool = True, robot: str | None = None
+    record: JointRecord,
+    sources: Mapping[str, Source] | None = None,
+    legs: bool = True,
+    robot: str | None = None,
+    least: float = math.inf,
 ) -> TrainingNeed:
     """Judge a joint by its ratio f/τ_max and its dead band f/kp, with their intervals; newton metres may be null.
 
     Where more friction holds the joint at rest than brakes it in motion, all is decided by that at rest.
     A linear axis is not compared with legs, and no training is proposed for it. sources: what the studies found, as of
     `advise`; by default what comes with the package; legs: whether it is known to be a leg's joint, and a word about
-    walking has a place; robot: whose joint it is, by its name.
+    walking has a place; robot: whose joint it is, by its name; least: friction of the robot's other joints, over their
+    torque limits, which one training has to cover too [-].
     """
     if record.objections and record.objections[0].reason != FRICTION_REACHES_ZERO:
         return TrainingNeed(None, _invalid(record))
@@ -217,7 +222,7 @@ def judge(
     legs = legs and record.axis == "rotary"
     advice, training, proposal = None, None, ""
     if ratio is not None and level is not None and level < TRAINABLE:
-        advice = advise(ratio.interval95[0], level, sources, robot)
+        advice = advise(min(ratio.interval95[0], least), level, sources, robot)
         # Where no friction is drawn at all, none is more at rest.
         drawn = draw_rise(record, advice.settings) if advice.training.level > 0 else None
         training, words = (advice.settings, "") if drawn is None else drawn
@@ -377,7 +382,8 @@ def _span(estimate: Estimate, factor: float, unit: str) -> str:
 def propose(file: JointsFile) -> dict[str, Any]:
     """Return what `stiction train --friction-from` reads, as plain data.
 
-    One training for all joints, by the friction of the worst: what `train` draws is a share of each joint's own limit.
+    One training for all joints, from the friction of the least to that of the worst: what `train` draws is a share of
+    each joint's own limit.
     `joints` has each joint's ratio, at rest where that is more, and the level that would cover it, `advice` what the
     choice rests on. `friction` is null, and `text` says why, where no joint has a ratio, or where one is beyond what
     can be trained. A joint whose fit is not valid has no level.
@@ -396,7 +402,8 @@ def propose(file: JointsFile) -> dict[str, Any]:
         worst = max(levels, key=lambda name: levels[name])
         verdict = file.joints[worst].diagnostics.get("verdict")
         robot = verdict.get("robot") if isinstance(verdict, dict) else None
-        need = judge(file.joints[worst], robot=robot if isinstance(robot, str) else None)
+        least = min(one.interval95[0] for record in file.joints.values() if (one := record.friction_ratio) is not None)
+        need = judge(file.joints[worst], robot=robot if isinstance(robot, str) else None, least=least)
         text = f"{_reason(file, levels, worst)}. The training {need.proposal}"
         text += f" {need.advice.comparison}" if need.advice else ""
     return {
