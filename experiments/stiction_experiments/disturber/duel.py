@@ -114,6 +114,7 @@ def task_for(contract: Contract, cfg: DuelCfg, robot: str | None = None) -> Task
     """Return the task in which a policy is disturbed: the training's, without pushes, at one command and one friction.
 
     Masses, motors, delays and the joints' viscous friction and inertia are drawn about the nominal ones as in training.
+    The network gets the command as it is, as in training: the control step's correction of it is left out.
 
     `robot`: as of `robot_of`. Raises `StictionError` where the policy observes what this task does not give, or feeds
     friction forward by another rule than that of today's training.
@@ -134,6 +135,7 @@ def task_for(contract: Contract, cfg: DuelCfg, robot: str | None = None) -> Task
         rewards=RewardCfg().for_robot(spec),
         action_clip=contract.action_clip,
         history=contract.observation.history_length,
+        first_side=contract.observation.has("first_side"),
     )
     if task.layout(spec) != contract.observation:
         raise ConfigurationError(

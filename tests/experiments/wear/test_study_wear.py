@@ -43,7 +43,7 @@ def test_a_command_beyond_the_training_is_said_to_be(tmp_path: Path, capsys) -> 
     """It walks all the same; that it does not follow there says nothing of its friction."""
     words = ["study", "wear", "saturn_lite-flat-none-0.2", *SHORT, "--no-control", "--levels", "0.3"]
     assert main([*words, "--commands", "vx=1.50", "--out", str(tmp_path)]) == 0
-    assert "command vx=1.5: the policy was trained for vx -0.8 to 0.8" in capsys.readouterr().err
+    assert "command vx=1.5: the policy was trained for vx -0.9 to 0.9" in capsys.readouterr().err
     assert main(["study", "wear", "--judge-again", "--out", str(tmp_path)]) == 0
     assert "command vx=1.5: the policy was trained for" in (tmp_path / "report.html").read_text()
 
