@@ -45,6 +45,9 @@ def test_a_contract_from_before_speeds_compensates_by_the_error_alone() -> None:
         *(("control_period", 0.025), ("kp", [40.0] * 17), ("standing", [9.0] * 18), ("action_clip", 10**400)),
         ("compensation", [-0.1] * 18),
         ("target_limits", {"slew": 40.0, "margin": 1.0}),
+        ("imported", {"name": "net", "sha256": "0" * 64, "preset": "mjlab"}),
+        ("imported", {"name": "net", "sha256": "0" * 64, "preset": "mjlab", "assumed": 5}),
+        ("imported", {"name": "net", "preset": "mjlab", "assumed": "kp"}),
     ],
 )
 def test_a_wrong_field_is_refused_by_name(contract: Contract, field: str, value: object) -> None:

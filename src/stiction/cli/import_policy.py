@@ -7,7 +7,7 @@ import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from stiction.core.flags import ARGUMENT
 from stiction.core.lock import replaced_folder
@@ -17,11 +17,13 @@ DESCRIPTION = """Read a policy that was trained elsewhere, a network in ONNX, as
 `evaluate` take it like one of ours.
 
 What its metadata say (mjlab, holosoma) is taken; what they do not say is asked for by name, and said in YAML files: a
-deploy.yaml of unitree_rl_lab, rl_sar's config.yaml and base.yaml, or a few lines of your own (docs/policies.md). The
-robot has to drive the joints that the policy moves; its gains, pose and order of joints become the policy's.
+deploy.yaml of unitree_rl_lab, rl_sar's config.yaml and base.yaml, or a few lines of your own (docs/policies.md).
+`--preset` fills what is still missing with the standard velocity task of a trainer, and names each value. The robot has
+to drive the joints that the policy moves; its gains, pose and order of joints become the policy's.
 
 Examples:
   stiction import policy.onnx --robot robot.yaml --out bundle
+  stiction import policy.onnx --robot go2 --preset isaaclab --out bundle
   stiction import policy.onnx --robot go2 --settings config.yaml base.yaml mine.yaml --out bundle
   stiction evaluate bundle --friction-levels 0 0.1 0.2"""
 
@@ -36,6 +38,8 @@ class Import:
     """The robot: its name, robot.yaml, MJCF or URDF."""
     settings: tuple[Path, ...] = ()
     """YAML files that say what the network's metadata do not; of what two say, the later one holds."""
+    preset: Literal["isaaclab", "legged_gym", "mjlab", "rl_sar", "unitree"] | None = None
+    """Trainer whose standard velocity task says what neither metadata nor settings do."""
     out: Path
     """Directory to make."""
     json: bool = False
@@ -52,7 +56,7 @@ def main(arguments: list[str]) -> int:
 
     command = shlex.join(["stiction", "import", *arguments])
     with replaced_folder(cfg.out):
-        check = import_policy(cfg.network, cfg.robot, cfg.out, cfg.settings, command, say)
+        check = import_policy(cfg.network, cfg.robot, cfg.out, cfg.settings, command, say, cfg.preset)
     if cfg.json:
         print(json.dumps(check.summary() | {"path": str(cfg.out)}, indent=2))
     else:

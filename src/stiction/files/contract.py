@@ -124,7 +124,8 @@ class Contract:
     known_friction_file: Mapping[str, str] | None = None
     """`name` and `sha256` of the joints.json that `known_friction` is from; None: the nominal friction of training."""
     imported: Mapping[str, str] | None = None
-    """`name` and `sha256` of the network of a policy that was trained elsewhere, whose training is not known."""
+    """`name` and `sha256` of the network of a policy that was trained elsewhere, whose training is not known; `preset`
+    and `assumed` where a trainer's standard task filled fields that no file says: its name, theirs."""
     friction_load: tuple[float, float] | None = None
     """Range of the coefficient of friction that grows with load (the law `load`) that training drew from beside
     `friction_range` [1], or None."""

@@ -82,6 +82,15 @@ def _is_file(value: Any) -> bool:
     return isinstance(digest, str) and re.fullmatch("[0-9a-f]{64}", digest) is not None
 
 
+def _is_imported(value: Any) -> bool:
+    """Return whether a value is a file, alone or with a preset and the names of the fields that it filled."""
+    if not isinstance(value, Mapping):
+        return False
+    filled = [value[name] for name in ("preset", "assumed") if name in value]
+    plain = {name: value[name] for name in value if name not in ("preset", "assumed")}
+    return _is_file(plain) and len(filled) in (0, 2) and all(map(TEXT.allowed, filled))
+
+
 ANGLE = _between(-1000.0, 1000.0, " rad")
 SHARE = _between(0.0, 10.0)
 """Friction over a torque limit, or a coefficient: a joint that has as much as its motor is stuck."""
@@ -182,7 +191,11 @@ RULES: dict[str, Rule] = {
     ),
     "action_offset": one_of("standing"),
     "quaternion_order": one_of("wxyz"),
-    **dict.fromkeys(("joints_file", "actuator", "known_friction_file", "imported"), FILE),
+    **dict.fromkeys(("joints_file", "actuator", "known_friction_file"), FILE),
+    "imported": _or_null(
+        _is_imported,
+        f"{FILE.expected.removeprefix('null, or ')}, and of a preset 'preset' and 'assumed', printable texts",
+    ),
     "settings": SETTINGS,
 }
 """Field -> what it may be, of those that do not depend on the number of joints."""

@@ -18,6 +18,7 @@ from stiction.files.bundle import read_bundle
 from stiction.files.contract import Contract
 from stiction.files.observation import FRAMES, ObservationLayout, Term, proprioception
 from stiction.robots.catalog import find_robot
+from stiction.robots.record import Derived
 
 
 def term(name: str, size: int, scale: float | tuple[float, ...] = 1.0, clip: float = 100.0, **more) -> Term:
@@ -53,7 +54,7 @@ def read_back(folder: Path, made: Contract) -> tuple[Contract, bytes]:
     robot = made.anatomy
     assert robot is not None
     return contract_of(
-        said_of(network, path.name, settings, robot), robot, (path.name, data), "r", "c"
+        said_of(network, path.name, settings, Derived(robot)), robot, (path.name, data), "r", "c"
     ), network.write()
 
 

@@ -96,6 +96,8 @@ class Said:
     history_fill: str | None = None
     clock: GaitClock | None = None
     heights: HeightScan | None = None
+    assumed: Mapping[str, str] | None = None
+    """`preset`, where one filled gaps, and `assumed`: the names of the fields that it filled."""
     notes: tuple[str, ...] = ()
     """What a user should know of how the file was read, a sentence each."""
 
@@ -133,20 +135,24 @@ def merged(first: Said, second: Said) -> Said:
     return Said(**both, notes=tuple(notes))
 
 
-def missing(said: Said) -> list[str]:
-    """Return what has to be known of a policy and nobody said, names of `MEANINGS`."""
-    needed = ["joint_names", "control_period", "kp", "kd", "default_position", "action_scale", "action_clip"]
-    needed += ["observation", "history_length"]
+def needed(said: Said) -> list[str]:
+    """Return what has to be known of a policy, names of `MEANINGS`."""
     names = [term.name for term in said.observation or ()]
     longest = max([said.history_length or 1, *(term.history or 1 for term in said.observation or ())])
+    parts = ["joint_names", "control_period", "kp", "kd", "default_position", "action_scale", "action_clip"]
+    parts.append("observation")
+    if said.observation is None or any(term.history is None for term in said.observation):
+        parts.append("history_length")
     if longest > 1:
-        needed += ["history_layout", "history_direction", "history_fill"]
+        parts += ["history_layout", "history_direction", "history_fill"]
     if "last_action" in names and said.action_clip is not None and said.action_clip < UNBOUNDED:
-        needed.append("last_action")
-    needed += _sized(said.observation or ())
-    if said.observation is not None and all(term.history is not None for term in said.observation):
-        needed.remove("history_length")
-    return [name for name in needed if getattr(said, name) is None]
+        parts.append("last_action")
+    return parts + _sized(said.observation or ())
+
+
+def missing(said: Said) -> list[str]:
+    """Return what has to be known of a policy and nobody said."""
+    return [name for name in needed(said) if getattr(said, name) is None]
 
 
 def with_length(said: Said, size: int, num_joints: int) -> Said:
@@ -284,7 +290,7 @@ def contract_of(said: Said, robot: Robot, network: tuple[str, bytes], revision: 
         decimation,
         layout_of(said, robot.num_joints),
         action_clip=min(said.action_clip or UNBOUNDED, UNBOUNDED),
-        imported={"name": network[0], "sha256": hashlib.sha256(network[1]).hexdigest()},
+        imported={"name": network[0], "sha256": hashlib.sha256(network[1]).hexdigest(), **(said.assumed or {})},
         revision=revision,
         command=command,
     )

@@ -20,14 +20,15 @@ from stiction.exchange.policies.description import Said, contract_of, merged, re
 from stiction.exchange.policies.holosoma import is_holosoma, said_by_holosoma
 from stiction.exchange.policies.mjlab import is_mjlab, said_by_mjlab
 from stiction.exchange.policies.onnx_file import ForeignNetwork, read_foreign
+from stiction.exchange.policies.presets import with_preset
 from stiction.exchange.policies.rl_sar import entries_of, is_rl_sar, said_by_rl_sar
 from stiction.exchange.policies.settings import said_in_settings
 from stiction.exchange.policies.unitree import is_deploy, said_in_deploy
 from stiction.exchange.policies.values import take
 from stiction.files.contract import Contract, limits_text
 from stiction.robots.catalog import find_derived
-from stiction.robots.model import Robot
 from stiction.robots.named import check_named
+from stiction.robots.record import Derived
 
 CARD = """\
 # {name}, imported
@@ -56,6 +57,10 @@ PLAIN = re.compile(r"[A-Za-z0-9_-][\w.+-]{0,199}", re.ASCII)
 """Names of files that a network may keep its numbers in: of its own folder."""
 
 
+TRAINERS = (("mjlab", is_mjlab, said_by_mjlab), ("holosoma", is_holosoma, said_by_holosoma))
+"""Trainer, whether metadata are its, and what they say."""
+
+
 def read_network(path: Path) -> tuple[bytes, ForeignNetwork]:
     """Return the bytes and the content of an ONNX file of others. Raises `StictionError`."""
 
@@ -75,24 +80,31 @@ def read_network(path: Path) -> tuple[bytes, ForeignNetwork]:
     return data, read_foreign(data, path.name, beside)
 
 
-def said_of(network: ForeignNetwork, name: str, settings: Sequence[Path], robot: Robot) -> Said:
+def said_of(
+    network: ForeignNetwork, name: str, settings: Sequence[Path], derived: Derived, preset: str | None = None
+) -> Said:
     """Return what is said of a policy: by its network's metadata, then by files of settings, in their order.
 
     Args:
         network: as from `read_network`.
         name: of its file, for messages.
         settings: our settings, a deploy.yaml, or rl_sar's config.yaml and base.yaml.
-        robot: whose maker's order of joints a deploy.yaml means.
+        derived: robot whose maker's order of joints a deploy.yaml means.
+        preset: name in `presets.PRESETS` of what fills the gaps, or None.
 
     Raises `StictionError`: an entry that is not known or not to be held, or something that nobody says.
 
     """
-    said, maker = Said(), None if robot.vendor is None else robot.vendor.order
+    vendor = derived.robot.vendor
+    said, maker = Said(), None if vendor is None else vendor.order
     rl_sar: dict[str, Any] = {}
-    if is_mjlab(network.metadata):
-        said = said_by_mjlab(network.metadata, name)
-    elif is_holosoma(network.metadata):
-        said = said_by_holosoma(network.metadata, name)
+    for trainer, known, read in TRAINERS:
+        if known(network.metadata):
+            if preset not in (None, trainer):
+                raise ConfigurationError(f"--preset: got {preset}, and the metadata of {name} are {trainer}'s; leave "
+                                         "it out, or name the trainer of this network")  # fmt: skip
+            said = read(network.metadata, name)
+            break
     own: list[tuple[dict[str, Any], str]] = []
     for path in settings:
         plain = read_yaml(path, "settings of a policy", FileError, SettingsLoader)
@@ -110,6 +122,8 @@ def said_of(network: ForeignNetwork, name: str, settings: Sequence[Path], robot:
         said = merged(said, said_by_rl_sar(rl_sar, "config.yaml and base.yaml"))
     for content, where in own:
         said = merged(said, said_in_settings(content, where))
+    if preset is not None:
+        said = with_preset(said, preset, derived, network.observation_size, network.num_actions)
     said = with_length(said, network.observation_size, network.num_actions)
     files = [name, *(path.name for path in settings)]
     require(said, f"{' and '.join(files)} {'do' if settings else 'does'}")
@@ -123,6 +137,7 @@ def import_policy(
     settings: Sequence[Path] = (),
     command: str = "stiction import",
     say: Callable[[str], None] = lambda note: None,
+    preset: str | None = None,
 ) -> BundleCheck:
     """Write a policy of others as a bundle and check it.
 
@@ -133,6 +148,7 @@ def import_policy(
         settings: see `said_of`.
         command: the command line.
         say: called with what a user should know, a sentence each.
+        preset: see `said_of`.
 
     Raises:
         StictionError: the network is not to be read, something is not said, robot and policy do not fit, `out` exists,
@@ -145,7 +161,7 @@ def import_policy(
     derived = find_derived(robot)
     spec = derived.robot
     check_named(spec)
-    said = said_of(network, path.name, settings, spec)
+    said = said_of(network, path.name, settings, derived, preset)
     contract = contract_of(said, spec, (path.name, data), git_revision(), command)
     outside = [f"the numbers of {path.name} lay in {', '.join(network.files)} beside it"] if network.files else []
     replaced = limits_text(contract, spec)

@@ -21,6 +21,8 @@ from stiction.files.observation import NO_CLIP, GaitClock, ObservationLayout, Te
 TERMS = {
     "base_ang_vel": "angular_velocity",
     "projected_gravity": "projected_gravity",
+    # The same from the keyboard: the name in deploy.yaml files that were made for a simulation.
+    "keyboard_velocity_commands": "command",
     "velocity_commands": "command",
     "joint_pos_rel": "joint_position",
     "joint_vel_rel": "joint_velocity",
@@ -30,6 +32,9 @@ TERMS = {
 """Name in unitree_rl_lab -> ours."""
 
 OWN = {ours: theirs for theirs, ours in TERMS.items()}
+
+WIDE = 10.0
+"""Angle that no joint of a legged robot reaches [rad]: clips from there on, as of unitree_rl_lab's Go2, cut nothing."""
 
 SWITCHES = ("scale_first", "use_gym_history")
 """Entries among the observations that are no terms."""
@@ -85,9 +90,16 @@ def _action_scale(content: Mapping[str, Any], pose: tuple[float, ...], where: st
     if list(content) != ["JointPositionAction"]:
         raise ConfigurationError(f"{where}: the actions are {', '.join(content)}; expected JointPositionAction alone")
     action = take.mapping(content["JointPositionAction"], f"{where}: JointPositionAction")
-    for name, why in (("clip", "angles that are cut off"), ("joint_ids", "a part of the joints")):
-        if action.get(name) is not None:
-            raise ConfigurationError(f"{where}: JointPositionAction has {name}, {why}, which a contract does not hold")
+    for bounds in take.sequence(action.get("clip") or [], f"{where}: clip"):
+        low, high = take.numbers(bounds, f"{where}: clip", 2)
+        if low > -WIDE or high < WIDE:
+            raise ConfigurationError(
+                f"{where}: JointPositionAction: got clip {low:g} to {high:g} rad, expected null or {WIDE:g} rad and "
+                "more either way; a contract cuts no angles off"
+            )
+    if action.get("joint_ids") is not None:
+        raise ConfigurationError(f"{where}: JointPositionAction has joint_ids, a part of the joints, which a contract "
+                                 "does not hold")  # fmt: skip
     offset = take.numbers(action.get("offset"), f"{where}: offset", len(pose))
     if any(abs(one - other) > 1e-6 for one, other in zip(offset, pose, strict=True)):
         raise ConfigurationError(f"{where}: the action's offset is not default_joint_pos; a contract holds one pose")
