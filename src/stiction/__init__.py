@@ -17,6 +17,7 @@ PUBLIC = {
     "list_robots": "api.robot",
     "load_robot": "api.robot",
     "check_robot": "api.robot",
+    "check_draws": "core.draws",
     "train": "api.training",
     "export": "api.training",
     "list_policies": "api.policy",

@@ -8,7 +8,9 @@ from stiction.core.extras import missing_extra
 
 try:
     from stiction.exchange.mjlab.actuator import IdentifiedActuatorCfg, friction_law_event, identified_actuator
+    from stiction.exchange.mjlab.draws import audit_draws
     from stiction.exchange.mjlab.friction import DrawFriction, friction_events, friction_told
+    from stiction.exchange.mjlab.hold import audit_hold
     from stiction.exchange.mjlab.joints import with_joints
     from stiction.exchange.mjlab.log import StictionLog
 except ModuleNotFoundError as error:
@@ -20,6 +22,8 @@ __all__ = [
     "DrawFriction",
     "IdentifiedActuatorCfg",
     "StictionLog",
+    "audit_draws",
+    "audit_hold",
     "friction_events",
     "friction_law_event",
     "friction_told",

@@ -9,7 +9,10 @@ from pathlib import Path
 import pytest
 
 from stiction.cli.main import NEEDS, main
+from stiction.cli.process import explained
 from stiction.core import extras
+from stiction.engines.catalog import what_is_missing
+from stiction.robots.catalog import find_robot
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
 SHA = "0" * 40
@@ -81,3 +84,47 @@ def test_what_is_missing_is_said_whole_and_before_any_work(
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and f"the extra {NEEDS[verb]!r}" in error
     assert all(package in error for package in packages) and not list(tmp_path.iterdir())
+
+
+def test_the_oldest_versions_are_those_of_the_project() -> None:
+    """Else a version would be refused that the installation takes, or the other way round."""
+    requirements = sum(PROJECT["optional-dependencies"].values(), PROJECT["dependencies"])
+    for package, (_, oldest) in extras.OLDEST.items():
+        distribution = extras.DISTRIBUTIONS.get(package, package)
+        assert any(text.startswith(f"{distribution}>={oldest},<") for text in requirements), package
+
+
+def _beside_mjlab(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have the versions that mjlab 1.6 pins."""
+    pinned = {"mujoco": "3.11.0", "rsl-rl-lib": "5.4.2"}
+    real = extras.metadata.version
+    monkeypatch.setattr(extras.metadata, "version", lambda name: pinned.get(name) or real(name))
+
+
+@pytest.mark.parametrize("verb", [verb for verb, extra in NEEDS.items() if extra != "sign"])
+def test_an_older_simulator_is_told_in_a_line(
+    verb: str, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside mjlab: what is there, what is needed, and how to have both."""
+    _beside_mjlab(monkeypatch)
+    assert main([verb]) == 1
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and "MuJoCo 3.11 is installed; 4.0 is needed" in error
+    assert "uv tool install " in error and f"[{NEEDS[verb]}]" in error
+
+
+def test_what_an_older_simulator_lacks_is_no_fault_of_stiction(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A module of MuJoCo 4, an engine, and an error that nobody foresaw."""
+    assert extras.outdated("train") is None and extras.outdated("logs") is None
+    _beside_mjlab(monkeypatch)
+    said = "MuJoCo 3.11 is installed; 4.0 is needed: mjlab pins older ones"
+    lacking = ModuleNotFoundError("No module named 'mujoco.batch'", name="mujoco.batch")
+    assert str(extras.missing_extra(lacking, "this verb")).startswith(said)
+    missing = ModuleNotFoundError("No module named 'mujoco'", name="mujoco")
+    assert "the package 'mujoco' is not installed" in str(extras.missing_extra(missing, "this verb"))
+    assert said in str(what_is_missing("mujoco", find_robot("go1")))
+    monkeypatch.setitem(sys.modules, "mujoco", sys)
+    monkeypatch.delitem(sys.modules, "mjlab", raising=False)
+    assert explained(AttributeError("no attribute 'x'"), "robot").startswith(said)
+    monkeypatch.setitem(sys.modules, "mjlab", sys)
+    assert explained(AttributeError("no attribute 'x'"), "doctor").startswith("unforeseen AttributeError")

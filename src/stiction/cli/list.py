@@ -6,7 +6,7 @@ import json
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from stiction.core.extras import install_command, installed_by, installed_from, is_installed
+from stiction.core.extras import install_command, installed_by, installed_from, is_installed, outdated
 from stiction.core.flags import ARGUMENT
 from stiction.core.options import read_options
 
@@ -84,7 +84,7 @@ def engines() -> list[dict[str, Any]]:
     rows, source, program = [], installed_from(), installed_by()
     for spec in ENGINES.values():
         here = all(found is not None for found in spec.binaries().values())
-        here = here and is_installed(PACKAGES.get(spec.name, "stiction"))
+        here = here and is_installed(PACKAGES.get(spec.name, "stiction")) and outdated(spec.extra) is None
         install = install_command(spec.extra, source, program) if spec.extra and not here else "–"
         rows.append({"name": spec.name, "here": here, "install": install})
     return rows

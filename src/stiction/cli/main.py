@@ -34,7 +34,7 @@ VERBS = {
     "deploy": "run a bundle on a robot, real or virtual, under a supervisor",
     "view": "interactive browser viewer with friction sliders",
     "bench": "benchmark simulation and training throughput",
-    "doctor": "describe the machine; audit the randomisation",
+    "doctor": "describe the machine; audit randomisation, also mjlab's",
 }
 """Verb -> what it does, in the order in which the data flows. The module is `stiction.cli.<verb>`, with _ for -."""
 
@@ -43,7 +43,7 @@ INSTALLED = frozenset({"replicate", "study", "bench"})
 
 NEEDS = {"demo": "sim", "evaluate": "sim", "replicate": "sim", "import": "sim", "sign": "sign"}
 NEEDS |= {"robot": "sim", "view": "view"}
-NEEDS |= dict.fromkeys(("train", "train-actuator", "bench", "doctor"), "train")
+NEEDS |= dict.fromkeys(("train", "train-actuator", "bench"), "train")
 """Verbs that do nothing without an extra: it is asked for before anything is done, unless they are asked for help."""
 
 HELP = frozenset({"-h", "--help", "--help-all"})

@@ -11,7 +11,7 @@ from types import FrameType
 from typing import Any, TextIO
 
 from stiction.core.errors import FileError, StictionError, escaped
-from stiction.core.extras import missing_extra
+from stiction.core.extras import missing_extra, outdated
 from stiction.core.lifeline import follow_parent
 
 DEBUG = "--debug"
@@ -126,6 +126,8 @@ def explained(error: Exception, verb: str) -> str:
         return f"there is not enough memory ({said or 'the system gave none'}); ask for less at once"
     if "MUJOCO_GL" in said:  # MuJoCo reads it when it is imported
         return f"{said}; expected egl, osmesa, glfw or disable, or nothing: unset it"
+    if "mujoco" in sys.modules and "mjlab" not in sys.modules and (old := outdated()) is not None:
+        return f"{old} (unforeseen {type(error).__name__}: {said})"
     return (
         f"unforeseen {type(error).__name__}: {said}; this is a fault of stiction: please report it where you found the "
         f"project, with what `stiction {verb} ... {DEBUG}` says"

@@ -29,6 +29,12 @@ EXTRAS = {
 }
 """Extra -> the packages that it brings, by the names under which they are imported; the smallest that has one first."""
 
+OLDEST = {"mujoco": ("MuJoCo", "4.0"), "rsl_rl": ("rsl_rl", "5.5")}
+"""Package -> its name and the oldest version that our simulation and training run with; mjlab 1.6 pins older ones."""
+
+DISTRIBUTIONS = {"rsl_rl": "rsl-rl-lib"}
+"""Package -> the distribution that has it, where that has another name."""
+
 EXPERIMENTS = "stiction-experiments"
 """Distribution of the experiments and of the methods of other papers."""
 
@@ -56,15 +62,37 @@ def is_installed(package: str) -> bool:
 
 
 def require(extra: str) -> None:
-    """Refuse to begin where packages of an extra are missing: all of them, in one line, before any work is done.
+    """Refuse to begin where packages of an extra are missing or too old: in one line, before any work is done.
 
     Raises `ConfigurationError` with how to install them.
     """
+    if (old := outdated(extra)) is not None:
+        raise ConfigurationError(old)
     if lacking := missing(extra):
         verb = "is" if len(lacking) == 1 else "are"
         raise ConfigurationError(
             f"this needs the extra {extra!r}, of which {', '.join(lacking)} {verb} not installed; {remedy(extra)}"
         )
+
+
+def outdated(extra: str = "sim") -> str | None:
+    """Return which package of an extra is older than needed, and how to have both versions; None where none is."""
+    for package, (name, oldest) in OLDEST.items():
+        if package not in EXTRAS[extra]:
+            continue
+        try:
+            version = metadata.version(DISTRIBUTIONS.get(package, package))
+        except metadata.PackageNotFoundError:
+            continue
+        major, minor = (int(number) for number in version.split(".")[:2])
+        if (major, minor) < tuple(int(number) for number in oldest.split(".")):
+            _, requirement, where = _requirement(f"[{extra}]", installed_from(), "")
+            return (
+                f"{name} {major}.{minor} is installed; {oldest} is needed: mjlab pins older ones, so leave this "
+                f"environment to it and have both with: uv tool install {requirement}{where}; or, in a second virtual "
+                f"environment: {install_command(extra, installed_from())}"
+            )
+    return None
 
 
 def remedy(extra: str) -> str:
@@ -146,6 +174,9 @@ def missing_extra(error: ModuleNotFoundError, what: str) -> str | None:
     extra = extra_of((error.name or "").split(".")[0])
     if extra is None:
         return None
+    # What a later version has, such as mujoco.batch.
+    if "." in (error.name or "") and (old := outdated(extra)) is not None:
+        return old
     return f"the package {error.name!r} is not installed; {what} needs the extra {extra!r}; {remedy(extra)}"
 
 

@@ -16,7 +16,7 @@ from importlib import import_module
 from pathlib import Path
 
 from stiction.core.errors import EngineError, StictionError, unknown_name
-from stiction.core.extras import remedy
+from stiction.core.extras import outdated, remedy
 from stiction.core.plugins import find_named
 from stiction.engines.engine import Body, Engine, Make
 from stiction.engines.ground import Ground, flat
@@ -101,6 +101,8 @@ def make_engine(name: str, body: Body, ground: Ground, timestep: float) -> Engin
     spec = find_engine(name)
     if not 0 < timestep <= 0.02:
         raise EngineError(f"physics step {timestep} s; expected more than 0 and at most 0.02 s")
+    if spec.extra and (old := outdated(spec.extra)) is not None:
+        raise EngineError(f"the engine {name!r}: {old}")
     try:
         return spec.make(body, ground, timestep)
     except ModuleNotFoundError as error:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from mjlab.actuator import BuiltinPositionActuator, IdealPdActuator
+from mjlab.actuator import BuiltinDcMotorActuator, BuiltinPdActuator, BuiltinPositionActuator, IdealPdActuator
 from mjlab.actuator.actuator import TransmissionType
 
 from stiction.core.errors import ConfigurationError
@@ -76,10 +76,41 @@ def _limit(model: Any, joint: int, actuator: int) -> float | None:
 
 def _gains(env: Any, actuator: Any, number: int, world: int) -> tuple[float | None, float | None]:
     """Return kp and kd of one joint of an actuator, as they are in a world; None where they are none."""
+    if (gains := gains_of(env, actuator)) is None:
+        return None, None
+    return float(gains[0][world, number]), float(gains[1][world, number])
+
+
+def gains_of(env: Any, actuator: Any, default: bool = False) -> tuple[Any, Any] | None:
+    """Return kp and kd of an actuator's joints, two tensors of shape (num_envs, joints); None where there are none.
+
+    default: those before any draw, of shape (1, joints) or (num_envs, joints).
+    """
     if isinstance(actuator, IdealPdActuator):
-        return float(actuator.stiffness[world, number]), float(actuator.damping[world, number])
-    if isinstance(actuator, BuiltinPositionActuator):
-        control, model = actuator.global_ctrl_ids[number], env.sim.model
-        return float(model.actuator_gainprm[world, control, 0]), float(-model.actuator_biasprm[world, control, 2])
-    # MuJoCo's pair of a position and a velocity actuator cannot be drawn anew.
-    return getattr(actuator.cfg, "stiffness", None), getattr(actuator.cfg, "damping", None)
+        drawn = actuator.stiffness, actuator.damping
+        return (actuator.default_stiffness, actuator.default_damping) if default else drawn
+    gain, bias = (_of_model(env, f"actuator_{name}", default) for name in ("gainprm", "biasprm"))
+    controls = actuator.global_ctrl_ids
+    if isinstance(actuator, BuiltinPdActuator):
+        positions, speeds = controls.split(actuator.num_targets)
+        return gain[:, positions, 0], gain[:, speeds, 0]
+    if isinstance(actuator, BuiltinDcMotorActuator):
+        return gain[:, controls, 4], gain[:, controls, 6]
+    if isinstance(actuator, BuiltinPositionActuator) or getattr(actuator, "command_field", "") == "position":
+        return gain[:, controls, 0], -bias[:, controls, 2]
+    return None
+
+
+def torque_limits_of(env: Any, actuator: Any, default: bool = False) -> tuple[Any]:
+    """Return the limits that mjlab draws of an actuator's joints [N m], a tensor as of `gains_of`."""
+    if isinstance(actuator, IdealPdActuator):
+        return (actuator.default_force_limit if default else actuator.force_limit,)
+    if isinstance(actuator, BuiltinPdActuator):
+        joints = actuator.entity.indexing.joint_ids[actuator.target_ids]
+        return (_of_model(env, "jnt_actfrcrange", default)[:, joints, 1],)
+    return (_of_model(env, "actuator_forcerange", default)[:, actuator.global_ctrl_ids, 1],)
+
+
+def _of_model(env: Any, field: str, default: bool) -> Any:
+    """Return a field of the compiled model, as it is in each world or as it was before any draw."""
+    return env.sim.get_default_field(field).unsqueeze(0) if default else getattr(env.sim.model, field)
