@@ -33,7 +33,6 @@ def actuator(name: str, torque: float, **changes: float) -> IdentifiedActuatorCf
         stiffness=1e5,
         damping=0.0,
         effort_limit=torque,
-        armature=0.02,
         **law | changes,
     )
 
