@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
@@ -162,12 +162,18 @@ def answers(summary: dict[str, Any]) -> list[str]:
             for probe in (one["probes"] if len(runs) > 1 else runs[0]["probes"])
             if probe["row"] == "walk" and not probe["shuffled"]
         }
-        names = ("latent" if ("latent", "robot") in whole else "explicit", "moments")
-        found = [f"{INPUT[name]} {whole[name, per]} per {per}" for name in names for per in TARGET]
+        found = [
+            f"{INPUT[name]} {whole[name, per]} per {per}" for name in (known_by(whole), "moments") for per in TARGET
+        ]
         monitored = ", ".join(f"{sum(estimated(run['wear']))} of {len(estimated(run['wear']))}" for run in runs)
         name = one["runs"][0] if len(runs) == 1 else f"{method}, {len(runs)} seeds"
         lines.append(f"{name}: R² of the friction from {'; '.join(found)}; monitored targets: {monitored}.")
     return lines
+
+
+def known_by(probed: Collection[tuple[str, str]]) -> str:
+    """Return by what a policy knows its friction, z* or else its estimates; probed: inputs, each with its target."""
+    return "latent" if ("latent", "robot") in probed else "explicit"
 
 
 def effect_text(summary: dict[str, Any]) -> str:
@@ -207,7 +213,7 @@ def lead(summary: dict[str, Any]) -> list[str]:
         probes = one["probes"] if len(runs) > 1 else runs[0]["probes"]
         means = {(p["input"], p["per"]): p["mean"] for p in probes if p["row"] == "walk" and not p["shuffled"]}
         seeds = f"{len(runs)} training seeds" if len(runs) > 1 else "one training seed"
-        known = "latent" if ("latent", "robot") in means else "explicit"
+        known = known_by(means)
         words = {"latent": "the latent z*", "explicit": "the estimates"}[known]
         robot, joint = means[known, "robot"], means[known, "joint"]
         lines.append(

@@ -337,8 +337,9 @@ def probe_walk(
         found.append({"input": name, "row": row, "per": per, "shuffled": False} | probe(make(), targets))
         progress((number + 1) / (len(every) + 1))
     mixed = targets[np.random.default_rng(0).permutation(len(targets))]
-    signal = walk.latent if walk.latent.shape[-1] else walk.explicit
-    control = {"input": every[0][0], "row": "walk", "per": per, "shuffled": True}
+    first, _, _ = every[0]
+    signal = getattr(walk, first)
+    control = {"input": first, "row": "walk", "per": per, "shuffled": True}
     found.append(control | probe(windows(signal, len(signal)), mixed))
     progress(1.0)
     return found

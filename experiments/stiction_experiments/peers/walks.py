@@ -21,6 +21,7 @@ from stiction.core.records import column
 from stiction.files.joints import JointRecord
 from stiction.robots.mjcf import build_model
 from stiction.robots.model import Robot
+from stiction_experiments.peers.mujoco_sysid import STIFF_SOLIMP, STIFF_SOLREF
 
 UNITREE = tuple(f"{leg}_{kind}" for leg in ("FR", "FL", "RR", "RL") for kind in ("hip", "thigh", "calf"))
 """Order of the joints in the log."""
@@ -36,9 +37,6 @@ DELAY = 0.004
 
 STEP, BEFORE, WALKED = 0.001, 1.0, 3.5
 """Step of the simulation, time for which the robot stands before its targets move, and time that is judged [s]."""
-
-STIFF = ((2 * STEP, 1.0), (0.999, 0.9999))
-"""Time constant and impedance of the constraint that is dry friction: a stuck joint must not creep."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +130,7 @@ def replay(history: History, robot: Robot, friction: Friction) -> np.ndarray:
     model = build_model(robot)
     model.opt.timestep, model.opt.iterations, model.opt.ls_iterations = STEP, 100, 50
     model.dof_frictionloss[6:], model.dof_damping[6:] = friction.dry, friction.viscous
-    model.dof_solref[6:], model.dof_solimp[6:, :2] = STIFF
+    model.dof_solref[6:], model.dof_solimp[6:] = (STIFF_SOLREF * STEP, 1.0), STIFF_SOLIMP
     # The controller is below, late as a whole; the model's own is taken out.
     model.actuator_gainprm[:], model.actuator_biasprm[:] = 0.0, 0.0
     data = mujoco.MjData(model)

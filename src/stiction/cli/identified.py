@@ -42,7 +42,7 @@ USUAL = ("--robot", "--kp", "--kd", "--torque-limit", "--torque-source", "--out"
 ODD = ("--columns", "--names", "--torque-scale", "--position-scale", "--time-scale", "--rate", "--from", "--to")
 
 PLAIN_WIDTH = 120
-"""Columns of a table where nobody says how wide the terminal is."""
+"""Width of a table, in columns, where the terminal's width is unknown."""
 
 RESULTS = ("joints.json", "fit.npz", "training.json", "report.html", SETTINGS)
 """What is written into --out."""

@@ -15,10 +15,7 @@ import numpy as np
 from stiction.core.errors import ConfigurationError, FileError
 from stiction.exchange.physics import Conversion, JointPhysics, check_axis, headline, known, notes_of, number, one_line
 from stiction.exchange.urdf import Edit, Markup, Tag, parse_markup, read_model, set_attributes, xml_comment
-from stiction.robots.physics import FRICTION_D0, LEAST_ITERATIONS, LEAST_LS_ITERATIONS, budget_objection
-
-SOLIMP = (FRICTION_D0, FRICTION_D0, 0.001, 0.5, 2)
-"""Impedance of the dry-friction constraint, as `solimpfriction` has it."""
+from stiction.robots.physics import LEAST_ITERATIONS, LEAST_LS_ITERATIONS, budget_objection, friction_row
 
 SLIDE_NOTE = (
     "of a slide joint on a body of the world, the friction row counts the body's mass and leaves armature out: where "
@@ -68,9 +65,8 @@ def joint_attributes(joint: JointPhysics, timestep: float) -> dict[str, str]:
     """Return the MJCF attributes of one joint; `timestep` [s] sets how stiff dry friction may be."""
     values = known(damping=joint.damping, frictionloss=joint.friction, armature=joint.armature)
     if joint.friction is not None:
-        # The stiffest that there is: MuJoCo raises a time constant below two timesteps to that (refsafe).
-        values["solreffriction"] = f"{number(2 * timestep)} 1"
-        values["solimpfriction"] = " ".join(map(str, SOLIMP))
+        for name, row in zip(("solreffriction", "solimpfriction"), friction_row(timestep), strict=True):
+            values[name] = " ".join(map(number, row))
     return values
 
 

@@ -177,7 +177,7 @@ def notes_of(
 
 
 def headline(joints: list[JointPhysics], represented: frozenset[str] = frozenset(), rotor: bool = True) -> str:
-    """Return in one line what is left out of which record, and where the rest stands.
+    """Return one line: the quantities that are left out, by record, and where the file explains the rest.
 
     represented: see `beyond_coulomb`; rotor: whether the simulator has a place for a rotor's inertia.
     """

@@ -10,9 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from string import Template
 
-from stiction.exchange.mujoco import SOLIMP
 from stiction.exchange.physics import number
-from stiction.robots.physics import LEAST_ITERATIONS, LEAST_LS_ITERATIONS
+from stiction.robots.physics import LEAST_ITERATIONS, LEAST_LS_ITERATIONS, friction_row
 
 Span = tuple[float, float]
 """Lowest and highest value."""
@@ -47,7 +46,7 @@ def trainer_text(template: Template, tables: Tables) -> str:
         # Columns of random numbers, and the words that draw the share of one joint.
         "columns": "1" if tables.together else "len(FRICTION)",
         "share": "np.random.uniform()" if tables.together else "None",
-        **{"solimp": list(SOLIMP), "iterations": LEAST_ITERATIONS, "ls_iterations": LEAST_LS_ITERATIONS},
+        **{"solimp": [*friction_row(0.0)[1]], "iterations": LEAST_ITERATIONS, "ls_iterations": LEAST_LS_ITERATIONS},
     }
     return template.substitute(values)
 

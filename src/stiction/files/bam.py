@@ -135,8 +135,8 @@ def bam_of_record(name: str, record: JointRecord) -> dict[str, Any]:
     record = record.usable()
     law = record.friction_law or {}
     kind = law.get("law", "coulomb")
-    origin = law.get("bam") if isinstance(law.get("bam"), dict) else {}
-    kept = {field: one for field, one in origin.items() if is_number(one)} if origin else {}
+    origin = law["bam"] if isinstance(law.get("bam"), dict) else {}
+    kept = {field: one for field, one in origin.items() if is_number(one)}
     if kind not in {*LAWS.values(), "load"} or law.get("over_strength"):
         raise FileError(f"record {name!r}: got the law {kind!r}, expected coulomb, stribeck, load or effort, in N m")
     chosen = {
@@ -173,7 +173,7 @@ def bam_of_record(name: str, record: JointRecord) -> dict[str, Any]:
     model = {(False, False): "m1", (True, False): "m2", (False, True): "m3", (True, True): "m4"}
     return written | {
         "model": model[static is not None, load is not None],
-        "actuator": origin.get("actuator", ACTUATOR) if origin else ACTUATOR,
+        "actuator": origin.get("actuator", ACTUATOR),
     }
 
 

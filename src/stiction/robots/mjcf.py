@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from stiction.robots.model import DELAY_SAMPLES, Body, Foot, Joint, Robot
-from stiction.robots.physics import EXACT, LEAST_LS_ITERATIONS, SMALLEST_YIELD, PhysicsCfg
+from stiction.robots.physics import EXACT, LEAST_LS_ITERATIONS, SMALLEST_YIELD, PhysicsCfg, friction_row
 from stiction.robots.shapes import Shape, Vector, bounds
 
 STONES: tuple[Vector, Vector] = ((0.80, 0.81, 0.77), (0.72, 0.74, 0.70))
@@ -114,11 +114,9 @@ def _mass(body: Body) -> dict[str, Any]:
 
 def _friction(joint: Joint, timestep: float, physics: PhysicsCfg) -> dict[str, Any]:
     """Return what makes a joint's dry friction, as fields of `MjsJoint`."""
-    rows = {
-        # The shortest time constant that MuJoCo's integration takes.
-        "solref_friction": [2 * timestep, 1.0],
-        "solimp_friction": [physics.impedance, physics.impedance, 0.001, 0.5, 2.0],
-    }
+    rows: dict[str, Any] = dict(
+        zip(("solref_friction", "solimp_friction"), friction_row(timestep, physics.impedance), strict=True)
+    )
     if not physics.plastic:
         return rows | {"frictionloss": joint.frictionloss}
     # The angle in the state `plastic` is the one at which the spring is slack: its reference is zero.

@@ -52,6 +52,15 @@ FRICTION_D0 = 0.999
 With a time constant of two steps that is some thousandths of a rad/s; with MuJoCo's default of 0.9, which simulates
 faster, a hundred times more."""
 
+
+def friction_row(timestep: float, impedance: float = FRICTION_D0) -> tuple[tuple[float, float], tuple[float, ...]]:
+    """Return `solref` and `solimp` of the stiffest row of dry friction at a physics step [s].
+
+    MuJoCo raises a time constant below two steps to that (refsafe).
+    """
+    return (2 * timestep, 1.0), (impedance, impedance, 0.001, 0.5, 2)
+
+
 LEAST_ITERATIONS, LEAST_LS_ITERATIONS = 20, 50
 """Budget of MuJoCo's solver, and of its line search, under which such rows let go of a loaded joint. At 10 and 20 a
 joint under 0.8 of its friction turned 0.2 rad in 2 s, at 10 and 30 0.001; on the ground it takes 20 and 50."""

@@ -10,9 +10,10 @@ import pytest
 from motors import joint, number
 from quads import JOINTS, quad
 from stiction.core.errors import StictionError
-from stiction.exchange.mujoco import FRICTION_D0, mujoco_snippet, patch_mujoco
+from stiction.exchange.mujoco import mujoco_snippet, patch_mujoco
 from stiction.exchange.physics import Conversion
 from stiction.exchange.urdf import parse_markup
+from stiction.robots.physics import FRICTION_D0
 
 mujoco = pytest.importorskip("mujoco")
 

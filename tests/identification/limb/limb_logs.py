@@ -16,6 +16,7 @@ from stiction.robots.catalog import find_robot
 from stiction.robots.mechanism import Mechanism
 from stiction.robots.mjcf import build
 from stiction.robots.model import Link
+from stiction.robots.physics import friction_row
 
 HERE = Path(__file__).parent
 
@@ -86,7 +87,7 @@ def compiled(limb: Limb) -> tuple[mujoco.MjModel, list[str], np.ndarray]:
     spec.option.disableflags |= int(off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_EULERDAMP)
     for joint in spec.joints:
         joint.frictionloss, joint.damping, joint.actfrclimited = 1.0, np.array([1.0, 0.0, 0.0]), 0
-        joint.solref_friction, joint.solimp_friction = [2 * STEP, 1.0], [0.999, 0.999, 0.001, 0.5, 2.0]
+        joint.solref_friction, joint.solimp_friction = friction_row(STEP)
         actuator = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         actuator.gaintype, actuator.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
     model = spec.compile()

@@ -17,7 +17,7 @@ from mjlab.actuator.pd_actuator import IdealPdActuator, IdealPdActuatorCfg
 from mjlab.managers.event_manager import EventTermCfg, requires_model_fields
 
 from stiction.core.errors import ConfigurationError
-from stiction.exchange.mujoco import SOLIMP
+from stiction.exchange.mjlab.friction import stiffen_rows
 from stiction.exchange.physics import joint_physics
 from stiction.files.bam import load_joints
 
@@ -41,18 +41,22 @@ class IdentifiedActuatorCfg(IdealPdActuatorCfg):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        low = {"coulomb_friction": 0.0, "torque_coefficient": 0.0, "load_coefficient": 0.0}
-        for name, least in low.items():
-            if getattr(self, name) < least:
+        for name in ("coulomb_friction", "torque_coefficient", "load_coefficient"):
+            if getattr(self, name) < 0.0:
                 raise ConfigurationError(f"IdentifiedActuatorCfg: got {name} {getattr(self, name)}, expected 0 or more")
-        rest = self.coulomb_friction if self.static_friction is None else self.static_friction
-        if rest < self.coulomb_friction or not (self.stribeck_velocity > 0 and self.exponent > 0):
+        if self.at_rest < self.coulomb_friction or not (self.stribeck_velocity > 0 and self.exponent > 0):
             raise ConfigurationError(
-                f"IdentifiedActuatorCfg: got static friction {rest}, Stribeck velocity {self.stribeck_velocity}, "
-                f"exponent {self.exponent}, expected at least coulomb_friction, and positive numbers"
+                f"IdentifiedActuatorCfg: got static friction {self.at_rest}, Stribeck velocity "
+                f"{self.stribeck_velocity}, exponent {self.exponent}, expected at least coulomb_friction, "
+                "and positive numbers"
             )
         if self.frictionloss is not None:
             raise ConfigurationError("IdentifiedActuatorCfg: got frictionloss, expected coulomb_friction in its place")
+
+    @property
+    def at_rest(self) -> float:
+        """Dry friction at rest [N m]."""
+        return self.coulomb_friction if self.static_friction is None else self.static_friction
 
     def build(self, entity: Any, target_ids: list[int], target_names: list[str]) -> IdentifiedActuator:
         """Return the actuator, as mjlab asks for it."""
@@ -67,7 +71,7 @@ class IdentifiedActuator(IdealPdActuator[IdentifiedActuatorCfg]):
         super().edit_spec(spec, target_names)
         for joint in spec.joints:
             if joint.name in target_names:
-                joint.frictionloss = max(self.cfg.static_friction or self.cfg.coulomb_friction, 1e-6)
+                joint.frictionloss = max(self.cfg.at_rest, 1e-6)
 
     def initialize(self, mj_model: Any, model: Any, data: Any, device: str) -> None:
         """Find the joints among the model's degrees of freedom."""
@@ -75,7 +79,6 @@ class IdentifiedActuator(IdealPdActuator[IdentifiedActuatorCfg]):
         joints = self.entity.indexing.joint_ids[self.target_ids].tolist()
         self.dofs = self.target_ids.new_tensor([int(mj_model.jnt_dofadr[joint]) for joint in joints])
         self.model, self.data = model, data
-        self.solref = (2 * mj_model.opt.timestep, 1.0)
 
     def compute(self, cmd: Any) -> Any:
         """Return the torque of the PD law, clipped [N m], and write the bound of friction of this physics step."""
@@ -91,7 +94,7 @@ class IdentifiedActuator(IdealPdActuator[IdentifiedActuatorCfg]):
     def bound(self, velocity: Any, torque: Any) -> Any:
         """Return the most that friction brakes or holds by [N m]; velocity [rad/s], torque of the motor [N m]."""
         cfg = self.cfg
-        excess = (cfg.static_friction or cfg.coulomb_friction) - cfg.coulomb_friction
+        excess = cfg.at_rest - cfg.coulomb_friction
         bound = cfg.coulomb_friction + excess * (-((velocity / cfg.stribeck_velocity).abs() ** cfg.exponent)).exp()
         if cfg.torque_coefficient:
             bound = bound + cfg.torque_coefficient * torque.abs()
@@ -130,8 +133,11 @@ def identified_actuator(joints: str | Path, record: str, **fields: Any) -> Ident
     coulomb = physics.friction if unloaded is None else max(0.0, unloaded.value)
     if coulomb is None:
         raise ConfigurationError(f"record {record!r}: got no dry friction, expected one; {'; '.join(physics.notes)}")
-    numbers: dict[str, Any] = {"coulomb_friction": coulomb, "viscous_damping": physics.damping}
-    numbers["armature"] = physics.armature
+    numbers: dict[str, Any] = {
+        "coulomb_friction": coulomb,
+        "viscous_damping": physics.damping,
+        "armature": physics.armature,
+    }
     if found.static_friction is not None:
         numbers["static_friction"] = max(coulomb, found.static_friction.value)
         # Friction that gives way all at once has no such speed.
@@ -154,6 +160,4 @@ def prepare_friction_law(env: Any, env_ids: Any) -> None:
     for asset in env.scene.entities.values():
         for actuator in asset.actuators:
             if isinstance(actuator, IdentifiedActuator):
-                model = env.sim.model
-                model.dof_solref[:, actuator.dofs] = model.dof_solref[0, 0].new_tensor(actuator.solref)
-                model.dof_solimp[:, actuator.dofs] = model.dof_solimp[0, 0].new_tensor(SOLIMP)
+                stiffen_rows(env.sim.model, slice(None), actuator.dofs, env.physics_dt)

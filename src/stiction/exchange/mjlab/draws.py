@@ -16,7 +16,7 @@ from mjlab.managers.scene_entity_config import SceneEntityCfg
 
 from stiction.core.draws import Draw, Range, check_draws
 from stiction.exchange.mjlab.friction import DrawFriction
-from stiction.exchange.mjlab.motors import gains_of, limits_of, motors_of, torque_limits_of
+from stiction.exchange.mjlab.motors import gains_of, motors_of, torque_limits_of
 
 PLACES = {
     "dof": ("joint_v_adr", "joint"),
@@ -110,14 +110,12 @@ def _drawn_by(env: Any, term: Any) -> Iterator[Drawn]:
     asset_cfg = params.get("asset_cfg", SceneEntityCfg("robot"))
     known = getattr(func, "__module__", "").startswith(LIBRARY)
     if isinstance(func, DrawFriction):
-        motors = motors_of(env, env.scene[params["entity"]])
-        limits = func.limits.new_tensor(limits_of(motors))
         yield Drawn(
             "",
             "dof_frictionloss / torque limit",
             tuple(params["shares"]),
-            lambda: env.sim.model.dof_frictionloss[:, func.dofs] / limits,
-            tuple(motors),
+            lambda: env.sim.model.dof_frictionloss[:, func.dofs] / func.limits,
+            tuple(motors_of(env, env.scene[params["entity"]])),
         )
     elif func is dr.encoder_bias:
         asset, joints = env.scene[asset_cfg.name], asset_cfg.joint_ids
@@ -142,12 +140,10 @@ def _of_ranges(env: Any, asset_cfg: Any, func: Any, params: dict[str, Any]) -> I
     """Yield what a draw of mjlab's own does to its field: a range, or one for each axis or pattern of names."""
     field, ranges = func.model_fields[0], params["ranges"]
     defaults = {name: parameter.default for name, parameter in inspect.signature(func).parameters.items()}
-    operation = params.get("operation", defaults.get("operation", "abs"))
-    operation = getattr(operation, "name", operation)
+    operation = _word(params.get("operation", defaults.get("operation", "abs")))
     axes = params.get("axes") or ([0] if field in ("geom_friction", "pair_friction") else None)
     # Of a normal distribution the two numbers are mean and deviation.
-    shape = params.get("distribution", "uniform")
-    bounded = getattr(shape, "name", shape) in ("uniform", "log_uniform")
+    bounded = _word(params.get("distribution", "uniform")) in ("uniform", "log_uniform")
     parts: list[tuple[Any, ...]] = [(asset_cfg, axes, ranges, "")]
     if isinstance(ranges, dict) and all(isinstance(key, int) for key in ranges):
         parts = [(asset_cfg, [axis], of_axis, "") for axis, of_axis in ranges.items() if axes is None or axis in axes]
@@ -156,6 +152,11 @@ def _of_ranges(env: Any, asset_cfg: Any, func: Any, params: dict[str, Any]) -> I
     for of_part, of_axes, of_range, whose in parts:
         drawn = _of_field(env, of_part, field, operation, of_axes, tuple(of_range) if bounded else None)
         yield replace(drawn, quantity=drawn.quantity + whose)
+
+
+def _word(given: Any) -> str:
+    """Return the name of an operation or a distribution, which mjlab takes as a text or an object of its own."""
+    return str(getattr(given, "name", given))
 
 
 def _matching(env: Any, asset_cfg: Any, field: str, pattern: str) -> Any:
@@ -209,8 +210,7 @@ def _of_actuators(
     env: Any, asset_cfg: Any, params: dict[str, Any], name: str, key: str, number: int, values_of: Callable[..., Any]
 ) -> Iterator[Drawn]:
     """Yield a gain or limit of each actuator that an event draws; number: which of those that `values_of` gives."""
-    asset, operation = env.scene[asset_cfg.name], params.get("operation", "scale")
-    operation = getattr(operation, "name", operation)
+    asset, operation = env.scene[asset_cfg.name], _word(params.get("operation", "scale"))
     chosen = np.array(asset.actuators, dtype=object)[asset_cfg.actuator_ids]
     for actuator in np.atleast_1d(chosen):
 

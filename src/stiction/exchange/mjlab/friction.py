@@ -8,10 +8,10 @@ from typing import Any
 from mjlab.managers.event_manager import EventTermCfg, requires_model_fields
 
 from stiction.exchange.mjlab.motors import limits_of, motors_of
-from stiction.exchange.mujoco import SOLIMP
 from stiction.exchange.physics import Which
 from stiction.exchange.randomization import recipe_of
 from stiction.files.joints import read_training
+from stiction.robots.physics import friction_row
 
 
 def friction_events(training: str | Path, entity: str = "robot", *, friction: Which = "moving") -> dict[str, Any]:
@@ -30,8 +30,22 @@ def friction_events(training: str | Path, entity: str = "robot", *, friction: Wh
     """
     recipe = recipe_of(read_training(Path(training)), {entity: 1.0}, friction)
     shares = (recipe.alone * recipe.ranges[0].low, recipe.alone * recipe.ranges[0].high)
-    params = {"shares": shares, "together": recipe.together, "entity": entity}
+    return draw_event(shares, recipe.together, entity)
+
+
+def draw_event(shares: tuple[float, float], together: bool = True, entity: str = "robot") -> dict[str, Any]:
+    """Return the event that draws dry friction at each reset, for `cfg.events`.
+
+    shares: lowest and highest over the torque limit [1]; together: whether all joints of a robot get one share.
+    """
+    params = {"shares": shares, "together": together, "entity": entity}
     return {"joint_friction": EventTermCfg(func=DrawFriction, mode="reset", params=params)}
+
+
+def stiffen_rows(model: Any, rows: Any, dofs: Any, timestep: float) -> None:
+    """Make rows of friction as stiff as a physics step [s] allows; rows: numbers of robots, or all."""
+    for field, values in zip((model.dof_solref, model.dof_solimp), friction_row(timestep), strict=True):
+        field[rows, dofs] = field[0, 0].new_tensor(values)
 
 
 @requires_model_fields("dof_frictionloss", "dof_solref", "dof_solimp")
@@ -50,8 +64,7 @@ class DrawFriction:
         robots = env.num_envs if env_ids is None else len(env_ids)
         share = self.limits.new_empty(robots, 1 if together else len(self.limits)).uniform_(*shares)
         model.dof_frictionloss[rows, self.dofs] = share * self.limits
-        model.dof_solref[rows, self.dofs] = self.limits.new_tensor((2 * env.physics_dt, 1.0))
-        model.dof_solimp[rows, self.dofs] = self.limits.new_tensor(SOLIMP)
+        stiffen_rows(model, rows, self.dofs, env.physics_dt)
 
 
 class friction_told:  # as mjlab calls its terms, which are classes where they keep something

@@ -19,11 +19,10 @@ from mjlab.actuator.actuator import TransmissionType
 
 from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.exchange.mjlab.motors import KINDS
-from stiction.exchange.mujoco import SOLIMP
 from stiction.exchange.physics import JointPhysics, Which, check_axis, joint_physics, notes_of
 from stiction.files.bam import load_joints
 from stiction.files.joint_map import map_joints, parse_joint_map
-from stiction.robots.physics import LEAST_ITERATIONS, LEAST_LS_ITERATIONS
+from stiction.robots.physics import LEAST_ITERATIONS, LEAST_LS_ITERATIONS, friction_row
 
 
 def with_joints(
@@ -73,14 +72,18 @@ def with_joints(
     edited = partial(_edited_spec, robot.spec_fn, values, cfg.sim.mujoco.timestep)
     robot = replace(robot, spec_fn=edited, articulation=replace(robot.articulation, actuators=actuators))
     cfg.scene = replace(cfg.scene, entities={**cfg.scene.entities, entity: robot})
-    budget = {"iterations": LEAST_ITERATIONS, "ls_iterations": LEAST_LS_ITERATIONS}
-    solver = replace(
-        cfg.sim.mujoco, **{name: max(least, getattr(cfg.sim.mujoco, name)) for name, least in budget.items()}
-    )
-    # Each joint with friction is one more row, for which a number of rows that was set leaves no room.
-    rows = sum(1 for joint in physics.values() if joint.friction)
-    cfg.sim = replace(cfg.sim, mujoco=solver, njmax=None if cfg.sim.njmax is None else cfg.sim.njmax + rows)
+    cfg.sim = with_budget(cfg.sim, sum(1 for joint in physics.values() if joint.friction))
     return cfg
+
+
+def with_budget(sim: Any, rows: int) -> Any:
+    """Return mjlab's configuration of a simulation with the solver budget under which friction holds.
+
+    rows: joints with friction, each one more row, for which a number of rows that was set leaves no room.
+    """
+    budget = {"iterations": LEAST_ITERATIONS, "ls_iterations": LEAST_LS_ITERATIONS}
+    solver = replace(sim.mujoco, **{name: max(least, getattr(sim.mujoco, name)) for name, least in budget.items()})
+    return replace(sim, mujoco=solver, njmax=None if sim.njmax is None else sim.njmax + rows)
 
 
 def robot_of(cfg: Any, entity: str) -> Any:
@@ -145,8 +148,7 @@ def _edited_spec(spec_fn: Any, values: dict[str, dict[str, float]], timestep: fl
             joint.damping[0] = of_joint["viscous_damping"]
         if "frictionloss" in of_joint:
             joint.frictionloss = of_joint["frictionloss"]
-            joint.solref_friction = (2 * timestep, 1.0)
-            joint.solimp_friction = SOLIMP
+            joint.solref_friction, joint.solimp_friction = friction_row(timestep)
     for actuator in spec.actuators:
         # MuJoCo adds an actuator's own to what its joint has.
         of_joint = values.get(_short(actuator.target), {})

@@ -102,7 +102,7 @@ def gains_of(env: Any, actuator: Any, default: bool = False) -> tuple[Any, Any] 
 
 
 def torque_limits_of(env: Any, actuator: Any, default: bool = False) -> tuple[Any]:
-    """Return the limits that mjlab draws of an actuator's joints [N m], a tensor as of `gains_of`."""
+    """Return the torque limits of an actuator's joints that mjlab may draw [N m]: a tensor shaped like `gains_of`'s."""
     if isinstance(actuator, IdealPdActuator):
         return (actuator.default_force_limit if default else actuator.force_limit,)
     if isinstance(actuator, BuiltinPdActuator):

@@ -151,7 +151,7 @@ def needed(said: Said) -> list[str]:
 
 
 def missing(said: Said) -> list[str]:
-    """Return what has to be known of a policy and nobody said."""
+    """Return the facts about a policy that are needed and missing."""
     return [name for name in needed(said) if getattr(said, name) is None]
 
 
