@@ -28,7 +28,7 @@ READING = {
     *(f"files/{name}.py" for name in ("actuator", "bundle", "contract_rules", "following", "golden", "joint_map")),
     "files/contract_training.py",
     "core/decode.py",
-    *(f"files/{name}.py" for name in ("joints", "log", "plain", "results", "signature", "tables")),
+    *(f"files/{name}.py" for name in ("bam", "joints", "log", "plain", "results", "signature", "tables")),
     *(
         "core/extras.py",
         "core/flags.py",
