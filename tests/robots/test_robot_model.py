@@ -103,11 +103,11 @@ range="-1 1" armature=".01" actuatorfrcrange="-5 5"/><geom type="capsule" size="
 
 
 def test_a_variation_by_hand() -> None:
-    """Gains kp times 4 and kd times 2 keep kd / (2 sqrt(kp J)); the torque limits double; everything else stays."""
-    plain, varied = find_robot("go1"), find_robot("go1@kp=4,torque=2")
-    for name, factor in (("kp", 4.0), ("kd", 2.0), ("torque_limit", 2.0), ("armature", 1.0)):
+    """Gains kp times 4 and kd times 2 keep kd / (2 sqrt(kp J)); limits double; actions halve; everything else stays."""
+    plain, varied = find_robot("go1"), find_robot("go1@kp=4,torque=2,action=.5")
+    for name, factor in (("kp", 4.0), ("kd", 2.0), ("torque_limit", 2.0), ("action_scale", 0.5), ("armature", 1.0)):
         np.testing.assert_allclose(varied.joint_values(name), factor * plain.joint_values(name))
-    assert varied.name == "go1@kp=4,torque=2" and varied.base == plain.base
+    assert varied.name == "go1@kp=4,torque=2,action=.5" and varied.base == plain.base
 
 
 def altered(robot: Robot, **fields: float) -> Robot:

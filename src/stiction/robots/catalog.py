@@ -16,8 +16,8 @@ from stiction.robots.record import Derived, read_robot
 SHIPPED = Path(__file__).with_name("shipped")
 """Folder of the records of the robots that come with the package."""
 
-VARIATIONS = ("kp", "torque")
-"""What `NAME@...` can multiply: gains, torque limits."""
+VARIATIONS = ("kp", "torque", "action")
+"""What `NAME@...` can multiply: gains, torque limits, the angle per unit of action."""
 
 FILES = (".yaml", ".yml", ".xml", ".urdf", ".json")
 """Endings of files that describe a robot."""
@@ -43,7 +43,8 @@ def find_robot(name: str) -> Robot:
     the Python path.
 
     `NAME@kp=0.5,torque=2` is that robot with its gains kp halved (kd by the root of it, which keeps the damping ratio)
-    or its torque limits doubled: what an experiment varies, and still one word in every file.
+    and its torque limits doubled; `action=2` doubles the angle per unit of action. What an experiment varies is still
+    one word in every file.
 
     Raises `StictionError` where there is no such robot, or the variation is none.
     """
@@ -105,12 +106,12 @@ def vary(robot: Robot, name: str, variation: str) -> Robot:
         number = re.fullmatch(r"[0-9]*\.?[0-9]+", value) is not None and 0.01 <= float(value) <= 100
         if key not in VARIATIONS or key in factors or not number:
             raise RobotError(
-                f"robot {name!r}: {part!r} is no variation; expected {' or '.join(VARIATIONS)}, each at most once, "
-                "with a factor from 0.01 to 100, as in saturn_lite@kp=0.5,torque=2"
+                f"robot {name!r}: {part!r} is no variation; expected {', '.join(VARIATIONS[:-1])} or {VARIATIONS[-1]}, "
+                "each at most once, with a factor from 0.01 to 100, as in saturn_lite@kp=0.5,torque=2"
             )
         factors[key] = float(value)
-    gain = factors.get("kp", 1.0)
-    return robot.with_joints(name, kp=gain, kd=gain**0.5, torque_limit=factors.get("torque", 1.0))
+    gain, torque, action = (factors.get(key, 1.0) for key in VARIATIONS)
+    return robot.with_joints(name, kp=gain, kd=gain**0.5, torque_limit=torque, action_scale=action)
 
 
 def _is_there(name: str, kind: Callable[[Path], bool]) -> bool:
