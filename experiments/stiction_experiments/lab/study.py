@@ -158,7 +158,8 @@ class Work:
         else:
             # What is added to is meant, whoever wrote it: the study reads it, and refuses what is not its own.
             results = () if getattr(self._options, "add", False) else self._results
-            inputs = {name: getattr(self._options, name, None) for name in INPUTS}
+            free = getattr(self._options, "free", ())
+            inputs = {name: getattr(self._options, name, None) for name in INPUTS if name not in free}
             self._stack.enter_context(results_folder(self.out, self.verb, self._options, results, inputs))
         cluster = self._stack.enter_context(use_cluster(getattr(self._options, "cluster", None), self.out))
         if cluster is not None and getattr(self._options, "jobs", None) is None:

@@ -1,0 +1,247 @@
+"""The page of the study of onsets: on which axis robots and gains agree, and what it predicts of others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import TYPE_CHECKING, Any
+
+from stiction.core.provenance import seed_streams
+from stiction.report.page import Section, Sheet, figure_block, legend, line_look, mark_look, new_figure
+from stiction_experiments.lab.study import Report
+from stiction_experiments.onset.measure import LEAST, OnsetRow, ReachRow, worst
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+CONDITIONS = (
+    "saturn_lite",
+    *(f"saturn_lite@{change}" for change in ("kp=0.5", "kp=2", "torque=0.5", "torque=2", "action=0.5", "action=2")),
+    *("go1", "go2"),
+)
+"""Robots and gains that choose the axis, trained without friction."""
+
+AXES = {
+    "torque_limit": "f / τ_max",
+    "dead_band_worst": "f / kp [rad], worst joint",
+    "dead_band_mean": "f / kp [rad], mean",
+    "weight_worst": "f / (weight × height), worst joint",
+    "weight_mean": "f / (weight × height), mean",
+    "targets_worst": "f / (kp × rms of targets), worst joint",
+    "targets_mean": "f / (kp × rms of targets), mean",
+    "motion_worst": "f / (kp × rms of angles), worst joint",
+    "motion_mean": "f / (kp × rms of angles), mean",
+    "torque_worst": "f / rms of torque, worst joint",
+    "torque_mean": "f / rms of torque, mean",
+}
+"""Axis -> its text, what needs less knowledge first."""
+
+FEWEST, CLOSE, SAMPLES = 2, 1.1, 1000
+"""Seeds that a condition needs; ratio of spreads under which the axis of less knowledge is taken; samples of seeds."""
+
+UNDECIDED = 0.25
+"""Share of samples with another axis from which on the choice is undecided."""
+
+Onsets = Mapping[str, Sequence[OnsetRow]]
+"""Condition -> its seeds that have an onset."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The axis on which conditions lie closest."""
+
+    axis: str
+    spreads: Mapping[str, float]
+    """Axis -> largest over smallest onset of the conditions, the closest first [1]."""
+    middle: float
+    """Median onset of the conditions on the chosen axis."""
+    again: float
+    """Share of samples of the seeds that choose it too [1]."""
+
+
+def ordered(rows: Sequence[OnsetRow]) -> list[OnsetRow]:
+    """Return the rows in the order of the conditions, other policies behind."""
+    places = {name: place for place, name in enumerate(CONDITIONS)}
+    return sorted(
+        rows,
+        key=lambda row: (row.method != "none", places.get(row.robot, len(places)), row.robot, row.seed, row.policy),
+    )
+
+
+def onset_of(row: OnsetRow, relative: bool) -> float | None:
+    """Return a row's onset, or the relative one, as friction over torque limit [1]."""
+    return row.relative_onset if relative else row.onset
+
+
+def conditions_of(rows: Sequence[OnsetRow], relative: bool = False) -> dict[str, list[OnsetRow]]:
+    """Return the conditions that have at least `FEWEST` seeds with an onset."""
+    found: dict[str, list[OnsetRow]] = {}
+    for row in rows:
+        if row.method == "none" and row.robot in CONDITIONS and onset_of(row, relative) is not None:
+            found.setdefault(row.robot, []).append(row)
+    return {name: own for name, own in found.items() if len(own) >= FEWEST}
+
+
+def on_axis(rows: Sequence[OnsetRow], axis: str, relative: bool = False) -> float:
+    """Return the median onset of a condition's seeds on an axis."""
+    return median((onset_of(row, relative) or 0.0) * getattr(row, axis) for row in rows)
+
+
+def spreads_of(conditions: Onsets, relative: bool = False) -> dict[str, float]:
+    """Return axis -> the largest over the smallest onset of the conditions [1]."""
+    found = {}
+    for axis in AXES:
+        values = [on_axis(own, axis, relative) for own in conditions.values()]
+        found[axis] = max(values) / min(values)
+    return found
+
+
+def closest(spreads: Mapping[str, float]) -> str:
+    """Return the axis of the smallest spread; of those within `CLOSE` of it the one that needs the least knowledge."""
+    least = min(spreads.values())
+    return next(axis for axis in AXES if spreads[axis] <= CLOSE * least)
+
+
+def choose(conditions: Onsets, relative: bool = False, samples: int = SAMPLES) -> Choice:
+    """Return the axis that carries, and how often resampled seeds choose it again; at least one condition."""
+    spreads = spreads_of(conditions, relative)
+    axis = closest(spreads)
+    generator = seed_streams(0, ["onset"])["onset"]
+    same = 0
+    for _ in range(samples):
+        drawn = {
+            name: [own[i] for i in generator.integers(len(own), size=len(own))] for name, own in conditions.items()
+        }
+        same += closest(spreads_of(drawn, relative)) == axis
+    middle = median(on_axis(own, axis, relative) for own in conditions.values())
+    return Choice(axis, dict(sorted(spreads.items(), key=lambda item: item[1])), middle, same / samples)
+
+
+def choice_text(choice: Choice, spread: float) -> str:
+    """Say which number carries, how far, and how sure that is."""
+    best, least = AXES[choice.axis], choice.spreads[choice.axis]
+    sure = f"{choice.again:.0%} of resampled seeds choose it too"
+    decided = sure if 1 - choice.again <= UNDECIDED else f"undecided, only {sure}"
+    return (
+        f"On {best} the onsets of all robots and gains lie within a factor of {least:.2f} ({decided}), on f / τ_max "
+        f"within {spread:.2f}. Their middle is {choice.middle:.3g}."
+    )
+
+
+def lead(rows: Sequence[OnsetRow]) -> str:
+    """Return the answer, by the onset and by the relative one."""
+    said = []
+    for relative, name in ((False, "Onset"), (True, "Relative onset")):
+        conditions = conditions_of(rows, relative)
+        if len(conditions) < 2:
+            said.append(f"{name}: fewer than two conditions have two seeds with one; nothing is said yet.")
+            continue
+        choice = choose(conditions, relative)
+        without = [condition for condition in CONDITIONS if condition not in conditions]
+        missing = f" Without: {', '.join(without)}." if without else ""
+        said.append(f"{name}: {choice_text(choice, choice.spreads['torque_limit'])}{missing}")
+    return "\n".join(said)
+
+
+def axes_sheet(rows: Sequence[OnsetRow], relative: bool) -> Sheet:
+    """Return the onset of every condition on every axis, the axis of the smallest spread first."""
+    conditions = conditions_of(rows, relative)
+    choice = choose(conditions, relative)
+    lines = []
+    for axis, spread in choice.spreads.items():
+        values = (f"{on_axis(own, axis, relative):.3g}" for own in conditions.values())
+        lines.append((AXES[axis], f"{spread:.2f}", *values))
+    return Sheet(
+        "Relative onset on each axis" if relative else "Onset on each axis",
+        ("axis", "largest over smallest", *conditions),
+        tuple(lines),
+        f"Median of the seeds. {choice_text(choice, choice.spreads['torque_limit'])}",
+    )
+
+
+def predictions_sheet(rows: Sequence[OnsetRow], relative: bool) -> Sheet | None:
+    """Return what the chosen axis predicts of the policies that did not choose it; None where there are none."""
+    choice = choose(conditions_of(rows, relative), relative)
+    lines = []
+    for row in rows:
+        if row.method == "none" and row.robot in CONDITIONS:
+            continue
+        # A foreign policy is judged by what it reaches without friction: it is slower than told there.
+        found, predicted = onset_of(row, relative or row.onset is None), choice.middle / getattr(row, choice.axis)
+        error = "–" if found is None else f"{predicted / found - 1:+.0%}"
+        walked = "over 64 %" if found is None else f"{found:.1%}"
+        lines.append((row.policy, row.method, f"{row.reach:.2f}", f"{predicted:.1%}", walked, error))
+    header = ("policy", "method", "reach without friction", "predicted", "walked", "error")
+    note = f"Predicted: the middle of the conditions on {AXES[choice.axis]}, {choice.middle:.3g}."
+    return Sheet("Others", header, tuple(lines), note) if lines else None
+
+
+def seeds_sheet(rows: Sequence[OnsetRow]) -> Sheet:
+    """Return the onsets of every policy."""
+    lines = tuple(
+        (
+            row.robot,
+            row.method,
+            str(row.seed),
+            f"{row.reach:.2f}",
+            *("–" if value is None else f"{value:.1%}" for value in (row.onset, row.relative_onset)),
+        )
+        for row in rows
+    )
+    header = ("robot", "method", "seed", "reach without friction", "onset", "relative onset")
+    note = (
+        f"Friction over torque limit at which the worst fast command falls under {LEAST:g}; relative: {LEAST:g} of its "
+        "reach without friction."
+    )
+    return Sheet("Onset of every policy", header, lines, note)
+
+
+def draw(rows: Sequence[OnsetRow], reaches: Sequence[ReachRow], axis: str) -> Figure:
+    """Return the worst reach over f/τ_max and over friction on the chosen axis, a line for each policy."""
+    figure, panels = new_figure(1, 2, size=(11.0, 4.6))
+    names = list(CONDITIONS)
+    for panel, by in zip(panels, ("torque_limit", axis), strict=True):
+        for row in rows:
+            if row.method != "none" or row.robot not in names:
+                continue
+            reach = worst([each for each in reaches if each.policy == row.policy])
+            levels = [level for level in reach if level > 0.0]
+            label = row.robot if row.robot not in {str(line.get_label()) for line in panel.lines} else "_"
+            panel.plot(
+                [level * getattr(row, by) for level in levels],
+                [reach[level] for level in levels],
+                marker=mark_look(row.robot, names),
+                markersize=4,
+                linewidth=1.0,
+                label=label,
+                **line_look(row.robot, names),
+            )
+        panel.axhline(LEAST, color="0.5", linewidth=0.8)
+        panel.set(xscale="log", xlabel=AXES[by], ylabel="worst reach of the fast commands", ylim=(-0.1, 1.3))
+    legend(panels[0])
+    return figure
+
+
+def report(rows: Sequence[OnsetRow], reaches: Sequence[ReachRow], settings: dict[str, Any]) -> Report:
+    """Return the report of the study."""
+    sheets: list[Sheet] = []
+    figure = None
+    for relative in (False, True):
+        if len(conditions := conditions_of(rows, relative)) > 1:
+            sheets.append(axes_sheet(rows, relative))
+            others = None if relative else predictions_sheet(rows, relative)
+            sheets += [] if others is None else [others]
+            figure = figure or (draw(rows, reaches, choose(conditions, relative).axis) if reaches else None)
+    sheets.append(seeds_sheet(rows))
+    answer = lead(rows)
+    picture = () if figure is None else (figure_block(figure, "Worst reach over friction, trained without friction."),)
+    return Report(
+        title="Which number says how much friction is too much?",
+        lead=answer,
+        tables={"onsets": rows, "reach": reaches},
+        sections=[Section("Onsets", (*picture, *(block for sheet in sheets for block in sheet.blocks())))],
+        summary=settings | {"lead": answer},
+        figures={"onset": figure},
+        sheets=sheets,
+    )

@@ -1,0 +1,128 @@
+"""The study of onsets: where a policy stops following, by hand, and the axis on which robots agree."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bundles import make_contract
+from stiction.cli.main import main
+from stiction.files.bundle import find_bundle, read_bundle
+from stiction.robots.catalog import find_robot
+from stiction_experiments.onset import measure
+from stiction_experiments.onset.measure import Motion, OnsetRow, ReachRow, axes, commands_of, onset, worst
+from stiction_experiments.onset.page import (
+    AXES,
+    choose,
+    closest,
+    conditions_of,
+    ordered,
+    predictions_sheet,
+    report,
+    spreads_of,
+)
+
+
+def a_row(robot: str, seed: int, at: float | None, dead_band: float, **changes) -> OnsetRow:
+    """Return a policy that stops following at a friction; on all axes but f/kp it counts as its torque limit."""
+    factors = dict.fromkeys(AXES, 1.0) | {"dead_band_worst": dead_band, "dead_band_mean": dead_band}
+    row = OnsetRow(f"{robot}-s{seed}", robot, "none", seed, "0", 0.9, at, at, **factors)
+    return replace(row, **changes)
+
+
+def test_an_onset_by_hand() -> None:
+    """From 0.9 at 2 % to 0.7 at 8 % it is 0.8 half way in the logarithm, at 4 %; from 0 on half way is half way."""
+    assert onset({0.0: 1.0, 0.02: 0.9, 0.08: 0.7, 0.16: 0.9}) == pytest.approx(0.04)
+    assert onset({0.0: 0.9, 0.01: 0.7}) == pytest.approx(0.005)
+    assert onset({0.0: 0.9, 0.01: 0.8, 0.02: 0.6}) == pytest.approx(0.01)
+    assert onset({0.0: 0.79, 0.01: 0.9}) is None and onset({0.0: 0.9, 0.64: 0.81}) is None
+
+
+def test_the_worst_reach_is_of_any_command_and_may_be_over_that_without_friction() -> None:
+    """0.6 of 0.75 without friction is 0.8 of what was reached there, and 0.5 of 1 is the worst of both."""
+    rows = [
+        ReachRow("p", level, command, reach, 0)
+        for level, command, reach in [(0.1, "vx=1", 0.6), (0.1, "wz=1", 0.5), (0.0, "vx=1", 0.75), (0.0, "wz=1", 1.0)]
+    ]
+    assert worst(rows) == {0.0: 0.75, 0.1: 0.5}
+    assert worst(rows[:1] + rows[2:], relative=True) == pytest.approx({0.0: 1.0, 0.1: 0.8})
+
+
+def test_axes_by_hand() -> None:
+    """Two joints of 10 and 20 N m at kp 100: dead bands of 0.1 and 0.2 rad at the torque limit, and so on."""
+    robot = find_robot("go1")
+    kp, limit = np.array([100.0, 100.0]), np.array([10.0, 20.0])
+    found = axes(robot, kp, limit, Motion(np.array([0.1, 0.4]), np.array([0.2, 0.1]), np.array([2.0, 5.0])))
+    assert found["dead_band_worst"] == pytest.approx(0.2) and found["dead_band_mean"] == pytest.approx(0.15)
+    assert found["targets_worst"] == pytest.approx(1.0) and found["targets_mean"] == pytest.approx(0.75)
+    assert found["motion_worst"] == pytest.approx(2.0) and found["motion_mean"] == pytest.approx(1.25)
+    assert found["torque_worst"] == pytest.approx(5.0) and found["torque_mean"] == pytest.approx(4.5)
+    assert found["weight_worst"] == pytest.approx(20 / (robot.mass * 9.81 * robot.standing_height))
+    assert set(found) == set(AXES)
+
+
+def test_commands_of_half_the_range_count() -> None:
+    """Of the set of fifteen all but slow walking and standing; the combined ones have half of an axis."""
+    bundle = read_bundle(find_bundle(Path("saturn_lite-flat-none-0.2")))
+    assert len(found := commands_of(bundle)) == 12 and not {"vx=0.2", "vx=-0.2", "stand"} & set(found)
+    slow = replace(
+        bundle,
+        contract=make_contract(command_range={"forward": (-0.4, 0.4), "sideways": (-0.3, 0.3), "turn": (-1.0, 1.0)}),
+    )
+    assert {"vx=0.25", "vx=-0.4", "vx=0.2,wz=0.5"} <= set(commands_of(slow)) and "vx=0.1" not in commands_of(slow)
+
+
+def test_the_axis_on_which_robots_agree() -> None:
+    """Twice the gain, twice the friction: on f/τ_max the onsets are a factor of 2 apart, on f/kp they are one."""
+    rows = [
+        a_row(robot, seed, at * (1 + 0.01 * seed), dead_band)
+        for robot, at, dead_band in [("saturn_lite", 0.1, 0.4), ("saturn_lite@kp=2", 0.2, 0.2)]
+        for seed in (10, 11, 12)
+    ]
+    conditions = conditions_of([*rows, a_row("go1", 10, 0.3, 1.0), a_row("go2", 10, None, 1.0)])
+    assert list(conditions) == ["saturn_lite", "saturn_lite@kp=2"], "one seed, and none with an onset"
+    spreads = spreads_of(conditions)
+    assert spreads["torque_limit"] == pytest.approx(2.0) and spreads["dead_band_mean"] == pytest.approx(1.0)
+    choice = choose(conditions, samples=20)
+    assert choice.axis == "dead_band_worst" and choice.again == 1.0 and choice.middle == pytest.approx(0.04 * 1.11)
+    assert "within 2.00" in report(rows, [], {}).lead
+
+
+def test_of_axes_that_are_near_the_one_of_less_knowledge_is_taken() -> None:
+    """1.2 of f/τ_max beside 1.1 is within 10 %; 1.22 is not."""
+    spreads = dict.fromkeys(AXES, 3.0) | {"torque_mean": 1.1}
+    assert closest(spreads | {"torque_limit": 1.2}) == "torque_limit"
+    assert closest(spreads | {"torque_limit": 1.22}) == "torque_mean"
+
+
+def test_others_are_predicted() -> None:
+    """A middle of 0.04 rad is 10 % of the torque limit at 0.4 rad a limit: the policy stopped at 8 %, 25 % too high."""
+    rows = [a_row(robot, seed, 0.1, 0.4) for robot in ("saturn_lite", "go1") for seed in (10, 11)]
+    rows = [replace(row, **dict.fromkeys(set(AXES) - {"dead_band_worst"}, 1.0 + (row.robot == "go1"))) for row in rows]
+    other = a_row("g1", 3, None, 0.4, method="imported", reach=0.7, relative_onset=0.08)
+    sheet = predictions_sheet(ordered([other, *rows]), relative=False)
+    assert sheet is not None and sheet.rows == (("g1-s3", "imported", "0.70", "10.0%", "8.0%", "+25%"),)
+
+
+def test_the_command_walks_what_it_does_not_have(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    """A policy is walked once; what is in the folder stays, is read again, and its page is drawn without a policy."""
+    monkeypatch.setattr(measure, "GRID", (0.0, 0.64))
+    monkeypatch.setattr(measure, "EPISODES", 1)
+    monkeypatch.setattr(measure, "SECONDS", 3.5)
+    out = ["--out", str(tmp_path / "onset")]
+    assert main(["study", "onset", "saturn_lite-flat-none-0.2", *out]) == 0
+    first = (tmp_path / "onset" / "onsets.csv").read_bytes(), (tmp_path / "onset" / "reach.csv").read_bytes()
+    assert len(first[1].splitlines()) == 1 + 2 * 12
+    monkeypatch.setattr(measure, "GRID", ())
+    for again in (["saturn_lite-flat-none-0.2"], []):
+        assert main(["study", "onset", *again, *out]) == 0
+        assert first == tuple((tmp_path / "onset" / name).read_bytes() for name in ("onsets.csv", "reach.csv"))
+    summary = json.loads((tmp_path / "onset" / "summary.json").read_text())
+    assert "nothing is said yet" in summary["lead"]
+    capsys.readouterr()
+    assert main(["study", "onset", "--out", str(tmp_path / "empty")]) == 2
+    assert "no policy given" in capsys.readouterr().err
