@@ -49,9 +49,12 @@ def mirrored_state(env: LocomotionEnv, mirror: RobotMirror) -> dict[str, Any]:
     kinds = mirror_of_kinds(env)
     buffers["bench_error"] = buffers["bench_error"][:, kinds]
 
-    state["history"] = mirrored_frames(state["history"], mirror, kinds)
+    phases = 0 if env.layout.clock is None else 2 * len(feet)
+    frames, clock = state["history"].tensor_split([state["history"].shape[-1] - phases], -1)
+    frames = mirrored_frames(frames, mirror, kinds)
     if env.cfg.first_side:
-        state["history"][..., -1] *= -1
+        frames[..., -1] *= -1
+    state["history"] = torch.cat([frames, *(part[..., feet] for part in clock.tensor_split(2, -1) if phases)], -1)
     if env.slow is not None:
         state["slow"]["sums"] = state["slow"]["sums"][..., joints]
     groups = env.spec.groups()

@@ -110,7 +110,9 @@ def test_a_complete_yaml_is_the_same_robot(tmp_path: Path) -> None:
     from stiction.robots.description import complete_text
     from stiction.robots.mjcf import build
 
-    robot = load_robot(write(tmp_path)).robot
+    file = write(tmp_path)
+    file.write_text(file.read_text() + "gait_period: 0.5\n")
+    robot = load_robot(file).robot
     (tmp_path / "simulated.xml").write_text(build(robot).to_xml())
     (tmp_path / "complete.yaml").write_text(complete_text(robot, "simulated.xml"))
     again = load_robot(tmp_path / "complete.yaml").robot
@@ -118,6 +120,7 @@ def test_a_complete_yaml_is_the_same_robot(tmp_path: Path) -> None:
     for name in ("torque_limit", "armature", "kp", "kd", "lower", "upper", "default_position", "action_scale"):
         np.testing.assert_allclose(again.joint_values(name), robot.joint_values(name), rtol=1e-6)
     assert again.standing_height == pytest.approx(robot.standing_height, abs=1e-6)
+    assert again.gait_period == robot.gait_period == 0.5
     assert again.mass == pytest.approx(robot.mass) and again.joint_kinds == robot.joint_kinds
 
 
@@ -157,6 +160,8 @@ def test_a_robot_is_not_shown_into_its_own_files(
         ("model: robot.xml\ngroups: [[FL_foot], [FR_foot]]", "name each foot once|name each"),
         ("model: robot.xml\nmirror: {FL_hip: FR_hip_joint}", "unknown joint 'FL_hip'"),
         ("model: robot.xml\nvendor: {sign: {.*: 2}}", "expected 1 or -1"),
+        ("model: robot.xml\ngait_period: 30", "gait_period is 30 s, with 4 feet; expected 0.2 to 3 s"),
+        ("model: robot.xml\ngait_period: slow", "gait_period is 'slow'; expected a number"),
         ("model: robot.xml\nmodel: robot.xml", "'model' stands twice"),
         ("model: [robot.xml", "is not YAML"),
     ],

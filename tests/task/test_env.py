@@ -10,11 +10,13 @@ import torch
 from stiction.core.errors import ConfigurationError
 from stiction.deploy.observation import ObservationBuilder, Sensors
 from stiction.learning.run import load_checkpoint, save_checkpoint
+from stiction.robots.catalog import find_robot
 from stiction.robots.physics import PhysicsCfg
 from stiction.task.config import CommandCfg, NoiseCfg, RandomizationCfg, TaskCfg
 from stiction.task.env import CommandSampler, LocomotionEnv
 from stiction.task.friction import FrictionCfg
 from stiction.task.randomization import nominal_joints
+from stiction.task.rewards import RewardCfg
 
 QUIET = NoiseCfg(0.0, 0.0, 0.0, 0.0)
 
@@ -55,6 +57,24 @@ def test_frame_has_the_papers_order_and_placeholders() -> None:
         action = 0.3 * torch.randn(4, 12, generator=generator)
         _, _, dones, _ = env.step(action)
         assert not dones.any()
+
+
+def test_the_clock_of_the_robot_is_that_of_the_training(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stride of 0.8 s is 40 control steps, feet are half a turn apart, and so is who begins with the other foot."""
+    spec = replace(find_robot("g1"), gait_period=0.8)
+    monkeypatch.setattr("stiction.task.env.find_robot", lambda name: spec)
+    env = make("g1", noise=QUIET, num_envs=16, first_side=True, rewards=RewardCfg().for_robot(spec))
+    builder = ObservationBuilder(env.layout, env.fleet.standing, batch=(16,), control_period=0.02)
+    still = np.zeros((16, spec.num_joints))
+    for step in range(4):
+        sensors = Sensors(env.fleet.base_quaternion, env.fleet.base_angular_velocity, still, still)
+        deployed = builder.step(sensors, env.commands.value.numpy(), still)[:, -4:]
+        trained = env.get_observations()["proprioception"][:, -4:].numpy()
+        first = trained[:, :2] * env.first_side.numpy(), trained[:, 2:] * env.first_side.numpy()
+        np.testing.assert_allclose(np.hstack(first), deployed, atol=1e-6)
+        turned = 2 * np.pi * step / 40
+        np.testing.assert_allclose(deployed[0, [0, 2]], [np.sin(turned), np.cos(turned)], atol=1e-6)
+        env.step(torch.zeros(16, spec.num_joints))
 
 
 def test_history_starts_with_eleven_copies_and_ends_with_the_present() -> None:

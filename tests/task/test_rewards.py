@@ -6,6 +6,7 @@ import math
 import pytest
 import torch
 
+from stiction.core.errors import StictionError
 from stiction.robots.catalog import find_robot
 from stiction.task import rewards
 
@@ -29,6 +30,7 @@ def snapshot(**changes: torch.Tensor) -> rewards.Snapshot:
         action_change=torch.zeros(2, JOINTS),
         one_group=torch.tensor([False, False]),
         unsync=torch.zeros(2),
+        in_stance=torch.tensor([[True, False]] * 2),
         landed_air_time=torch.zeros(2, 2),
         fallen=torch.tensor([False, False]),
         blown_up=torch.tensor([False, False]),
@@ -53,6 +55,26 @@ def test_tracking_pays_by_the_error() -> None:
     assert rewards.track_linear(snapshot(linear_velocity=moving)).tolist() == pytest.approx([math.exp(-0.1)] * 2)
     turning = torch.tensor([[0.0, 0.0, 0.5], [9.0, 9.0, 0.0]])
     assert rewards.track_angular(snapshot(angular_velocity=turning)).tolist() == pytest.approx([math.exp(-1.0), 1.0])
+
+
+def test_the_clock_pays_each_foot_that_is_where_it_has_it() -> None:
+    """Left down and right up is all of it; both down is half; told to stand nothing is paid."""
+    s = snapshot(contact=torch.tensor([[True, False], [True, True]]))
+    assert rewards.clock(s).tolist() == [1.0, 0.5]
+    assert rewards.clock(dataclasses.replace(s, moving=torch.tensor([False, False]))).tolist() == [0.0, 0.0]
+
+
+def test_a_robot_with_two_feet_is_paid_by_its_clock() -> None:
+    """With a gait_period by the clock, without by single stance; the clock of a robot without one is refused."""
+    biped = find_robot("g1")
+    clocked = dataclasses.replace(biped, gait_period=0.8)
+    plain = dataclasses.replace(biped, gait_period=None)
+    for robot, clock, single in ((clocked, 1.0, 0.0), (plain, 0.0, 1.0)):
+        cfg = rewards.RewardCfg().for_robot(robot)
+        assert (cfg.trot, cfg.unsync, cfg.clock, cfg.single_stance) == (0.0, 0.0, clock, single)
+        assert ("clock" in cfg.terms_for(robot)) == (clock > 0)
+    with pytest.raises(StictionError, match=r"give its robot\.yaml a gait_period"):
+        rewards.RewardCfg(trot=0.0, unsync=0.0, clock=1.0).terms_for(plain)
 
 
 def test_gait_is_paid_only_while_moving() -> None:

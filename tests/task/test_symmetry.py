@@ -16,6 +16,7 @@ from actuators import pd_net
 from mirrored import mirrored_qpos, mirrored_qvel, mirrored_state
 from stiction.core.errors import StictionError
 from stiction.files.observation import ObservationLayout, Term
+from stiction.robots.catalog import find_robot
 from stiction.robots.mirror import RobotMirror, robot_mirror
 from stiction.robots.physics import PhysicsCfg
 from stiction.robots.terrain import REACH
@@ -196,6 +197,16 @@ def test_the_other_side_begins_in_the_mirror(check) -> None:
     env = make("saturn_lite", first_side=True)
     seen = env.get_observations()
     torch.testing.assert_close(task_mirror(env)(seen)["proprioception"][:, -1], -seen["proprioception"][:, -1])
+    check(env, robot_mirror(env.spec))
+
+
+@pytest.mark.parametrize("check", [check_involution, check_commuting])
+def test_the_gait_clock_of_the_other_side_runs_in_the_mirror(check, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The phase of a left foot is that of the right one where the other side begins."""
+    spec = replace(find_robot(TWIN), gait_period=0.8)
+    monkeypatch.setattr("stiction.task.env.find_robot", lambda name: spec)
+    env = make(TWIN, first_side=True)
+    assert env.layout.terms[-1].name == "phase"
     check(env, robot_mirror(env.spec))
 
 

@@ -23,7 +23,7 @@ from stiction.core.effects import requirement
 from stiction.core.errors import BundleError, ConfigurationError, FileError, StictionError, TrainingError
 from stiction.core.files import digest_of, read_bounded
 from stiction.deploy.check import BundleCheck, write_checked
-from stiction.deploy.observation import Sensors, friction_of_robots
+from stiction.deploy.observation import Clock, Sensors, friction_of_robots
 from stiction.deploy.policy import INPUT, OUTPUT, VELOCITY, PolicyStep
 from stiction.deploy.vendor import VendorMap, write_maker_targets
 from stiction.evaluation.golden import record_golden
@@ -407,6 +407,8 @@ class TrainedPolicy:
         self._slow = None if decay is None else SlowMeans(num, contract.num_joints, decay)
         self._last_action = torch.zeros(num, contract.num_joints)
         self._fresh = torch.ones(num, dtype=torch.bool)
+        clock = layout.clock
+        self._clock = None if clock is None else Clock(clock, contract.control_period, (num,))
         known = contract.known_friction_array if known_friction is None else known_friction
         self._known = {} if known is None else {TERM: to_tensor(friction_of_robots(layout, known, (num,)))}
 
@@ -430,6 +432,9 @@ class TrainedPolicy:
             **self._known,
         }
         contract = self._contract
+        if self._clock is not None:
+            self._clock.step(command, self._fresh.numpy())
+            raw["phase"] = to_tensor(self._clock.terms()["phase"])
         if self._slow is not None:
             position, velocity = (
                 torch.from_numpy(getattr(sensors, f"joint_{name}")) for name in ("position", "velocity")

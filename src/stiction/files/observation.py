@@ -281,6 +281,7 @@ def proprioception(
     known_kinds: int = 0,
     slow_kept: float | None = None,
     first_side: bool = False,
+    clock: GaitClock | None = None,
 ) -> ObservationLayout:
     """Return the paper's layout for a robot with `num_joints` joints (65 entries a frame for 18 joints).
 
@@ -289,7 +290,8 @@ def proprioception(
 
     num_joints: of the robot; history_length: frames in o_H, the present one included; known_kinds: kinds of joints
     whose friction the policy observes; slow_kept: see `ObservationLayout`; first_side: True if the policy is told
-    which side begins, see `FIRST_SIDE`. By default none of these, as in the paper.
+    which side begins, see `FIRST_SIDE`; clock: gait clock that the policy observes. By default none of these, as in the
+    paper.
     """
     terms: tuple[Term, ...] = (
         Term("angular_velocity", 3, 0.25, 5.0, "base"),
@@ -306,7 +308,9 @@ def proprioception(
         terms += (Term(TERM, known_kinds, 5.0, 5.0, "kind"),)
     if first_side:
         terms += (Term(FIRST_SIDE, 1, 1.0, 1.0, "side"),)
+    if clock is not None:
+        terms += (Term("phase", 2 * len(clock.offsets), 1.0, 1.0, "clock"),)
     if slow_kept is not None:
         scales = zip(SLOW_TERMS, (4.0, 0.5, 2.0), strict=True)
         terms += tuple(Term(name, num_joints, scale, 5.0, "joint_size") for name, scale in scales)
-    return ObservationLayout(terms, history_length, slow_kept=slow_kept)
+    return ObservationLayout(terms, history_length, slow_kept=slow_kept, clock=clock)

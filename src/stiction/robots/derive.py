@@ -94,6 +94,7 @@ def derive(source: Source, said: Description) -> Derived:
         standing_height=-lowest,
         vendor=said.vendor_of(tuple(names)),
         mirror_names=mirror_names,
+        gait_period=said.gait_period,
     )
     origins.append(Origin("robot", "standing height", f"{-lowest:.4g} m", "feet on the ground in the pose"))
     notes = source.notes + _frictions(model, anatomy, said) + _limitless(model, anatomy, said)

@@ -56,6 +56,7 @@ FIELDS = {
     "groups": "two lists of feet: those that step together",
     "mirror": "joint -> its left-right image; or none: the robot has no mirror",
     "collision": "feet (default: feet and a box for the trunk touch the ground), or file (all that the file says)",
+    "gait_period": "time of one stride [s], of which a clock tells the policy: what a biped wants",
     "vendor": "order: joints in the maker's order; sign: expression -> +1 or -1; offset: expression -> angle [rad]",
 }
 """What can be said of a robot, and what it means."""
@@ -76,6 +77,7 @@ class Description:
     mirror: Mapping[str, str] | None = None
     """None: not said; empty: the robot has none."""
     collision: str = "feet"
+    gait_period: float | None = None
     vendor: Mapping[str, Any] = field(default_factory=dict)
     source: str = "robot.yaml"
     """Where it was said, for messages."""
@@ -163,6 +165,7 @@ def describe(content: Any, source: str) -> Description:
         ),
         mirror=_mirror(entries.get("mirror"), source),
         collision=collision,
+        gait_period=TAKE.number(period, f"{source}: gait_period") if (period := entries.get("gait_period")) else None,
         vendor=_vendor(entries.get("vendor", {}), source),
         source=source,
     )
@@ -264,6 +267,8 @@ def complete_text(robot: Robot, model: str) -> str:
         content["mirror"] = (
             dict(zip(robot.joint_names, robot.mirror_names, strict=True)) if robot.mirror_names else "none"
         )
+    if robot.gait_period is not None:
+        content["gait_period"] = robot.gait_period
     if robot.vendor is not None:
         rows = zip(robot.vendor.order, robot.vendor.sign, robot.vendor.offset, strict=True)
         known = [row for row in rows if row[0] in robot.joint_names]

@@ -168,6 +168,10 @@ class Foot:
         return len(self.shapes) == 1 and self.shapes[0].kind == "sphere"
 
 
+GAIT_PERIODS = (0.2, 3.0)
+"""Shortest and longest time of one stride [s]."""
+
+
 @dataclass(frozen=True)
 class Vendor:
     """The maker's protocol: which of its numbers is which joint, and what it calls zero and positive."""
@@ -207,6 +211,8 @@ class Robot:
     vendor: Vendor | None = None
     mirror_names: tuple[str, ...] | None = None
     """For each joint the name of its left-right image, where somebody said so; else it is found (`mirror`)."""
+    gait_period: float | None = None
+    """Time of one stride, of which a clock tells the policy [s]; None: it has no clock."""
 
     def __post_init__(self) -> None:
         """Refuse a robot that could not be built."""
@@ -238,6 +244,13 @@ class Robot:
             raise RobotError(
                 f"robot {self.name!r}: every foot is in contact group 0 or 1 and neither is empty, or none is"
             )
+        if self.gait_period is not None:
+            shortest, longest = GAIT_PERIODS
+            if not shortest <= self.gait_period <= longest or (groups == {None} and len(self.feet) != 2):
+                raise RobotError(
+                    f"robot {self.name!r}: gait_period is {self.gait_period:g} s, with {len(self.feet)} feet; expected "
+                    f"{shortest:g} to {longest:g} s, and two feet or two contact groups, which step in turn"
+                )
         for joint in self.joints:
             if not joint.lower < joint.default_position < joint.upper:
                 raise RobotError(
@@ -281,6 +294,12 @@ class Robot:
     def weight(self) -> float:
         """Weight of the whole robot [N]."""
         return self.mass * GRAVITY
+
+    @property
+    def foot_phases(self) -> np.ndarray:
+        """Phase of each foot at the start of the gait clock [rad], shape (feet,): groups, or two feet, step in turn."""
+        groups = self.groups()
+        return np.pi * (np.arange(len(self.feet)) if groups is None else groups)
 
     def joint_values(self, name: str) -> np.ndarray:
         """Return one field of `Joint` for every joint, shape (num_joints,)."""

@@ -9,7 +9,7 @@ from typing import Annotated
 from stiction.core.effects import all_of, needs
 from stiction.core.errors import ConfigurationError
 from stiction.core.flags import FLAG, flag
-from stiction.files.observation import HISTORY_LENGTH, ObservationLayout, proprioception
+from stiction.files.observation import HISTORY_LENGTH, GaitClock, ObservationLayout, proprioception
 from stiction.joints.friction import has_coefficient
 from stiction.joints.net import ActuatorNet
 from stiction.robots.model import DELAY_SAMPLES, Robot
@@ -267,7 +267,9 @@ class TaskCfg:
         """Return what a policy for a robot observes."""
         kinds = len(robot.joint_kinds) if self.known_friction else 0
         decay = None if self.slow_means is None else math.exp(-self.control_period / self.slow_means)
-        return proprioception(robot.num_joints, self.history, kinds, decay, self.first_side)
+        period = robot.gait_period
+        clock = None if period is None else GaitClock(period, tuple(robot.foot_phases.tolist()))
+        return proprioception(robot.num_joints, self.history, kinds, decay, self.first_side, clock)
 
     @property
     def push_steps(self) -> int:

@@ -18,7 +18,7 @@ from stiction.sim.chosen import put
 from stiction.sim.fleet import Fleet
 from stiction.task.config import CommandCfg, TaskCfg
 from stiction.task.events import INTERVALS, RESET, ended
-from stiction.task.observations import ESTIMATED, FRAME_TERMS, FrameBuilder, History, SlowMeans
+from stiction.task.observations import ESTIMATED, FRAME_TERMS, FrameBuilder, History, SlowMeans, gait_phase
 from stiction.task.randomization import Randomizer, friction_angle, nominal_joints
 from stiction.task.rewards import TASK, Snapshot
 from stiction.task.task_fleet import CPU, Device, HostFleet, NetMotors, TaskFleet, to_tensor
@@ -159,6 +159,7 @@ class LocomotionEnv(VecEnv):
         self.torque_limit = torch.from_numpy(self.robots.torque_limit).float().to(home)
         groups = self.spec.groups()
         self.group = None if groups is None else torch.from_numpy(groups).to(home)
+        self.foot_phases = torch.from_numpy(self.spec.foot_phases).float().to(home)
         self.sideways = torch.tensor(self.spec.sideways_joints, device=home)
         self.frames = FrameBuilder(self.layout, self.standing)
         self.history = History(num_envs, self.layout, home)
@@ -310,6 +311,7 @@ class LocomotionEnv(VecEnv):
             contact=contact,
             one_group=one_group,
             unsync=unsync,
+            in_stance=torch.zeros_like(contact) if self.layout.clock is None else gait_phase(self).sin() >= 0.0,
             landed_air_time=landed,
             fallen=fleet.fallen() & ~blown_up,
             blown_up=blown_up,

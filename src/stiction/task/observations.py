@@ -72,6 +72,20 @@ def first_side(env: LocomotionEnv) -> torch.Tensor:
     return env.first_side
 
 
+def gait_phase(env: LocomotionEnv) -> torch.Tensor:
+    """Phase of each foot on the gait clock [rad], (N, feet): a turn a stride; the other side begins half a turn on."""
+    clock = env.layout.clock
+    turned = env.episode_length_buf[:, None] * (2 * torch.pi * env.cfg.control_period / clock.period)
+    other = torch.pi / 2 * (1.0 - env.first_side)
+    return env.foot_phases + turned + other
+
+
+def phase(env: LocomotionEnv) -> torch.Tensor:
+    """Sines of all phases of the gait clock, and then their cosines."""
+    angle = gait_phase(env)
+    return torch.cat((angle.sin(), angle.cos()), -1)
+
+
 FRAME_TERMS: dict[str, ObservationTerm] = {
     "angular_velocity": angular_velocity,
     "roll_pitch": tilt,
@@ -81,6 +95,7 @@ FRAME_TERMS: dict[str, ObservationTerm] = {
     "last_action": last_action,
     "known_friction": known_friction,
     "first_side": first_side,
+    "phase": phase,
 }
 """Name in the layout -> term. What a sensor measures has noise: the field of that name of `NoiseCfg`."""
 

@@ -60,6 +60,8 @@ class Snapshot:
     """r_trot, (N,) bool."""
     unsync: torch.Tensor
     """r_unsync as a share of its largest value, (N,)."""
+    in_stance: torch.Tensor
+    """Feet that the gait clock has on the ground, (N, feet) bool; none where the robot has no clock."""
     landed_air_time: torch.Tensor
     """Time each foot that touches down in this step has been in the air [s], 0 for the others, (N, legs)."""
     fallen: torch.Tensor
@@ -90,6 +92,9 @@ class RewardCfg:
     that the paper builds on; the paper does not state its H)."""
     single_stance: Annotated[float, FLAG] = 0.0
     """Exactly one foot stands, while moving is commanded: what a biped has in place of r_trot and r_unsync."""
+    clock: float = 0.0
+    """Share of the feet that are on the ground, or off it, as the gait clock has them, while moving is commanded: what
+    a biped with a `gait_period` has in place of single_stance."""
     air_time: float = 1.0
     """Swing time above 0.15 s, capped at 0.35 s, credited at touch-down, while moving is commanded."""
     vertical_velocity: float = -1.0
@@ -119,12 +124,17 @@ class RewardCfg:
     def for_robot(self, robot: Robot) -> RewardCfg:
         """Return the weights as they are, or where nobody changed them, what a robot without contact groups walks by.
 
-        It is paid for standing on one foot where another is paid for a tripod or a trot.
+        It is paid for steps by its gait clock, or without one for standing on one foot, where another is paid for a
+        tripod or a trot.
         """
-        gait = self.trot, self.unsync, self.single_stance
-        if robot.groups() is not None or gait != (RewardCfg.trot, RewardCfg.unsync, RewardCfg.single_stance):
+        gait = ("trot", "unsync", "single_stance", "clock")
+        changed = any(getattr(self, name) != getattr(RewardCfg, name) for name in gait)
+        if robot.groups() is not None or changed:
             return self
-        return replace(self, trot=0.0, unsync=0.0, single_stance=self.trot)
+        plain = replace(self, trot=0.0, unsync=0.0)
+        if robot.gait_period is None:
+            return replace(plain, single_stance=self.trot)
+        return replace(plain, clock=self.trot)
 
     def terms_for(self, robot: Robot) -> dict[str, tuple[Term, float]]:
         """Return function and weight of every term whose weight is not zero, by the function's name.
@@ -136,6 +146,10 @@ class RewardCfg:
             raise ConfigurationError(
                 f"robot {robot.name!r} has no two contact groups, which trot and unsync pay for; give its robot.yaml "
                 "groups, or use --set task.rewards.trot=0 --set task.rewards.unsync=0 --task.rewards.single-stance 1"
+            )
+        if robot.gait_period is None and self.clock:
+            raise ConfigurationError(
+                f"robot {robot.name!r} has no gait clock, which clock pays for; give its robot.yaml a gait_period"
             )
         names = [field.name for field in fields(self) if field.name != "own"]
         found = {name: (globals()[name], float(getattr(self, name))) for name in names}
@@ -199,6 +213,11 @@ def trot(s: Snapshot) -> torch.Tensor:
 def single_stance(s: Snapshot) -> torch.Tensor:
     """1 while exactly one foot carries load and moving is commanded."""
     return ((s.contact.sum(-1) == 1) & s.moving).float()
+
+
+def clock(s: Snapshot) -> torch.Tensor:
+    """Share of the feet that are where the clock has them, while moving [1]."""
+    return (s.contact == s.in_stance).float().mean(-1) * s.moving
 
 
 def unsync(s: Snapshot) -> torch.Tensor:

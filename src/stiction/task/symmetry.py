@@ -4,7 +4,7 @@
 
 * What has a direction in the base follows the reflection y -> -y: (x, -y, z), rates of turn (-x, y, -z), roll and pitch
   (-φ, ψ), commands (v_x, -v_y, -ω).
-* Which side begins is turned around.
+* Which side begins is turned around, and phases of the gait clock are exchanged with those of the other feet.
 * Angles, velocities and actions of joints are exchanged with those of the mirror image, with its sign.
 * Means of |e|, |θ'| and e θ', friction, rotor inertia and damping are exchanged without sign. The last two multiply a
   joint's own nominal value, and are converted where that differs from its image's (factor and shift).
@@ -160,6 +160,8 @@ def _term(term: Term, robot: Robot, mirror: RobotMirror) -> Rows:
         return Rows.signed(np.ones(term.size))
     if term.frame == "kind":
         return Rows.exchanged(mirrored_kinds(robot, mirror))
+    if term.frame == "clock":
+        return Rows.exchanged(np.concatenate([mirror.feet, len(mirror.feet) + mirror.feet]))
     if term.frame == "joint":
         return Rows(mirror.joints, mirror.sign)
     if term.frame == "joint_size":
