@@ -38,7 +38,7 @@ endif
 help:
 	@echo "make demo    run the whole line on small real input; prints where the report is (ARGS=\"--train\" trains its own)"
 	@echo "make test    run every test (ARGS=\"-m 'not slow'\" leaves out the slow ones)"
-	@echo "make test-mjlab  run the tests of stiction.mjlab, with mjlab in an environment of its own"
+	@echo "make test-mjlab  run what is for mjlab and for Playground, with mjlab and MJX in an environment of its own"
 	@echo "make check   lint, formatting, types and the walls of the house"
 	@echo "make bench   measure the throughput ratios on this machine"
 	@echo "make format  format the code"
@@ -56,7 +56,8 @@ test: $(READY)
 	STICTION_THREADS=$${STICTION_THREADS:-1} $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
 test-mjlab: $(MJLAB)/.ready
-	MJLAB_WARP_QUIET=1 $(MJLAB)/bin/python -m pytest -p no:cacheprovider tests/exchange/mjlab $(ARGS)
+	MJLAB_WARP_QUIET=1 $(MJLAB)/bin/python -m pytest -p no:cacheprovider tests/exchange/mjlab \
+		tests/exchange/convert/test_playground.py $(ARGS)
 
 check: $(READY)
 	$(BIN)/ruff check src experiments tests tools
