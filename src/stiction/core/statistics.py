@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import sqrt
+from itertools import combinations
+from math import comb, sqrt
 
 import numpy as np
 from scipy.special import stdtrit
@@ -24,6 +25,25 @@ def wilson(successes: float, trials: int) -> Interval:
     centre = (share + square / (2 * trials)) / (1 + square / trials)
     half = quantile / (1 + square / trials) * sqrt(share * (1 - share) / trials + square / (4 * trials**2))
     return max(0.0, centre - half), min(1.0, centre + half)
+
+
+MOST_SPLITS = 200_000
+"""Splits of an exact test: ten points beside ten have 184,756."""
+
+
+def permutation_p(first: Sequence[float], second: Sequence[float]) -> float | None:
+    """Return the two-sided p of Fisher's exact permutation test of two means, points one a seed.
+
+    It is the share of all splits of the points into two such samples whose means differ by at least as much. None
+    where a sample is empty, or there are more than `MOST_SPLITS` splits.
+    """
+    points, size = [*first, *second], len(first)
+    if not first or not second or comb(len(points), size) > MOST_SPLITS:
+        return None
+    # As far from its expectation as the first sample's sum is; what is as far but for rounding counts.
+    expected, least = sum(points) * size / len(points), abs(sum(first) - sum(points) * size / len(points)) - 1e-9
+    splits = [abs(sum(split) - expected) >= least for split in combinations(points, size)]
+    return sum(splits) / len(splits)
 
 
 def t_interval(points: Sequence[float]) -> Interval | None:

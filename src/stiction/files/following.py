@@ -144,6 +144,13 @@ class CommandCount:
     """Largest distance beyond the bounds [m/s, rad/s]."""
     worst: str
     """Command that misses by most, and its faults: `wz=0.5: too slow`; empty where all are followed."""
+    each: str = ""
+    """Commands that each seed follows, separated by blanks; empty in older files."""
+
+    @property
+    def by_seed(self) -> tuple[int, ...]:
+        """Commands that each seed follows; empty where they are not known."""
+        return tuple(map(int, self.each.split()))
 
     @property
     def every_seed(self) -> bool:
@@ -192,6 +199,7 @@ def count_commands(
                 miss=sum(misses) / len(misses),
                 largest_miss=max(misses),
                 worst="" if worst is None else worst.text,
+                each=" ".join(str(sum(one == policy for one, _ in followed)) for policy in sorted(policies)),
             )
         )
     return counts

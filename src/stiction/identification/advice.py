@@ -20,6 +20,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
+from stiction.core.statistics import permutation_p
 from stiction.files.advice import SHARES, TRAINING, TRANSFER, Source, TrainedWith, read_advice, robot_title
 from stiction.files.following import DRIFT, FEWEST_SEEDS, CommandCount
 from stiction.files.joints import Estimate, JointRecord
@@ -153,6 +154,9 @@ TRAINED_UNDER = "coulomb"
 ALIKE = 0.05
 """Difference of shares that a handful of seeds does not tell: a choice."""
 
+TOLD_APART = 0.05
+"""Two trainings are told apart where an exact permutation test of their seeds gives at most this p."""
+
 TOLD = "told"
 """Method that observes its joints' friction: it is shown, and not chosen, for the robot has to tell it."""
 
@@ -217,8 +221,8 @@ class Advice:
     cells: Mapping[str, tuple[CommandCount, ...]]
     """Training -> commands followed at these levels, in the simulator of the training."""
     elsewhere: tuple[CommandCount, ...]
-    """Commands that the advised policies follow in other engines and on virtual robots, in each at the tested level
-    nearest to the highest asked for; empty where they have not walked there."""
+    """Commands that the policies of each training follow in other engines and on virtual robots, the advised first, in
+    each at the tested level nearest to the highest asked for; empty where nobody has walked there."""
     source: Source
     """Part of the study."""
     robot: str | None = None
@@ -228,6 +232,20 @@ class Advice:
     def covered(self) -> bool:
         """True if every seed, of three or more, follows at the friction that was asked for and all others compared."""
         return self.asked in self.levels and _all_covered(self.cells[self.method], self.levels)
+
+    @property
+    def as_good(self) -> dict[str, float]:
+        """Trainings that are not told from the advised one -> p of the commands that each seed follows at the levels.
+
+        Neither `TOLD`, nor a training whose seeds are not known one by one.
+        """
+        own = _by_seed(self.cells[self.method])
+        found = {
+            name: permutation_p(own, _by_seed(cells))
+            for name, cells in self.cells.items()
+            if name not in (self.method, TOLD)
+        }
+        return {name: p for name, p in found.items() if p is not None and p > TOLD_APART}
 
     @property
     def training(self) -> TrainedWith:
@@ -280,6 +298,9 @@ class Advice:
             parts.append(f"beyond {_percent(self.levels[-1])} nothing was walked")
         elif self.asked not in self.levels:
             parts.append("nothing was walked between")
+        if self.as_good:
+            apart = ", ".join(f"{name} (p = {p:.2g})" for name, p in self.as_good.items())
+            parts.append(f"by its seeds it cannot be told from {apart}")
         limits = f"All of this is of {self.source.robot_text}, on flat ground, under Coulomb friction, in simulation"
         if self.robot != self.source.robot:
             other = "any other robot" if self.robot is None else robot_title(self.robot)
@@ -288,19 +309,20 @@ class Advice:
 
     @property
     def comparison(self) -> str:
-        """What policies of the other methods do at the same levels, and those that are advised elsewhere."""
+        """What policies of the other methods do at the same levels, and all of them elsewhere."""
         others = [
             f"{name}{', which the robot has to tell its friction,' if name == TOLD else ''} {_counts(cells)}"
             for name, cells in self.cells.items()
             if name != self.method
         ]
-        places = [
-            f"{'on virtual robots' if '+' in cell.engine else PLACES.get(cell.engine, f'in {cell.engine}')} "
-            f"{_counts([cell])}{cell.worst and f' (worst {cell.worst})'}"
-            for cell in self.elsewhere
-        ]
+        places: dict[str, list[str]] = {}
+        for cell in self.elsewhere:
+            place = "on virtual robots" if "+" in cell.engine else PLACES.get(cell.engine, f"in {cell.engine}")
+            worst = f" (worst {cell.worst})" if cell.worst and cell.method == self.method else ""
+            places.setdefault(place, []).append(f"{cell.method} {_counts([cell])}{worst}")
         text = f"Other methods: {'; '.join(others)}. " if others else ""
-        return f"{text}The advised policies elsewhere: {'; '.join(places) or 'they have not walked there'}."
+        said = "; ".join(f"{place} {', '.join(own)}" for place, own in places.items())
+        return f"{text}Elsewhere: {said or 'nobody has walked there'}."
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for `training.json`: the counts, and the command and revision that they came from."""
@@ -345,12 +367,21 @@ def advise(low: float, high: float, sources: Mapping[str, Source] | None = None,
     if not ranks[best][0]:
         alike = [name for name, (_, share, _) in ranks.items() if share >= ranks[best][1] - ALIKE]
         best = max(alike, key=lambda name: (source.methods[name].width, ranks[name]))
-    elsewhere: dict[str, CommandCount] = {}
+    elsewhere: dict[tuple[str, str], CommandCount] = {}
     # Rounded, or the last bits of a difference would decide between two that are as near: the lower does.
     for cell in sorted(source.cells, key=lambda one: (round(abs(one.friction_level - high), 9), one.friction_level)):
-        if cell.method == best and cell.engine != TRAINED_IN and cell.friction_law in SHARES:
-            elsewhere.setdefault(cell.engine, cell)
-    return Advice(best, high, levels, cells, tuple(elsewhere.values()), source, robot)
+        if cell.method in source.methods and cell.engine != TRAINED_IN and cell.friction_law in SHARES:
+            elsewhere.setdefault((cell.engine, cell.method), cell)
+    order = [best, *source.methods]
+    by_method = sorted(elsewhere.values(), key=lambda cell: order.index(cell.method))
+    return Advice(best, high, levels, cells, tuple(by_method), source, robot)
+
+
+def _by_seed(cells: Sequence[CommandCount]) -> list[int]:
+    """Return the commands that each seed follows over several levels; empty where that is not known of all of them."""
+    each = [cell.by_seed for cell in cells]
+    alike = bool(each) and len({len(own) for own in each}) == 1
+    return [sum(own) for own in zip(*each, strict=True)] if alike else []
 
 
 def _rank(cells: Sequence[CommandCount], levels: Sequence[float]) -> tuple[bool, float, float]:

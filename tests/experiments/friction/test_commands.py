@@ -64,7 +64,7 @@ def test_one_command_writes_counts_pairs_and_advice(tmp_path: Path) -> None:
     assert not any(policy.endswith("-plain") for policy in source.policies)
     told = advise(0.1, 0.2, {TRAINING: source})
     assert told.method == "deception" and told.covered and told.flags == "--method deception --friction-level 0.2"
-    assert told.command.endswith(" --preset quick") and "in PhysX 1 of 2 seeds at 20 %" in told.comparison
+    assert told.command.endswith(" --preset quick") and "in PhysX deception 1 of 2 seeds at 20 %" in told.comparison
 
 
 def test_tables_that_cannot_be_counted_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

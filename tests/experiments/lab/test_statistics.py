@@ -1,9 +1,9 @@
 """Intervals over seeds, with numbers worked out by hand (t quantiles from a printed table)."""
 
 import pytest
-from scipy.stats import binomtest, norm, ttest_1samp, ttest_ind
+from scipy.stats import binomtest, norm, permutation_test, ttest_1samp, ttest_ind
 
-from stiction.core.statistics import t_interval, wilson
+from stiction.core.statistics import permutation_p, t_interval, wilson
 from stiction_experiments.lab.statistics import difference_interval, ratio_interval
 
 
@@ -47,3 +47,12 @@ def test_intervals_are_those_of_scipy() -> None:
 def test_a_share_of_clusters_by_hand() -> None:
     """1.5 of 6: z² = 3.8415, centre (0.25 + z²/12) / (1 + z²/6) = 0.34758, half width 1.19492 · 0.24068 = 0.28759."""
     assert wilson(1.5, 6) == pytest.approx((0.05999, 0.63518), abs=1e-5)
+
+
+def test_an_exact_permutation_test_by_hand_and_by_scipy() -> None:
+    """1, 2 against 3, 4: of six splits two are as far apart; ties of five seeds, and three of each, as in SciPy."""
+    assert permutation_p([1.0, 2.0], [3.0, 4.0]) == pytest.approx(2 / 6)
+    assert permutation_p([], [1.0]) is None and permutation_p([0.0] * 15, [1.0] * 15) is None
+    for first, second in (([15, 15, 14, 15, 12], [12, 12, 13, 9, 15]), ([0.1, 0.2, 0.4], [0.3, 0.9, 0.8])):
+        exact = permutation_test((first, second), lambda a, b: a.mean() - b.mean(), n_resamples=10**6)
+        assert permutation_p(first, second) == pytest.approx(exact.pvalue)
