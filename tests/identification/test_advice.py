@@ -97,7 +97,7 @@ def test_nearly_covered_is_95_per_cent_and_no_large_miss() -> None:
 
 
 def test_two_are_named_where_seeds_do_not_tell_them_apart() -> None:
-    """15 against 12 by every seed is p = 2/252; with a seed of 12 among the first and one of 15 among the second 0.21."""
+    """15 against 12 by every seed is p = 2/252; with one seed of each exchanged it is 52/252."""
     clear = cell("deception", 0.2, 5, each="15 15 15 15 15"), cell("none", 0.2, 0, each="12 12 12 12 12")
     assert advise(0.2, 0.2, sources(*clear)).as_good == {}
     mixed = cell("deception", 0.2, 4, each="15 15 15 15 12"), cell("none", 0.2, 1, each="12 12 12 12 15")
@@ -132,8 +132,8 @@ def test_the_text_is_answer_evidence_transfer_and_limits() -> None:
         "known directly."
     )
     assert told.comparison == (
-        "Other methods: none 0 of 5 seeds at 20 %. Elsewhere: on virtual robots deception 1 of 1 seeds at 20 %; in PhysX "
-        "deception 3 of 5 seeds at 24 % (worst wz=1: too slow), none 0 of 5 seeds at 20 %."
+        "Other methods: none 0 of 5 seeds at 20 %. Elsewhere: on virtual robots deception 1 of 1 seeds at 20 %; in "
+        "PhysX deception 3 of 5 seeds at 24 % (worst wz=1: too slow), none 0 of 5 seeds at 20 %."
     )
     assert told.settings == {"method": "deception", "level": 0.2, "law": "coulomb", "per": "robot"}
     assert told.range == [0.0, pytest.approx(0.24)] and told.to_dict()["elsewhere"][1]["engine"] == "physx"
