@@ -12,7 +12,8 @@ from stiction.core.errors import ConfigurationError
 from stiction.deploy.control import RANGE, SLEW, TORQUE
 from stiction.deploy.plausibility import Violation
 from stiction.deploy.runtime.config import SupervisorCfg
-from stiction.deploy.runtime.supervisor import REST_SECONDS, Stage, Supervisor
+from stiction.deploy.runtime.settling import REST_SECONDS
+from stiction.deploy.runtime.supervisor import Stage, Supervisor
 from stiction.deploy.transports.link import Peers
 from stiction.files.contract_rules import TARGET_LIMITS
 from stiction.joints.compensation import BY_SPEED

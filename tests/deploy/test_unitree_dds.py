@@ -187,3 +187,41 @@ def test_only_the_named_interface_is_used(domain: int, monkeypatch: pytest.Monke
         DdsBus("lo<x/>", GO_STATE, GO_COMMAND, domain)
     with pytest.raises(ConfigurationError, match="--domain: got 233, expected 0 to 232"):
         DdsBus("lo", GO_STATE, GO_COMMAND, 233)
+
+
+SECOND = """
+import sys, time
+from stiction.deploy.transports.dds import DdsBus
+from stiction.files.unitree import GO_COMMAND, GO_STATE
+bus = DdsBus("lo", GO_STATE, GO_COMMAND, int(sys.argv[1]))
+print(bus.writer, flush=True)
+until = time.monotonic() + 60
+while time.monotonic() < until:
+    bus.send(GO_COMMAND.to_wire(GO_COMMAND.blank()))
+    time.sleep(0.01)
+"""
+
+
+def test_the_watchdog_is_no_second_writer_and_no_further_reader(domain: int) -> None:
+    """A watchdog that damps is taken for a gait controller, or its reader for a second robot; or anybody is exempt."""
+    bus, words = DdsBus("lo", GO_STATE, GO_COMMAND, domain), [sys.executable, "-c", SECOND, str(domain)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            name, until = process.stdout.readline().strip(), time.monotonic() + 30
+            while not (bus.foreign() and bus.peers().readers) and time.monotonic() < until:
+                time.sleep(0.02)
+            assert len(bus.peers().readers) == 1
+            bus.know("somebody else")
+            time.sleep(0.1)
+            assert bus.foreign() and len(bus.peers().readers) == 1
+            bus.know(name)
+            bus.foreign()
+            heard = []
+            for _ in range(20):
+                time.sleep(0.02)
+                heard.append(bus.foreign())
+            assert not any(heard) and bus.peers().readers == ()
+        finally:
+            process.kill()
+            bus.close()

@@ -22,6 +22,7 @@ from stiction.deploy.plausibility import ReadingGuard, Violation, compare_drive
 from stiction.deploy.runtime.config import SupervisorCfg
 from stiction.deploy.runtime.motion import Motion
 from stiction.deploy.runtime.safety import Safety
+from stiction.deploy.runtime.settling import Settling
 from stiction.deploy.transports.link import Peers, RobotState
 from stiction.files.contract import Contract
 from stiction.files.run_log import RUN_STAGE
@@ -29,10 +30,6 @@ from stiction.joints.compensation import FrictionController
 
 GAINS_AFTER = 0.5
 """Time after the first command with gains at which a robot that says its gains says ours [s]."""
-
-REST_ANGLE, REST_TURN, REST_SECONDS = 0.02, 0.5, 0.2
-"""A robot rests when no joint has moved by that angle [rad] and the base turns slower than that [rad/s] for so long
-[s]: angles, since velocities are noisy at rest."""
 
 
 class Stage(IntEnum):
@@ -138,8 +135,8 @@ class Supervisor:
         self._answer: tuple[np.ndarray, Limited] | None = None
         self._ours: tuple[float, float] = (math.nan, math.nan)
         self._remote, self._ran, self._position, self._period = False, 0.0, standing, period
-        self._turned = self._heard = math.nan
-        self._framed, self._resting_since, self._resting_at = now, now, np.full_like(standing, math.nan)
+        self._turned, self._framed = math.nan, now
+        self._settling = Settling(cfg, contract.num_joints, now)
 
     @property
     def ended(self) -> bool:
@@ -262,7 +259,7 @@ class Supervisor:
             return self._stand(state, now)
         if self.stage is Stage.RUN:
             return self._run(state, now)
-        self._rest(state, now)
+        self._settling.look(state.sensors, now)
         return self._settle(now)
 
     def passed(self, state: RobotState, now: float) -> Out | None:
@@ -323,19 +320,10 @@ class Supervisor:
         self.limited_counts[np.arange(len(out.limited.by)), out.limited.by] += 1
         return out
 
-    def _rest(self, state: RobotState, now: float) -> None:
-        """Note whether the robot has moved since it was last looked at; a comparison with NaN counts as moved."""
-        position, turn = state.sensors.joint_position, state.sensors.angular_velocity
-        if not (np.abs(position - self._resting_at).max() <= REST_ANGLE and np.abs(turn).max() <= REST_TURN):
-            self._resting_at, self._resting_since = np.array(position), now
-        self._heard = now
-
     def _settle(self, now: float) -> Out:
         """Return a damping frame, the last one where the robot has come to rest."""
-        elapsed, self._framed = now - self._since, now
-        # A robot that says nothing any more may move; one that never said anything is waited for no longer.
-        rests = now - self._resting_since >= REST_SECONDS and now - self._heard <= self.cfg.stale
-        if elapsed >= (self.cfg.settle if rests or math.isnan(self._seen) else self.cfg.settle_limit):
+        self._framed = now
+        if self._settling.over(now - self._since, now, silent=math.isnan(self._seen)):
             self.stage = Stage.DONE if self.stop_record is None else Stage.STOPPED
         return self._out(self._damp())
 
