@@ -18,7 +18,7 @@ import numpy as np
 
 from stiction.deploy.control import FREE, JointCommand, Limited, Limits
 from stiction.deploy.plausibility import RULES as PLAUSIBLE
-from stiction.deploy.plausibility import ReadingGuard, Violation, compare_drive
+from stiction.deploy.plausibility import ClockRate, ReadingGuard, Violation, compare_drive
 from stiction.deploy.runtime.config import SupervisorCfg
 from stiction.deploy.runtime.motion import Motion
 from stiction.deploy.runtime.safety import Safety
@@ -118,7 +118,10 @@ class Supervisor:
         self.limited_counts = np.zeros((contract.num_joints, 4), dtype=np.int64)
         """How often each joint's target in the run was free, or limited by which rule, shape (J, 4)."""
         jump = max(PLAUSIBLE["time jump"].limit, cfg.stale)
-        self._guard = ReadingGuard(contract, {"frozen IMU": cfg.frozen, "time jump": jump})
+        limits = {"frozen IMU": cfg.frozen, "time jump": jump, "velocity and angle": cfg.safety.apart}
+        self._guard = ReadingGuard(contract, limits)
+        # Whoever waits longer for states is on a machine, or has a robot, that is slow.
+        self._clock = ClockRate(max(PLAUSIBLE["clock rate"].limit, 2.0 * cfg.stale))
         self._safety = Safety(contract, cfg.safety, period)
         self._source = source
         standing, kp, kd = (contract.array(name) for name in ("standing", "kp", "kd"))
@@ -357,6 +360,8 @@ class Supervisor:
     def _out(
         self, command: JointCommand | None, requested: np.ndarray | None = None, limited: Limited | None = None
     ) -> Out:
+        if self.cfg.armed and command is not None:
+            self._safety.commanded(command)
         nothing = np.full(self.contract.num_joints, math.nan)
         if limited is None:
             limited = Limited(nothing if command is None else command.target, np.full(len(nothing), FREE))
@@ -365,6 +370,7 @@ class Supervisor:
     def _judge(self, state: RobotState, now: float) -> Violation | None:
         acting = self.stage is Stage.RUN
         broken = self._guard.check(state.time, state.sensors, self.velocity, acting=acting)
+        broken = broken or self._clock.check(state.time, now - state.age)
         if broken is not None:
             return broken
         # Before the first command of ours both ends are NaN, and any other one is somebody else's.
