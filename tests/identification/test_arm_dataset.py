@@ -12,6 +12,8 @@ import pytest
 
 from code_blocks import blocks_of
 from stiction.cli.main import main
+from stiction.identification.logs import open_log
+from stiction.identification.logs.naming import LEROBOT
 
 pytest.importorskip("pyarrow", reason="the package pyarrow, of the extra 'logs', is needed to read Parquet")
 
@@ -44,7 +46,7 @@ def test_the_page_says_what_its_commands_print(
         low, high = found[name]["dead_band"]["interval95"]
         assert low < friction / made["KP"] < high < 1.024 * low, name
     assert "stiction convert" not in told.out and "--set motor_strength=1" in told.out.splitlines()[4]
-    assert "--position-scale" not in told.out
+    assert "--position-scale" not in told.out and LEROBOT in open_log(Path("arm.parquet")).notes
     assert main(known) == 0
     assert "Run: stiction convert wrist/joints.json --to mujoco" in capsys.readouterr().out
     assert main(into) == 0
