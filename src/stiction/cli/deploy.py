@@ -42,8 +42,8 @@ that read the commands are named, and need consent: --readers, or a typed yes.
 
 --robot virtual starts a virtual robot in a process of its own: friction, motors, delays, gears and sensors are those of
 --robot-seed. Try there, with --fault, what your robot must never do. unitree-go:eth0 is a Go2 or B2 at that network
-interface, unitree-hg:eth0 a G1 or H1-2, ros2:/dog any robot whose driver speaks ROS 2 there: read
-docs/bringing-up-your-robot.md before.
+interface, unitree-hg:eth0 a G1 or H1-2, ros2:/dog any robot whose driver speaks ROS 2 there: read the page "Bringing
+up your robot" of the documentation before.
 
 Examples:
   stiction deploy saturn_lite-flat-deception-0.2 --robot virtual --armed --command vx=0.5 --duration 10
