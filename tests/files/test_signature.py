@@ -193,7 +193,11 @@ def test_a_key_under_which_anybody_signs_is_refused(
 
 
 def test_what_walks_has_the_signature_that_was_asked_for(
-    bundle: Path, keys: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+    bundle: Path,
+    keys: tuple[Path, Path],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Without the maker's signature no robot is started and no folder made; with it `deploy` and `evaluate` go on."""
 

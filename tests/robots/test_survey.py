@@ -73,5 +73,5 @@ def test_an_encoding_that_is_not_read_is_one_line(file: str, encoding: str, tmp_
     """What Python refuses to decode for the parser is the file's fault, and says what to do."""
     text = ROBOT.format(before="", world="") if file == "robot.xml" else "<robot name='x'><link name='base'/></robot>"
     (tmp_path / file).write_text(f"<?xml version='1.0' encoding='{encoding}'?>{text}")
-    with pytest.raises(RobotError, match="its encoding is not read: .*; save it as UTF-8"):
+    with pytest.raises(RobotError, match=r"its encoding is not read: .*; save it as UTF-8"):
         read_source(tmp_path / file)
