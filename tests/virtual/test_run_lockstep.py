@@ -13,6 +13,7 @@ from stiction.deploy.plausibility import Violation
 from stiction.deploy.policy import load_policy
 from stiction.deploy.runtime.config import SupervisorCfg
 from stiction.deploy.runtime.supervisor import Stage, Supervisor
+from stiction.deploy.transports.link import RobotState
 from stiction.deploy.transports.udp import LOOPBACK, UdpLink
 from stiction.files.bundle import find_bundle, read_bundle
 from stiction.robots.catalog import find_robot
@@ -40,6 +41,7 @@ class Lockstep:
         self.supervisor = Supervisor(BUNDLE.contract, cfg, PERIOD, 0.0)
         self.supervisor.command_velocity(FORWARD, 0.0)
         self.policy = load_policy(BUNDLE.contract, BUNDLE.policy)
+        self.newest: RobotState | None = None
         self.frames: list[bool] = []
         """Of each command that was sent, whether it was stiff."""
 
@@ -49,14 +51,16 @@ class Lockstep:
         self.now += PERIOD
         ticks = round(self.now / PERIOD)
         state, supervisor = next(iter(self.link.receive()[-1:]), None), self.supervisor
+        self.newest = state or self.newest
         outs = [supervisor.turn(self.now), supervisor.meet(self.link.peers(), self.now)]
+        outs.append(supervisor.delivered(*self.link.arrivals.counts.share, self.now))
         # Time passes only with the physics here: how long a datagram waited says nothing.
         outs += [] if state is None else [supervisor.state(replace(state, age=0.0), self.now)]
         if ticks % 10 == 0:
             if supervisor.stage is not Stage.RUN:
                 supervisor.policy_waits(self.now)
-            elif state is not None:
-                outs.append(supervisor.policy_targets(self.policy.step(state.sensors, FORWARD).target, self.now))
+            elif self.newest is not None:
+                outs.append(supervisor.policy_targets(self.policy.step(self.newest.sensors, FORWARD).target, self.now))
         outs.append(supervisor.tick(self.now))
         for out in outs:
             if out is not None and out.command is not None:
@@ -117,10 +121,12 @@ EXPECTED = {
     "motor-fault": {"motor fault"},
     "drive-gains": {"drive kp"},
     "second-robot": {"second robot"},
+    "lossy": {"lossy link"},
+    "nan-torque": {"not finite"},
 }
 """Fault of the robot -> the rules that may find it."""
 
-SLOW = {"tilting": 0.4, "torque": 0.12, "flailing": 0.35}
+SLOW = {"tilting": 0.4, "torque": 0.12, "flailing": 0.35, "lossy": 0.9}
 """Fault -> time within which it is found, where that takes a while [s]: it begins small, or is judged as a mean."""
 
 
@@ -148,6 +154,28 @@ def test_each_fault_of_the_robot_is_damped_in_time(name: str) -> None:
     loop.run(0.1)
     assert len(loop.frames) >= stopped + 45 and not any(loop.frames[stopped:])
     assert not loop.robot._command.kp.any()
+    loop.close()
+
+
+WAYS = {"lost-states": "dropped", "double-states": "twice", "swapped-states": "reordered"}
+"""Fault of the way -> what it is counted as."""
+
+
+@pytest.mark.parametrize("name", [*WAYS, "clock-back", "clock-forward"])
+def test_a_network_that_errs_now_and_then_ends_nothing(name: str) -> None:
+    """States that are lost, come twice or behind a newer one, and a clock that is set, are counted, no more."""
+    loop = Lockstep(replace(ARMED, duration=None), VirtualCfg(seed=4, level="0", cell="sensors"))
+    loop.run(0.04)
+    loop.supervisor.stage = Stage.RUN
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.sendto(ASK + name.encode(), loop.port.getsockname())
+    loop.run(1.5)
+    assert loop.supervisor.stop_record is None, loop.supervisor.stop_record
+    counted = loop.link.arrivals.counts.reported()
+    expected = dict.fromkeys(counted, 0) | ({WAYS[name]: 75} if name in WAYS else {"clock_steps": 1})
+    for what, number in expected.items():
+        # The last one may still be on its way.
+        assert number - 1 <= counted[what] <= number, counted
     loop.close()
 
 
