@@ -30,8 +30,10 @@ def tilt(quaternion: np.ndarray, angular_velocity: np.ndarray, horizon: float) -
     return float(np.arccos(np.clip(-now[2], -1.0, 1.0))), float(np.arccos(np.clip(-ahead[2], -1.0, 1.0)))
 
 
-BESIDE = ("acceleration", "joint_torque", "temperature", "lost", "motor_fault", "foot_contact", "battery")
-BESIDE += ("kp", "kd", "torque_limit")
+BESIDE = (
+    *("acceleration", "joint_torque", "temperature", "lost", "motor_fault", "foot_contact", "battery"),
+    *("kp", "kd", "torque_limit"),
+)
 """Fields of a state beside the sensors that a policy needs: NaN where a robot never says them."""
 
 LOSS_SECONDS, LOSS_PARTS = 1.0, 10
