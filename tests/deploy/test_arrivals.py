@@ -59,6 +59,16 @@ def test_a_clock_that_is_set_once_does_not_move_the_time(set_by: float) -> None:
     assert arrivals.counts.clock_steps == together.counts.clock_steps == 1
 
 
+def test_a_clock_that_is_slow_and_set_back_goes_on_from_where_it_was() -> None:
+    """A simulated robot that is slower than time for half a minute does not jump by what it is behind."""
+    arrivals = Arrivals()
+    times = [arrivals.take(PERIOD * n - (5.0 if n > 300 else 0.0), 0.1 * n, n) for n in range(1, 400)]
+    jumps = [now - before for before, now in pairwise(times)]  # type: ignore[operator]
+    # In the step as much as passed here.
+    assert jumps.pop(299) == pytest.approx(0.1) and jumps == pytest.approx([PERIOD] * len(jumps))
+    assert arrivals.counts.clock_steps == 1
+
+
 def test_a_clock_that_is_set_again_and_again_is_left_as_it_is() -> None:
     """A second step within ten seconds stays in the time, for the rules; one after that does not."""
     arrivals, times = Arrivals(), []

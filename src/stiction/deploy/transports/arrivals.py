@@ -162,8 +162,8 @@ class Arrivals:
             lead, before = stamp - self._real, self._lead - DRIFT * real
             if (elapsed < 0 or lead - before > STEP) and arrival - self._set >= STEPS_APART:
                 self.counts.clock_steps, self._set = self.counts.clock_steps + 1, arrival
-                # What is expected of the fastest message now; several that are read at once still differ.
-                expected = max(self._real + before, self._stamp + max(real, LEAST))
+                # From the state before, and not by the fastest message: a robot's clock may be slow for long.
+                expected = self._stamp + max(real, LEAST)
                 self._offset += expected - stamp
                 lead = before = before + stamp - expected
             self._lead = max(lead, before)
