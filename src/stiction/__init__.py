@@ -18,6 +18,7 @@ PUBLIC = {
     "load_robot": "api.robot",
     "check_robot": "api.robot",
     "check_draws": "core.draws",
+    "check_hold": "core.draws",
     "train": "api.training",
     "export": "api.training",
     "list_policies": "api.policy",

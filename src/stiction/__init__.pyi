@@ -15,6 +15,7 @@ from stiction.api.robot import load_robot as load_robot
 from stiction.api.training import export as export
 from stiction.api.training import train as train
 from stiction.core.draws import check_draws as check_draws
+from stiction.core.draws import check_hold as check_hold
 from stiction.core.errors import StictionError as StictionError
 
 __version__: str

@@ -7,7 +7,7 @@ from stiction.core.errors import ConfigurationError
 from stiction.core.extras import missing_extra
 
 try:
-    from stiction.exchange.mjlab.actuator import IdentifiedActuatorCfg, friction_law_event, identified_actuator
+    from stiction.exchange.mjlab.actuator import IdentifiedActuatorCfg, friction_law_event
     from stiction.exchange.mjlab.draws import audit_draws
     from stiction.exchange.mjlab.friction import DrawFriction, friction_events, friction_told
     from stiction.exchange.mjlab.hold import audit_hold
@@ -27,6 +27,5 @@ __all__ = [
     "friction_events",
     "friction_law_event",
     "friction_told",
-    "identified_actuator",
     "with_joints",
 ]

@@ -44,6 +44,19 @@ def test_every_target_has_a_snippet(folder: Path, capsys: pytest.CaptureFixture,
     assert told["text"] == text and told["joints"] == {"shank": "shank"} and told["notes"] and told["to"] == target
 
 
+LEGS = {f"{leg}_calf_joint" for leg in ("FL", "FR", "RL", "RR")}
+
+
+@pytest.mark.parametrize("target", ["mujoco", "urdf", "webots", "playground", "legged_gym", "genesis", "joints"])
+def test_a_wildcard_matches_the_joints_of_a_robot(folder: Path, capsys: pytest.CaptureFixture, target: str) -> None:
+    """One record for four legs, without a model; or joint by joint, as the message says that refuses the wildcard."""
+    options = ["convert", "joints.json", "--to", target, "--json", "--joint-map"]
+    assert main([*options, "shank=*_calf_joint", "--robot", "go2"]) == 0
+    assert json.loads(capsys.readouterr().out)["joints"] == dict.fromkeys(LEGS, "shank")
+    assert main([*options, "shank=FL_calf_joint", "shank=FR_calf_joint"]) == 0
+    assert json.loads(capsys.readouterr().out)["joints"] == dict.fromkeys(("FL_calf_joint", "FR_calf_joint"), "shank")
+
+
 def test_mjlab_gets_the_names_of_its_joints(folder: Path, capsys: pytest.CaptureFixture) -> None:
     """At most three lines, with patterns as they were typed: there the robot's joints are known."""
     options = ["--to", "mjlab", "--joint-map", "shank=*_calf_joint", "--friction", "static"]
@@ -74,7 +87,14 @@ def test_a_model_is_patched_into_another_file(folder: Path, capsys: pytest.Captu
         (["--to", "mujoco", "--model", "joints.json"], "not well-formed XML"),
         (["--to", "urdf", "--model", "robot.xml"], "expected <robot>"),
         (["--to", "mujoco", "--model", "robot.xml"], "no joint of the model takes the record 'shank'"),
-        (["--to", "mujoco", "--joint-map", "shank=*_calf"], "wildcards need a --model"),
+        (["--to", "mujoco", "--joint-map", "shank=*_calf"], "add --robot NAME or --model FILE, or name each joint"),
+        (["--to", "playground", "--joint-map", "shank=*_calf"], "add --robot NAME, or name each joint, as in --joint-"),
+        (["--to", "genesis", "--joint-map", "shank=*_shin", "--robot", "go2"], "unknown joint '*_shin'"),
+        (["--to", "isaaclab", "--joint-map", "shank=*_calf"], "'shank=*_calf': Isaac Lab takes a regular expression"),
+        (["--to", "isaaclab_newton", "--robot", "go2"], "--robot: got a joints.json and --to isaaclab_newton, which"),
+        (["--to", "mujoco", "--model", "robot.xml", "--robot", "go2"], "--robot and --model exclude each other"),
+        (["--to", "bam", "--friction", "static"], "--friction requires a --to with one number for friction"),
+        (["--to", "isaaclab", "--friction", "static"], "--friction requires a --to with one number for friction"),
         (["--to", "mujoco", "--timestep", "-1"], "timestep -1.0"),
         (["--to", "mujoco", "--assumed-load", "3"], "--assumed-load requires --to isaaclab"),
         (["--to", "isaaclab", "--model", "robot.xml"], "--model requires --to mujoco, urdf or webots"),

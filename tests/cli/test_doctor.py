@@ -33,3 +33,12 @@ def test_other_tasks_are_audited_or_refused_without_a_traceback(options: list[st
         assert main(["doctor", "--randomization", "--robot", "go1", "--json", *options]) in (0, 1)
     except SystemExit as stop:
         assert stop.code == 2
+
+
+@pytest.mark.parametrize("more", [[], ["--json"], ["--randomization"]])
+def test_an_empty_name_of_a_task_is_refused(more: list[str], capsys: pytest.CaptureFixture) -> None:
+    """A variable of the shell that is not set would pass as an audit."""
+    with pytest.raises(SystemExit) as stop:
+        main(["doctor", "--mjlab", "", *more])
+    captured = capsys.readouterr()
+    assert stop.value.code == 2 and not captured.out and "--mjlab: got an empty name, expected that of" in captured.err

@@ -42,6 +42,14 @@ def test_from_a_walk_to_a_net(tmp_path: Path, capsys: pytest.CaptureFixture) -> 
     assert stop.value.code == 2 and "no log given" in capsys.readouterr().err
 
 
+def test_help_says_what_else_takes_the_net(capsys: pytest.CaptureFixture) -> None:
+    """Whoever trains in mjlab or Isaac Lab finds the verb that writes the net for them."""
+    with pytest.raises(SystemExit):
+        main(["train-actuator", "--help"])
+    told = " ".join(capsys.readouterr().out.split())
+    assert "`stiction convert ACTUATOR --to mjlab` or `--to isaaclab` writes the net for those trainers." in told
+
+
 def weights(run: Path) -> dict:
     """Return the student's parameters at the end of a run."""
     path = latest_checkpoint(run / "checkpoints", "student")

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import sys
 import tomllib
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -11,6 +13,7 @@ import pytest
 from stiction.cli.main import NEEDS, main
 from stiction.cli.process import explained
 from stiction.core import extras
+from stiction.core.errors import StictionError
 from stiction.engines.catalog import what_is_missing
 from stiction.robots.catalog import find_robot
 
@@ -113,13 +116,36 @@ def test_an_older_simulator_is_told_in_a_line(
     assert "uv tool install " in error and f"[{NEEDS[verb]}]" in error
 
 
-def test_what_an_older_simulator_lacks_is_no_fault_of_stiction(monkeypatch: pytest.MonkeyPatch) -> None:
+def _printed(capsys: pytest.CaptureFixture, *words: str) -> str:
+    """Return what a command prints."""
+    assert main([*words]) == 0
+    return capsys.readouterr().out
+
+
+def test_mjlab_gets_an_environment_of_its_own(capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In this one its pins would take the MuJoCo of everything else away."""
+    monkeypatch.setitem(sys.modules, "mjlab", None)
+    assert main(["doctor", "--mjlab", "Mjlab-Velocity-Flat-Unitree-Go1"]) == 1
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and "python3 -m venv .venv-mjlab && .venv-mjlab/bin/pip install " in error
+    with pytest.raises(StictionError, match=r"'mjlab\S*' is not installed; .* environment of its own: python3 -m venv"):
+        import_module("stiction.mjlab")
+
+
+def test_what_an_older_simulator_lacks_is_no_fault_of_stiction(
+    capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A module of MuJoCo 4, an engine, and an error that nobody foresaw."""
     assert extras.outdated("train") is None and extras.outdated("logs") is None
     _beside_mjlab(monkeypatch)
     said = "MuJoCo 3.11 is installed; 4.0 is needed: mjlab pins older ones"
     lacking = ModuleNotFoundError("No module named 'mujoco.batch'", name="mujoco.batch")
     assert str(extras.missing_extra(lacking, "this verb")).startswith(said)
+    missing = ModuleNotFoundError("No module named 'onnxscript'", name="onnxscript")
+    lacks = str(extras.missing_extra(missing, "this verb"))
+    assert f"'onnxscript' is not installed; this verb needs the extra 'train'; {said}" in lacks and "second" in lacks
+    rows = json.loads(_printed(capsys, "list", "engines", "--json"))["engines"]
+    assert len(rows) >= 4 and all(row["install"].startswith(said) and not row["here"] for row in rows)
     missing = ModuleNotFoundError("No module named 'mujoco'", name="mujoco")
     assert "the package 'mujoco' is not installed" in str(extras.missing_extra(missing, "this verb"))
     assert said in str(what_is_missing("mujoco", find_robot("go1")))

@@ -106,6 +106,20 @@ def test_messages_that_are_no_state_are_counted_and_named(messages: list, why: s
     assert link.receive() == [] and link.malformed == 1 and why in link.complaint
 
 
+def test_messages_that_come_again_or_late_are_counted_and_not_acted_on() -> None:
+    """By stamp and content, since ROS 2 does not number messages; efforts that are not said are the same again."""
+    node = Memory([(IMU_TOPIC, imu(100.0))])
+    node.waiting += [(STATE_TOPIC, joints(at)) for at in (100.0, 100.004, 100.004, 100.002, 100.006)]
+    link = Ros2Link(node, CONTRACT)
+    states = link.receive()
+    assert [state.time for state in states] == pytest.approx([0.0, 0.004, 0.006], abs=1e-6)
+    counts = link.arrivals.counts
+    assert (counts.twice, counts.reordered, counts.clock_steps) == (1, 1, 0) and np.isnan(counts.dropped)
+    # Other numbers at the same time: a clock that stands still, which the rules stop.
+    node.waiting = [(STATE_TOPIC, joints(100.006, velocity=[0.5] * COUNT))]
+    assert [state.time for state in link.receive()] == [states[-1].time]
+
+
 def test_a_command_comes_back_as_it_went_whatever_the_order() -> None:
     """The driver gives one joint the gains of another."""
     command = JointCommand(*np.arange(4.0 * COUNT).reshape(4, COUNT))

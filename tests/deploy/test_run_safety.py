@@ -11,7 +11,7 @@ from deployed import CONTRACT, JOINTS, PERIOD, state
 from stiction.core.errors import ConfigurationError
 from stiction.deploy.control import JointCommand
 from stiction.deploy.runtime.config import SafetyCfg
-from stiction.deploy.runtime.safety import Safety, tilt
+from stiction.deploy.runtime.safety import BESIDE, Safety, tilt
 
 CFG = SafetyCfg()
 
@@ -64,6 +64,58 @@ def test_each_rule_at_its_limit(rule: str, limit: float, reading: Callable[[floa
     of_joint = rule in ("joint speed", "temperature", "torque")
     assert broken.joint == (CONTRACT.joint_names[3] if of_joint else None)
     assert broken.value == pytest.approx(broken.limit, rel=0.01) and broken.value > broken.limit
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("name", BESIDE)
+def test_a_number_that_is_none_is_found_wherever_it_is(name: str, value: float) -> None:
+    """Of one motor, foot or axis: it was taken for what a robot does not say, and acted on."""
+    given = np.atleast_1d(getattr(state(1, 0.0), name)).astype(float)
+    good = np.where(np.isnan(given), 1.0, given)
+    wrong = good.copy()
+    wrong[-1] = value
+    safety = Safety(CONTRACT, CFG, PERIOD)
+    single = name == "battery"
+    assert single or safety.finite(state(1, 0.0, **{name: good})) is None
+    found = safety.finite(state(2, PERIOD, **{name: float(wrong[0]) if single else wrong}))
+    if single and np.isnan(value):
+        # It never said its voltage until now.
+        assert found is None and safety.finite(state(3, 2 * PERIOD)) is None
+        found = safety.finite(state(4, 3 * PERIOD, battery=value))
+    assert found is not None and found.rule == "not finite"
+    assert found.joint == (CONTRACT.joint_names[-1] if len(good) == JOINTS else None)
+
+
+def test_what_a_robot_never_says_is_not_judged_and_what_it_said_must_go_on() -> None:
+    """A robot without sensors of torque walks; one whose torques end all at once is stopped."""
+    unknown = {"joint_torque": np.full(JOINTS, np.nan), "foot_contact": np.full(6, np.nan), "battery": np.nan}
+    safety = Safety(CONTRACT, CFG, PERIOD)
+    assert all(safety.finite(state(n, n * PERIOD, **unknown)) is None for n in range(5))
+    assert safety.finite(state(5, 5 * PERIOD)) is None
+    found = safety.finite(state(6, 6 * PERIOD, joint_torque=np.full(JOINTS, np.nan)))
+    assert found is not None and found.rule == "not finite"
+    assert safety.finite(state(7, 7 * PERIOD, command=np.nan)) is None
+    broken = safety.finite(state(8, 8 * PERIOD, command=np.inf))
+    assert broken is not None and broken.rule == "not finite"
+
+
+def test_lost_states_are_judged_by_their_share_of_a_second() -> None:
+    """Three of ten in the mean over a second pass, more do not; a burst that is shorter does not; 500 a second."""
+
+    def first(share: float, lasting: float = 3.0) -> float | None:
+        """Return when, after the first second without losses, a share of losses is found [s]."""
+        safety, bad = Safety(CONTRACT, CFG, PERIOD), 0.0
+        for n in range(2000):
+            at = n * PERIOD
+            bad += share if 1.0 < at <= 1.0 + lasting else 0.0
+            if (broken := safety.losses(bad, n, at)) is not None:
+                assert (broken.rule, broken.limit) == ("lossy link", 0.3) and broken.value > 0.3
+                return at - 1.0
+        return None
+
+    assert first(0.29) is None and first(1.0, lasting=0.29) is None
+    # 0.3 of a second's states are lost after 0.3 s, or 0.6 s; looked at ten times a second.
+    assert first(1.0) == pytest.approx(0.35, abs=0.06) and first(0.5) == pytest.approx(0.65, abs=0.06)
 
 
 def test_limits_that_are_none_are_refused() -> None:

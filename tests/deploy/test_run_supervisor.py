@@ -219,6 +219,9 @@ def test_targets_are_clipped_by_slew_range_and_torque_each_by_name() -> None:
     [
         ("not finite", {"joint_position": np.full(JOINTS, np.nan)}),
         ("not finite", {"angular_velocity": np.array([np.inf, 0, 0])}),
+        ("not finite", {"joint_torque": np.where(np.arange(JOINTS) == 3, np.nan, 0.0)}),
+        ("not finite", {"temperature": np.where(np.arange(JOINTS) == 3, np.inf, 30.0)}),
+        ("not finite", {"acceleration": np.array([0.0, np.nan, 9.81])}),
         ("quaternion length", {"quaternion": np.zeros(4)}),
         ("joint range", {"joint_position": np.degrees(STANDING)}),
         ("joint rate", {"joint_velocity": np.full(JOINTS, 60.0)}),

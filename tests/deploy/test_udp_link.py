@@ -76,6 +76,36 @@ def test_a_state_that_waited_says_for_how_long(robot: socket.socket) -> None:
     link.close()
 
 
+def test_a_state_that_comes_again_or_late_is_no_state(robot: socket.socket) -> None:
+    """A duplicate, and a state behind a newer one, are counted and kept from whoever acts; a clock may be set."""
+    link, address = link_to(robot)
+    earlier = STATES.pack(6, -50.0, state_vectors(state(6, -50.0)))
+    for data in (said(1), said(1), said(4), said(3), earlier):
+        robot.sendto(data, address)
+    until, found = time.monotonic() + 10.0, []
+    while len(found) < 3 and time.monotonic() < until:
+        found += link.receive()
+    assert [each.number for each in found] == [1, 4, 6]
+    assert found[0].time < found[1].time < found[2].time < 10.0
+    assert link.arrivals.counts.reported() == {
+        **{"dropped": 2, "late": 0, "twice": 1, "reordered": 1, "clock_steps": 1}
+    }
+    link.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the time of arrival is asked of Linux alone")
+def test_a_clock_that_is_set_here_makes_no_state_old(robot: socket.socket, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The system says arrivals by a clock that may be set; no wait is longer than since the port was last empty."""
+    link, address = link_to(robot)
+    assert link.receive() == []
+    robot.sendto(said(1), address)
+    set_by, clock = 3_600_000_000_000, time.time_ns
+    monkeypatch.setattr("stiction.deploy.transports.udp.time.time_ns", lambda: clock() + set_by)
+    begin, found = link._emptied, link.receive()
+    assert len(found) == 1 and 0.0 < found[0].age <= time.monotonic() - begin
+    link.close()
+
+
 def test_an_address_to_which_there_is_no_way_is_one_sentence() -> None:
     """The address of no robot is refused before a port stays open."""
     with pytest.raises(RobotError, match=r"no way to a robot at 255\.255\.255\.255:9"):

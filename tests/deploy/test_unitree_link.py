@@ -34,7 +34,7 @@ class Wires:
         """Begin with nothing on it."""
         self.waiting: list[tuple[int, bytes]] = []
         self.sent: list[bytes] = []
-        self.others, self.there = False, Peers()
+        self.others, self.there, self.missing = False, Peers(), 0
 
     def fileno(self) -> int:
         """Nobody waits for it."""
@@ -44,6 +44,11 @@ class Wires:
         """What was put there."""
         waiting, self.waiting = self.waiting, []
         return waiting
+
+    def lost(self) -> int:
+        """What was put there, once."""
+        lost, self.missing = self.missing, 0
+        return lost
 
     def foreign(self) -> bool:
         """Whether somebody else commands."""
@@ -148,6 +153,7 @@ def test_held_joints_go_slowly_and_are_damped_with_the_others() -> None:
         message["mode_machine"] = 6
         message["motor_state"]["q"][elbow] = 0.3
         message["motor_state"]["temperature"][still] = (40, 55)
+        message["tick"] = 100 * n
 
     gains = np.full(12, 100.0), np.full(12, 3.0)
     stiff = JointCommand(np.zeros(12), *gains, np.zeros(12))
@@ -168,6 +174,22 @@ def test_held_joints_go_slowly_and_are_damped_with_the_others() -> None:
     np.testing.assert_allclose([q for q, _, _ in asked], expected, rtol=1e-6)
     assert [kp for _, kp, _ in asked] == [0.0, 40.0, 40.0, 40.0, 0.0] and {kd for _, _, kd in asked} == {2.0}
     np.testing.assert_array_equal(message["motor_cmd"]["mode"], [1] * 29 + [0] * 6)
+
+
+def test_a_clock_that_is_set_and_states_that_come_again_are_not_acted_on() -> None:
+    """By the robot's ticks, which go on through the end of their range, whatever the stamps of DDS say."""
+    bus, link = connected()
+    first, hour = 2**32 - 4, 3_600_000_000_000
+    # Ticks of 2 ms; the clock is set back by an hour, then the third comes again, and the second too.
+    for ticks, stamp in ((0, 0), (2, 2_000_000), (4, 4_000_000 - hour), (4, 4_000_000 - hour), (2, 2_000_000)):
+        message = said(GO_STATE, lambda message, at=ticks: message.__setitem__("tick", (first + at) % 2**32))  # type: ignore[misc]
+        bus.waiting.append((hour + stamp, message))
+    bus.missing = 3
+    states = link.receive()
+    assert [state.number for state in states] == [1, 2, 3]
+    assert [state.time for state in states] == pytest.approx([0.0, 0.002, 0.004], abs=1e-4)
+    counted = {"dropped": 3, "late": 0, "twice": 1, "reordered": 1, "clock_steps": 1}
+    assert link.arrivals.counts.reported() == counted
 
 
 @pytest.mark.parametrize(

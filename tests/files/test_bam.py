@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -116,6 +117,21 @@ def test_servos_become_one_file_and_files_again(
         load_all_joints([Path("a.json"), Path("a.json")])
 
 
+@pytest.mark.parametrize("more", [[], ["walk"]])
+def test_identify_says_what_makes_a_joints_json_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, more: list[str]
+) -> None:
+    """There is nothing to identify in numbers; the command that is named works."""
+    monkeypatch.chdir(tmp_path)
+    Path("m4.json").write_text(json.dumps(servo("m4")))
+    options = ["--robot", "go2"] if more else []
+    assert main(["identify", *more, "m4.json", *options]) == 1
+    told = capsys.readouterr()
+    (command,) = re.findall("this is a parameter file of BAM, identified already: `stiction (.*)`\n", told.err)
+    assert told.out == "" and main(command.replace("FILE", "m4.json").split()) == 0
+    assert set(load_joints(Path("joints.json")).joints) == {"xl330"}
+
+
 @pytest.mark.parametrize("model", SERVOS)
 def test_bam_itself_has_the_friction_of_the_file(model: str) -> None:
     """BAM's own budget at rest and in motion, under no load and under 0.3 N m that the motor holds."""
@@ -131,3 +147,33 @@ def test_bam_itself_has_the_friction_of_the_file(model: str) -> None:
     assert fast == pytest.approx(record.coulomb_friction.value + load * 0.3)  # type: ignore[union-attr]
     slow, _ = theirs.compute_frictions(0.0, 0.0, 2.5)
     assert slow == pytest.approx(0.012 + (np.exp(-1.0) * 0.008 if law["law"] == "stribeck" else 0.0))
+
+
+def test_every_file_that_bam_ships_comes_back() -> None:
+    """m1 to m4 of each servo: BAM's own budget of the file and of its way through a record, at rest, slow and fast, and
+    under load; m5 and m6 are refused.
+    """
+    models = pytest.importorskip("bam.model", reason="better-actuator-models is not installed")
+    paths = sorted((Path(models.__file__).parent / "params").glob("*/m*.json"))
+    kept = 0
+    for path in paths:
+        data = json.loads(path.read_text())
+        if data["model"] in ("m5", "m6"):
+            with pytest.raises(StictionError, match="a load coefficient for each direction"):
+                load_joints(path)
+            continue
+        ((name, record),) = load_joints(path).joints.items()
+        back = bam_of_record(name, record)
+        ours, theirs = models.load_model_from_dict(back), models.load_model_from_dict(data)
+        for motor_torque, external in ((0.0, 0.0), (0.3, -0.3), (0.0, 0.4), (-0.2, 0.1)):
+            for speed in (0.0, 0.05, 2.0, -20.0):
+                found = ours.compute_frictions(motor_torque, external, speed)
+                assert found == pytest.approx(theirs.compute_frictions(motor_torque, external, speed)), path
+        held = {field: value for field, value in back.items() if field in data}
+        assert held == pytest.approx({field: data[field] for field in held}) and held.keys() >= FIELDS_BACK, path
+        kept += 1
+    assert kept >= 20 and len(paths) > kept
+
+
+FIELDS_BACK = {"model", "actuator", "armature", "friction_base", "friction_viscous"}
+"""Fields of every model that come back."""

@@ -61,6 +61,7 @@ MUTATIONS: list[tuple[str, Any]] = [
     ("anatomy.joints.0.kp", "50"), ("anatomy.links.0.axis", [1, 0]), ("anatomy.feet.0.shapes.0.kind", "cone"),
     ("observation", []), ("observation.history_length", 0), ("observation.direction", "sideways"),
     ("observation.slow_kept", 1.0), ("observation.terms", []), ("observation.terms.0.name", "odometry"),
+    ("observation.terms.0.name", None), ("joint_names", [None] * 12),
     ("observation.terms.0.size", 0), ("observation.terms.0.scale", 0), ("observation.terms.0.clip", "5"),
     ("observation.terms.0.frame", "world"), ("observation.terms.0.offset", "zero"), ("observation.terms.0.extra", 1),
     ("gravity", 9.81), ("settings", []), ("settings", "quiet"), ("settings", {"a": {"b": 1}}),

@@ -10,14 +10,14 @@ import pytest
 pytest.importorskip("cryptography", reason="the package cryptography, of the extra 'sign', is needed to sign")
 
 from cryptography.hazmat.primitives import serialization as form
-from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 from cryptography.hazmat.primitives.asymmetric.rsa import generate_private_key
 
 from bundles import make_bundle, make_contract, repair_sums
 from stiction.cli.main import main
 from stiction.core.errors import StictionError
 from stiction.files.bundle import SIGNATURE, SUMS, read_bundle
-from stiction.files.signature import check_signature, fingerprint, make_key, sign
+from stiction.files.signature import PRIME, SMALL_ORDER, check_signature, fingerprint, make_key, sign
 
 SECRET = bytes.fromhex("9d61b19deffd5a60ba844af492ec2cc44449c5697b326919703bac031cae7f60")
 OF_NOTHING = bytes.fromhex(
@@ -150,3 +150,82 @@ def test_what_is_no_such_key_is_refused(tmp_path: Path, bundle: Path, capsys: py
     assert main(["verify", str(bundle), "--key", str(tmp_path / "maker.pem")]) == 1
     assert "its owner's secret" in capsys.readouterr().err
     assert not (bundle / SUMS).with_name(SIGNATURE).exists()
+
+
+D = -121665 * pow(121666, -1, PRIME) % PRIME
+"""Constant of the curve -x² + y² = 1 + D x² y² (RFC 8032, section 5.1)."""
+
+
+def doubled(y: int) -> int:
+    """Return y of 2 P for a point P of the curve: (y² + x²) / (2 - (y² - x²)), by the law of addition."""
+    square, x_square = y * y % PRIME, (y * y - 1) * pow(D * y * y + 1, -1, PRIME) % PRIME
+    return (square + x_square) * pow(2 - (square - x_square), -1, PRIME) % PRIME
+
+
+def test_the_points_of_small_order_are_those_and_no_others() -> None:
+    """8 P is the neutral element, y = 1, for each; 4, 2 or 1 times for the others; the base point is none of them."""
+    times = {y: next(n for n, at in enumerate((y, doubled(y), doubled(doubled(y)), 1)) if at == 1) for y in SMALL_ORDER}
+    # One point of order 1, one of order 2, two of order 4 with one y, four of order 8 with two: eight, the cofactor.
+    assert sorted(times.values()) == [0, 1, 2, 3, 3]
+    eight = {y: doubled(doubled(doubled(y))) for y in (*SMALL_ORDER, 4 * pow(5, -1, PRIME))}
+    assert [eight.pop(4 * pow(5, -1, PRIME)) == 1, set(eight.values())] == [False, {1}]
+
+
+@pytest.mark.parametrize("sign_bit", [0, 1])
+@pytest.mark.parametrize("y", [*sorted(SMALL_ORDER), PRIME, PRIME + 1, PRIME + 9, 2**255 - 1])
+def test_a_key_under_which_anybody_signs_is_refused(
+    y: int, sign_bit: int, bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """The neutral element as a key accepts one signature, (1, 0), of every message; so do other ways to write it."""
+    raw = (y | sign_bit << 255).to_bytes(32, "little")
+    key = Ed25519PublicKey.from_public_bytes(raw)
+    weak = tmp_path / "weak.pub"
+    weak.write_bytes(key.public_bytes(form.Encoding.PEM, form.PublicFormat.SubjectPublicKeyInfo))
+    forged = (1).to_bytes(32, "little") + bytes(32)
+    if y % PRIME == 1:
+        key.verify(forged, b"whatever")
+    (bundle / SIGNATURE).write_bytes(forged)
+    for words in (["verify"], ["deploy", "--out", str(tmp_path / "run")], ["evaluate", "--out", str(tmp_path / "out")]):
+        assert main([words[0], str(bundle), *words[1:], "--key", str(weak)]) == 1
+        said = capsys.readouterr().err
+        assert "weak key" in said and said.count("\n") == 1
+    assert not (tmp_path / "run").exists() and not (tmp_path / "out").exists()
+
+
+def test_what_walks_has_the_signature_that_was_asked_for(
+    bundle: Path,
+    keys: tuple[Path, Path],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Without the maker's signature no robot is started and no folder made; with it `deploy` and `evaluate` go on."""
+
+    def started(*_: object) -> None:
+        raise StictionError("the robot was started")
+
+    monkeypatch.setattr("stiction.virtual.serve.virtual_robot", started)
+    monkeypatch.setattr("stiction.evaluation.summary.evaluate_all", started)
+    other = make_key(tmp_path / "other.pem")
+    verbs = ["deploy", str(bundle), "--armed"], ["evaluate", str(bundle)]
+    asked = [[*words, "--out", str(tmp_path / words[0]), "--key"] for words in verbs]
+
+    def refused(key: Path, said: str) -> None:
+        for words in asked:
+            assert main([*words, str(key)]) == 1
+            printed = capsys.readouterr().err
+            assert said in printed and printed.count("\n") == 1 and not (tmp_path / words[0]).exists()
+
+    refused(keys[1], "no signature")
+    assert main(["sign", str(bundle), "--key", str(keys[0])]) == 0
+    capsys.readouterr()
+    refused(other, "not by the key")
+    refused(keys[0], "its owner's secret")
+    for words in asked:
+        assert main([*words, str(keys[1])]) == 1
+        assert "the robot was started" in capsys.readouterr().err
+    # A policy record, without its recorded steps, is walked by `evaluate`, and keeps its signature.
+    (bundle / "golden.npz").unlink()
+    for key, said in ((other, "not by the key"), (keys[1], "the robot was started")):
+        assert main([*asked[1], str(key)]) == 1
+        assert said in capsys.readouterr().err

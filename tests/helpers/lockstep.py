@@ -19,6 +19,7 @@ from stiction.virtual.serve import RobotProcess, VirtualCfg
 
 if TYPE_CHECKING:
     from stiction.deploy.runtime.config import SupervisorCfg
+    from stiction.deploy.transports.link import RobotState
     from stiction.files.bundle import Bundle
 
 
@@ -38,6 +39,7 @@ class Lockstep:
         self.supervisor = Supervisor(contract, cfg, PERIOD, 0.0)
         self.supervisor.command_velocity(command, 0.0)
         self.loop = ControlLoop(load_policy(contract, bundle.policy), contract)
+        self.newest: RobotState | None = None
         self.frames: list[bool] = []
         """Of each command that was sent, whether it was stiff."""
 
@@ -47,14 +49,17 @@ class Lockstep:
         self.now += PERIOD
         ticks = round(self.now / PERIOD)
         state, supervisor = next(iter(self.link.receive()[-1:]), None), self.supervisor
+        self.newest = state or self.newest
         outs = [supervisor.turn(self.now), supervisor.meet(self.link.peers(), self.now)]
+        outs.append(supervisor.delivered(*self.link.arrivals.counts.share, self.now))
         # Time passes only with the physics here: how long a datagram waited says nothing.
         outs += [] if state is None else [supervisor.state(replace(state, age=0.0), self.now)]
         if ticks % self._control == 0:
             if supervisor.stage is not Stage.RUN:
                 supervisor.policy_waits(self.now)
-            elif state is not None:
-                outs.append(supervisor.policy_targets(self.loop.act(state.sensors, self.command).target, self.now))
+            elif self.newest is not None:
+                target = self.loop.act(self.newest.sensors, self.command).target
+                outs.append(supervisor.policy_targets(target, self.now))
         outs.append(supervisor.tick(self.now))
         for out in outs:
             if out is not None and out.command is not None:

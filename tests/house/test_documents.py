@@ -42,6 +42,13 @@ def test_the_lock_fits_the_requirements_and_holds_no_cuda() -> None:
     assert not [name for name in (*lines, *theirs) if name.startswith(("nvidia", "cuda", "triton"))]
 
 
+@pytest.mark.parametrize("page", ["mjlab", "isaaclab", "playground", "arm"])
+def test_a_reader_finds_the_page_of_a_trainer(page: str) -> None:
+    """Before the first heading of README, and in the site's navigation."""
+    assert f"](docs/{page}.md)" in (CHECKOUT / "README.md").read_text().partition("\n## ")[0]
+    assert f"- docs/{page}.md\n" in (CHECKOUT / "mkdocs.yml").read_text()
+
+
 def test_every_requirement_has_both_bounds() -> None:
     """If this failed, a release of somebody else's could break an installation overnight."""
     for text in sum(PROJECT["optional-dependencies"].values(), PROJECT["dependencies"]):

@@ -3,29 +3,52 @@
 from __future__ import annotations
 
 import json
+import re
 import runpy
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from code_blocks import blocks_of
 from stiction.cli.main import main
+from stiction.identification.logs import open_log
+from stiction.identification.logs.naming import LEROBOT
 
 pytest.importorskip("pyarrow", reason="the package pyarrow, of the extra 'logs', is needed to read Parquet")
 
-EXAMPLE = Path(__file__).parents[2] / "examples/06_arm_dataset.py"
+CHECKOUT = Path(__file__).parents[2]
+EXAMPLE, PAGE = CHECKOUT / "examples/06_arm_dataset.py", CHECKOUT / "docs/arm.md"
 
 
-def test_a_dead_band_comes_back_from_a_data_set_without_torque_and_gains(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
+def test_the_page_says_what_its_commands_print(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
-    """30 Hz, degrees, gravity on the joint, targets held between frames: f/kp is in the interval, which is narrow."""
+    """30 Hz, degrees, no torque and no gains: six dead bands in degrees, as in the page's table, and near what was put
+    in; with the gains one friction in N m, which `convert` takes.
+    """
     monkeypatch.chdir(tmp_path)
     made = runpy.run_path(str(EXAMPLE))
-    flags = ["--position-scale", "0.0174533", "--names", *made["NAMES"], "--kp", "1", "--kd", "0"]
-    assert (
-        main(["identify", "arm.parquet", *flags, "--torque-limit", "1", "--joint", "wrist_flex", "--out", "arm"]) == 0
-    )
-    band = json.loads((tmp_path / "arm/joints.json").read_text())["joints"]["wrist_flex"]["dead_band"]
-    low, high = band["interval95"]
-    assert low < made["FRICTION"][3] / made["KP"] < high and np.degrees(high - low) < 0.05
+    identify, known, into = (words[1:] for block in blocks_of(PAGE) for words in block.commands if block.how == "parse")
+    capsys.readouterr()
+    assert main(identify) == 0
+    told = capsys.readouterr()
+    printed = re.findall(r"│ (0\.0\d+) +│ \w+ +│.*?\((\d\.\d+)°\)", told.out, re.DOTALL)
+    rows = re.findall(r"^\| (\w+) \| (\d\.\d+) \| (0\.0\d+) \((.*)°\) \|$", PAGE.read_text(), re.MULTILINE)
+    assert [row[0] for row in rows] == [*made["NAMES"]] and len(printed) == 6
+    # The last digit is the machine's.
+    np.testing.assert_allclose(np.float64([row[2:] for row in rows]), np.float64(printed), rtol=2e-3)
+    np.testing.assert_allclose([float(row[1]) for row in rows], np.degrees(made["FRICTION"] / made["KP"]), atol=0.006)
+    found = json.loads((tmp_path / "arm/joints.json").read_text())["joints"]
+    for name, friction in zip(made["NAMES"], made["FRICTION"], strict=True):
+        low, high = found[name]["dead_band"]["interval95"]
+        assert low < friction / made["KP"] < high < 1.024 * low, name
+    assert "stiction convert" not in told.out and "--set motor_strength=1" in told.out.splitlines()[4]
+    assert "--position-scale" not in told.out and LEROBOT in open_log(Path("arm.parquet")).notes
+    assert main(known) == 0
+    assert "Run: stiction convert wrist/joints.json --to mujoco" in capsys.readouterr().out
+    assert main(into) == 0
+    (friction,) = re.findall(r'frictionloss="([\d.]+)"', capsys.readouterr().out)
+    assert float(friction) == pytest.approx(made["FRICTION"][3], rel=0.01)

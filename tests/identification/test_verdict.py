@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from stiction.files.advice import TRAINING, Source, TrainedWith
 from stiction.files.following import CommandCount
-from stiction.files.joints import FRICTION_REACHES_ZERO, Estimate, Finding, JointRecord
+from stiction.files.joints import FRICTION_REACHES_ZERO, Estimate, Finding, JointRecord, JointsFile
 from stiction.identification.advice import shipped
 from stiction.identification.verdict import TrainingNeed, judge
+from stiction.report.joints import joint_row, lead_lines
 
 FRICTION = Estimate(1.0, 0.1, (0.8, 1.2))
 
@@ -124,6 +126,20 @@ def test_what_makes_a_fit_invalid_stands_in_the_place_of_the_answer() -> None:
     assert "And 1 more: and so on" in told.lines[1] and "no level" in told.lines[2]
     assert told.level is None and told.training is None and told.to_dict()["range"] is None
     assert "1 N m" not in told.text and "--method" not in told.text
+
+
+def test_no_command_is_printed_that_no_simulator_could_follow() -> None:
+    """Friction over the motor strength goes into no model; in N m it does."""
+    band = Estimate(0.02, 1e-4, (0.0198, 0.0202))
+    over = JointRecord(combinations={"f/k": FRICTION}, friction_ratio=ratio(0.05), dead_band=band)
+    told = judge(over, legs=False).lines
+    assert told[2].startswith("Run: this again with the gains in N m/rad and --set motor_strength=1,")
+    assert "convert" not in told[2] and "0.02 rad (95 %: 0.0198 to 0.0202), 1.146°, at" in told[1]
+    known = judge(replace(over, coulomb_friction=FRICTION), legs=False).lines
+    assert known[2].startswith("Run: stiction convert joints.json --to mujoco ")
+    file = JointsFile({"wrist": replace(over, coulomb_friction=FRICTION, diagnostics={"verdict": {"lines": known}})})
+    assert lead_lines(file, Path("my arm"))[2].startswith("Run: stiction convert 'my arm/joints.json' --to mujoco ")
+    assert (joint_row(over)[5], joint_row(replace(over, axis="linear"))[5]) == ("0.02 (1.146°)", "0.02")
 
 
 @pytest.mark.parametrize(

@@ -65,3 +65,13 @@ def test_pictures_and_memory_are_left_out(tmp_path: Path) -> None:
     file = tmp_path / "robot.xml"
     file.write_text(ROBOT.format(before=looks, world="<geom size='.1' material='m'/>"))
     assert read_source(file).model.ntex == 0
+
+
+@pytest.mark.parametrize("encoding", ["utf-7", "big5", "rot13", "idna", "nonsense"])
+@pytest.mark.parametrize("file", ["robot.xml", "robot.urdf"])
+def test_an_encoding_that_is_not_read_is_one_line(file: str, encoding: str, tmp_path: Path) -> None:
+    """What Python refuses to decode for the parser is the file's fault, and says what to do."""
+    text = ROBOT.format(before="", world="") if file == "robot.xml" else "<robot name='x'><link name='base'/></robot>"
+    (tmp_path / file).write_text(f"<?xml version='1.0' encoding='{encoding}'?>{text}")
+    with pytest.raises(RobotError, match=r"its encoding is not read: .*; save it as UTF-8"):
+        read_source(tmp_path / file)

@@ -71,10 +71,12 @@ EXPECTED = {
     "offset-joint": {"velocity and angle"},
     "slow-clock": {"velocity and angle", "clock rate"},
     "second-robot": {"second robot"},
+    "lossy": {"lossy link"},
+    "nan-torque": {"not finite"},
 }
 """Fault of the robot -> the rules that may find it."""
 
-SLOW = {"tilting": 0.4, "torque": 0.12, "flailing": 0.35}
+SLOW = {"tilting": 0.4, "torque": 0.12, "flailing": 0.35, "lossy": 0.9}
 SLOW |= dict.fromkeys(("frozen-angle", "frozen-angles", "dead-gyroscope", "swapped-joints", "slow-clock"), 0.3)
 """Fault -> time within which it is found, where that takes a while [s]: it begins small, or is judged as a mean."""
 
@@ -101,6 +103,26 @@ def test_each_fault_of_the_robot_is_damped_in_time(name: str) -> None:
     loop.run(0.1)
     assert len(loop.frames) >= stopped + 45 and not any(loop.frames[stopped:])
     assert not loop.robot._command.kp.any()
+    loop.close()
+
+
+WAYS = {"lost-states": "dropped", "double-states": "twice", "swapped-states": "reordered"}
+"""Fault of the way -> what it is counted as."""
+
+
+@pytest.mark.parametrize("name", [*WAYS, "clock-back", "clock-forward"])
+def test_a_network_that_errs_now_and_then_ends_nothing(name: str) -> None:
+    """States that are lost, come twice or behind a newer one, and a clock that is set, are counted, no more."""
+    loop = lockstep(replace(ARMED, duration=None), VirtualCfg(seed=4, level="0", cell="sensors"))
+    loop.begin()
+    loop.break_(name)
+    loop.run(1.5)
+    assert loop.supervisor.stop_record is None, loop.supervisor.stop_record
+    counted = loop.link.arrivals.counts.reported()
+    expected = dict.fromkeys(counted, 0) | ({WAYS[name]: 75} if name in WAYS else {"clock_steps": 1})
+    for what, number in expected.items():
+        # The last one may still be on its way.
+        assert number - 1 <= counted[what] <= number, counted
     loop.close()
 
 

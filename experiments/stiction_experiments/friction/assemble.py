@@ -16,11 +16,8 @@ from stiction.files.results import ResultRow, read_metrics, read_results, read_s
 from stiction.learning.run import RunDirectory
 from stiction_experiments.friction.claims import CLAIMS, DECEPTION, DIRECT, NONE
 from stiction_experiments.friction.evaluation import (
-    CANDIDATES,
     COMMANDS,
-    collapse,
     learning_curve,
-    onsets,
     training_mean,
 )
 from stiction_experiments.friction.evidence import TrainingEvidence, median_seed, parse_policy, seed_means
@@ -28,12 +25,10 @@ from stiction_experiments.friction.learned import learned_figures
 from stiction_experiments.friction.manifest import PARTS, TWO_PHASE
 from stiction_experiments.friction.planned import EVALUATED, PlannedRun, State
 from stiction_experiments.friction.records import (
-    Collapse,
     ConditionRecord,
     CurvePoint,
     Experiment,
     LearnedFigure,
-    Onset,
     RunRecord,
 )
 from stiction_experiments.lab.claims import Verdict, rejudged_summary
@@ -49,8 +44,6 @@ def _condition_and_policy(row: ResultRow) -> str:
 LISTS = {
     "conditions": ConditionRecord,
     "runs": RunRecord,
-    "onsets": Onset,
-    "collapses": Collapse,
     "verdicts": Verdict,
 }
 """Lists of summary.json."""
@@ -115,7 +108,7 @@ def assemble(
     metrics = {run.run.name: read_metrics(run.path / "metrics.jsonl") for run in planned if run.state() == "finished"}
     curves = {name: learning_curve(name, found) for name, found in metrics.items()}
     learned = [one for name, found in metrics.items() for one in learned_figures(name, found)]
-    records, kept, known = {run.run.name: _record(run) for run in planned}, [], []
+    records, kept = {run.run.name: _record(run) for run in planned}, []
     here = {name for name, record in records.items() if record.state in EVALUATED}
     conditions = {run.run.condition.name: _condition(run) for run in planned}
     if before is not None:
@@ -125,7 +118,7 @@ def assemble(
         conditions |= {one.name: one for one in before.conditions if one.name in used}
         rank = {name: number for number, name in enumerate(records)}
         rows = [*(row for row in before.rows if parse_policy(row.policy)[0] in elsewhere), *rows]
-        kept, known = kept_origins(before, list(elsewhere)), list(before.onsets)
+        kept = kept_origins(before, list(elsewhere))
         rows = sorted(rows, key=lambda row: rank[parse_policy(row.policy)[0]])
         same = {one.name: one for one in before.runs if one.state in EVALUATED and _same(one, records[one.name])}
         untimed = (name for name in same if records[name].minutes is None)
@@ -133,14 +126,11 @@ def assemble(
         curves = {name: points for name, points in curves_by_run(before.curves).items() if name in same} | curves
         curves = {name: curves[name] for name in records if name in curves}
         learned = [*(one for one in before.learned if one.run in same.keys() - metrics.keys()), *learned]
-    found = onsets(TrainingEvidence.of_runs(rows), {run.run.condition.name: run.cfg for run in planned}, known)
     experiment = Experiment(
         rows,
         [point for points in curves.values() for point in points],
         conditions=list(conditions.values()),
         runs=list(records.values()),
-        onsets=found,
-        collapses=[collapse(method, found) for method in CANDIDATES],
         parts=PARTS,
         summary={
             **summary,

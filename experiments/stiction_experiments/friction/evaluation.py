@@ -6,7 +6,7 @@ what the first actions ask for, f/(kp · action scale · σ).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -18,18 +18,15 @@ from stiction.core.errors import ConfigurationError, StictionError, TrainingErro
 from stiction.core.files import digest_of
 from stiction.core.parallel import spread
 from stiction.evaluation.evaluate import RUN_WALK_CODE, WALK_CODE, EvaluationCfg, evaluate_bundle
-from stiction.evaluation.grid import BATCH
 from stiction.evaluation.samples import SeedValues
 from stiction.files.results import DIRECTIONS, FOLLOWS, ResultRow
 from stiction.joints.friction import has_coefficient
 from stiction.learning.config import TrainCfg
 from stiction.learning.run import RunDirectory, latest_checkpoint
-from stiction.robots.catalog import find_robot
 from stiction.task.friction import FrictionCfg
-from stiction_experiments.friction.evidence import TrainingEvidence, at
 from stiction_experiments.friction.manifest import LEVEL, condition_of
 from stiction_experiments.friction.planned import PlannedRun
-from stiction_experiments.friction.records import STUDENT, Collapse, CurvePoint, Onset
+from stiction_experiments.friction.records import STUDENT, CurvePoint
 from stiction_experiments.lab.files import cached, entry_file
 from stiction_experiments.methods import CODE
 
@@ -247,83 +244,3 @@ def iterations_by_seed(condition: str, curves: Mapping[str, Sequence[CurvePoint]
             found[seed] = float(first[-1].iteration if begin is None else begin)
             never += begin is None
     return found, never
-
-
-CLEARER = 1.2
-"""The best axis must beat the second by this factor in spread to count as decided."""
-
-FEWEST = 3
-"""Conditions needed to compare axes: two would agree on some axis by accident."""
-
-AXES = ("f/τ_max", "f/kp [rad]", "f/(kp·scale·σ)")
-
-CANDIDATES = {
-    "direct": ("", "-strong", "-weak", "-kp05", "-kp2", "-torque2"),
-    "deception": ("", "-kp05", "-kp2", "-torque2"),
-}
-"""Method -> endings of the conditions whose onsets are compared."""
-
-
-def onset_level(levels: Sequence[float], ratios: Sequence[float]) -> float | None:
-    """Return the level at which the speed ratio falls under the lower end of `FOLLOWS`, interpolated between levels.
-
-    0 where it is under from the start, None where it never is. `levels` rise from 0.
-    """
-    for index, ratio in enumerate(ratios):
-        if ratio < FOLLOWS[0]:
-            if index == 0:
-                return 0.0
-            above = ratios[index - 1] - FOLLOWS[0]
-            share = above / (ratios[index - 1] - ratio)
-            return levels[index - 1] + share * (levels[index] - levels[index - 1])
-    return None
-
-
-def axis_scales(cfg: TrainCfg) -> dict[str, float]:
-    """Return what one unit of the friction level is on each axis, for the shank, whose friction is the largest."""
-    robot = find_robot(cfg.task.robot)
-    kp, limit = robot.joint_values("kp"), robot.joint_values("torque_limit")
-    first = kp * robot.joint_values("action_scale") * cfg.network.initial_std
-    return dict(zip(AXES, (1.0, robot.dead_band, float((limit / first).max())), strict=True))
-
-
-def onsets(
-    evidence: TrainingEvidence, configured: Mapping[str, TrainCfg], earlier: Iterable[Onset] = ()
-) -> list[Onset]:
-    """Return the onset of the student of every condition that was evaluated. `configured`: condition -> its runs'.
-
-    earlier: of conditions of which rows are here, and no run: the level is that of the rows, the scales are theirs.
-    """
-    scales = {one.condition: one.scales for one in earlier}
-    scales |= {name: axis_scales(cfg) for name, cfg in configured.items() if _has_onset(name)}
-    found = []
-    for method, endings in CANDIDATES.items():
-        for name in (f"coulomb20-{method}{ending}" for ending in endings):
-            measured = ((level, evidence.slower(name, at(level)).seeds) for level in evidence.levels(name, BATCH))
-            ratios = {level: float(np.mean([*seeds.values()])) for level, seeds in measured if seeds}
-            if ratios and name in scales:
-                level = onset_level([*ratios], [*ratios.values()])
-                found.append(Onset(name, method, level, scales[name]))
-    return found
-
-
-def _has_onset(condition: str) -> bool:
-    return any(condition == f"coulomb20-{method}{end}" for method, endings in CANDIDATES.items() for end in endings)
-
-
-def collapse(method: str, found: Sequence[Onset]) -> Collapse:
-    """Return the axis on which the onsets of one method's conditions have the smallest ratio of largest to smallest."""
-    own = [onset for onset in found if onset.method == method]
-    if len(own) < FEWEST:
-        return Collapse(method, {}, None, f"not decided: {len(own)} conditions, at least {FEWEST} are needed")
-    without = [onset.condition for onset in own if not onset.level]
-    if without:
-        where = ", ".join(without)
-        return Collapse(method, {}, None, f"not decided: no onset between the tested levels for {where}")
-    each = {axis: [onset.on(axis) or 0.0 for onset in own] for axis in AXES}
-    spread = {axis: max(values) / min(values) for axis, values in each.items()}
-    best, second = sorted(AXES, key=spread.__getitem__)[:2]
-    text = f"spread {spread[best]:.2f} on {best}, {spread[second]:.2f} on {second}"
-    if spread[second] < CLEARER * spread[best]:
-        return Collapse(method, spread, None, f"not decided: {text}, too close to tell")
-    return Collapse(method, spread, best, f"{text}, over {len(own)} conditions")

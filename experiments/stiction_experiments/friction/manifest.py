@@ -41,7 +41,6 @@ PARTS = {
     "1": "The training methods, five seeds",
     "2": "The paper's other ways, more budget, more and less exploration",
     "3": "What makes the wide range work",
-    "4": "Which number predicts the onset",
     "5": "Friction that grows with load",
     "6": "A quadruped, which can fall",
     "gait": "The gait rewards, without friction",
@@ -128,11 +127,6 @@ def _coulomb(
 ) -> Condition:
     words = ("--method", method, "--friction-level", f"{level:g}", *options)
     return Condition(f"coulomb20-{name}", part, purpose, words, tuple(range(seeds)))
-
-
-def _robots(name: str, robot: str, level: float = LEVEL) -> list[Condition]:
-    purpose, words = f"{robot}, the same friction in N m", ("--robot", robot)
-    return [_coulomb(f"{m}-{name}", "4", purpose, m, *words, level=level) for m in ("direct", "deception")]
 
 
 def _load(coefficient: float, method: str) -> Condition:
@@ -249,9 +243,6 @@ MANIFEST: tuple[Condition, ...] = (
         *("--task.friction.mixture", "0.2", "0", "0", "0.8", "1", "1"),
     ),
     _coulomb("deception-joint", "3", "drawn for each joint", "deception", "--task.friction.per", "joint"),
-    *_robots("kp05", "saturn_lite@kp=0.5"),
-    *_robots("kp2", "saturn_lite@kp=2"),
-    *_robots("torque2", "saturn_lite@torque=2", LEVEL / 2),
     *(_load(coefficient, method) for coefficient in LOAD_COEFFICIENTS for method in ("direct", "deception")),
     *(
         Condition(

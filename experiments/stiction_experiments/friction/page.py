@@ -35,7 +35,7 @@ from stiction_experiments.friction.records import HIGHEST, STUDENT, ConditionRec
 from stiction_experiments.lab import study
 from stiction_experiments.lab.claims import JUDGED
 from stiction_experiments.lab.following import changes_sheet, stalled_text
-from stiction_experiments.lab.straight import BAND, DEFINITION, SLOW
+from stiction_experiments.lab.straight import BAND, DEFINITION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -261,20 +261,6 @@ def _mean(rows: Sequence[ResultRow], column: str, form: str) -> str:
     return format(sum(values) / len(values), form) if values else "–"
 
 
-def onset_sheet(experiment: Experiment) -> Sheet:
-    """Return the friction at which each condition is too slow, on every candidate axis."""
-    names = list(experiment.onsets[0].scales) if experiment.onsets else []
-    rows = []
-    for onset in experiment.onsets:
-        values = [onset.on(name) for name in names]
-        nowhere = "stays above" if onset.level is None else "under from the start"
-        rows.append((onset.condition, *(nowhere if value is None else f"{value:.3f}" for value in values)))
-    note = " ".join(f"{c.method}: {c.axis or 'no axis'}; {c.reason}." for c in experiment.collapses)
-    title = f"Friction at which the slower direction slows under {SLOW}"
-    axes = (name if "[" in name else f"{name} [1]" for name in names)
-    return Sheet(title, ("condition", *axes), tuple(rows), note)
-
-
 def run_sheet(experiment: Experiment) -> Sheet:
     """Return every run with its command, state, revision and time."""
     arguments = {condition.name: condition.arguments for condition in experiment.conditions}
@@ -354,8 +340,6 @@ def sheets_of(experiment: Experiment) -> dict[str, Sheet]:
         sheets |= {f"methods-{who}": methods_sheet(experiment, side_by_side, who) for who in policies_of(experiment)}
     used = {condition.part for condition in experiment.conditions}
     sheets |= {f"part-{part}": part_sheet(experiment, part) for part in experiment.parts if part in used}
-    if experiment.onsets:
-        sheets["onsets"] = onset_sheet(experiment)
     sheets |= learned_sheets(experiment.learned)
     return sheets | {"runs": run_sheet(experiment)}
 

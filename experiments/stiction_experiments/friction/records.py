@@ -101,37 +101,6 @@ class LearnedFigure:
 
 
 @dataclass(frozen=True)
-class Onset:
-    """Where one condition slows under 80 % of the command; above that it may be too fast."""
-
-    condition: str
-    method: str
-    """`direct` or `deception`."""
-    level: float | None
-    """Friction level of the slower direction, mean over seeds [-]: 0 where it is under from the start, None where it
-    stays above in all that was tested."""
-    scales: dict[str, float]
-    """Candidate axis -> what one unit of the level is on it, for this robot and its training."""
-
-    def on(self, axis: str) -> float | None:
-        """Return the onset on an axis; None where there is none between the levels that were tested."""
-        return self.level * self.scales[axis] if self.level else None
-
-
-@dataclass(frozen=True)
-class Collapse:
-    """On which axis the onsets of one method agree."""
-
-    method: str
-    """`direct` or `deception`."""
-    spread: dict[str, float]
-    """Axis -> largest over smallest onset on it [-]; empty where not every condition has one."""
-    axis: str | None
-    """The axis on which the onsets agree best; None where that is not decided."""
-    reason: str
-
-
-@dataclass(frozen=True)
 class Experiment:
     """Everything that the experiment's page shows."""
 
@@ -140,9 +109,6 @@ class Experiment:
     conditions: Sequence[ConditionRecord]
     """The training methods in the parts that were asked for."""
     runs: Sequence[RunRecord]
-    onsets: Sequence[Onset]
-    """One a condition of the fourth part."""
-    collapses: Sequence[Collapse]
     parts: dict[str, str]
     summary: dict[str, Any]
     """What was run, on what, and the settings of the evaluation."""
@@ -162,6 +128,6 @@ class Experiment:
     @property
     def plain(self) -> dict[str, Any]:
         """What stands in summary.json: what is in no table."""
-        names = ("conditions", "runs", "verdicts", "onsets", "collapses")
+        names = ("conditions", "runs", "verdicts")
         lists = {name: [asdict(record) for record in getattr(self, name)] for name in names}
         return self.summary | {"parts": self.parts} | lists

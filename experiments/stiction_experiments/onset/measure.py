@@ -51,6 +51,8 @@ class ReachRow:
     """Smallest ratio of mean velocity to command, over the commanded axes; a walk that fell counts as zero [1]."""
     falls: int
     """Walks that fell."""
+    jitter: float
+    """Root mean square of joint acceleration, by control period [rad/s²]."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +127,7 @@ def reaches(bundle: Bundle, levels: Sequence[float], commands: tuple[str, ...], 
         asked = command != 0.0
         reach = float((np.mean(stood, axis=0)[asked] / command[asked]).min())
         falls = sum(walk.fall_rate > 0.0 for walk in walks)
-        rows.append(ReachRow(bundle.name, row.friction_level, row.command, reach, falls))
+        rows.append(ReachRow(bundle.name, row.friction_level, row.command, reach, falls, row.joint_jitter))
     return rows
 
 

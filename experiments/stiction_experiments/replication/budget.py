@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from stiction.core.statistics import t_interval
@@ -11,7 +13,6 @@ from stiction.files.advice import SHARES, FrictionEffect
 from stiction.files.results import FOLLOWS
 from stiction.joints.friction import has_coefficient
 from stiction.robots.model import Robot
-from stiction_experiments.friction.evaluation import onset_level
 from stiction_experiments.lab.claims import differences
 from stiction_experiments.lab.evidence import Evidence
 from stiction_experiments.replication.plan import FRICTION_CELL, NOMINAL_CELL, REST_CELL, VIRTUAL_ROBOT
@@ -63,6 +64,21 @@ def _point(evidence: Evidence, method: str, condition: Condition) -> BudgetPoint
     each = " ".join(f"{point:.4g}" for point in points)
     where = method, condition.engine, condition.law, condition.level
     return BudgetPoint(*where, len(points), float(np.mean(points)), low, high, each)
+
+
+def onset_level(levels: Sequence[float], ratios: Sequence[float]) -> float | None:
+    """Return the level at which the speed ratio falls under the lower end of `FOLLOWS`, interpolated between levels.
+
+    0 where it is under from the start, None where it never is. `levels` rise from 0.
+    """
+    for index, ratio in enumerate(ratios):
+        if ratio < FOLLOWS[0]:
+            if index == 0:
+                return 0.0
+            above = ratios[index - 1] - FOLLOWS[0]
+            share = above / (ratios[index - 1] - ratio)
+            return levels[index - 1] + share * (levels[index] - levels[index - 1])
+    return None
 
 
 def onsets(evidence: Evidence, spec: Robot) -> list[Onset]:

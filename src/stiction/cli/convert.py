@@ -23,11 +23,12 @@ the range of friction to train with as a training framework draws it (training.j
 
 Without --model: a snippet to paste. With --model (MJCF, URDF, PROTO or world): the model with its joints changed, and
 all else, comments included, as it was. What the simulator cannot hold, or nobody knows, is left out; a comment names
-it, and --json says why. docs/which-value-goes-where.md says what friction means in each.
+it, and --json says why. The page "Which value goes where" of the documentation says what friction means in each.
 For mjlab these are lines for your task, which calls stiction.mjlab.
 
 Examples:
   stiction convert joints.json --to mjlab --joint-map shank='*_calf_joint'
+  stiction convert joints.json --to playground --robot go1 --joint-map shank='*_calf_joint'
   stiction convert training.json --to isaaclab --robot go2 --out friction_events.py
   stiction convert training.json --to playground --robot go1 --out friction.py
   stiction convert xl330/m4.json mx64/m4.json --to joints --out joints.json

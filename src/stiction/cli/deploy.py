@@ -42,8 +42,8 @@ that read the commands are named, and need consent: --readers, or a typed yes.
 
 --robot virtual starts a virtual robot in a process of its own: friction, motors, delays, gears and sensors are those of
 --robot-seed. Try there, with --fault, what your robot must never do. unitree-go:eth0 is a Go2 or B2 at that network
-interface, unitree-hg:eth0 a G1 or H1-2, ros2:/dog any robot whose driver speaks ROS 2 there: read
-docs/bringing-up-your-robot.md before.
+interface, unitree-hg:eth0 a G1 or H1-2, ros2:/dog any robot whose driver speaks ROS 2 there: read the page "Bringing
+up your robot" of the documentation before.
 
 Examples:
   stiction deploy saturn_lite-flat-deception-0.2 --robot virtual --armed --command vx=0.5 --duration 10
@@ -56,7 +56,7 @@ Examples:
 GROUPS = {
     "usually needed": ("--robot", "--armed", "--command", "--duration", "--out", "--json"),
     "the virtual robot": ("--robot-seed", "--friction-level", "--engine", "--robot-cell", "--stand", "--fault"),
-    "what else": ("--forward", "--excitation", "--expect-digest", "--realtime", "--domain", "--readers"),
+    "what else": ("--forward", "--excitation", "--key", "--expect-digest", "--realtime", "--domain", "--readers"),
 }
 """The options that people use."""
 
@@ -125,6 +125,8 @@ class DeployCfg:
     """Who may stop or steer the run."""
     realtime: int | None = None
     """Real-time priority (SCHED_FIFO, 1 to 99) of supervisor and policy; what it does to an idle loop is printed."""
+    key: Path | None = None
+    """Public key of the maker, a PEM file: the bundle must have this key's signature. Needs the extra sign."""
     expect_digest: str | None = None
     """Digest that the bundle must have, as `stiction verify` prints it."""
     robot_seed: int = field(default=1000, metadata=VIRTUAL)
@@ -165,7 +167,7 @@ def main(arguments: list[str]) -> int:
     said: list[str] = []
     try:
         # First: what is no bundle would else be called one of other settings than those in the folder.
-        drive = _planned(cfg, address, check_bundle(folder, cfg.expect_digest).bundle, folder)
+        drive = _planned(cfg, address, check_bundle(folder, cfg.expect_digest, cfg.key).bundle, folder)
         written: tuple[str, ...] = () if cfg.report else ("report.json",)
         read = {"bundle": folder, "excitation": cfg.excitation, "forward": cfg.forward}
         with results_folder(cfg.out, "deploy", cfg, written, read):

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
+import warnings
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -32,7 +34,7 @@ class Doctor:
 
     randomization: bool = False
     """Audit the randomisation."""
-    mjlab: str = ""
+    mjlab: str | None = None
     """Audit a task registered in mjlab, by its name."""
     task: TaskCfg = field(default_factory=TaskCfg)
     """The task whose ranges are audited."""
@@ -52,6 +54,8 @@ def main(arguments: list[str]) -> int:
     options = read_options(Doctor, arguments, "stiction doctor", DESCRIPTION, groups=GROUPS)
     if not options.randomization and options.task != TaskCfg():
         refuse("stiction doctor", "robot and ranges are those of an audit; add --randomization")
+    if options.mjlab == "":
+        refuse("stiction doctor", "--mjlab: got an empty name, expected that of a task registered in mjlab")
     if options.randomization and options.mjlab:
         refuse("stiction doctor", "--mjlab audits a task of mjlab, --randomization one of stiction; give one of them")
     if options.mjlab:
@@ -116,9 +120,12 @@ def _audit_mjlab(task: str, as_json: bool) -> int:
     require("mjlab")
     from rich.table import Column, Table
 
-    from stiction.exchange.mjlab.audit import audit_task
-    from stiction.exchange.mjlab.hold import MOST
+    from stiction.core.draws import CREEP
     from stiction.report.terminal import Terminal
+
+    # Of mjlab's own functions, at its import.
+    warnings.filterwarnings("ignore", message=r"`torch\.jit\.script` is deprecated")
+    from stiction.exchange.mjlab.audit import audit_task
 
     note = Terminal(stderr=True, quiet=as_json)
     audit = audit_task(task, report=lambda what: note.print(f"measuring: {what}"))
@@ -127,13 +134,16 @@ def _audit_mjlab(task: str, as_json: bool) -> int:
         rows = {name: [asdict(r) | {"ok": r.ok, "verdict": r.verdict} for r in getattr(audit, name)] for name in ROWS}
         print(json.dumps({"task": task, "ok": not failed} | _plain(rows)))
     else:
-        names = Column("event", overflow="fold"), Column("drawn", overflow="fold")
-        drawn = Table(*names, "seen", "declared", "verdict", title=f"what {task} draws")
+        # Names stay whole in 80 columns.
+        ranges = (Column(name, max_width=10) for name in ("seen", "declared"))
+        drawn = Table(Column("event, value", no_wrap=True), *ranges, "verdict", title=f"what {task} draws")
         for row in audit.draws:
-            ends = _ends(row.seen), _ends(row.declared)
-            drawn.add_row(row.event, row.quantity, *ends, row.verdict, style="" if row.ok else "bold red")
+            name = row.event + "\n" + re.sub(r" (?=/ |- |of |\[)", "\n", row.quantity)
+            drawn.add_row(name, _ends(row.seen), _ends(row.declared), row.verdict, style="" if row.ok else "bold red")
         held = Table(
-            "joint", "friction", "moved", "in MuJoCo", "verdict", title="under 0.8 of its friction for 1 s [N m, mrad]"
+            Column("joint", no_wrap=True),
+            *("friction", "moved", "in MuJoCo", "verdict"),
+            title="under 0.8 of its friction for 1 s [N m, mrad]",
         )
         for joint in audit.holds:
             moved = (f"{1e3 * angle:.3g}" for angle in (joint.moved, joint.moved_in_mujoco))
@@ -142,7 +152,7 @@ def _audit_mjlab(task: str, as_json: bool) -> int:
             )
         Terminal().print(drawn if audit.draws else f"no event of {task} draws anything of the model")
         Terminal().print(held if audit.holds else "no driven joint has dry friction: there is none to hold it")
-    if loose := [row for row in audit.holds if row.ok and row.moved_in_mujoco > MOST]:
+    if loose := [row for row in audit.holds if row.ok and row.moved_in_mujoco > CREEP]:
         print(
             f"stiction doctor: warning: joints that hold in training and creep in MuJoCo on the CPU, as policies are "
             f"played: {loose[0].joint}, {len(loose)} in all; set iterations to 20 and ls_iterations to 50",
@@ -160,7 +170,7 @@ ROWS = ("draws", "holds")
 
 def _ends(ends: tuple[float, float] | None) -> str:
     """Return a range as text."""
-    return "unknown" if ends is None else f"{ends[0]:.4g} .. {ends[1]:.4g}"
+    return "unknown" if ends is None else f"{ends[0]:.3g} .. {ends[1]:.3g}"
 
 
 def _plain(value: Any) -> Any:

@@ -86,6 +86,8 @@ class EvaluateCfg:
     """Delay between joint target and motor [s], in whole physics steps, at most 8 of them; of the engine mujoco."""
     robot: str | None = None
     """A robot of your own, its file or `package.module:NAME`; by default the robot that the bundle names."""
+    key: Path | None = field(default=None, metadata=excludes("--policy-callable"))
+    """Public key of the maker, a PEM file: every bundle must have this key's signature. Needs the extra sign."""
     log: Path | None = None
     """Also log the walks as a robot would, for `stiction identify` and `stiction train-actuator`: a folder for one NPZ
     per bundle, level, command and robot. The first --log-robots episodes, at the physics rate."""
@@ -143,7 +145,7 @@ def main(arguments: list[str]) -> int:
     if cfg.policy_callable is not None:
         policies.append(cfg.policy_callable)
     # Before the folder: what is no bundle would be called one of other settings than those of the results there.
-    bundles = [bundle_of(policy, settings, cfg.robot, cfg.callable_period) for policy in policies]
+    bundles = [bundle_of(policy, settings, cfg.robot, cfg.callable_period, cfg.key) for policy in policies]
     with (
         results_folder(cfg.out, "evaluate", cfg, FILES, {"bundles": cfg.bundles, "robot": cfg.robot}),
         nullcontext() if cfg.log is None else output_folder(cfg.log, "--log"),
@@ -206,6 +208,6 @@ GROUPS = {
     "which robot": ("--robot", "--robots", "--robot-levels"),
     "the friction": ("--friction-law", "--forward", "--known-friction"),
     "how much of it": ("--episodes", "--seconds", "--seed", "--jobs"),
-    "what else": ("--log", "--judge-again", "--overwrite"),
+    "what else": ("--log", "--judge-again", "--key", "--overwrite"),
 }
 """The options that people use."""

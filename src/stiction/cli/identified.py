@@ -24,6 +24,7 @@ from stiction.report.joints import (
     VALUE_COLUMNS,
     contact_line,
     grouped_warnings,
+    in_degrees,
     joint_columns,
     joint_row,
     lead_lines,
@@ -183,6 +184,8 @@ def _one(name: str, record: JointRecord) -> Table:
             continue
         second = [number(symmetric[quantity]["value"])] if quantity in symmetric else []
         table.add_row(quantity, unit(record, quantity), number(estimate.value), _interval(estimate.interval95), *second)
+        if (degrees := in_degrees(record, quantity)) is not None:
+            table.add_row("", "°", number(degrees.value), _interval(degrees.interval95))
     for label, estimate in record.combinations.items():
         table.add_row(label, "", number(estimate.value), _interval(estimate.interval95))
     return table

@@ -17,7 +17,8 @@ DESCRIPTION = """Read a policy that was trained elsewhere, a network in ONNX, as
 `evaluate` take it like one of ours.
 
 What its metadata say (mjlab, holosoma) is taken; what they do not say is asked for by name, and said in YAML files: a
-deploy.yaml of unitree_rl_lab, rl_sar's config.yaml and base.yaml, or a few lines of your own (docs/policies.md).
+deploy.yaml of unitree_rl_lab, rl_sar's config.yaml and base.yaml, or a few lines of your own (the page "Policies in and
+out" of the documentation).
 `--preset` fills what is still missing with the standard velocity task of a trainer, and names each value. The robot has
 to drive the joints that the policy moves; its gains, pose and order of joints become the policy's.
 

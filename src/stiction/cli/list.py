@@ -78,14 +78,15 @@ def policies() -> list[dict[str, Any]]:
 
 
 def engines() -> list[dict[str, Any]]:
-    """Return the shipped engines, whether each can be used here, and else the command that installs its extra."""
+    """Return the shipped engines, whether each can be used here, and else how to have it."""
     from stiction.engines.catalog import ENGINES
 
     rows, source, program = [], installed_from(), installed_by()
     for spec in ENGINES.values():
         here = all(found is not None for found in spec.binaries().values())
-        here = here and is_installed(PACKAGES.get(spec.name, "stiction")) and outdated(spec.extra) is None
-        install = install_command(spec.extra, source, program) if spec.extra and not here else "–"
+        old = outdated(spec.extra) if spec.extra else None
+        here = here and is_installed(PACKAGES.get(spec.name, "stiction")) and old is None
+        install = old or (install_command(spec.extra, source, program) if spec.extra and not here else "–")
         rows.append({"name": spec.name, "here": here, "install": install})
     return rows
 

@@ -14,10 +14,12 @@ from stiction.joints.net import ActuatorCfg
 DESCRIPTION = """Fit an Actuator Net (what torque a motor gives, from its joint's last samples) to logs that declare on
 which side of the joint's friction torque was measured: walking logs of `stiction evaluate --log --log-torque ...` or of
 a robot, or canonical joint logs with a sidecar. Whole runs are kept out of the fit and measure it.
+`stiction convert ACTUATOR --to mjlab` or `--to isaaclab` writes the net for those trainers.
 
 Examples:
   stiction train-actuator walks/ --out actuator
-  stiction train --actuator actuator"""
+  stiction train --actuator actuator
+  stiction convert actuator --to mjlab --out nets"""
 
 RESULTS = ("actuator.npz", "summary.json", "fit.npz", "report.html")
 """What is written into --out."""
@@ -77,5 +79,6 @@ def main(arguments: list[str]) -> int:
     else:
         print(f"{lead(trained.summary)}\npage: {page}")
         more = f"more or longer logs, or --epochs above {options.config.epochs}; or stiction train without --actuator"
-        print("next:", more if is_worse(trained.summary) else f"stiction train --actuator {options.out}")
+        theirs = f"stiction convert {options.out} --to mjlab --out nets (or --to isaaclab)"
+        print("next:", more if is_worse(trained.summary) else f"stiction train --actuator {options.out}, or {theirs}")
     return 0

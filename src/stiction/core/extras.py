@@ -96,7 +96,15 @@ def outdated(extra: str = "sim") -> str | None:
 
 
 def remedy(extra: str) -> str:
-    """Return what to do to have an extra: the command that installs it from where this installation came."""
+    """Return what to do to have an extra: the command that installs it from where this installation came.
+
+    mjlab, and what needs another MuJoCo than mjlab's beside it, get an environment of their own.
+    """
+    if (old := outdated(extra)) is not None:
+        return old
+    if extra == "mjlab":
+        command = f"python3 -m venv .venv-mjlab && .venv-mjlab/bin/{install_command(extra, installed_from())}"
+        return f"mjlab pins an older MuJoCo, so give it an environment of its own: {command}"
     return f"install it with: {install_command(extra, installed_from(), installed_by())}"
 
 

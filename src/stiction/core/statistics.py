@@ -7,7 +7,6 @@ from itertools import combinations
 from math import comb, sqrt
 
 import numpy as np
-from scipy.special import stdtrit
 
 Interval = tuple[float, float]
 
@@ -56,6 +55,8 @@ def t_interval(points: Sequence[float]) -> Interval | None:
 
 def interval_of(estimate: float, error: float, freedom: float) -> Interval:
     """Return the 95 % t-interval of an estimate. `scipy.stats`, which has it, takes half a second to import."""
+    from scipy.special import stdtrit  # not where there is no interval: verbs that print advice start without it
+
     low, high = (
         estimate + error * float(stdtrit(freedom, share)) for share in (0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2)
     )

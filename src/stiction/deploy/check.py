@@ -185,15 +185,21 @@ def _first_load(path: Path | str, bundle: Bundle, observations: np.ndarray) -> P
     return policy
 
 
-def check_for_simulation(path: Path | str) -> Bundle:
+def check_for_simulation(path: Path | str, key: Path | None = None) -> Bundle:
     """Check a bundle, or a policy record, whose policy shall walk in simulation; return it.
 
-    A bundle is checked as `check_bundle` does. A record is checked but for the replay: its network is run on zeros.
+    key: public key of the maker, a PEM file, whose signature it has to have; None: any. A bundle is
+    checked as `check_bundle` does. A record is checked but for the replay: its network is run on zeros.
     Tell the user `record_notes`. Raises `StictionError`: see `check_bundle`.
     """
     if (Path(path) / GOLDEN).exists():
-        return check_bundle(path).bundle
-    bundle = read_bundle(path, allow_record=True)
+        return check_bundle(path, key=key).bundle
+
+    def vouch(sums: bytes, signature: bytes | None) -> None:
+        if key is not None:
+            check_signature(sums, signature, key)
+
+    bundle = read_bundle(path, vouch, allow_record=True)
     _first_load(path, bundle, np.zeros((1, bundle.contract.observation.size), np.float32))
     return bundle
 

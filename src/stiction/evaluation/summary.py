@@ -31,16 +31,21 @@ from stiction.virtual.cases import warnings_on
 
 
 def bundle_of(
-    policy: Bundle | Path | str | Callable[..., Any], cfg: GridCfg, robot: str | None, callable_period: float
+    policy: Bundle | Path | str | Callable[..., Any],
+    cfg: GridCfg,
+    robot: str | None,
+    callable_period: float,
+    key: Path | None = None,
 ) -> Bundle:
     """Return a policy as `evaluate_all` takes it: a bundle, its path, which is checked, or a function (`own_policy`).
 
+    key: public key of the maker, a PEM file, whose signature a bundle at a path has to have; None: any.
     Raises `StictionError` for damaged bundles, and functions without a robot or elsewhere than in the engine mujoco.
     """
     if isinstance(policy, Bundle):
         return policy
     if isinstance(policy, Path):
-        return check_for_simulation(find_bundle(policy))
+        return check_for_simulation(find_bundle(policy), key)
     if robot is None:
         raise ConfigurationError("a function in a policy's place needs the robot whose joints it moves: --robot")
     if not all(simulator.is_batch for simulator in cfg.simulators):

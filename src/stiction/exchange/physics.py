@@ -53,7 +53,7 @@ class Conversion:
         return cls(text, {joint.name: joint.recorded for joint in joints}, tuple(notes), tuple(told))
 
 
-PAGE = "docs/which-value-goes-where.md"
+PAGE = 'the page "Which value goes where" of the documentation'
 """Where the traps of every target stand."""
 
 RICHER = ("static_friction", "stribeck_velocity", "load_coefficient")
@@ -190,7 +190,11 @@ def headline(joints: list[JointPhysics], represented: frozenset[str] = frozenset
         out += [name for name in RICHER if name not in held and getattr(joint.record, name) is not None]
         for name in out:
             left.setdefault(name, []).append(joint.recorded)
-    told = ", ".join(f"{name} ({', '.join(dict.fromkeys(names))})" for name, names in left.items())
+    records = {joint.recorded for joint in joints}
+    told = ", ".join(
+        f"{name} ({f'all {len(records)}' if 1 < len(records) == len({*names}) else ', '.join(dict.fromkeys(names))})"
+        for name, names in left.items()
+    )
     return one_line(
         f"written by `stiction convert`{f'; left out: {told}' if told else ''}; why, and what to mind: {PAGE}"
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite
@@ -9,7 +10,7 @@ from pathlib import Path
 from string import Template
 from typing import Literal
 
-from stiction.core.effects import check_effects, flag_of, needs, requirement
+from stiction.core.effects import check_effects, excludes, flag_of, needs, requirement
 from stiction.core.errors import ConfigurationError, FileError
 from stiction.exchange.isaaclab import isaaclab_snippet
 from stiction.exchange.mjlab.lines import joints_lines, training_lines
@@ -48,6 +49,15 @@ Target = Literal[
 ]
 
 
+OWN_PATTERNS = ("isaaclab", "isaaclab_newton", "mjlab")
+"""Targets whose trainer matches patterns of joint names itself."""
+
+
+def _has_one_number(options: ConvertOptions) -> bool:
+    """Return whether the target has one number for friction at rest and in motion."""
+    return options.to not in ("bam", "joints") and (options.to != "isaaclab" or options.assumed_load is not None)
+
+
 @dataclass(frozen=True, kw_only=True)
 class ConvertOptions:
     """What to convert to, and how."""
@@ -58,19 +68,20 @@ class ConvertOptions:
     model: Path | None = field(default=None, metadata=needs("--to mujoco, urdf or webots"))
     """A MJCF, URDF, PROTO or world to put the values into; it is not changed itself."""
     joint_map: tuple[str, ...] = ()
-    """RECORDED=MODEL pairs, where names differ; MODEL may have wildcards if --model is given, and for mjlab. For
+    """RECORDED=MODEL pairs, where names differ; MODEL may have wildcards with --model or --robot, and for mjlab. For
     isaaclab it is a regular expression."""
     timestep: float | None = field(default=None, metadata=needs("--to mujoco"))
     """Physics step [s] that MuJoCo's solver settings are for, where it is not the model's own."""
     assumed_load: float | None = field(default=None, metadata=needs("--to isaaclab or legged_gym"))
     """|F| + |T| on the joint [N + N m], for the coefficient of PhysX before 5.6, which is right at this load: beside
     the values, or in place of the range."""
-    friction: Which = "moving"
+    friction: Which = field(default="moving", metadata=needs("a --to with one number for friction", _has_one_number))
     """Dry friction of a target with one number: that in motion, or what holds the joint at rest where that is more.
-    Isaac Lab on PhysX gets both; there it is for --assumed-load."""
-    robot: str | None = None
-    """Of a training.json: the robot whose joints and torque limits its shares are of; its name, robot.yaml, MJCF or
-    URDF. By default the joints of the joints.json that lies beside it."""
+    bam, joints and Isaac Lab on PhysX get both; for isaaclab it is for --assumed-load."""
+    robot: str | None = field(default=None, metadata=excludes("--model"))
+    """Robot, by its name, robot.yaml, MJCF or URDF. Of a training.json: the one whose joints and torque limits its
+    shares are of, by default the joints of the joints.json that lies beside it. Of a joints.json: the one whose joints
+    the wildcards of --joint-map match."""
 
     def check(self) -> None:
         """Raise `StictionError` for numbers without meaning, and for options that the target would ignore."""
@@ -79,9 +90,21 @@ class ConvertOptions:
             if value is not None and not (isfinite(value) and value > 0):
                 raise ConfigurationError(f"{name} {value}: expected a positive number")
         check_effects(self)
+        for pair in self.joint_map if self.to in OWN_PATTERNS[:2] else ():
+            try:
+                re.compile(pair.partition("=")[2])
+            except re.error as error:
+                raise ConfigurationError(
+                    f"--joint-map {pair!r}: Isaac Lab takes a regular expression: {error}; expected one, such as "
+                    "shank=.*_calf_joint"
+                ) from error
         wild = [pair for pair in self.joint_map if set("*?[") & set(pair)]
-        if wild and self.model is None and self.to not in ("isaaclab", "isaaclab_newton", "mjlab"):
-            raise ConfigurationError(f"--joint-map {wild[0]!r}: wildcards need a --model whose joints they can match")
+        if wild and self.model is None and self.robot is None and self.to not in OWN_PATTERNS:
+            files = " or --model FILE" if self.to in ("mujoco", "urdf", "webots") else ""
+            raise ConfigurationError(
+                f"--joint-map {wild[0]!r}: wildcards need joints to match; add --robot NAME{files}, or name each joint,"
+                " as in --joint-map shank=FL_calf_joint shank=FR_calf_joint"
+            )
 
 
 @dataclass(frozen=True)
@@ -194,9 +217,11 @@ def convert(file: JointsFile, options: ConvertOptions, path: Path = Path("joints
     Raises `StictionError` for a model that cannot be read or does not fit, and for records that hold nothing.
     """
     options.check()
-    if options.robot is not None:
-        raise ConfigurationError(requirement("--robot", "a training.json"))
     to, pairs = options.to, parse_joint_map(options.joint_map)
+    if options.robot is not None and to in OWN_PATTERNS:
+        raise ConfigurationError(
+            f"--robot: got a joints.json and --to {to}, which matches names of joints itself; remove --robot"
+        )
     if options.model is not None:
         data, where = read_model(options.model), options.model.name
         if to == "webots":
@@ -207,8 +232,12 @@ def convert(file: JointsFile, options: ConvertOptions, path: Path = Path("joints
         return (
             _into_mujoco(file, pairs, markup, options) if to == "mujoco" else _into_urdf(file, pairs, markup, options)
         )
-    spec = TARGETS[to]
-    joints = _joints(file, pairs, None, which="moving" if spec.both else options.friction)
+    spec, names = TARGETS[to], None
+    if options.robot is not None:
+        from stiction.robots.catalog import find_robot
+
+        names = find_robot(options.robot).joint_names
+    joints = _joints(file, pairs, names, which="moving" if spec.both else options.friction)
     return spec.values(Source(joints, path, pairs, options))
 
 

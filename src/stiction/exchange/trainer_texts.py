@@ -209,9 +209,11 @@ def domain_randomize(model, rng):
         "opt.iterations": max(model.opt.iterations, $iterations),
         "opt.ls_iterations": max(model.opt.ls_iterations, $ls_iterations),
     }
-    for name, table in {"dof_damping": VISCOUS, "dof_armature": ARMATURE}.items():
-        if table:
-            fields[name] = getattr(model, name).at[dofs(table)].set(jax.numpy.array(list(table.values())))
+    if VISCOUS:
+        # On top: Playground has the controller's kd in dof_damping.
+        fields["dof_damping"] = model.dof_damping.at[dofs(VISCOUS)].add(jax.numpy.array(list(VISCOUS.values())))
+    if ARMATURE:
+        fields["dof_armature"] = model.dof_armature.at[dofs(ARMATURE)].set(jax.numpy.array(list(ARMATURE.values())))
     model = model.tree_replace(fields)
     in_axes = jax.tree_util.tree_map(lambda _: None, model).tree_replace({"dof_frictionloss": 0})
     return model.tree_replace({"dof_frictionloss": draw(rng)}), in_axes

@@ -28,7 +28,7 @@ SETTINGS = "settings.json"
 UNFINISHED = ".unfinished"
 """The file in its place while a run lasts: where that is killed, the same command may write over what is half there."""
 
-FREE = ("out", "json", "overwrite", "jobs", "cluster", "memory_limit", "report", "advice", "judge_again")
+FREE = ("out", "json", "overwrite", "jobs", "cluster", "memory_limit", "report", "advice", "judge_again", "key")
 """Options on which results do not depend; options of a kind may name more of them in a `free` of their own."""
 
 SAID = 3

@@ -21,6 +21,16 @@ if TYPE_CHECKING:
 
 Key = TypeVar("Key")
 
+PRIME = 2**255 - 19
+"""Modulus of Ed25519's field."""
+
+EIGHTH = 2707385501144840649318225287225658788936804267575313519463743609750303402022
+"""y of points of order 8: the root of d y⁴ + 2 y² = 1, where d is the curve's constant."""
+
+SMALL_ORDER = frozenset((0, 1, PRIME - 1, EIGHTH, PRIME - EIGHTH))
+"""y of the eight points whose order divides 8 (RFC 8032, section 5.1): a public key there proves nothing, since whoever
+likes can make a signature that it accepts."""
+
 MOST_BYTES = 2**14
 """Size of the largest key file that is read."""
 
@@ -118,7 +128,14 @@ def _public_key(path: Path) -> Ed25519PublicKey:
     content = read_bounded(path, f"a key, PEM: {NEW_KEY}", FileError, MOST_BYTES)
     if b"PRIVATE KEY" in content:
         raise FileError(f"{path} is a private key, its owner's secret; name the public one, {path.with_suffix('.pub')}")
-    return _ed25519(path, lambda: load_pem_public_key(content), Ed25519PublicKey, "public")
+    key = _ed25519(path, lambda: load_pem_public_key(content), Ed25519PublicKey, "public")
+    y = int.from_bytes(key.public_bytes_raw(), "little") & (2**255 - 1)
+    if y >= PRIME or y in SMALL_ORDER:
+        raise FileError(
+            f"{path} holds a weak key, under which a signature of one bundle fits others; get the maker's own key, or "
+            f"make one: {NEW_KEY}"
+        )
+    return key
 
 
 def _ed25519(path: Path, load: Callable[[], object], kind: type[Key], which: str) -> Key:

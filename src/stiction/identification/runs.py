@@ -11,6 +11,7 @@ from stiction.files.joints import FitSignals
 from stiction.files.log import JointSignals, Log
 from stiction.identification.checks import FEWEST_POOLED, FEWEST_SAMPLES, Uniform, check_excitation, check_log
 from stiction.identification.filters import slope
+from stiction.identification.logs.naming import LEROBOT
 from stiction.identification.model import GRAVITY_TERMS, Model
 from stiction.identification.prepare import Prepared, Rows, make_rows, prepare
 from stiction.identification.reading import Reading, controller_torque, cut
@@ -97,7 +98,7 @@ def make_run(log: Log, joint: str | None, setup: IdentifySetup, alone: bool = Tr
     rows = make_rows([prepared], [setup.payload], setup.motor_strength or 1.0)
     if alone:
         check_rows(where, rows, prepared)
-    return Run(log.source, name, setup, signals, torque, prepared, rows, log.notes, driven=torque)
+    return Run(log.source, name, setup, signals, torque, prepared, rows, notes_of(log, setup), driven=torque)
 
 
 def reread(run: Run, reading: Reading) -> Run:
@@ -228,6 +229,11 @@ def in_si(raw: JointSignals, setup: IdentifySetup) -> JointSignals:
         return raw
     angles = {name: getattr(raw, name) for name in ("position", "velocity", "target")}
     return replace(raw, **{name: scale * values for name, values in angles.items() if values is not None})
+
+
+def notes_of(log: Log, setup: IdentifySetup) -> tuple[str, ...]:
+    """Return the notes of a log; without the question for a scale of the position that `setup` has."""
+    return tuple(note for note in log.notes if setup.position_scale is None or note != LEROBOT)
 
 
 def _driving_torque(source: str, signals: Uniform, setup: IdentifySetup) -> tuple[np.ndarray, np.ndarray]:

@@ -283,7 +283,10 @@ def _ignored(record: JointRecord) -> str:
     """Say which position errors the joint ignores."""
     if record.dead_band is None:
         return "The dead band f/kp would tell what position errors the joint ignores (--kp)."
+    low, high = record.dead_band.interval95
     span = _span(record.dead_band, 1, " rad" if record.axis == "rotary" else " m")
+    if record.axis == "rotary":
+        span += f", {math.degrees(record.dead_band.value if low > 0 else max(high, 0.0)):.4g}°"
     return f"The joint ignores position errors up to f/kp, {span}, at the gains of the log."
 
 
@@ -331,6 +334,11 @@ def _to_do(record: JointRecord, level: float | None, legs: bool, suffers: Thresh
         return f"To cover it would take level {level:.2f}, and no training goes beyond {TRAINABLE:g}: repair the joint."
     if legs:
         return "Run: this again with --torque-limit; a training takes friction as a share of it."
+    if record.coulomb_friction is None:
+        return (
+            "Run: this again with the gains in N m/rad and --set motor_strength=1, or with a known load; a simulator "
+            "takes friction in N m, not over the motor strength k."
+        )
     what = "it" if record.holding_friction is None else "friction in motion, not at rest,"
     return f"Run: stiction convert joints.json --to mujoco --model ROBOT.xml, which puts {what} into the model."
 

@@ -21,6 +21,7 @@ from stiction.report.joints import (
     axis_units,
     cells,
     gather_warnings,
+    in_degrees,
     joint_columns,
     joint_row,
     label,
@@ -225,6 +226,8 @@ def _values(record: JointRecord) -> Markup:
         for name in shown
         if name in always or getattr(record, name) is not None
     ]
+    if (degrees := in_degrees(record, "dead_band")) is not None:
+        rows.append(["The same in degrees [°]", *cells(degrees)])
     caption = "Viscous and Coulomb friction, the same in both directions"
     if record.holding_friction is not None:
         caption += "; ratio and dead band are those of the friction that holds the joint at rest"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -70,6 +71,13 @@ def number(value: float) -> str:
     return f"{value:.4g}"
 
 
+def in_degrees(record: JointRecord, quantity: str) -> Estimate | None:
+    """Return the dead band of a rotary joint in degrees; None for any other quantity or axis."""
+    if quantity != "dead_band" or record.dead_band is None or record.axis == "linear":
+        return None
+    return record.dead_band.scaled(math.degrees(1.0))
+
+
 def cells(estimate: Estimate | None) -> list[str]:
     """Return value, deviation and interval as table cells."""
     if estimate is None:
@@ -79,15 +87,14 @@ def cells(estimate: Estimate | None) -> list[str]:
 
 
 def lead_lines(joints: JointsFile, folder: Path | None = None) -> tuple[str, ...]:
-    """Return the verdict as the page and the terminal begin with it. folder: where training.json lies, to be named.
+    """Return the verdict as the page and the terminal begin with it. folder: where the files it names lie.
 
     Of one joint its three lines; of several how many there are, what to do first about those that are not valid, a line
     for all with the same reason, and the lines of the one with the most friction for its motor.
     """
     found = {name: record for name, record in joints.joints.items() if record.diagnostics}
-    file = "training.json" if folder is None else shlex.quote(str(folder / "training.json"))
     lines = {
-        name: tuple(line.replace("--friction-from training.json", f"--friction-from {file}") for line in said)
+        name: tuple(_in_folder(line, folder) for line in said)
         for name, record in found.items()
         if (said := record.diagnostics.get("verdict", {}).get("lines")) is not None
     }
@@ -107,6 +114,14 @@ def lead_lines(joints: JointsFile, folder: Path | None = None) -> tuple[str, ...
     # By the upper end: a joint whose friction is badly known may be the worst.
     worst = max(ratios, key=lambda name: ratios[name].interval95[1])
     return (count, *first, f"{worst} has the most dry friction for its motor:", *lines.get(worst, ()))
+
+
+def _in_folder(line: str, folder: Path | None) -> str:
+    """Return a line of a verdict with the paths of the files that its command reads."""
+    for word, file in (("--friction-from", "training.json"), ("stiction convert", "joints.json")):
+        if folder is not None:
+            line = line.replace(f"{word} {file}", f"{word} {shlex.quote(str(folder / file))}")
+    return line
 
 
 def _alike(found: Mapping[str, JointRecord], bad: Sequence[str]) -> list[list[str]]:
@@ -156,6 +171,8 @@ def joint_row(record: JointRecord) -> list[str]:
     ratio = "" if record.friction_ratio is None else f"{record.friction_ratio.value:.2%}"
     numbers = ("" if each is None else number(each.value) for each in (viscous, inertia))
     band = "" if record.dead_band is None else number(record.dead_band.value)
+    if (degrees := in_degrees(record, "dead_band")) is not None:
+        band += f" ({number(degrees.value)}°)"
     return [friction, interval, *numbers, ratio, band, (record.friction_law or {}).get("law") or ""]
 
 

@@ -149,8 +149,11 @@ def _elements(path: Path, content: bytes) -> tuple[int, list[str]]:
     parser.StartElementHandler, parser.EndElementHandler = start, end
     try:
         parser.Parse(content, True)
-    except (expat.ExpatError, LookupError) as error:
+    except expat.ExpatError as error:
         raise RobotError(f"{path}: is no XML: {error}") from error
+    # An encoding that nobody knows is a LookupError, utf-7 and others with several bytes a letter are a ValueError.
+    except (LookupError, ValueError) as error:
+        raise RobotError(f"{path}: its encoding is not read: {error}; save it as UTF-8") from error
     return count, included
 
 

@@ -31,8 +31,15 @@ from stiction.deploy.transports.link import RobotState, command_layout
 from stiction.deploy.transports.udp import LOOPBACK
 from stiction.files.velocity import AXES
 
-OF_WAY = {"lost-commands": "three of ten commands are lost on the way"}
-"""Faults of the way to the robot: they break no rule by themselves."""
+OF_WAY = {
+    "lost-commands": "three of ten commands are lost on the way",
+    "lost-states": "one of ten states is lost on the way",
+    "double-states": "one of ten states comes twice",
+    "swapped-states": "one of ten states comes behind the next one",
+    "clock-back": "the robot's clock is set back by 5 s",
+    "clock-forward": "the robot's clock is set forward by 5 s",
+}
+"""Faults of the way to the robot, and of its clock: they break no rule by themselves."""
 
 SIGNALS = {
     "policy-kill": signal.SIGKILL,
@@ -329,6 +336,11 @@ OF_ROBOT: dict[str, tuple[str, Change]] = {
     ),
     "slow-clock": ("its clock runs at half its speed", lambda s, f, n: _with(s, time=f.time + 0.5 * (s.time - f.time))),
     "second-robot": ("states of a second robot come, from another address", lambda s, f, n: s),
+    "lossy": ("every second state is lost on the way", lambda s, f, n: s if n % 2 else None),
+    "nan-torque": (
+        "a motor's torque is no number",
+        lambda s, f, n: _with(s, joint_torque=_one(s.joint_torque, np.nan)),
+    ),
 }
 """Faults of the robot and of its sensors: what it is, and what the robot says then."""
 

@@ -49,6 +49,12 @@ NOISE = "deployed, sensors"
 
 LOST = "deployed, lost commands"
 
+OFTEN = 10
+"""Of so many states the network loses, doubles or delays one, by the faults of those names."""
+
+CLOCK_STEPS = {"clock-back": -5.0, "clock-forward": 5.0}
+"""Fault -> by how much the robot's clock is set [s]."""
+
 LOSS = 0.3
 """Share of the commands that are lost on the way, by the fault of that name."""
 
@@ -101,7 +107,8 @@ class RobotProcess:
         self._taken, self._number = np.nan, 0
         self._velocity = np.zeros(3)
         self._broken: BrokenState | None = None
-        self._loss = 0.0
+        self._loss = self._clock = 0.0
+        self._way, self._behind = "", b""
         self._second: socket.socket | None = None
         self._last: RobotState | None = None
         self.slow = 0
@@ -124,13 +131,22 @@ class RobotProcess:
         state = measured if self._broken is None else self._broken(measured)
         if self._broken is None:
             self._good = time.monotonic()
+        self._number += 1
         if state is not None and self._peer is not None:
-            self._number += 1
-            data = self._states.pack(self._number, state.time, state_vectors(state))
+            data = self._states.pack(self._number, state.time + self._clock, state_vectors(state))
             with suppress(OSError):
-                self._port.sendto(data, self._peer)
+                for each in self._delivered(data):
+                    self._port.sendto(each, self._peer)
                 if self._second is not None:
                     self._second.sendto(data, self._peer)
+
+    def _delivered(self, data: bytes) -> list[bytes]:
+        """Return the messages that the network delivers when a state is sent."""
+        behind, self._behind = self._behind, b""
+        if self._way and self._number % OFTEN == 0:
+            self._behind = data if self._way == "swapped-states" else b""
+            return [data, data] if self._way == "double-states" else []
+        return [data, behind] if behind else [data]
 
     def _take(self, data: bytes, sender: tuple[str, int]) -> None:
         """Take one datagram."""
@@ -150,8 +166,12 @@ class RobotProcess:
 
     def _begin_fault(self, name: str) -> None:
         """Begin a fault of the robot, or of the way to it."""
-        if name in OF_WAY:
+        if name in CLOCK_STEPS:
+            self._clock += CLOCK_STEPS[name]
+        elif name == "lost-commands":
             self._loss = LOSS
+        elif name in OF_WAY:
+            self._way = name
         elif self._last is not None:
             self._broken = BrokenState(name, self._last)
             if name == "second-robot":

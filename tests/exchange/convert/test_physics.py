@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import pytest
 
 from motors import motor, number
+from stiction.cli.main import main
 from stiction.core.errors import StictionError
-from stiction.exchange.physics import beyond_coulomb, joint_physics
+from stiction.exchange.physics import beyond_coulomb, headline, joint_physics
 from stiction.files.joints import Estimate, JointRecord
+
+DOCS = Path(__file__).parents[3] / "docs"
 
 
 def test_a_bare_motor_gives_everything() -> None:
@@ -55,6 +61,31 @@ def test_richer_laws_are_not_lost_without_a_word() -> None:
     assert "static_friction 0.5 is not represented, breakaway over moving: 1.25 (" in beyond_coulomb(record)[0]
     assert not any("static_friction" in note for note in beyond_coulomb(record, frozenset({"static_friction"})))
     assert beyond_coulomb(motor(offset=Estimate(0.01, 0.1, (-0.2, 0.2)), friction_law={"law": "coulomb"})) == []
+
+
+def test_the_headline_names_a_page_and_what_all_records_lack_once() -> None:
+    """A dozen servos, none with an inertia of the rotor, two of them with friction at rest: one short line."""
+    rises = {"static_friction": number(0.5), "stribeck_velocity": number(0.1)}
+    joints = [
+        joint_physics(f"servo_{n}", motor(test_condition="loaded", **(rises if n < 2 else {}))) for n in range(12)
+    ]
+    line = headline(joints)
+    assert "armature (all 12), static_friction (servo_0, servo_1), stribeck_velocity (servo_0" in line
+    (page,) = re.findall(r'the page "(.*)" of the documentation$', line)
+    assert f"# {page}" in (DOCS / "which-value-goes-where.md").read_text().splitlines() and len(line) < 240
+    legs = [joint_physics("shank", motor(test_condition="loaded"), leg) for leg in ("FL", "FR")]
+    assert "armature (shank);" in headline(legs)
+
+
+@pytest.mark.parametrize("verb", ["convert", "import", "deploy"])
+def test_pages_that_help_names_exist(verb: str, capsys: pytest.CaptureFixture) -> None:
+    """The wheel has no docs/: a page has its title."""
+    with pytest.raises(SystemExit):
+        main([verb, "--help-all"])
+    told = " ".join(capsys.readouterr().out.split())
+    titles = [line for page in DOCS.glob("*.md") for line in page.read_text().splitlines() if line.startswith("# ")]
+    (title,) = re.findall(r'[Tt]he page "(.*?)" of the documentation', told)
+    assert any(line.startswith(f"# {title}") for line in titles) and "docs/" not in told
 
 
 def test_of_a_stribeck_joint_the_laws_own_friction_is_taken() -> None:

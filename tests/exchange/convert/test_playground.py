@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +18,8 @@ from stiction.files.joints import JointsFile
 
 PAGE = Path(__file__).parents[3] / "docs/playground.md"
 MODEL = """<mujoco><option timestep="0.004" iterations="1" ls_iterations="5" gravity="0 0 0"/><worldbody>
-<body><joint name="hip" axis="0 1 0" frictionloss="0.3"/><geom size=".1" pos=".2 0 0" mass="1" contype="0"/></body>
+<body><joint name="hip" axis="0 1 0" frictionloss="0.3" damping="0.5"/><geom size=".1" pos=".2 0 0" mass="1"
+contype="0"/></body>
 <body><joint name="knee" axis="0 1 0" frictionloss="1"/><geom size=".1" pos=".2 0 0" mass="1" contype="0"/></body>
 <body><joint name="bare" axis="0 1 0"/><geom size=".1" pos=".2 0 0" mass="1" contype="0"/></body>
 </worldbody></mujoco>"""
@@ -77,7 +81,7 @@ def test_friction_is_drawn_a_share_a_robot_and_holds() -> None:
 
 
 def test_values_are_the_same_in_all_worlds() -> None:
-    """Friction, damping and armature of the joint that was identified; others keep theirs."""
+    """Friction and armature of the identified joint, damping on top of the controller's; others keep theirs."""
     draw = domain_randomize(values())
     import jax
     import mujoco
@@ -86,9 +90,57 @@ def test_values_are_the_same_in_all_worlds() -> None:
     model = mjx.put_model(mujoco.MjModel.from_xml_string(MODEL))
     worlds, axes = draw(model, jax.random.split(jax.random.PRNGKey(0), 3))
     np.testing.assert_allclose(worlds.dof_frictionloss, [[0.5, 1.0, 0.0]] * 3)
-    np.testing.assert_allclose(worlds.dof_damping, [0.07, 0.0, 0.0])
+    np.testing.assert_allclose(worlds.dof_damping, [0.57, 0.0, 0.0])
     np.testing.assert_allclose(worlds.dof_armature, [0.03, 0.0, 0.0], atol=1e-7)
     assert axes.dof_damping is None and axes.dof_frictionloss == 0
+
+
+def page_function(word: str, **names: Any) -> Any:
+    """Return the function of that name in a block of the page, run with `names`."""
+    (block,) = (block for block in blocks_of(PAGE) if f"def {word}(" in block.text)
+    exec(block.text, names)
+    return names[word]
+
+
+def test_the_page_draws_friction_over_the_identified_damping(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second function gets what the first one changed, and the friction of one robot that the model had."""
+
+    class Model:
+        """As far as `mjx.Model` goes here."""
+
+        def __init__(self, **fields: Any) -> None:
+            vars(self).update(fields)
+
+        def tree_replace(self, fields: dict) -> Model:
+            return Model(**(vars(self) | fields))
+
+    def same(model: Model, rng: Any) -> tuple:
+        return model.tree_replace({"dof_frictionloss": [[0.5]] * 3, "dof_damping": [0.57]}), "axes"
+
+    monkeypatch.setitem(sys.modules, "values", SimpleNamespace(domain_randomize=same))
+    monkeypatch.setitem(
+        sys.modules, "friction", SimpleNamespace(domain_randomize=lambda model, rng: (vars(model), rng))
+    )
+    found, rng = page_function("randomize")(Model(dof_frictionloss=[0.3], dof_damping=[0.5]), "rng")
+    assert found == {"dof_frictionloss": [0.3], "dof_damping": [0.57]} and rng == "rng"
+
+
+def test_identified_damping_and_drawn_friction_act_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The page's function of both files, in MJX."""
+    for name, text in {"values": values(), "friction": ranges(hip=10.0, knee=20.0)}.items():
+        monkeypatch.setitem(sys.modules, name, SimpleNamespace(domain_randomize=domain_randomize(text)))
+    import jax
+    import mujoco
+    from mujoco import mjx
+
+    model = mjx.put_model(mujoco.MjModel.from_xml_string(MODEL))
+    worlds, axes = page_function("randomize")(model, jax.random.split(jax.random.PRNGKey(0), 4))
+    share = np.array(worlds.dof_frictionloss)[:, :2] / (10.0, 20.0)
+    np.testing.assert_allclose(share[:, 0], share[:, 1], rtol=1e-5)
+    np.testing.assert_allclose(worlds.dof_damping, [0.57, 0.0, 0.0])
+    np.testing.assert_allclose(worlds.dof_armature[0], 0.03, atol=1e-7)
+    assert share.min() >= 0.1 and len(np.unique(share[:, 0])) == 4 and axes.dof_frictionloss == 0
+    jax.vmap(lambda world: mjx.step(world, mjx.make_data(world)).qpos, in_axes=(axes,))(worlds)
 
 
 def test_both_functions_of_the_page_act_together() -> None:
@@ -105,11 +157,9 @@ def test_both_functions_of_the_page_act_together() -> None:
         axes = axes.tree_replace({"body_mass": 0, "dof_frictionloss": 0})
         return model.tree_replace({"body_mass": mass, "dof_frictionloss": friction}), axes
 
-    (block,) = (block for block in blocks_of(PAGE) if "def both" in block.text)
-    names: dict = {"domain_randomize": draw, "task_randomize": task_randomize}
-    exec(block.text, names)
+    both = page_function("both", randomize=draw, task_randomize=task_randomize)
     model = mjx.put_model(mujoco.MjModel.from_xml_string(MODEL))
-    worlds, axes = names["both"](model, jax.random.split(jax.random.PRNGKey(0), 4))
+    worlds, axes = both(model, jax.random.split(jax.random.PRNGKey(0), 4))
     share = np.array(worlds.dof_frictionloss)[:, :2] / (10.0, 20.0)
     np.testing.assert_allclose(share[:, 0], share[:, 1], rtol=1e-5)
     assert share.min() >= 0.1 and worlds.opt.ls_iterations == 50 and axes.body_mass == axes.dof_frictionloss == 0

@@ -46,7 +46,7 @@ def term(recipe: Recipe, to: Target, load: float | None = None, which: Which = "
     assert write is not None
     done = write(recipe, ConvertOptions(to=to, assumed_load=load, friction=which))
     assert done.text.startswith(f"# {done.told[0]}\n") and len(done.told) == 1 and len(done.told[0]) < 240
-    assert done.told[0].endswith("docs/which-value-goes-where.md")
+    assert done.told[0].endswith('the page "Which value goes where" of the documentation')
     return done.text
 
 
@@ -341,7 +341,8 @@ def test_a_user_writes_a_range(folder: Path, capsys: pytest.CaptureFixture, fram
         (["training.json", "--to", "mujoco", "--robot", "go3"], "go3"),
         (["joints.json", "--to", "legged_gym"], "record 'shank' holds nothing that a simulator takes"),
         (["joints.json", "--to", "mjlab"], "record 'shank' holds nothing that a simulator takes"),
-        (["joints.json", "--to", "urdf", "--robot", "go2"], "--robot requires a training.json;"),
+        (["joints.json", "--to", "urdf", "--robot", "go2"], "no joint of the model takes the record 'shank'"),
+        (["training.json", "--to", "isaaclab", "--friction", "static"], "--friction requires a --to with one number"),
         (["none.json", "--to", "urdf"], "none.json"),
     ],
 )

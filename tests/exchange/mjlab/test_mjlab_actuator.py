@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,14 +12,15 @@ pytest.importorskip("mjlab", reason="the package mjlab is not installed here; `m
 
 import numpy as np
 import torch
+from mjlab.actuator import BuiltinPositionActuatorCfg, XmlActuatorCfg
 from mjlab.entity import EntityArticulationInfoCfg
 from scipy.optimize import brentq
 
 from mjlab_leg import leg_cfg, made
 from motors import motor, number
 from stiction.core.errors import StictionError
-from stiction.files.joints import JointsFile
-from stiction.mjlab import IdentifiedActuatorCfg, friction_law_event, identified_actuator
+from stiction.files.joints import JointsFile, write_training
+from stiction.mjlab import IdentifiedActuatorCfg, audit_hold, friction_events, friction_law_event, with_joints
 
 MOVING, REST, SPEED, VISCOUS = 1.0, 1.6, 0.5, 0.4
 """Dry friction in motion and at rest [N m], Stribeck velocity [rad/s], viscous friction [N m s/rad]."""
@@ -98,22 +100,84 @@ def test_friction_grows_with_the_load_from_outside() -> None:
 
 
 def test_a_record_becomes_an_actuator(tmp_path: Path) -> None:
-    """Friction at rest and in motion, viscous friction, armature, and a coefficient of what the record says."""
+    """Friction at rest and in motion, viscous friction, armature, a coefficient; gains, limit and delay stay."""
     law = {"law": "effort", "parameters": {"coulomb_friction": number(0.3).to_dict()}, "regressor": "motor_torque"}
     records = {"hip": motor(load_coefficient=number(0.1), friction_law=law)}
-    records["shank"] = motor(static_friction=number(0.6), stribeck_velocity=number(0.05))
+    records["shank"] = motor(static_friction=number(0.6), stribeck_velocity=number(0.05), inertia=None)
     JointsFile(records).write(tmp_path / "joints.json")
-    given = {"target_names_expr": (".*",), "stiffness": 20.0, "damping": 0.5, "effort_limit": 45.0}
-    hip, shank = (identified_actuator(tmp_path / "joints.json", name, **given) for name in ("hip", "shank"))
+    cfg = leg_cfg()
+    for before in cfg.scene.entities["robot"].articulation.actuators:
+        before.delay_min_lag = before.delay_max_lag = 2
+    cfg.sim.njmax = 10
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        with_joints(cfg, tmp_path / "joints.json", friction="law")
+    assert not [one for one in told if "is not represented" in str(one.message) or "replaced" in str(one.message)]
+    hip, shank = cfg.scene.entities["robot"].articulation.actuators
+    assert isinstance(hip, IdentifiedActuatorCfg) and isinstance(shank, IdentifiedActuatorCfg)
     assert (hip.coulomb_friction, hip.torque_coefficient, hip.load_coefficient) == (0.3, 0.1, 0.0)
-    assert (shank.static_friction, shank.stribeck_velocity, shank.viscous_damping, shank.armature) == (
-        0.6,
-        0.05,
-        0.07,
-        0.03,
+    assert (shank.static_friction, shank.stribeck_velocity, shank.viscous_damping) == (0.6, 0.05, 0.07)
+    assert (hip.armature, shank.armature) == (0.03, 0.02)  # a record without it leaves the configuration's
+    assert [(a.stiffness, a.damping, a.effort_limit, a.delay_max_lag) for a in (hip, shank)] == [
+        (20.0, 0.5, 20.0, 2),
+        (20.0, 0.5, 45.0, 2),
+    ]
+    assert (cfg.sim.mujoco.iterations, cfg.sim.mujoco.ls_iterations, cfg.sim.njmax) == (20, 50, 12)
+    assert "friction_law" in cfg.events
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_an_actuator_with_other_joints_is_split(tmp_path: Path) -> None:
+    """The joint that was not identified keeps its actuator; of MuJoCo on the CPU both hold with the raised budget."""
+    JointsFile({"shank": motor(static_friction=number(0.6))}).write(tmp_path / "joints.json")
+    cfg = leg_cfg()
+    both = BuiltinPositionActuatorCfg(target_names_expr=(".*_joint",), stiffness=20.0, damping=0.5, effort_limit=20.0)
+    cfg.scene.entities["robot"] = replace(cfg.scene.entities["robot"], articulation=EntityArticulationInfoCfg((both,)))
+    with_joints(cfg, tmp_path / "joints.json", joint_map="shank=shank_joint", friction="law")
+    env = made(cfg)
+    rest, law = env.scene["robot"].actuators
+    assert (rest.target_names, law.target_names) == (["hip_joint"], ["shank_joint"])
+    assert type(rest.cfg) is BuiltinPositionActuatorCfg and law.cfg.static_friction == 0.6
+    (row,) = audit_hold(env)
+    assert (row.joint, row.verdict, row.friction) == ("shank_joint", "holds", pytest.approx(0.6, rel=1e-3))
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_what_cannot_follow_the_law_is_refused(tmp_path: Path) -> None:
+    """An actuator without gains, and a record without dry friction."""
+    JointsFile({"shank": motor()}).write(tmp_path / "joints.json")
+    cfg = leg_cfg()
+    cfg.scene.entities["robot"] = replace(
+        cfg.scene.entities["robot"],
+        articulation=EntityArticulationInfoCfg((XmlActuatorCfg(target_names_expr=(".*_joint",)),)),
     )
-    with pytest.raises(StictionError, match="unknown joint"):
-        identified_actuator(tmp_path / "joints.json", "wrist", **given)
+    with pytest.raises(StictionError, match=r"joint 'hip_joint': got XmlActuatorCfg, expected BuiltinPosition.*gains"):
+        with_joints(cfg, tmp_path / "joints.json", joint_map="shank=*_joint", friction="law")
+    JointsFile({"shank": motor(coulomb_friction=None)}).write(tmp_path / "joints.json")
+    with pytest.raises(StictionError, match=r"record 'shank': got no dry friction, expected one"):
+        with_joints(leg_cfg(), tmp_path / "joints.json", friction="law")
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_friction_drawn_under_the_law_is_refused(tmp_path: Path) -> None:
+    """The law would write over it without a word."""
+    JointsFile({"shank": motor()}).write(tmp_path / "joints.json")
+    friction = {"method": "deception", "level": 0.2, "law": "coulomb", "per": "robot"}
+    write_training(tmp_path / "training.json", {"friction": friction, "range": [0.1, 0.24]})
+    cfg = with_joints(leg_cfg(), tmp_path / "joints.json", friction="law")
+    cfg.events |= friction_events(tmp_path / "training.json")
+    with pytest.raises(StictionError, match=r"friction_events: got joint 'shank_joint' of an IdentifiedActuator"):
+        made(cfg)
+
+
+def test_a_small_budget_of_the_solver_is_told() -> None:
+    """The 10 and 20 of mjlab, by a configuration that was written by hand."""
+    cfg = leg_cfg()
+    joints = tuple(actuator(name, 1.0) for name in ("hip", "shank"))
+    cfg.scene.entities["robot"] = replace(cfg.scene.entities["robot"], articulation=EntityArticulationInfoCfg(joints))
+    cfg.events |= friction_law_event()
+    with pytest.warns(UserWarning, match=r"on the CPU, .* with iterations 10 and ls_iterations 20 MuJoCo's solver"):
+        made(cfg)
 
 
 @pytest.mark.parametrize(

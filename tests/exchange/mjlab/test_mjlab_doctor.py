@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +14,7 @@ import pytest
 
 pytest.importorskip("mjlab", reason="the package mjlab is not installed here; `make test-mjlab` makes its environment")
 
+from mjlab.entity import EntityArticulationInfoCfg
 from mjlab.envs.mdp import dr
 from mjlab.managers.event_manager import EventTermCfg, requires_model_fields
 from mjlab.managers.scene_entity_config import SceneEntityCfg
@@ -18,7 +23,14 @@ from mjlab.tasks.registry import list_tasks, register_mjlab_task
 from mjlab_leg import leg_cfg, made
 from stiction.cli.main import main
 from stiction.files.joints import write_training
-from stiction.mjlab import audit_draws, audit_hold, friction_events
+from stiction.mjlab import (
+    DrawFriction,
+    IdentifiedActuatorCfg,
+    audit_draws,
+    audit_hold,
+    friction_events,
+    friction_law_event,
+)
 
 ROBOT = SceneEntityCfg("robot", joint_names=(".*",))
 TRAINING = {"friction": {"method": "deception", "level": 0.2, "law": "coulomb", "per": "robot"}, "range": [0.1, 0.24]}
@@ -45,6 +57,13 @@ def twice(env: Any, env_ids: Any, asset_cfg: Any) -> None:
 @requires_model_fields("dof_damping")
 def idle(env: Any, env_ids: Any, asset_cfg: Any) -> None:
     """Name a field, and leave it as it is."""
+
+
+@requires_model_fields("dof_damping", "dof_solref")
+def constant(env: Any, env_ids: Any, asset_cfg: Any) -> None:
+    """Write numbers that are no draw."""
+    env.sim.model.dof_damping[env_ids, 1] = 0.15
+    env.sim.model.dof_solref[env_ids, :, 0] = 0.01
 
 
 def test_draws_of_mjlab_act_and_are_in_their_ranges() -> None:
@@ -106,6 +125,57 @@ def test_draws_that_do_not_act_are_told() -> None:
     }
 
 
+def test_a_draw_into_memory_that_all_worlds_share_is_no_constant() -> None:
+    """Drawn once, as the environment is made, it never changes again; called anew it would."""
+    cfg = leg_cfg(num_envs=8)
+    cfg.events = {"forgotten": event(forgotten)}
+    (row,) = audit_draws(made(cfg))
+    assert (row.verdict, row.ok) == ("does not act: the same in all worlds and resets", False)
+
+
+def test_a_constant_of_ones_own_is_no_failure() -> None:
+    """It is told, as it is written again from any value; a field that is named and left alone is none."""
+    cfg = leg_cfg(num_envs=8)
+    cfg.events = {"constant": event(constant, "reset"), "idle": event(idle, "reset")}
+    env = made(cfg)
+    before = env.sim.model.dof_damping[:].clone(), env.sim.model.dof_solref[:].clone()
+    rows = [(row.event, row.quantity, row.verdict, row.ok) for row in audit_draws(env)]
+    assert rows == [
+        ("constant", "dof_solref", "constant, no range declared", True),
+        ("constant", "dof_damping", "constant, no range declared", True),
+        ("idle", "dof_damping", "does not act: the same in all worlds and resets", False),
+    ]
+    assert (env.sim.model.dof_damping[:] == before[0]).all() and (env.sim.model.dof_solref[:] == before[1]).all()
+
+
+def test_a_draw_of_a_small_part_of_its_range_does_not_act(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A range up to 24 % of the torque limit, drawn up to a millionth."""
+    write_training(tmp_path / "training.json", TRAINING | {"range": [0.0, 0.24]})
+    cfg = leg_cfg(num_envs=8)
+    cfg.events |= friction_events(tmp_path / "training.json")
+    env = made(cfg)
+    drawn = DrawFriction.__call__
+    tiny = {"shares": (0.0, 1e-6)}
+    monkeypatch.setattr(DrawFriction, "__call__", lambda *args, **kwargs: drawn(*args, **kwargs | tiny))
+    (row,) = audit_draws(env)
+    assert not row.ok and row.verdict.startswith("does not act: covers 0.000")
+
+
+def test_the_friction_law_is_no_draw() -> None:
+    """Its event prepares what the actuators write; a task with it passes."""
+    cfg = leg_cfg(num_envs=8)
+    law = IdentifiedActuatorCfg(
+        target_names_expr=(".*",), stiffness=20.0, damping=0.5, effort_limit=45.0, coulomb_friction=1.0
+    )
+    robot = cfg.scene.entities["robot"]
+    cfg.scene.entities["robot"] = replace(robot, articulation=EntityArticulationInfoCfg((law,)))
+    cfg.events |= friction_law_event()
+    env = made(cfg)
+    assert audit_draws(env) == []
+    rows = audit_hold(env)
+    assert len(rows) == 2 and all(row.ok for row in rows)
+
+
 def test_a_draw_of_ones_own_is_found_where_it_writes() -> None:
     """Its range is unknown; the joint that it leaves alone is none of its own."""
     cfg = leg_cfg(num_envs=8)
@@ -147,9 +217,10 @@ def test_friction_with_mujoco_s_own_rows_creeps() -> None:
 
 @pytest.mark.parametrize(("stiff", "status"), [(True, 0), (False, 1)])
 def test_the_verb_tells_both_and_its_status(
-    stiff: bool, status: int, tmp_path: Path, capsys: pytest.CaptureFixture
+    stiff: bool, status: int, tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """JSON and nothing else on standard output; what fails is named on standard error."""
+    """JSON and nothing else on standard output; what fails is on standard error; names are whole in 80 columns."""
+    monkeypatch.setenv("COLUMNS", "80")
     write_training(tmp_path / "training.json", TRAINING)
     cfg, name = leg_cfg(), f"Leg-{stiff}"
     drawn = friction_events(tmp_path / "training.json") if stiff else {}
@@ -163,11 +234,21 @@ def test_the_verb_tells_both_and_its_status(
     assert all(row["ok"] for row in audit["draws"]) and all(row["ok"] == (not status) for row in audit["holds"])
     assert ("hip_joint does not hold, shank_joint does not hold" in captured.err) == bool(status)
     assert main(["doctor", "--mjlab", name]) == status
-    shown = capsys.readouterr().out.replace("\n", " ")
-    assert "dof_frictionloss" in shown and "shank_joint" in shown
+    shown = capsys.readouterr().out
+    assert max(map(len, shown.splitlines())) <= 80
+    words = shown.split()
+    assert {"dof_frictionloss", "hip_joint", "shank_joint", [*cfg.events][-1]} <= {*words}
+    assert ("torque limit" in shown) == stiff
 
 
 def test_an_unknown_task_is_one_line(capsys: pytest.CaptureFixture) -> None:
     """With the nearest name."""
     assert main(["doctor", "--mjlab", "Mjlab-Velocity-Flat-Unitree-Go2"]) == 1
     assert "unknown task 'Mjlab-Velocity-Flat-Unitree-Go2'; did you mean 'Mjlab-" in capsys.readouterr().err
+
+
+def test_an_unknown_task_is_all_that_is_told() -> None:
+    """A warning of a library at its import is nothing that a user can mend."""
+    command = [sys.executable, "-m", "stiction", "doctor", "--mjlab", "Leg"]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=300, env={**os.environ}, check=False)
+    assert ended.returncode == 1 and ended.stderr.count("\n") == 1 and "unknown task 'Leg'" in ended.stderr

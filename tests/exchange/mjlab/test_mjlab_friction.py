@@ -14,7 +14,7 @@ from mjlab.managers.observation_manager import ObservationGroupCfg, ObservationT
 from mjlab_leg import LIMITS, leg_cfg, made
 from stiction.core.errors import StictionError
 from stiction.files.joints import write_training
-from stiction.mjlab import friction_events, friction_told
+from stiction.mjlab import audit_draws, friction_events, friction_told
 
 TRAINING = {"friction": {"method": "deception", "level": 0.2, "law": "coulomb", "per": "robot"}, "range": [0.1, 0.24]}
 
@@ -54,6 +54,27 @@ def test_each_joint_gets_its_own_where_that_is_proposed(tmp_path: Path) -> None:
     """Friction per joint."""
     _, before, _ = drawn(tmp_path, "joint")
     assert (before[:, 0] - before[:, 1]).abs().max() > 0.05
+
+
+@pytest.mark.filterwarnings("ignore:sim.mujoco")
+def test_a_ratio_of_rest_and_motion_is_drawn_too(tmp_path: Path) -> None:
+    """10 to 12 % at rest over 1.25 to 2 are 5 to 9.6 % in motion; at rest alone they stay 10 to 12 %."""
+    friction = TRAINING["friction"] | {"law": "stribeck", "static_ratio": [1.25, 2.0], "stribeck_velocity": [0.1, 0.2]}
+    write_training(tmp_path / "training.json", TRAINING | {"friction": friction, "range": [0.1, 0.12]})
+    limits, seen = torch.tensor(list(LIMITS.values())), {}
+    for which, told in (("moving", "that in motion is drawn"), ("static", "that at rest is drawn")):
+        cfg = leg_cfg(num_envs=64)
+        with pytest.warns(UserWarning, match=f"^training.json has more friction at rest than in motion, .*{told}"):
+            cfg.events |= friction_events(tmp_path / "training.json", friction=which)
+        env = made(cfg)
+        shares = env.sim.model.dof_frictionloss[:] / limits
+        torch.testing.assert_close(shares[:, 0], shares[:, 1])
+        seen[which] = (float(shares.min()), float(shares.max()))
+        (row,) = audit_draws(env, resets=1)
+        assert row.ok
+    assert row.declared == (0.1, 0.12)
+    assert 0.05 <= seen["moving"][0] < 0.055 and 0.09 < seen["moving"][1] <= 0.096
+    assert 0.1 <= seen["static"][0] < seen["static"][1] <= 0.1201
 
 
 def test_a_proposal_without_friction_is_refused(tmp_path: Path) -> None:

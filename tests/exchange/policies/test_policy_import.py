@@ -160,6 +160,8 @@ def test_an_rl_sar_config_by_hand() -> None:
         ({"wheel_indices": [12]}, "wheels"),
         ({"observations_history": [0, 2, 4]}, "every frame from 0 on"),
         ({"clip_actions_upper": [100.0] * 11 + [50.0]}, "one bound of all actions"),
+        ({"clip_actions_lower": []}, "one bound of all actions"),
+        ({"observations": [None]}, "expected a name"),
         ({"joint_mapping": [0] * 12}, "12 different numbers"),
         ({"rl_kp": "20"}, "expected a list"),
     ],

@@ -173,6 +173,19 @@ def test_a_size_of_joints_that_does_not_fit_is_refused(tmp_path: Path) -> None:
         said_of(read_network(path)[1], path.name, [], find_derived("saturn_lite"), "isaaclab")
 
 
+def test_actions_of_another_robot_are_refused_first(tmp_path: Path) -> None:
+    """18 actions for 12 joints: before any layout is sized by them, with a preset, without one, and by name."""
+    path = written(tmp_path / "net.onnx", network(66, 18))
+    one = written(tmp_path / "own.yaml", "joints: [FL_hip_joint]\n")
+    for preset, settings, whose in (
+        ("isaaclab", [], "go2 drives 12"),
+        (None, [], "go2 drives 12"),
+        ("isaaclab", [one], "what is said of it names 1"),
+    ):
+        with pytest.raises(StictionError, match=f"net.onnx: the network gives 18 actions, {whose} joints; expected"):
+            said_of(read_network(path)[1], path.name, settings, find_derived("go2"), preset)
+
+
 def test_metadata_win_over_the_preset_and_settings_over_both(tmp_path: Path) -> None:
     """Gains of 25 of the metadata, not 15.9; the period of the settings, not 0.02; the clip alone is the preset's."""
     filled = said(tmp_path, "mjlab", 63, "go1", "control_period: 0.01\nkd: 0.7\n", **MJLAB)

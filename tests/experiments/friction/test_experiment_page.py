@@ -138,15 +138,11 @@ def test_seeds_that_follow_with_a_walk_that_stalls_are_named(tmp_path: Path) -> 
 
 
 def test_rows_that_are_kept_say_whence_they_are(tmp_path: Path) -> None:
-    """`--add` twice, each by other code: if this failed, rows would bear a revision that never walked them.
-
-    The onset of a condition of which no run is here any more is kept with its rows.
-    """
+    """`--add` twice, each by other code: if this failed, rows would bear a revision that never walked them."""
     first = experiment(tmp_path / "first", seeds=2)
     out = tmp_path / "out"
     out.mkdir()
     write_report(out, report(first), MADE)
-    assert [one.condition for one in first.onsets] == ["coulomb20-direct", "coulomb20-deception"]
     condition = Condition("coulomb20-none", "1", "a purpose", ("--method", "none", "--friction-level", "0.2"), (2,))
     new = PlannedRun(Run(condition, 2), configuration("none"), tmp_path / "coulomb20-none-s2")
     write_run(new)
@@ -154,7 +150,6 @@ def test_rows_that_are_kept_say_whence_they_are(tmp_path: Path) -> None:
     rows = [row for row in rows if "-s2/" in row.policy]
     made = MADE | {"command": "again", "revision": "def", "machine": {"cpu": "another"}, "failed": {}}
     second = assemble.assemble([new], rows, replace(BASE, episodes=3), made, assemble.read_experiment(out))
-    assert [one.condition for one in second.onsets] == ["coulomb20-direct", "coulomb20-deception"]
     (kept,) = second.summary["kept"]
     assert (kept["command"], kept["revision"], len(kept["runs"])) == ("c", "abc", 6)
     assert second.summary["revision"] == "def" and "coulomb20-none-s2" not in kept["runs"]
@@ -165,7 +160,6 @@ def test_rows_that_are_kept_say_whence_they_are(tmp_path: Path) -> None:
     third = assemble.assemble([], [], BASE, made | {"revision": "123"}, assemble.read_experiment(out))
     origins = {run: one["revision"] for one in third.summary["kept"] for run in one["runs"]}
     assert origins == dict.fromkeys(kept["runs"], "abc") | {"coulomb20-none-s2": "def"}
-    assert [one.condition for one in third.onsets] == ["coulomb20-direct", "coulomb20-deception"]
 
 
 def test_a_run_whose_folder_has_gone_keeps_its_curve(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,6 +6,7 @@ import errno
 import socket
 from contextlib import suppress
 
+from stiction.deploy.transports.arrivals import COUNTED
 from stiction.deploy.transports.link import MEASURED as SENSORS
 from stiction.deploy.transports.messages import Layout, Message
 from stiction.files.contract import Contract
@@ -45,7 +46,7 @@ def row_layout(joints: int, feet: int) -> Layout:
     names = ("position", "velocity", "torque", "target", "requested", "limited_by", "temperature")
     sizes = {"stage": 1, "robot_time": 1, **dict.fromkeys(names, joints)}
     sizes |= {"quaternion": 4, "angular_velocity": 3, "acceleration": 3, "foot_contact": feet, "battery": 1}
-    return Layout(ROW, sizes | {"velocity_command": 3})
+    return Layout(ROW, sizes | {"velocity_command": 3} | dict.fromkeys(COUNTED, 1))
 
 
 def socket_pair() -> tuple[socket.socket, socket.socket]:

@@ -76,6 +76,9 @@ class SafetyCfg:
     lost: float = 10.0
     """Most messages of a motor that the robot's own bus may lose within 0.1 s, of some 50; not judged where a robot
     does not count them."""
+    losses: float = 0.3
+    """Largest share of the robot's states, within a second, that may be lost, come twice, or behind a newer one [1]:
+    with as many commands lost, one of the first four damping frames gets through in 99 of 100 cases."""
     motor_fault: bool = True
     """Whether a motor that says that something is wrong with it stops the robot."""
 

@@ -128,8 +128,9 @@ def run(
     log = {"log": None, "log_lost": 0, "log_end": None} if logger is None else logger.summary()
     of_run = {"armed": cfg.supervisor.armed, "stage": supervisor.stage.name.lower(), "sent": loop.sent_at}
     of_run |= {"signal": loop.signal, "damped_seconds": loop.damped_seconds}
-    of_link = {"states": loop.states, "malformed": link.malformed, "realtime": effect or None}
     of_run |= {"watchdog": None if watchdog is None else watchdog.summary()}
+    counted = {name: None if np.isnan(n) else n for name, n in link.arrivals.counts.reported().items()}
+    of_link = {"states": loop.states, "malformed": link.malformed, **counted, "realtime": effect or None}
     return summary(supervisor, timing, of_run | of_link | log | of_bundle)
 
 
@@ -209,7 +210,10 @@ class _Loop:
         self._obey(now)
         self._answered()  # Before anything is sent: Linux drops what a process that is gone had said last.
         states = self.link.receive()
+        if not self.states:
+            self.link.arrivals.begin()
         self._emit(self.supervisor.meet(self.link.peers(), now), None)
+        self._emit(self.supervisor.delivered(*self.link.arrivals.counts.share, now), None)
         if not self.supervisor.ended and states:
             self.states += len(states)
             *older, state = states
@@ -336,6 +340,7 @@ class _Loop:
 
     def _passed(self, state: RobotState) -> None:
         """Judge and log a state that was no longer the newest when it was read: what went out last was in force."""
+        self.link.arrivals.counts.late += state.age > self.supervisor.cfg.stale
         self._emit(self.supervisor.passed(state, time.monotonic()), None)
         if self._rows is not None and self._last is not None:
             self._log(state, self._last[2])
@@ -346,7 +351,11 @@ class _Loop:
         if before is None or self._rows is None:
             return
         at, old, decided = before
-        self._rows.reading(at, row(old, state.joint_torque, decided, self.supervisor.velocity))
+        self._rows.reading(at, self._row(old, state.joint_torque, decided))
+
+    def _row(self, state: RobotState, torque: np.ndarray, out: Out) -> dict[str, object]:
+        """Return the log's row of a reading, with what of the link was counted until now; see `row`."""
+        return row(state, torque, out, self.supervisor.velocity) | self.link.arrivals.counts.reported()
 
     def _end(self) -> None:
         """Log the last reading, without the torque of the period after it, and the end of the run."""
@@ -354,7 +363,7 @@ class _Loop:
             if self._last is not None:
                 at, state, out = self._last
                 unknown = np.full_like(state.joint_torque, np.nan)
-                self._rows.reading(at, row(state, unknown, out, self.supervisor.velocity))
+                self._rows.reading(at, self._row(state, unknown, out))
             self._rows.end()
 
     def _announce(self) -> None:

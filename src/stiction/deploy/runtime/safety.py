@@ -6,13 +6,14 @@ in `SafetyCfg`, what each rule finds in docs/safety.md.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 import numpy as np
 
 from stiction.core.rotation import cross, up_in_frames
 from stiction.deploy.control import JointCommand
-from stiction.deploy.plausibility import Violation
+from stiction.deploy.plausibility import RULES, Violation
 from stiction.deploy.runtime.config import SafetyCfg
 from stiction.deploy.transports.link import RobotState
 from stiction.files.contract import Contract
@@ -36,6 +37,15 @@ RESPONSE = 0.006
 WEAK_SPEED = 5.0
 """Speed from which on a motor that drives may give less than it is asked for [rad/s]: its voltage ends."""
 
+BESIDE = (
+    *("acceleration", "joint_torque", "temperature", "lost", "motor_fault", "foot_contact", "battery"),
+    *("kp", "kd", "torque_limit"),
+)
+"""Fields of a state beside the sensors that a policy needs: NaN where a robot never says them."""
+
+LOSS_SECONDS, LOSS_PARTS = 1.0, 10
+"""Time over which the share of lost states is judged [s], and how many times within it."""
+
 LOST_SECONDS = 0.1
 """Time over which lost messages are counted [s]."""
 
@@ -55,6 +65,8 @@ class Safety:
         # One more than for a mean: what a count grows by in n periods is between the first and the last of n + 1
         # readings.
         self._lost: deque[np.ndarray] = deque(maxlen=1 + max(1, round(LOST_SECONDS / period)))
+        self._said: set[str] = set()
+        self._losses: deque[tuple[float, float, float]] = deque(maxlen=1 + LOSS_PARTS)
 
     def reset(self) -> None:
         """Forget all earlier readings."""
@@ -64,6 +76,38 @@ class Safety:
     def commanded(self, command: JointCommand) -> None:
         """Note what was sent to the motors: from now on their torques are compared with it."""
         self._command = command
+
+    def finite(self, state: RobotState) -> Violation | None:
+        """Return that a state has a number that is none, beside its sensors, None where it has none.
+
+        What is NaN as a whole is not said by this robot, unless it has said it before.
+        """
+        for name in BESIDE:
+            values = np.atleast_1d(getattr(state, name))
+            right = np.isfinite(values)
+            if right.all():
+                self._said.add(name)
+            elif name in self._said or not np.isnan(values).all():
+                wrong = int(np.argmin(right))
+                joint = self._names[wrong] if len(values) == len(self._names) else None
+                return Violation("not finite", joint, float(values[wrong]), RULES["not finite"].limit)
+        if math.isinf(state.command):
+            return Violation("not finite", None, state.command, RULES["not finite"].limit)
+        return None
+
+    def losses(self, bad: float, sent: float, now: float) -> Violation | None:
+        """Return that too many states of the last second were lost, came twice, or behind a newer one.
+
+        bad: number of those; sent: of all that the robot sent; both counted up; now: on the caller's clock [s].
+        """
+        if self._losses and now - self._losses[-1][0] < LOSS_SECONDS / LOSS_PARTS:
+            return None
+        self._losses.append((now, bad, sent))
+        _, bad_before, sent_before = self._losses[0]
+        share = (bad - bad_before) / max(1.0, sent - sent_before)
+        if len(self._losses) <= LOSS_PARTS or share <= self._cfg.losses:
+            return None
+        return Violation("lossy link", None, share, self._cfg.losses)
 
     def check(self, state: RobotState) -> Violation | None:
         """Return the first broken rule of a reading whose sensors are finite, None where none is broken."""

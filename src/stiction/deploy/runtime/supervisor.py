@@ -212,6 +212,11 @@ class Supervisor:
         broken = check_peers(peers, self.cfg)
         return None if broken is None else self.stop(broken[0], now, broken[1])
 
+    def delivered(self, bad: float, sent: float, now: float) -> Out | None:
+        """Judge how the robot's states come; the arguments are those of `Safety.losses`."""
+        broken = self._safety.losses(bad, sent, now)
+        return None if broken is None else self.stop(broken, now)
+
     def tick(self, now: float) -> Out | None:
         """Judge what did not come in time, and repeat the damping frame; to be asked every 2 ms or so."""
         if self.ended:
@@ -370,7 +375,7 @@ class Supervisor:
     def _judge(self, state: RobotState, now: float) -> Violation | None:
         acting = self.stage is Stage.RUN
         broken = self._guard.check(state.time, state.sensors, self.velocity, acting=acting)
-        broken = broken or self._clock.check(state.time, now - state.age)
+        broken = broken or self._safety.finite(state) or self._clock.check(state.time, now - state.age)
         if broken is not None:
             return broken
         # Before the first command of ours both ends are NaN, and any other one is somebody else's.

@@ -105,7 +105,7 @@ class DdsBus:
         self._error, self._wire = dds.core.DDSException, wire_type(command)
         self._entities: list[Any] = [come, self._writer, self._others, self._states, self._participants]
         self._entities += [states, commands, participant]
-        self._pinned, self._writers = 0, dict[int, str]()
+        self._pinned, self._lost, self._writers = 0, 0, dict[int, str]()
         self._peers, self._asked, self._counts = Peers(), -PEERS_SECONDS, (-1, -1)
         self._bell, self._heard, self._closed = Bell(), threading.Event(), False
         self._watcher = threading.Thread(target=self._watch, daemon=True, name="rt/lowstate")
@@ -142,6 +142,11 @@ class DdsBus:
                 self._asked = -PEERS_SECONDS  # A new one: to be named at once, and kept though it may leave.
                 self._writers[writer] = f"writer {writer:x}"
         return came
+
+    def lost(self) -> int:
+        """Return how many states were lost on the way since the last call, as DDS counts them."""
+        before, self._lost = self._lost, self._states.get_sample_lost_status().total_count
+        return self._lost - before
 
     def foreign(self) -> bool:
         """Return whether another participant has sent a command since the last call; those of `know` are none."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from stiction.deploy.control import JointCommand
 from stiction.deploy.observation import Sensors
+from stiction.deploy.transports.arrivals import Arrivals
 from stiction.deploy.transports.messages import Layout, Message
 
 STATE, COMMAND = 1, 2
@@ -28,7 +29,7 @@ class RobotState:
     number: int
     """Of its messages, from 1 on."""
     time: float
-    """On the robot's own clock [s]."""
+    """On the robot's own clock, as if nobody had set it [s]."""
     sensors: Sensors
     """IMU and encoders: quaternion (4,), angular velocity (3,), joint angles and velocities (J,)."""
     acceleration: np.ndarray
@@ -147,6 +148,8 @@ class Link(Protocol):
     number: int
     """Of the last command that was sent."""
 
+    arrivals: Arrivals
+    """What came, and what of it was not new."""
     malformed: int
     complaint: str
     """What was wrong with the last of them; empty: there was none."""
@@ -155,7 +158,7 @@ class Link(Protocol):
         """Return the file that is readable when a state has come."""
 
     def receive(self) -> list[RobotState]:
-        """Return the states that have come, oldest first; never waits."""
+        """Return the new states that have come, oldest first, each newer than all before it; never waits."""
 
     def peers(self) -> Peers:
         """Return who is at the other end, as far as is known by now; never waits."""
@@ -189,13 +192,13 @@ def state_vectors(state: RobotState) -> dict[str, np.ndarray | float]:
     return own | {name: getattr(state.sensors, name) for name in MEASURED}
 
 
-def state_of(layout: Layout, message: Message, age: float = 0.0) -> RobotState:
-    """Return the state in a message that waited for `age` [s]."""
+def state_of(layout: Layout, message: Message, at: float, age: float = 0.0) -> RobotState:
+    """Return the state in a message that was measured at a time [s] and waited for `age` [s]."""
     vectors = layout.vectors(message)
     sensors = Sensors(*(vectors[name] for name in MEASURED))
     arrays = {name: vectors[name] for name in STATE_FIELDS if name not in ("battery", "command")}
     battery, command = float(vectors["battery"][0]), float(vectors["command"][0])
-    return RobotState(message.number, message.time, sensors, **arrays, battery=battery, command=command, age=age)
+    return RobotState(message.number, at, sensors, **arrays, battery=battery, command=command, age=age)
 
 
 def command_of(layout: Layout, message: Message) -> JointCommand:

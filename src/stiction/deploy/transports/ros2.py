@@ -11,6 +11,7 @@ writers and readers of MCAP files take and give, so that a bag of them is a log.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import deque
@@ -24,6 +25,7 @@ import numpy as np
 from stiction.core.errors import ConfigurationError, RobotError
 from stiction.deploy.control import JointCommand
 from stiction.deploy.observation import Sensors
+from stiction.deploy.transports.arrivals import Arrivals
 from stiction.deploy.transports.link import Ages, Bell, Peers, RobotState, Spare
 from stiction.files.contract import Contract
 
@@ -55,6 +57,8 @@ class Ros2Link:
         self._first: float | None = None
         self._states = self.number = 0
         self._ages, self._peers, self._asked = Ages(), Peers(), -PEERS_SECONDS
+        # Its messages have no numbers, and stamps of the system's clock alone.
+        self.arrivals = Arrivals(math.nan)
         self.malformed, self.complaint = 0, ""
 
     def fileno(self) -> int:
@@ -62,16 +66,24 @@ class Ros2Link:
         return self._node.fileno()
 
     def receive(self) -> list[RobotState]:
-        """Return the states that have come, oldest first."""
-        found = []
+        """Return the new states that have come, oldest first."""
+        found: list[RobotState] = []
+        now = time.monotonic()
         for topic, message in self._node.receive():
             if topic == IMU_TOPIC:
                 self._imu = message
                 continue
             try:
-                found.append(self._state(message))
+                state = self._state(message)
             except (ValueError, KeyError, TypeError, IndexError) as error:
                 self.malformed, self.complaint = self.malformed + 1, " ".join(str(error).split())
+                continue
+            parts = (state.sensors.joint_position, state.sensors.joint_velocity, state.joint_torque)
+            # As bytes: efforts that are not said are NaN, which equals nothing.
+            at = self.arrivals.take(state.time, now, content=b"".join(part.tobytes() for part in parts))
+            if at is not None:
+                self._states += 1
+                found.append(replace(state, number=self._states, time=at, age=self._ages.age(at, now)))
         return found
 
     def _state(self, message: Mapping[str, Any]) -> RobotState:
@@ -83,8 +95,8 @@ class Ros2Link:
             raise ValueError(f"the IMU's message is {lag:.3f} s older than the joints'; at most {APART} s")
         first = at if self._first is None else self._first
         state = robot_state(message, self._imu, self.joint_names, len(self.foot_names), self._states + 1, first)
-        self._first, self._states = first, self._states + 1
-        return replace(state, age=self._ages.age(state.time, time.monotonic()))
+        self._first = first
+        return state
 
     def peers(self) -> Peers:
         """Return the nodes at the topics. A message does not say whose it is: they are counted, not told apart."""

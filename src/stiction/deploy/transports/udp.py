@@ -12,6 +12,7 @@ from contextlib import suppress
 
 from stiction.core.errors import RobotError
 from stiction.deploy.control import JointCommand
+from stiction.deploy.transports.arrivals import Arrivals
 from stiction.deploy.transports.link import Peers, RobotState, Spare, command_layout, state_layout, state_of
 
 LOOPBACK = "127.0.0.1"
@@ -63,6 +64,7 @@ class UdpLink:
         # From a number of chance, so that a second writer's commands are not taken for ours.
         self.number = secrets.randbits(40)
         self.malformed, self.complaint = 0, ""
+        self.arrivals, self._emptied = Arrivals(), time.monotonic()
         self._strangers = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._robots = [f"{address[0]}:{address[1]}"]
         try:
@@ -88,19 +90,26 @@ class UdpLink:
         return self._socket.fileno()
 
     def receive(self) -> list[RobotState]:
-        """Return the whole states that have come, oldest first."""
-        found = []
+        """Return the whole and new states that have come, oldest first."""
+        found: list[RobotState] = []
+        # What has come since the port was last empty has not waited for longer, whatever a clock says that was set.
+        longest, emptied = (now := time.monotonic()) - self._emptied, False
         for _ in range(MOST_AT_ONCE):
             try:
                 data, extra, _, _ = self._socket.recvmsg(self._states.bytes + 1, 64)
             except OSError:  # Nothing there, or nobody at the other end: the state will be found stale.
+                emptied = True
                 break
             message = self._states.unpack(data)
             if message is None:
                 self.malformed += 1
                 self.complaint = f"{len(data)} bytes that are no whole state of this robot"
-            else:
-                found.append(state_of(self._states, message, _age(extra)))
+                continue
+            age = min(_age(extra), longest)
+            at = self.arrivals.take(message.time, now - age, message.number)
+            if at is not None:
+                found.append(state_of(self._states, message, at, age))
+        self._emptied = now if emptied else self._emptied
         return found
 
     def peers(self) -> Peers:

@@ -16,6 +16,7 @@ import numpy as np
 from stiction.core.errors import ConfigurationError, RobotError
 from stiction.deploy.control import JointCommand
 from stiction.deploy.observation import Sensors
+from stiction.deploy.transports.arrivals import Arrivals
 from stiction.deploy.transports.config import HeldCfg
 from stiction.deploy.transports.dds import DdsBus
 from stiction.deploy.transports.link import Ages, Peers, RobotState, Spare
@@ -36,6 +37,13 @@ PITCH_ROLL = 0
 """`mode_pr` of hg: ankles and waist in numbers of joints (pitch, roll), not of the motors behind them (A, B)."""
 
 MOTORS_TIMED_OUT = 0x80
+
+TICK = 1e-3
+"""Unit of `tick`, which the robot counts since it was switched on, and which nobody sets [s]; a simulator may leave it
+at 0."""
+
+TICKS = 2**32
+"""Number of ticks after which they begin again."""
 
 HELD_SPEED = 0.5
 """How fast joints that the policy does not move go to where they are held [rad/s]."""
@@ -165,8 +173,8 @@ class UnitreeLink:
         self._held: np.ndarray | None = None
         self._first: int | None = None
         self._time = self._held_at = 0.0
-        self._states = self.number = 0
-        self._commanded, self._ages = False, Ages()
+        self._states = self.number = self._ticks = 0
+        self._commanded, self._ages, self.arrivals = False, Ages(), Arrivals()
         self.malformed, self.complaint = 0, ""
 
     def fileno(self) -> int:
@@ -174,8 +182,9 @@ class UnitreeLink:
         return self._bus.fileno()
 
     def receive(self) -> list[RobotState]:
-        """Return the states that have come and can be believed, oldest first."""
+        """Return the new states that have come and can be believed, oldest first."""
         came, found = self._bus.receive(), []
+        self.arrivals.counts.dropped += self._bus.lost()
         # Kept until a state carries it: the bus tells it once, and this call may bring no state that can be believed.
         self._commanded = self._bus.foreign() or self._commanded
         command = FOREIGN if self._commanded else np.nan
@@ -187,8 +196,14 @@ class UnitreeLink:
                 self.malformed, self.complaint = self.malformed + 1, str(error)
                 continue
             self._first = stamp if self._first is None else self._first
+            # Back by up to half of all ticks is back; further is beyond the last one, where they begin again.
+            ticks = self._ticks + (int(message["tick"]) - self._ticks + TICKS // 2) % TICKS - TICKS // 2
             # Subtracted as integers: nanoseconds since 1970 have more digits than a double.
-            self._newest, self._time = message, (stamp - self._first) * 1e-9
+            stamped = (stamp - self._first) * 1e-9
+            at = self.arrivals.take(stamped, now, monotonic=TICK * ticks, content=data)
+            if at is None:
+                continue
+            self._newest, self._time, self._ticks = message, at, ticks
             self._states += 1
             age = self._ages.age(self._time, now)
             found.append(self._translation.state(message, self._states, self._time, command, age))

@@ -8,18 +8,19 @@ MuJoCo's solver holds the joint up to that bound, and brakes by it in motion; vi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mujoco
+from mjlab.actuator import BuiltinPdActuatorCfg, BuiltinPositionActuatorCfg
 from mjlab.actuator.pd_actuator import IdealPdActuator, IdealPdActuatorCfg
 from mjlab.managers.event_manager import EventTermCfg, requires_model_fields
 
 from stiction.core.errors import ConfigurationError
-from stiction.exchange.mjlab.friction import stiffen_rows
-from stiction.exchange.physics import joint_physics
-from stiction.files.bam import load_joints
+from stiction.exchange.mjlab.rows import stiffen_rows, warn_of_budget
+from stiction.exchange.physics import JointPhysics
 
 
 @dataclass(kw_only=True)
@@ -116,37 +117,76 @@ class IdentifiedActuator(IdealPdActuator[IdentifiedActuatorCfg]):
         return outside[:, self.dofs]
 
 
-def identified_actuator(joints: str | Path, record: str, **fields: Any) -> IdentifiedActuatorCfg:
-    """Return the actuator of a record of `joints.json`: friction law, viscous friction and armature.
+def with_law(actuator: Any, names: Sequence[str], physics: dict[str, JointPhysics]) -> list[Any]:
+    """Return an actuator configuration as one with the friction law for each record of its joints, and the rest.
 
-    Args:
-        joints: the `joints.json` of `stiction identify`, or a parameter file of BAM.
-        record: name of the record.
-        fields: the others of `IdentifiedActuatorCfg`: target_names_expr, stiffness, damping, effort_limit.
+    names: joints of the actuator; physics: what was identified, by joint. Gains, limit and delay stay.
 
-    Raises `StictionError` for a fit that is not valid or has no dry friction.
-
+    Raises `ConfigurationError` for an actuator without gains, and a record without dry friction.
     """
-    found = load_joints(Path(joints)).record(record)
-    physics, law = joint_physics(record, found), found.friction_law or {}
-    unloaded = found.unloaded_friction
-    coulomb = physics.friction if unloaded is None else max(0.0, unloaded.value)
+    groups: dict[str | None, list[str]] = {}
+    for name in names:
+        groups.setdefault(physics[name].recorded if name in physics else None, []).append(name)
+    if not groups.keys() - {None}:
+        return [actuator]
+    if type(actuator) not in WITH_GAINS:
+        raise ConfigurationError(
+            f"the friction law of joint {names[0]!r}: got {type(actuator).__name__}, expected "
+            f"{', '.join(kind.__name__ for kind in WITH_GAINS)}, whose gains it takes"
+        )
+    kept = {name: getattr(actuator, name) for name in ("stiffness", "damping", "armature", "viscous_damping")}
+    kept |= {name: value for name, value in vars(actuator).items() if name.startswith("delay_")}
+    if actuator.effort_limit is not None:
+        kept["effort_limit"] = actuator.effort_limit
+    parts = []
+    for record, joints in groups.items():
+        # Alone, it keeps its own patterns.
+        exact = tuple(map(re.escape, joints)) if len(groups) > 1 else actuator.target_names_expr
+        if record is None:
+            parts.append(replace(actuator, target_names_expr=exact))
+        else:
+            law = kept | law_of(physics[joints[0]]) | {"target_names_expr": exact}
+            parts.append(IdentifiedActuatorCfg(**law))
+    return parts
+
+
+WITH_GAINS = (BuiltinPositionActuatorCfg, BuiltinPdActuatorCfg, IdealPdActuatorCfg)
+"""Kinds of actuators of mjlab that one with the friction law can take the place of."""
+
+
+def law_of(joint: JointPhysics) -> dict[str, float]:
+    """Return what was identified of a joint, by the field of `IdentifiedActuatorCfg`.
+
+    Raises `ConfigurationError` for a record without dry friction.
+    """
+    record, law = joint.record, joint.record.friction_law or {}
+    unloaded = record.unloaded_friction
+    coulomb = joint.friction if unloaded is None else max(0.0, unloaded.value)
     if coulomb is None:
-        raise ConfigurationError(f"record {record!r}: got no dry friction, expected one; {'; '.join(physics.notes)}")
-    numbers: dict[str, Any] = {
-        "coulomb_friction": coulomb,
-        "viscous_damping": physics.damping,
-        "armature": physics.armature,
-    }
-    if found.static_friction is not None:
-        numbers["static_friction"] = max(coulomb, found.static_friction.value)
+        told = "; ".join(joint.notes)
+        raise ConfigurationError(f"record {joint.recorded!r}: got no dry friction, expected one; {told}")
+    numbers = {"coulomb_friction": coulomb}
+    numbers |= {} if joint.damping is None else {"viscous_damping": joint.damping}
+    numbers |= {} if joint.armature is None else {"armature": joint.armature}
+    if record.static_friction is not None:
+        numbers["static_friction"] = max(coulomb, record.static_friction.value)
         # Friction that gives way all at once has no such speed.
-        numbers["stribeck_velocity"] = 1e-2 if found.stribeck_velocity is None else found.stribeck_velocity.value
+        numbers["stribeck_velocity"] = 1e-2 if record.stribeck_velocity is None else record.stribeck_velocity.value
         numbers["exponent"] = law.get("bam", {}).get("alpha", 2.0)
-    if found.load_coefficient is not None:
-        kind = "torque_coefficient" if found.load_regressor == "motor_torque" else "load_coefficient"
-        numbers[kind] = max(0.0, found.load_coefficient.value)
-    return IdentifiedActuatorCfg(**numbers | fields)
+    if record.load_coefficient is not None:
+        kind = "torque_coefficient" if record.load_regressor == "motor_torque" else "load_coefficient"
+        numbers[kind] = max(0.0, record.load_coefficient.value)
+    return numbers
+
+
+def driven_by_law(asset: Any) -> list[str]:
+    """Return the joints of an mjlab entity whose friction follows a law."""
+    return [
+        name
+        for actuator in asset.actuators
+        if isinstance(actuator, IdentifiedActuator)
+        for name in actuator.target_names
+    ]
 
 
 def friction_law_event() -> dict[str, Any]:
@@ -157,7 +197,8 @@ def friction_law_event() -> dict[str, Any]:
 @requires_model_fields("dof_frictionloss", "dof_solref", "dof_solimp")
 def prepare_friction_law(env: Any, env_ids: Any) -> None:
     """Make the rows of friction of every `IdentifiedActuator` as stiff as the timestep allows."""
+    warn_of_budget(env)
     for asset in env.scene.entities.values():
         for actuator in asset.actuators:
             if isinstance(actuator, IdentifiedActuator):
-                stiffen_rows(env.sim.model, slice(None), actuator.dofs, env.physics_dt)
+                stiffen_rows(env, slice(None), actuator.dofs)

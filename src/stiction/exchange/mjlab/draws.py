@@ -15,6 +15,7 @@ from mjlab.managers.event_manager import _DERIVED_FIELDS, RecomputeLevel
 from mjlab.managers.scene_entity_config import SceneEntityCfg
 
 from stiction.core.draws import Draw, Range, check_draws
+from stiction.exchange.mjlab.actuator import prepare_friction_law
 from stiction.exchange.mjlab.friction import DrawFriction
 from stiction.exchange.mjlab.motors import gains_of, motors_of, torque_limits_of
 
@@ -50,6 +51,8 @@ class Drawn:
     """Returns the value as it is now, of shape (num_envs, entries)."""
     entries: tuple[str, ...]
     """Names of joints, bodies, geometries; empty where they have none."""
+    constant: bool = False
+    """True if the event writes the same values whenever it is called."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,7 @@ class DrawnRow:
     declared: Range | None
     seen: Range | None
     verdict: str
-    """As in `Draw`, with the names of what does not act."""
+    """As in `Draw`, with the names of what does not act; `constant, no range declared` is no failure."""
     ok: bool
 
 
@@ -86,11 +89,13 @@ def audit_draws(env: Any, resets: int = 4) -> list[DrawnRow]:
 
 def _row(drawn: Drawn, draw: Draw) -> DrawnRow:
     """Return the row of a value, its verdict with the names of up to three entries that never change."""
-    verdict = draw.verdict
-    if not draw.ok and draw.still and len(drawn.entries) > 1:
+    verdict, ok = draw.verdict, draw.ok
+    if not ok and drawn.constant:
+        verdict, ok = "constant, no range declared", True
+    elif not ok and draw.still and len(drawn.entries) > 1:
         names = [drawn.entries[number % len(drawn.entries)] for number in draw.still]
         verdict += f": {', '.join([*dict.fromkeys(names)][:3])}{' ...' if len({*names}) > 3 else ''}"
-    return DrawnRow(drawn.event, drawn.quantity, draw.declared, draw.seen, verdict, draw.ok)
+    return DrawnRow(drawn.event, drawn.quantity, draw.declared, draw.seen, verdict, ok)
 
 
 def drawn_by_events(env: Any) -> list[Drawn]:
@@ -113,10 +118,12 @@ def _drawn_by(env: Any, term: Any) -> Iterator[Drawn]:
         yield Drawn(
             "",
             "dof_frictionloss / torque limit",
-            tuple(params["shares"]),
+            tuple(np.multiply(params["shares"], params.get("moving", (1.0, 1.0))).tolist()),
             lambda: env.sim.model.dof_frictionloss[:, func.dofs] / func.limits,
             tuple(motors_of(env, env.scene[params["entity"]])),
         )
+    elif func is prepare_friction_law:
+        return  # it prepares what actuators write at each physics step
     elif func is dr.encoder_bias:
         asset, joints = env.scene[asset_cfg.name], asset_cfg.joint_ids
         names = tuple(np.array(asset.joint_names)[joints])
@@ -222,7 +229,7 @@ def _of_actuators(
 
 
 def _written(env: Any, term: Any) -> Iterator[Drawn]:
-    """Yield the fields of the model that any other event writes, as it is called once, and those that it names.
+    """Yield the fields of the model that any other event writes, as it is called twice, and those that it names.
 
     An event that names no field writes one number for all worlds.
     """
@@ -231,17 +238,37 @@ def _written(env: Any, term: Any) -> Iterator[Drawn]:
     fields = {name: value for name in vars(env.sim.wp_model) if (value := _per_world(env, name)) is not None}
     before = {name: value.clone() for name, value in fields.items()}
     robots = None if term.mode in ("startup", "step") else env.scene.env_origins.new_tensor(range(env.num_envs)).long()
-    term.func(env, robots, **term.params)
-    for name, value in fields.items():
-        changed = (value != before[name]).flatten(2 if value.ndim > 2 else 1).any(dim=0)
-        changed = changed.any(dim=-1) if changed.ndim > 1 else changed
+
+    def called(begin: dict[str, Any]) -> dict[str, Any]:
+        for name, value in begin.items():
+            _restore(fields[name], value)
+        term.func(env, robots, **term.params)
+        after = {name: value.clone() for name, value in fields.items()}
+        for name, value in before.items():
+            _restore(fields[name], value)
+        return after
+
+    first, second = called(before), called(before)
+    # What is there already may be a constant that was written before: from other values it is written again.
+    other = {name: before[name] + 1.0 for name in named if name in fields and (first[name] == before[name]).all()}
+    again = called(before | other) if other else {}
+    for name in fields:
+        changed = _parts(first[name] != before[name]) | _parts(second[name] != before[name])
+        constant = bool((first[name] == second[name]).all())
+        if name in other:
+            changed = _parts(again[name] != other[name])
+            constant = bool(changed.any())
         if not (changed.any() or name in named):
             continue
         # All of it where the event names a field and leaves it as it is.
         ids = changed.nonzero().ravel() if changed.any() else slice(None)
-        _restore(value, before[name])
         read = lambda name=name, ids=ids: getattr(env.sim.model, name)[:, ids].flatten(1)  # noqa: E731
-        yield Drawn("", name, None, read, ())
+        yield Drawn("", name, None, read, (), constant)
+
+
+def _parts(changed: Any) -> Any:
+    """Return which parts of a field changed, of shape (parts,), of booleans of shape (num_envs, parts, ...)."""
+    return changed.flatten(2).any(dim=-1).any(dim=0) if changed.ndim > 2 else changed.any(dim=0)
 
 
 def _per_world(env: Any, name: str) -> Any:

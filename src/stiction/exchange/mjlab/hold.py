@@ -7,7 +7,7 @@ has the task's own budget, physics step and settings of the rows of friction.
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,13 +15,10 @@ import mujoco
 import numpy as np
 from mjlab.sim import Simulation
 
+from stiction.core.draws import CREEP, check_hold
 from stiction.exchange.mjlab.motors import motors_of
 
-SHARE = 0.8
-"""Torque over dry friction."""
 SECONDS = 1.0
-MOST = 5e-3
-"""Largest motion of a joint that holds [rad] or [m]: rows as stiff as the timestep allows creep 1 to 2 mrad."""
 
 FIELDS = ("dof_frictionloss", "dof_solref", "dof_solimp", "dof_armature", "dof_damping")
 """What a task may draw of a joint that friction holds."""
@@ -41,15 +38,15 @@ class HeldRow:
 
     @property
     def ok(self) -> bool:
-        """Whether the joint holds in training."""
-        return self.moved <= MOST
+        """True if the joint holds in training."""
+        return self.moved <= CREEP
 
     @property
     def verdict(self) -> str:
         """`ok` in words."""
         if not self.ok:
             return "does not hold"
-        return "holds" if self.moved_in_mujoco <= MOST else "holds in training, not in MuJoCo on the CPU"
+        return "holds" if self.moved_in_mujoco <= CREEP else "holds in training, not in MuJoCo on the CPU"
 
 
 def audit_hold(env: Any) -> list[HeldRow]:
@@ -68,16 +65,12 @@ def audit_hold(env: Any) -> list[HeldRow]:
     cfg, model = _floating(env, world)
     dofs = [names[name] for name in rubbing]
     # A joint alone in each world but the last, and all of them there.
-    torque = np.zeros((len(dofs) + 1, model.nv))
-    torque[range(len(dofs)), dofs] = torque[-1, dofs] = SHARE * np.array([*rubbing.values()])
+    loads = {name: [*(value if other == name else 0.0 for other in rubbing), value] for name, value in rubbing.items()}
     pose = env.sim.data.qpos[world].double().cpu().numpy()
-    addresses = model.jnt_qposadr[model.dof_jntid[dofs]]
-    poses = _in_warp(Simulation(len(torque), cfg, model, env.device), pose, torque), _in_mujoco(model, pose, torque)
-    moved = [_furthest(of_all, addresses) for of_all in poses]
-    return [
-        HeldRow(name, value, *(float(of_all[number]) for of_all in moved))
-        for number, (name, value) in enumerate(rubbing.items())
-    ]
+    worlds, steps = len(dofs) + 1, round(SECONDS / model.opt.timestep)
+    in_warp = _in_warp(Simulation(worlds, cfg, model, env.device), pose, dofs)
+    held = [check_hold(*in_one, loads, steps=steps) for in_one in (in_warp, _in_mujoco(model, worlds, pose, dofs))]
+    return [HeldRow(warp.name, warp.friction, warp.moved, exact.moved) for warp, exact in zip(*held, strict=True)]
 
 
 def _floating(env: Any, world: int) -> tuple[Any, Any]:
@@ -93,30 +86,32 @@ def _floating(env: Any, world: int) -> tuple[Any, Any]:
     return cfg, model
 
 
-def _furthest(poses: Iterator[np.ndarray], addresses: np.ndarray) -> np.ndarray:
-    """Return how far joints went from where they began, in any world and at any time; not-a-number counts as far."""
-    begin = next(poses)[:, addresses]
-    moved = np.zeros(len(addresses))
-    for pose in poses:
-        moved = np.maximum(moved, np.nan_to_num(np.abs(pose[:, addresses] - begin), nan=np.inf).max(axis=0))
-    return moved
+Simulated = tuple[Callable[[np.ndarray], None], Callable[[], np.ndarray]]
+"""`step` and `read` of `check_hold`."""
 
 
-def _in_warp(sim: Any, pose: np.ndarray, torque: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield poses of all worlds, shape (worlds, nq), from the begin on, in MuJoCo Warp."""
+def _in_warp(sim: Any, pose: np.ndarray, dofs: list[int]) -> Simulated:
+    """Return how to load and read joints of MuJoCo Warp, all worlds in one pose; dofs: of the joints."""
+    addresses = sim.mj_model.jnt_qposadr[sim.mj_model.dof_jntid[dofs]]
     sim.data.qpos[:] = sim.data.qpos.new_tensor(pose)
-    sim.data.qfrc_applied[:] = sim.data.qfrc_applied.new_tensor(torque)
-    for _ in range(round(SECONDS / sim.mj_model.opt.timestep) + 1):
-        yield sim.data.qpos[:].double().cpu().numpy().copy()
+
+    def step(torque: np.ndarray) -> None:
+        sim.data.qfrc_applied[:, dofs] = sim.data.qfrc_applied.new_tensor(torque)
         sim.step()
 
+    return step, lambda: sim.data.qpos[:].double().cpu().numpy()[:, addresses]
 
-def _in_mujoco(model: Any, pose: np.ndarray, torque: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield poses as `_in_warp`, in MuJoCo itself."""
-    worlds = [mujoco.MjData(model) for _ in torque]
-    for data, of_world in zip(worlds, torque, strict=True):
-        data.qpos[:], data.qfrc_applied[:] = pose, of_world
-    for _ in range(round(SECONDS / model.opt.timestep) + 1):
-        yield np.stack([data.qpos for data in worlds])
-        for data in worlds:
-            mujoco.mj_step(model, data)
+
+def _in_mujoco(model: Any, worlds: int, pose: np.ndarray, dofs: list[int]) -> Simulated:
+    """Return how to load and read joints as `_in_warp`, in MuJoCo itself."""
+    addresses = model.jnt_qposadr[model.dof_jntid[dofs]]
+    data = [mujoco.MjData(model) for _ in range(worlds)]
+    for world in data:
+        world.qpos[:] = pose
+
+    def step(torque: np.ndarray) -> None:
+        for world, of_world in zip(data, torque, strict=True):
+            world.qfrc_applied[dofs] = of_world
+            mujoco.mj_step(model, world)
+
+    return step, lambda: np.stack([world.qpos[addresses] for world in data])

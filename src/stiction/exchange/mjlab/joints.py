@@ -2,27 +2,29 @@
 
 mjlab's actuator configurations hold one value for all their joints, None keeps the model's, and those of XML actuators
 are ignored without a word. So values go into the model, which every kind of actuator respects, and into a configuration
-where its joints agree. Actuators are not split: their order, and that of the controls, stays.
+where its joints agree. Actuators are not split, and their order stays, but for those that get a friction law.
 """
 
 from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from mjlab.actuator.actuator import TransmissionType
 
 from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.exchange.mjlab.actuator import friction_law_event, with_law
 from stiction.exchange.mjlab.motors import KINDS
-from stiction.exchange.physics import JointPhysics, Which, check_axis, joint_physics, notes_of
+from stiction.exchange.mjlab.rows import with_budget
+from stiction.exchange.physics import RICHER, JointPhysics, Which, check_axis, joint_physics, notes_of
 from stiction.files.bam import load_joints
 from stiction.files.joint_map import map_joints, parse_joint_map
-from stiction.robots.physics import LEAST_ITERATIONS, LEAST_LS_ITERATIONS, friction_row
+from stiction.robots.physics import friction_row
 
 
 def with_joints(
@@ -31,7 +33,7 @@ def with_joints(
     *,
     joint_map: str | Sequence[str] = (),
     entity: str = "robot",
-    friction: Which = "moving",
+    friction: Which | Literal["law"] = "moving",
 ) -> Any:
     """Put identified joints into an environment's robot, and the solver budget under which their friction holds.
 
@@ -42,6 +44,8 @@ def with_joints(
         joint_map: RECORDED=MODEL pairs where names differ; MODEL may have wildcards, `shank=*_calf_joint`.
         entity: name of the robot among the scene's entities.
         friction: dry friction in motion (`moving`), or at rest where that is more (`static`): MuJoCo has one number.
+            `law` writes that number at each physics step, by speed, motor torque and load as identified: an
+            `IdentifiedActuatorCfg` takes the place of the actuators of these joints.
 
     Quantities that were not identified keep their value; each is named in a `UserWarning`. Gains stay as they are.
 
@@ -59,31 +63,46 @@ def with_joints(
 
     pairs = parse_joint_map((joint_map,) if isinstance(joint_map, str) else joint_map)
     names = map_joints(file, pairs, list(kinds), takes)
-    physics = {name: joint_physics(record, file.joints[record], name, friction) for name, record in names.items()}
+    by_law = friction == "law"
+    which = "moving" if friction == "law" else friction
+    physics = {name: joint_physics(record, file.joints[record], name, which) for name, record in names.items()}
     for joint in physics.values():
         check_axis(joint, KINDS[kinds[joint.name]], (joint.record.axis,))
-    for note in notes_of([*physics.values()])[1:]:
+    for note in _notes(physics.values(), by_law):
         warnings.warn(f"{Path(joints).name}: {note}", stacklevel=2)
 
     values = {name: _values(joint) for name, joint in physics.items()}
     actuators = tuple(
-        _identified(actuator, targets(actuator, kinds), values) for actuator in robot.articulation.actuators
+        part
+        for actuator in robot.articulation.actuators
+        for part in (
+            with_law(actuator, targets(actuator, kinds), physics)
+            if by_law
+            else [_identified(actuator, targets(actuator, kinds), values)]
+        )
     )
     edited = partial(_edited_spec, robot.spec_fn, values, cfg.sim.mujoco.timestep)
     robot = replace(robot, spec_fn=edited, articulation=replace(robot.articulation, actuators=actuators))
     cfg.scene = replace(cfg.scene, entities={**cfg.scene.entities, entity: robot})
-    cfg.sim = with_budget(cfg.sim, sum(1 for joint in physics.values() if joint.friction))
+    # `friction_events` may give all of them friction.
+    cfg.sim = with_budget(cfg.sim, len(driven))
+    if by_law:
+        cfg.events |= friction_law_event()
     return cfg
 
 
-def with_budget(sim: Any, rows: int) -> Any:
-    """Return mjlab's configuration of a simulation with the solver budget under which friction holds.
+LAWS_OF_ACTUATOR = (None, "coulomb", "stribeck", "breakaway", "load", "effort")
+"""Friction laws of records that `IdentifiedActuatorCfg` has."""
 
-    rows: joints with friction, each one more row, for which a number of rows that was set leaves no room.
-    """
-    budget = {"iterations": LEAST_ITERATIONS, "ls_iterations": LEAST_LS_ITERATIONS}
-    solver = replace(sim.mujoco, **{name: max(least, getattr(sim.mujoco, name)) for name, least in budget.items()})
-    return replace(sim, mujoco=solver, njmax=None if sim.njmax is None else sim.njmax + rows)
+
+def _notes(joints: Iterable[JointPhysics], by_law: bool) -> list[str]:
+    """Return what is left out of each record; by_law: of the actuator that has the friction law."""
+    told = []
+    for joint in joints:
+        if by_law and (joint.record.friction_law or {}).get("law") in LAWS_OF_ACTUATOR:
+            joint = replace(joint, record=replace(joint.record, friction_law=None))
+        told.append(joint)
+    return notes_of(told, represented=frozenset(RICHER if by_law else ()))[1:]
 
 
 def robot_of(cfg: Any, entity: str) -> Any:

@@ -13,7 +13,7 @@ from mjlab.managers.observation_manager import ObservationTermCfg
 from mjlab.tasks.registry import list_tasks, load_env_cfg, load_rl_cfg, load_runner_cls, register_mjlab_task
 
 from stiction.exchange.mjlab.friction import draw_event, friction_told
-from stiction.exchange.mjlab.joints import with_budget
+from stiction.exchange.mjlab.rows import with_budget
 
 SHARES = (0.0, 0.24)
 """Dry friction over torque limit, lowest and highest [1]."""

@@ -122,6 +122,13 @@ def said_of(
         said = merged(said, said_by_rl_sar(rl_sar, "config.yaml and base.yaml"))
     for content, where in own:
         said = merged(said, said_in_settings(content, where))
+    joints = derived.robot.joint_names if said.joint_names is None else said.joint_names
+    if len(joints) != network.num_actions:
+        whose = f"{derived.robot.name} drives" if said.joint_names is None else "what is said of it names"
+        raise ConfigurationError(
+            f"{name}: the network gives {network.num_actions} actions, {whose} {len(joints)} joints; expected one "
+            "action a joint: give the --robot that it was trained for"
+        )
     if preset is not None:
         said = with_preset(said, preset, derived, network.observation_size, network.num_actions)
     said = with_length(said, network.observation_size, network.num_actions)

@@ -106,7 +106,7 @@ def _action_clip(entries: Mapping[str, Any], where: str) -> float:
         for side in ("upper", "lower")
     )
     bounds = {abs(value) for value in (*upper, *lower)}
-    if len(bounds) != 1 or min(upper) <= 0 or max(lower) >= 0:
+    if not upper or not lower or len(bounds) != 1 or min(upper) <= 0 or max(lower) >= 0:
         raise ConfigurationError(
             f"{where}: clip_actions are {sorted(bounds)[:6]}; a contract holds one bound of all actions, both ways"
         )

@@ -20,7 +20,7 @@ from stiction.identification.filters import choose_cutoff, derivatives, low_pass
 from stiction.identification.prepare import make_rows, prepare
 from stiction.identification.readings import read_once
 from stiction.identification.regression import check_rows
-from stiction.identification.runs import Run, driven_signals, in_si
+from stiction.identification.runs import Run, driven_signals, in_si, notes_of
 from stiction.identification.setup import LARGEST_VALUE, IdentifySetup
 from stiction.identification.timing import even_grid, resample
 from stiction.robots.mechanism import Mechanism
@@ -128,7 +128,7 @@ def limb_run(log: Log, mechanism: Mechanism, declared: IdentifySetup, pairs: tup
         except LogError as error:
             refused[name] = str(error)
             continue
-        notes = log.notes + mechanism.notes
+        notes = notes_of(log, setup) + mechanism.notes
         runs[numbers[recorded]] = Run(log.source, name, setup, signals, torque, prepared, rows, notes)
     if not runs:
         raise LogError(next(iter(refused.values())))

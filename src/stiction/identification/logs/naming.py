@@ -43,10 +43,7 @@ what the motor reports; `dof_pos` and `des_dof_pos` are the matrices of PACE; `o
 of LeRobot; `motor_state` and `motor_cmd` Unitree's; `field.position0` is by `rostopic echo -p`. In a name, [0] may be
 .0 or /0, and what follows may begin with a slash; a topic may stand in front."""
 
-LEROBOT = (
-    "LeRobot's states are in degrees or percent as often as not: if so give --position-scale, and they have no torque, "
-    "so that the gains must be known"
-)
+LEROBOT = "LeRobot's states are in degrees or percent as often as not: if so give --position-scale"
 
 OF_TOPIC = {"position": "position", "velocity": "velocity", "effort": "torque"}
 """Field of a joint state -> role, in columns `/joint_states/JOINT/position`, as PlotJuggler has them."""

@@ -25,6 +25,10 @@ from stiction.files.text import LONGEST_LINE, MOST_COLUMNS
 
 ARE = (
     ({"schema_version", "joints"}, "a result of `stiction identify` (joints.json): give the log that it came from"),
+    (
+        {"model", "actuator", "friction_base"},
+        "a parameter file of BAM, identified already: `stiction convert FILE --to joints --out joints.json`",
+    ),
     ({"method", "level"}, "a proposal for training (training.json): give it to `stiction train --friction-from`"),
     ({"observation", "joint_names"}, "the contract of a policy bundle: give the folder to `stiction verify`"),
     ({"info", "features"}, "a description of a dataset; the log itself is the .parquet file beside it"),

@@ -17,7 +17,7 @@ from stiction.files.walk import LARGEST, WalkHeader, WalkLog
 from stiction.identification.checks import LARGEST_TIME
 from stiction.identification.limb.dynamics import motions_at_rest
 from stiction.identification.limb.signals import bare, match_joints
-from stiction.identification.runs import in_si
+from stiction.identification.runs import in_si, notes_of
 from stiction.identification.setup import IdentifySetup
 from stiction.identification.timing import Grid, even_grid, resample
 from stiction.identification.walking.imu import base_imu
@@ -101,7 +101,7 @@ def foreign_walk(
         specific_force=imu.accelerometer,
         foot_contact=contact,
     )
-    notes = (*log.notes, *timing.warnings(), *cut, *concluded, *said)
+    notes = (*notes_of(log, setups[0]), *timing.warnings(), *cut, *concluded, *said)
     unplaced = recorded.imu_position is None and imu.accelerometer is not None
     return Walk(walk, spec, setup or WalkSetup(), notes, True, UNPLACED if unplaced else 0.0)
 

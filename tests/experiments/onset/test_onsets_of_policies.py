@@ -45,7 +45,7 @@ def test_an_onset_by_hand() -> None:
 def test_the_worst_reach_is_of_any_command_and_may_be_over_that_without_friction() -> None:
     """0.6 of 0.75 without friction is 0.8 of what was reached there, and 0.5 of 1 is the worst of both."""
     rows = [
-        ReachRow("p", level, command, reach, 0)
+        ReachRow("p", level, command, reach, 0, 1.0)
         for level, command, reach in [(0.1, "vx=1", 0.6), (0.1, "wz=1", 0.5), (0.0, "vx=1", 0.75), (0.0, "wz=1", 1.0)]
     ]
     assert worst(rows) == {0.0: 0.75, 0.1: 0.5}
