@@ -63,9 +63,9 @@ class Safety:
             earlier.clear()
 
     def finite(self, state: RobotState) -> Violation | None:
-        """Return that a state has a number that is none, beside its sensors, None where it has none.
+        """Return the first field, other than the sensors, with a NaN or infinity; None if all are finite.
 
-        What is NaN as a whole is not said by this robot, unless it has said it before.
+        A field that is NaN in all its entries counts only after it has once been finite: many robots lack some fields.
         """
         for name in BESIDE:
             values = np.atleast_1d(getattr(state, name))
