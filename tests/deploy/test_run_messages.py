@@ -27,7 +27,7 @@ def test_states_and_commands_arrive_as_they_were_sent() -> None:
     said = state(7, 1.25, joint_position=generator.standard_normal(JOINTS), command=12.0)
     message = STATES.unpack(STATES.pack(7, 1.25, state_vectors(said)))
     assert message is not None
-    heard = state_of(STATES, message)
+    heard = state_of(STATES, message, message.time)
     for name, value in vars(said).items():
         if name == "sensors":
             for part, own in vars(value).items():
@@ -67,7 +67,7 @@ def test_the_policy_sees_in_a_run_what_it_saw_in_training() -> None:
         recorded = {name: getattr(golden, name)[t] for name in SENSORS}
         message = STATES.unpack(STATES.pack(t, golden.time[t], state_vectors(state(t, golden.time[t], **recorded))))
         assert message is not None
-        heard = state_of(STATES, message).sensors
+        heard = state_of(STATES, message, message.time).sensors
         told = {name: getattr(heard, name) for name in SENSORS} | {"velocity": golden.command[t]}
         sight = sights.unpack(sights.pack(t, 0.0, told))
         assert sight is not None
@@ -119,7 +119,7 @@ def fuzz(states: int, seed: int) -> dict[str, int]:
         message = STATES.unpack(data)
         outs = [run.supervisor.tick(run.now)]
         if message is not None:
-            outs.append(run.supervisor.state(state_of(STATES, message), run.now))
+            outs.append(run.supervisor.state(state_of(STATES, message, message.time), run.now))
         if run.number % 10 == 0:
             outs.append(run.supervisor.policy_targets(STANDING + generator.normal(0.0, 3.0, JOINTS), run.now))
         for out in outs:

@@ -118,6 +118,18 @@ def test_lost_states_are_judged_by_their_share_of_a_second() -> None:
     assert first(1.0) == pytest.approx(0.35, abs=0.06) and first(0.5) == pytest.approx(0.65, abs=0.06)
 
 
+def test_what_is_lost_while_the_supervisor_itself_halts_is_no_fault_of_the_link() -> None:
+    """A busy computer that does not read for 0.4 s, and so loses 0.3 s of states, is told that its cable is bad."""
+    safety, halted, found = Safety(CONTRACT, CFG, PERIOD), (1.5, 1.9), []
+    for n in range(2000):
+        at = n * PERIOD
+        if not halted[0] < at < halted[1]:
+            bad = 0.3 / PERIOD if at > halted[1] + PERIOD else 0.0
+            found += [at] if safety.losses(bad + max(0.0, 0.5 * (n - 1500)), n, at) is not None else []
+    # The link that loses half from 3 s on is still found.
+    assert found[0] == pytest.approx(3.65, abs=0.06)
+
+
 def test_limits_that_are_none_are_refused() -> None:
     """A limit of NaN is never broken."""
     for wrong in (0.0, -1.0, np.nan, np.inf):

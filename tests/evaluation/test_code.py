@@ -80,8 +80,10 @@ BENCHED = {
         "deploy/policy.py",
     ),
     *(f"sim/{name}.py" for name in ("fleet", "native")),
+    *(f"identification/logs/{name}.py" for name in ("naming", "titles")),
 }
-"""Code of walks, and of the design of logs: the robot on its stand shares modules with the one that walks."""
+"""Code of walks, of the design of logs, and of the names in logs of others: the robot on its stand shares modules with
+the one that walks, and its own logs have the names of its joints."""
 
 
 def imported(start: str) -> set[str]:

@@ -11,16 +11,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from stiction.core.provenance import seed_streams
 from stiction.core.records import column
 from stiction.evaluation.course import SETTLE
-from stiction.evaluation.evaluate import EvaluationCfg, batch_policy, evaluate_bundle
+from stiction.evaluation.evaluate import EvaluationCfg, batch_policy, evaluate_bundle, make_rollout
 from stiction.evaluation.policies import method_of
-from stiction.evaluation.rollout import Rollout, friction_at
+from stiction.evaluation.rollout import friction_at
+from stiction.evaluation.summary import commands_for
 from stiction.files.bundle import Bundle
 from stiction.files.contract import robot_of
-from stiction.files.following import scaled_commands
-from stiction.files.velocity import COMMANDS, FASTEST, parse_command
+from stiction.files.velocity import parse_command
 from stiction.robots.model import GRAVITY, Robot
 from stiction.virtual.drive import drive, unheard
 
@@ -109,8 +108,7 @@ class Motion:
 
 def commands_of(bundle: Bundle) -> tuple[str, ...]:
     """Return the labels of the commands that count: of the set, scaled to the policy, the half of it that is fast."""
-    own = bundle.contract.command_range or {}
-    labels = scaled_commands([max(map(abs, own.get(axis, (FASTEST,)))) for axis in COMMANDS])
+    labels = commands_for([bundle])
     speeds = np.abs([parse_command(text).velocity for text in labels])
     fast = ((speeds >= HALF * speeds.max(axis=0)) & (speeds > 0.0)).any(axis=1)
     return tuple(text for text, counts in zip(labels, fast, strict=True) if counts)
@@ -160,11 +158,8 @@ def walk_motion(bundle: Bundle, commands: tuple[str, ...], threads: int = 1) -> 
     """Walk a policy without friction and return what its joints do."""
     contract, spec = bundle.contract, robot_of(bundle.contract)
     cfg = EvaluationCfg((0.0,), commands, EPISODES, SECONDS)
-    friction = friction_at(contract, cfg.robot_levels)
-    streams = seed_streams(cfg.seed, [f"episode {number}" for number in cfg.numbers])
-    rollout = Rollout(
-        contract, batch_policy(bundle, spec, cfg, friction), spec, friction, list(streams.values()), threads, cfg.noise
-    )
+    policy = batch_policy(bundle, spec, cfg, friction_at(contract, cfg.robot_levels))
+    rollout = make_rollout(policy, contract, spec, cfg, threads)
     steps = round(cfg.seconds / contract.control_period)
     first, seen = round(SETTLE / contract.control_period), []
     for number, step in enumerate(drive(rollout, cfg.robot_commands, steps)):

@@ -51,6 +51,9 @@ Onsets = Mapping[str, Sequence[OnsetRow]]
 class Choice:
     """The axis on which conditions lie closest."""
 
+    conditions: Onsets
+    relative: bool
+    """True if each onset is over the reach without friction."""
     axis: str
     spreads: Mapping[str, float]
     """Axis -> largest over smallest onset of the conditions, the closest first [1]."""
@@ -115,12 +118,13 @@ def choose(conditions: Onsets, relative: bool = False, samples: int = SAMPLES) -
         }
         same += closest(spreads_of(drawn, relative)) == axis
     middle = median(on_axis(own, axis, relative) for own in conditions.values())
-    return Choice(axis, dict(sorted(spreads.items(), key=lambda item: item[1])), middle, same / samples)
+    by_spread = dict(sorted(spreads.items(), key=lambda item: item[1]))
+    return Choice(conditions, relative, axis, by_spread, middle, same / samples)
 
 
-def choice_text(choice: Choice, spread: float) -> str:
+def choice_text(choice: Choice) -> str:
     """Say which number carries, how far, and how sure that is."""
-    best, least = AXES[choice.axis], choice.spreads[choice.axis]
+    best, least, spread = AXES[choice.axis], choice.spreads[choice.axis], choice.spreads["torque_limit"]
     sure = f"{choice.again:.0%} of resampled seeds choose it too"
     decided = sure if 1 - choice.again <= UNDECIDED else f"undecided, only {sure}"
     return (
@@ -129,46 +133,48 @@ def choice_text(choice: Choice, spread: float) -> str:
     )
 
 
-def lead(rows: Sequence[OnsetRow]) -> str:
+NAMES = {False: "Onset", True: "Relative onset"}
+"""Whether an onset is relative -> its name."""
+
+
+def lead(choices: Mapping[bool, Choice | None]) -> str:
     """Return the answer, by the onset and by the relative one."""
-    said = []
-    for relative, name in ((False, "Onset"), (True, "Relative onset")):
-        conditions = conditions_of(rows, relative)
-        if len(conditions) < 2:
-            said.append(f"{name}: fewer than two conditions have two seeds with one; nothing is said yet.")
+    lines = []
+    for relative, choice in choices.items():
+        if choice is None:
+            lines.append(f"{NAMES[relative]}: fewer than two conditions have two seeds with one; nothing is said yet.")
             continue
-        choice = choose(conditions, relative)
-        without = [condition for condition in CONDITIONS if condition not in conditions]
+        without = [condition for condition in CONDITIONS if condition not in choice.conditions]
         missing = f" Without: {', '.join(without)}." if without else ""
-        said.append(f"{name}: {choice_text(choice, choice.spreads['torque_limit'])}{missing}")
-    return "\n".join(said)
+        lines.append(f"{NAMES[relative]}: {choice_text(choice)}{missing}")
+    return "\n".join(lines)
 
 
-def axes_sheet(rows: Sequence[OnsetRow], relative: bool) -> Sheet:
+def axes_sheet(choice: Choice) -> Sheet:
     """Return the onset of every condition on every axis, the axis of the smallest spread first."""
-    conditions = conditions_of(rows, relative)
-    choice = choose(conditions, relative)
     lines = []
     for axis, spread in choice.spreads.items():
-        values = (f"{on_axis(own, axis, relative):.3g}" for own in conditions.values())
+        values = (f"{on_axis(own, axis, choice.relative):.3g}" for own in choice.conditions.values())
         lines.append((AXES[axis], f"{spread:.2f}", *values))
     return Sheet(
-        "Relative onset on each axis" if relative else "Onset on each axis",
-        ("axis", "largest over smallest", *conditions),
+        f"{NAMES[choice.relative]} on each axis",
+        ("axis", "largest over smallest", *choice.conditions),
         tuple(lines),
-        f"Median of the seeds. {choice_text(choice, choice.spreads['torque_limit'])}",
+        f"Median of the seeds. {choice_text(choice)}",
     )
 
 
-def predictions_sheet(rows: Sequence[OnsetRow], relative: bool) -> Sheet | None:
+def predictions_sheet(rows: Sequence[OnsetRow], choice: Choice) -> Sheet | None:
     """Return what the chosen axis predicts of the policies that did not choose it; None where there are none."""
-    choice = choose(conditions_of(rows, relative), relative)
     lines = []
     for row in rows:
         if row.method == "none" and row.robot in CONDITIONS:
             continue
         # A foreign policy is judged by what it reaches without friction: it is slower than told there.
-        found, predicted = onset_of(row, relative or row.onset is None), choice.middle / getattr(row, choice.axis)
+        found, predicted = (
+            onset_of(row, choice.relative or row.onset is None),
+            choice.middle / getattr(row, choice.axis),
+        )
         error = "–" if found is None else f"{predicted / found - 1:+.0%}"
         walked = "over 64 %" if found is None else f"{found:.1%}"
         lines.append((row.policy, row.method, f"{row.reach:.2f}", f"{predicted:.1%}", walked, error))
@@ -225,16 +231,15 @@ def draw(rows: Sequence[OnsetRow], reaches: Sequence[ReachRow], axis: str) -> Fi
 
 def report(rows: Sequence[OnsetRow], reaches: Sequence[ReachRow], settings: dict[str, Any]) -> Report:
     """Return the report of the study."""
-    sheets: list[Sheet] = []
-    figure = None
-    for relative in (False, True):
-        if len(conditions := conditions_of(rows, relative)) > 1:
-            sheets.append(axes_sheet(rows, relative))
-            others = None if relative else predictions_sheet(rows, relative)
-            sheets += [] if others is None else [others]
-            figure = figure or (draw(rows, reaches, choose(conditions, relative).axis) if reaches else None)
+    each = {relative: conditions_of(rows, relative) for relative in NAMES}
+    choices = {relative: choose(own, relative) if len(own) > 1 else None for relative, own in each.items()}
+    made = [choice for choice in choices.values() if choice is not None]
+    sheets = [axes_sheet(choice) for choice in made]
+    if (plain := choices[False]) is not None and (others := predictions_sheet(rows, plain)) is not None:
+        sheets.insert(1, others)
     sheets.append(seeds_sheet(rows))
-    answer = lead(rows)
+    figure = draw(rows, reaches, made[0].axis) if made and reaches else None
+    answer = lead(choices)
     picture = () if figure is None else (figure_block(figure, "Worst reach over friction, trained without friction."),)
     return Report(
         title="Which number says how much friction is too much?",

@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,6 +31,9 @@ from stiction.joints.friction import MAX_LEVEL, Law, has_coefficient
 from stiction.robots.model import Robot
 from stiction.task.config import NoiseCfg
 from stiction.virtual.drive import Commands, record
+
+if TYPE_CHECKING:
+    from stiction.evaluation.rollout import Rollout
 
 ENGINE = "mujoco"
 
@@ -249,6 +253,33 @@ def batch_policy(bundle: Bundle, spec: Robot, cfg: EvaluationCfg, friction: np.n
     return load_policy(bundle.contract, bundle.policy, (len(friction),), known_friction=known)
 
 
+def make_rollout(
+    policy: Driver,
+    contract: Contract,
+    spec: Robot,
+    cfg: EvaluationCfg,
+    threads: int = 1,
+    compensation: FrictionController | None = None,
+) -> Rollout:
+    """Return the robots of an evaluation in their first state; arguments and errors as of `drive`."""
+    from stiction.evaluation.rollout import Rollout, friction_at
+
+    streams = seed_streams(cfg.seed, [f"episode {number}" for number in cfg.numbers])
+    return Rollout(
+        contract,
+        policy,
+        spec,
+        friction_at(contract, cfg.robot_levels, cfg.law),
+        list(streams.values()),
+        threads,
+        cfg.noise,
+        cfg.action_delay,
+        cfg.course.terrain(cfg.num_robots, cfg.seed),
+        cfg.law,
+        compensation=compensation,
+    )
+
+
 def drive(
     policy: Driver,
     contract: Contract,
@@ -263,27 +294,12 @@ def drive(
     policy: its batch (cfg.num_robots,), robot i at level i of `cfg.robot_levels`; compensation: see `Rollout`; threads
     do not change the result. Raises `StictionError` where the robot or delay does not fit, or for too many at once.
     """
-    from stiction.evaluation.rollout import Rollout, friction_at
-
     if cfg.num_robots * cfg.duration > MAX_ROBOT_SECONDS:
         raise ConfigurationError(
             f"{cfg.num_robots} robots at once for {cfg.duration:g} s each are more than {MAX_ROBOT_SECONDS:g} "
             "robot-seconds; give fewer levels, commands or episodes, or shorter ones"
         )
-    streams = seed_streams(cfg.seed, [f"episode {number}" for number in cfg.numbers])
-    rollout = Rollout(
-        contract,
-        policy,
-        spec,
-        friction_at(contract, cfg.robot_levels, cfg.law),
-        list(streams.values()),
-        threads,
-        cfg.noise,
-        cfg.action_delay,
-        cfg.course.terrain(cfg.num_robots, cfg.seed),
-        cfg.law,
-        compensation=compensation,
-    )
+    rollout = make_rollout(policy, contract, spec, cfg, threads, compensation)
     velocity, period = cfg.robot_commands, rollout.fleet.control_period
     commands: Commands = velocity
     if not cfg.course.is_flat:

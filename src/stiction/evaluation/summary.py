@@ -66,6 +66,12 @@ def other_limits(bundles: Sequence[Bundle]) -> dict[str, str]:
     return found
 
 
+def commands_for(bundles: Sequence[Bundle]) -> tuple[str, ...]:
+    """Return the labels of the command set, scaled to what all these policies were trained for."""
+    ranges = [bundle.contract.command_range or {} for bundle in bundles]
+    return scaled_commands([min(max(map(abs, own.get(axis, (FASTEST,)))) for own in ranges) for axis in COMMANDS])
+
+
 def evaluate_all(
     bundles: Sequence[Bundle],
     cfg: GridCfg,
@@ -79,9 +85,7 @@ def evaluate_all(
     The commands `all` are scaled to what the policies were trained for; on each axis the smallest range counts.
     """
     if cfg.base.commands == (EVERY,):
-        ranges = [bundle.contract.command_range or {} for bundle in bundles]
-        reach = [min(max(map(abs, own.get(axis, (FASTEST,)))) for own in ranges) for axis in COMMANDS]
-        cfg = replace(cfg, base=replace(cfg.base, commands=scaled_commands(reach)))
+        cfg = replace(cfg, base=replace(cfg.base, commands=commands_for(bundles)))
     check_names([bundle.name for bundle in bundles])
     origin, start = Origin.now(), time.perf_counter()
     done = walk_grid(bundles, cfg, out, jobs, robot, progress)

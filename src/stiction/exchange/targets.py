@@ -49,7 +49,10 @@ Target = Literal[
 ]
 
 
-OWN_PATTERNS = ("isaaclab", "isaaclab_newton", "mjlab")
+ISAAC_LAB = ("isaaclab", "isaaclab_newton")
+"""Targets whose patterns of joint names are regular expressions."""
+
+OWN_PATTERNS = (*ISAAC_LAB, "mjlab")
 """Targets whose trainer matches patterns of joint names itself."""
 
 
@@ -90,7 +93,7 @@ class ConvertOptions:
             if value is not None and not (isfinite(value) and value > 0):
                 raise ConfigurationError(f"{name} {value}: expected a positive number")
         check_effects(self)
-        for pair in self.joint_map if self.to in OWN_PATTERNS[:2] else ():
+        for pair in self.joint_map if self.to in ISAAC_LAB else ():
             try:
                 re.compile(pair.partition("=")[2])
             except re.error as error:

@@ -28,8 +28,8 @@ EIGHTH = 27073855011448406493182252872256587889368042675753135194637436097503034
 """y of points of order 8: the root of d y⁴ + 2 y² = 1, where d is the curve's constant."""
 
 SMALL_ORDER = frozenset((0, 1, PRIME - 1, EIGHTH, PRIME - EIGHTH))
-"""y of the eight points whose order divides 8 (RFC 8032, section 5.1): a public key there proves nothing, since whoever
-likes can make a signature that it accepts."""
+"""y of the eight points whose order divides 8 (RFC 8032, section 5.1). As public keys they prove nothing: anybody can
+make a signature that they accept."""
 
 MOST_BYTES = 2**14
 """Size of the largest key file that is read."""

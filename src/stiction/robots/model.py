@@ -212,7 +212,7 @@ class Robot:
     mirror_names: tuple[str, ...] | None = None
     """For each joint the name of its left-right image, where somebody said so; else it is found (`mirror`)."""
     gait_period: float | None = None
-    """Time of one stride, of which a clock tells the policy [s]; None: it has no clock."""
+    """Period of the gait clock, one stride, whose phase the policy observes [s]; None without a clock."""
 
     def __post_init__(self) -> None:
         """Refuse a robot that could not be built."""

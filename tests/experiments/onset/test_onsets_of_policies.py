@@ -104,7 +104,7 @@ def test_others_are_predicted() -> None:
     rows = [a_row(robot, seed, 0.1, 0.4) for robot in ("saturn_lite", "go1") for seed in (10, 11)]
     rows = [replace(row, **dict.fromkeys(set(AXES) - {"dead_band_worst"}, 1.0 + (row.robot == "go1"))) for row in rows]
     other = a_row("g1", 3, None, 0.4, method="imported", reach=0.7, relative_onset=0.08)
-    sheet = predictions_sheet(ordered([other, *rows]), relative=False)
+    sheet = predictions_sheet(ordered([other, *rows]), choose(conditions_of(rows)))
     assert sheet is not None and sheet.rows == (("g1-s3", "imported", "0.70", "10.0%", "8.0%", "+25%"),)
 
 

@@ -67,6 +67,7 @@ class Safety:
         self._lost: deque[np.ndarray] = deque(maxlen=1 + max(1, round(LOST_SECONDS / period)))
         self._said: set[str] = set()
         self._losses: deque[tuple[float, float, float]] = deque(maxlen=1 + LOSS_PARTS)
+        self._asked, self._losses_from = math.nan, -math.inf
 
     def reset(self) -> None:
         """Forget all earlier readings."""
@@ -78,9 +79,9 @@ class Safety:
         self._command = command
 
     def finite(self, state: RobotState) -> Violation | None:
-        """Return that a state has a number that is none, beside its sensors, None where it has none.
+        """Return the first field, other than the sensors, with a NaN or infinity; None if all are finite.
 
-        What is NaN as a whole is not said by this robot, unless it has said it before.
+        A field that is NaN in all its entries counts only after it has once been finite: many robots lack some fields.
         """
         for name in BESIDE:
             values = np.atleast_1d(getattr(state, name))
@@ -98,10 +99,18 @@ class Safety:
     def losses(self, bad: float, sent: float, now: float) -> Violation | None:
         """Return that too many states of the last second were lost, came twice, or behind a newer one.
 
-        bad: number of those; sent: of all that the robot sent; both counted up; now: on the caller's clock [s].
+        bad: number of those; sent: of all that the robot sent; both counted up; now: on the caller's clock [s]. To be
+        asked every few milliseconds: what is lost while the caller does not ask overran its own queue, which is no
+        fault of the link, and the second begins anew.
         """
-        if self._losses and now - self._losses[-1][0] < LOSS_SECONDS / LOSS_PARTS:
+        part, asked, self._asked = LOSS_SECONDS / LOSS_PARTS, self._asked, now
+        if now - asked > part:
+            self._losses.clear()
+            # What a queue that was full did not take is found missing with the first state behind it.
+            self._losses_from = now + part
+        if now < self._losses_from:
             return None
+        self._losses_from = now + part
         self._losses.append((now, bad, sent))
         _, bad_before, sent_before = self._losses[0]
         share = (bad - bad_before) / max(1.0, sent - sent_before)

@@ -1,4 +1,4 @@
-"""Which messages are new states, and when each was measured, on a clock that nobody sets.
+"""Tells new states from repeated and late ones, and gives each the time of its measurement on a monotonic clock.
 
 A network delivers a state twice, behind a newer one, or not at all, and a robot's clock is set while it walks. None of
 that stops a run by itself: what is not new is counted and ignored, and where the clock was set the time goes on as if
@@ -90,11 +90,11 @@ class Arrivals:
         monotonic: float = math.nan,
         content: object = None,
     ) -> float | None:
-        """Return when a state was measured [s], on a clock that nobody sets; None: it is not new, and is to be ignored.
+        """Return the time at which a state was measured [s], on a monotonic clock; None if it is not a new state.
 
         stamp: by the robot's clock [s], which may be set; arrival: on our own monotonic clock [s]; number: of the
-        robot's messages, where they are numbered; monotonic: by a clock of the robot that is never set [s], where it
-        says one; content: what to compare messages of one stamp by. A time that is not finite is returned as it is.
+        robot's messages, where they are numbered; monotonic: by a monotonic clock of the robot [s], where it says
+        one; content: what to compare messages of one stamp by. A time that is not finite is returned as it is.
         """
         if not math.isfinite(stamp):
             return stamp
@@ -124,7 +124,7 @@ class Arrivals:
         """Return whether a message without a number is newer than those before it."""
         if math.isnan(self._stamp):
             return True
-        # A clock that nobody sets decides, where there is one and it goes.
+        # The robot's monotonic clock decides, if it has one that runs.
         ahead = monotonic - self._monotonic
         if math.isnan(ahead) or ahead == 0:
             ahead = stamp - self._stamp

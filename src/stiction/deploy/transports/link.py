@@ -29,7 +29,7 @@ class RobotState:
     number: int
     """Of its messages, from 1 on."""
     time: float
-    """On the robot's own clock, as if nobody had set it [s]."""
+    """On the robot's own clock, without the steps of that clock [s]."""
     sensors: Sensors
     """IMU and encoders: quaternion (4,), angular velocity (3,), joint angles and velocities (J,)."""
     acceleration: np.ndarray

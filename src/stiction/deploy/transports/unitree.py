@@ -39,8 +39,7 @@ PITCH_ROLL = 0
 MOTORS_TIMED_OUT = 0x80
 
 TICK = 1e-3
-"""Unit of `tick`, which the robot counts since it was switched on, and which nobody sets [s]; a simulator may leave it
-at 0."""
+"""Unit of `tick`, the robot's monotonic count since it was switched on [s]; a simulator may leave it at 0."""
 
 TICKS = 2**32
 """Number of ticks after which they begin again."""
