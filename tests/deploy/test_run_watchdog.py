@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
+import time
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -14,11 +19,16 @@ import pytest
 from deployed import CONTRACT, PERIOD, SHORT, STANDING, state
 from stiction.core.errors import RobotError
 from stiction.deploy.control import JointCommand
+from stiction.deploy.runtime.config import OperatorCfg
+from stiction.deploy.runtime.operator import Operator
 from stiction.deploy.runtime.processes import UNWATCHED, Watchdog, watchdog_process
+from stiction.deploy.runtime.report import Timing
+from stiction.deploy.runtime.runtime import Injected, _Loop
+from stiction.deploy.runtime.supervisor import Stage, Supervisor
 from stiction.deploy.runtime.watchdog import ACTED, AGAIN, BEAT, HEARD, LIMIT, LOOK, LOOKED, Takeover, Vigil
 from stiction.deploy.transports.link import RobotState
 from stiction.deploy.transports.udp import UdpLink
-from stiction.files.bundle import find_bundle
+from stiction.files.bundle import find_bundle, read_bundle
 
 GAP = SHORT.gap
 
@@ -74,22 +84,29 @@ def test_it_damps_as_a_stop_does(falls_for: float, silent: bool, expected: float
         assert not command.kp.any() and not command.forward.any() and (command.kd == CONTRACT.array("kd")).all()
 
 
-def test_the_supervisor_s_end_says_what_happened() -> None:
-    """A watchdog that has ended is not missed, or one that has acted is called dead."""
-    memory = np.zeros(8)
-    watchdog = Watchdog(memory, GAP, 1)
-    memory[LOOKED] = 10.0
-    watchdog.beat(10.0, guards=False)
-    assert (memory[BEAT], memory[LIMIT]) == (10.0, 0.0) and not watchdog.acted
-    watchdog.beat(10.1, guards=True)
-    assert (memory[BEAT], memory[LIMIT]) == (10.1, GAP)
-    assert not watchdog.ended_now(10.0 + UNWATCHED) and watchdog.summary() == {"acted": False, "end": None}
-    assert watchdog.ended_now(10.1 + UNWATCHED) and not watchdog.ended_now(10.2 + UNWATCHED)
-    assert "halted" in str(watchdog.summary()["end"])
-    acted = Watchdog(memory, GAP, 1)
+def test_a_watchdog_that_acted_or_is_gone_ends_the_run() -> None:
+    """Names the rule: acted, halted, ended; a halt of the whole machine is not the watchdog's."""
+    memory, longest = np.zeros(8), UNWATCHED * GAP
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
+        watchdog = Watchdog(memory, GAP, process)
+        memory[LOOKED] = 10.0
+        watchdog.beat(10.0, guards=False)
+        assert (memory[BEAT], memory[LIMIT]) == (10.0, 0.0) and not watchdog.acted
+        watchdog.guard()
+        assert (memory[BEAT], memory[LIMIT]) == (10.0, GAP)
+        assert watchdog.broken(10.1 + longest) is None  # The supervisor made no turn either.
+        watchdog.beat(10.0 + longest, guards=True)
+        assert (memory[BEAT], memory[LIMIT]) == (10.0 + longest, GAP) and watchdog.broken(10.0 + longest) is None
+        halted, detail = watchdog.broken(10.01 + longest) or pytest.fail("it is not missed")
+        assert (halted.rule, halted.limit, detail) == ("watchdog gone", longest, "its process is halted")
+        memory[LOOKED] = 10.0 + longest
+        process.kill()
+        process.wait()
+        assert (watchdog.broken(10.0 + longest) or pytest.fail("it is not missed"))[1] == "its process has ended"
     memory[ACTED], memory[HEARD] = 20.0, 19.93
-    assert acted.acted and not acted.ended_now(30.0)
-    assert acted.silent().rule == "supervisor silent" and acted.silent().value == pytest.approx(0.07)
+    silent, _ = watchdog.broken(30.0) or pytest.fail("it is called idle")
+    assert watchdog.acted and silent.rule == "supervisor silent" and silent.value == pytest.approx(0.07)
+    watchdog.close()
 
 
 ROBOT = """
@@ -97,10 +114,10 @@ import json, socket, sys, time
 from stiction.deploy.transports.link import command_layout, command_of
 port = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 port.bind(("127.0.0.1", 0))
-port.settimeout(20)
+port.settimeout(300)
 print(port.getsockname()[1], flush=True)
 layout, numbers = command_layout(int(sys.argv[1])), []
-while len(numbers) < 20:
+while len(numbers) < int(sys.argv[2]):
     data, sender = port.recvfrom(10000)
     message = layout.unpack(data)
     if message is not None:
@@ -118,45 +135,80 @@ from stiction.deploy.transports.udp import UdpLink
 from stiction.deploy.control import JointCommand
 from stiction.files.bundle import read_bundle
 import numpy as np
-folder, port = Path(sys.argv[1]), int(sys.argv[2])
-contract = read_bundle(folder).contract
+folder, port, ending = Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3]
+bundle = read_bundle(folder)
+contract = bundle.contract
 link = UdpLink(("127.0.0.1", port), contract.joint_names, contract.anatomy.foot_names, 0.002)
 ones = np.ones(contract.num_joints)
-with watchdog_process(folder, link, SupervisorCfg(armed=True, settle=0.1, settle_limit=0.5)) as watchdog:
+cfg = SupervisorCfg(armed=True, settle=0.1, settle_limit=3.0, gap=10.0 if ending == "done" else 0.06)
+with watchdog_process(bundle, folder, link, cfg) as watchdog:
+    watchdog.beat(time.monotonic(), guards=False)
+    watchdog.guard()
     for _ in range(5):
         watchdog.sent(link.send(JointCommand(ones, ones, ones, ones)))
-    watchdog.beat(time.monotonic(), guards=True)
-    os.kill(os.getpid(), signal.Signals[sys.argv[3]])
-    time.sleep(20)
+    if ending == "done":
+        watchdog.beat(time.monotonic() - 60.0, guards=False)
+        time.sleep(1)
+        sys.exit()
+    if ending == "error":
+        raise ValueError("an error that kept the supervisor from damping")
+    os.kill(os.getpid(), signal.Signals[ending])
+    time.sleep(600)
 """
 
 
-@pytest.mark.parametrize("name", ["SIGKILL", "SIGSTOP"])
-def test_a_supervisor_that_is_killed_or_halted_is_relieved_from_its_own_port(name: str) -> None:
-    """No damping comes, it comes from a second writer, or with numbers that came before."""
-    bundle = find_bundle(Path("saturn_lite-flat-deception-0.2"))
-    words = [sys.executable, "-c", ROBOT, str(len(json.loads((bundle / "contract.json").read_text())["joint_names"]))]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as robot:
+@pytest.mark.parametrize("broken", [False, True])
+def test_only_a_robot_that_was_damped_is_guarded_no_more(broken: bool) -> None:
+    """Nobody takes over while the log is written; where the last commands were not sent, somebody does."""
+    memory, link = np.zeros(8), UdpLink(("127.0.0.1", 9), CONTRACT.joint_names, (), PERIOD)
+    memory[LOOKED] = np.inf
+    watchdog = Watchdog(memory, GAP, SimpleNamespace(pid=os.getpid(), poll=lambda: None))  # type: ignore[arg-type]
+    supervisor, operator = Supervisor(CONTRACT, SHORT, PERIOD, time.monotonic()), Operator(OperatorCfg(), 0.0)
+    # It walks, and no policy answers: it is stopped.
+    supervisor.stage = Stage.RUN
+    if broken:
+        link.send = Mock(side_effect=ValueError("no way"))  # type: ignore[method-assign]
+    loop = _Loop(supervisor, link, None, None, None, watchdog, operator, Timing(), Injected(), lambda text: None)
+    with suppress(ValueError):
+        loop.run(np.zeros(3))
+    assert supervisor.stop_record is not None and memory[LIMIT] == (GAP if broken else 0.0)
+    link.close()
+    watchdog.close()
+
+
+BUNDLE = find_bundle(Path("saturn_lite-flat-deception-0.2"))
+
+
+@pytest.mark.parametrize("ending", ["SIGKILL", "SIGSTOP", "error", "done"])
+def test_a_supervisor_that_did_not_damp_is_relieved_from_its_own_port(ending: str) -> None:
+    """Damping comes from its port, with the numbers behind its last, and the watchdog ends; none after a proper end."""
+    words = [str(read_bundle(BUNDLE).contract.num_joints), "5" if ending == "done" else "20"]
+    with subprocess.Popen([sys.executable, "-c", ROBOT, *words], stdout=subprocess.PIPE, text=True) as robot:
         assert robot.stdout is not None
         port = robot.stdout.readline().strip()
-        command = [sys.executable, "-c", SUPERVISOR, str(bundle), port, name]
-        supervisor = subprocess.Popen(command, stderr=subprocess.PIPE)
+        command = [sys.executable, "-c", SUPERVISOR, str(BUNDLE), port, ending]
+        supervisor = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
         heard = json.loads(robot.stdout.readline())
-        supervisor.kill()
-        supervisor.communicate()
-    assert [stiff for _, stiff, _ in heard] == 5 * [True] + 15 * [False]
-    assert [number - heard[0][0] for number, _, _ in heard] == list(range(20))
+        if ending.startswith("SIG"):
+            supervisor.kill()
+        # To its end of file, which is there once the watchdog, which has the same standard error, has ended too.
+        errors = supervisor.communicate()[1]
+    assert [stiff for _, stiff, _ in heard] == 5 * [True] + (len(heard) - 5) * [False]
+    assert [number - heard[0][0] for number, _, _ in heard] == list(range(len(heard)))
     assert len({sender for _, _, sender in heard}) == 1
+    assert errors.count("the watchdog damped the robot") == (ending != "done"), errors
 
 
 def test_a_watchdog_that_does_not_come_up_refuses_the_run(tmp_path: Path) -> None:
-    """A run begins that nobody guards, though its transport would let it be guarded."""
-    link = UdpLink(("127.0.0.1", 9), CONTRACT.joint_names, (), PERIOD)
-    with (
-        pytest.raises(RobotError, match=r"the watchdog did not come up: .*nowhere"),
-        watchdog_process(tmp_path / "nowhere", link, SHORT),
-    ):
-        raise AssertionError("it came up")
-    with watchdog_process(tmp_path / "nowhere", link, replace(SHORT, armed=False)) as none:
+    """Refuses a bundle that is gone, or another one since it was checked; unarmed, nothing is guarded."""
+    link, bundle = UdpLink(("127.0.0.1", 9), CONTRACT.joint_names, (), PERIOD), read_bundle(BUNDLE)
+    changed = replace(bundle, digest="0" * 64)
+    for checked, folder, said in ((bundle, tmp_path / "nowhere", "nowhere"), (changed, BUNDLE, "has changed since")):
+        with (
+            pytest.raises(RobotError, match=f"the watchdog did not come up: .*{said}"),
+            watchdog_process(checked, folder, link, SHORT),
+        ):
+            raise AssertionError("it came up")
+    with watchdog_process(bundle, tmp_path / "nowhere", link, replace(SHORT, armed=False)) as none:
         assert none is None
     link.close()

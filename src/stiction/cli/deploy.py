@@ -181,8 +181,6 @@ def main(arguments: list[str]) -> int:
         print(_text(report), end="")
     if report["log_end"] is not None:
         said.insert(0, f"its log is not whole: {report['log_end']}")
-    if report["watchdog"] is not None and report["watchdog"]["end"] is not None:
-        said.append(f"nobody watched the supervisor to the end: {report['watchdog']['end']}")
     if said or report["stop"] is not None:
         print(f"stiction deploy: {'; '.join([report['end'], *said])}", file=sys.stderr)
         return 128 + report["signal"] if report.get("signal") else 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import secrets
 import select
@@ -45,11 +46,12 @@ from stiction.files.run_log import LOG, RunLogHeader, check_empty, write_run_hea
 WRITING_SECONDS = 10.0
 """Longest time in which the rest of the log is written, after the robot was damped [s]."""
 
-WATCHDOG_SECONDS = 30.0
-"""Longest time in which the watchdog comes up [s]."""
+WATCHDOG_SECONDS, ENDING_SECONDS = 60.0, 1.0
+"""Longest time in which the watchdog comes up, and in which it ends once it has damped a robot [s]."""
 
-UNWATCHED = 1.0
-"""Time since the watchdog looked last from which on nobody watches [s]: it looks a hundred times a second."""
+UNWATCHED = 20.0
+"""Time since the watchdog's last look from which on it is halted, in longest silences of the supervisor: 1.2 s by
+default, in which it looks a hundred times."""
 
 LAST_WORDS = 2000
 """Characters of a process's errors that are kept."""
@@ -120,11 +122,11 @@ class Death:
 class Watchdog:
     """The watchdog's process, as the supervisor sees it: told that it goes on, and asked whether it was relieved."""
 
-    def __init__(self, memory: np.ndarray, silence: float, pid: int) -> None:
-        """memory: shared with its process `pid`, see `runtime.watchdog`; silence: longest between two beats [s]."""
-        self._memory, self._silence, self.pid = memory, silence, pid
-        self.end: str | None = None
-        """Why nobody watches any more, in words; None: somebody does."""
+    def __init__(self, memory: np.ndarray, silence: float, process: subprocess.Popen[bytes]) -> None:
+        """memory: shared with its process, see `runtime.watchdog`; silence: longest between two beats [s]."""
+        self._memory, self._silence, self.pid = memory, silence, process.pid
+        self._death = Death(process)
+        self.close = self._death.close
 
     @property
     def acted(self) -> bool:
@@ -137,29 +139,35 @@ class Watchdog:
         self._memory[BEAT] = now
         self._memory[LIMIT] = self._silence if guards else 0.0
 
+    def guard(self) -> None:
+        """Have the watchdog damp from now on: before the first command with gains, not one turn behind it."""
+        self._memory[LIMIT] = self._silence
+
     def sent(self, number: int) -> None:
         """Note the number of the last command: the watchdog's go on behind it."""
         self._memory[NUMBER] = number
 
-    def silent(self) -> Violation:
-        """Return why the run was ended by the watchdog."""
-        silence = float(self._memory[ACTED] - self._memory[HEARD])
-        return Violation("supervisor silent", None, silence, self._silence, "s")
+    def broken(self, now: float) -> tuple[Violation, str] | None:
+        """Return the rule that ends the run, and more about it: the watchdog has acted, or watches no more.
 
-    def ended_now(self, now: float) -> bool:
-        """Return True once: when the watchdog is first found to look no more. Never waits."""
-        if self.end is not None or self.acted or now - self._memory[LOOKED] <= UNWATCHED:
-            return False
-        self.end = "the watchdog has ended, or is halted"
-        return True
-
-    def summary(self) -> dict[str, Any]:
-        """Return what the report has of the watchdog."""
-        return {"acted": self.acted, "end": self.end}
+        To be asked before `beat`; never waits. What was not looked at while the supervisor made no turn is not judged:
+        the whole machine may have been halted.
+        """
+        if self.acted:
+            silence = float(self._memory[ACTED] - self._memory[HEARD])
+            return Violation(
+                "supervisor silent", None, silence, self._silence, "s"
+            ), "the watchdog has damped the robot"
+        if self._death.seen():
+            return Violation("watchdog gone", None, math.nan, math.nan), "its process has ended"
+        unseen, longest = float(now - self._memory[LOOKED]), UNWATCHED * self._silence
+        if unseen > longest and now - self._memory[BEAT] <= self._silence:
+            return Violation("watchdog gone", None, unseen, longest, "s"), "its process is halted"
+        return None
 
 
 @contextmanager
-def watchdog_process(folder: Path, link: Link, cfg: SupervisorCfg) -> Iterator[Watchdog | None]:
+def watchdog_process(bundle: Bundle, folder: Path, link: Link, cfg: SupervisorCfg) -> Iterator[Watchdog | None]:
     """Start the watchdog of an armed run, where the transport has a second way to the robot.
 
     Raises `RobotError` where it does not come up: nothing was sent.
@@ -171,7 +179,8 @@ def watchdog_process(folder: Path, link: Link, cfg: SupervisorCfg) -> Iterator[W
     try:
         settings = json.dumps({"cfg": asdict(cfg), "spare": vars(link.spare)})
         # Its one line is for people whose supervisor is gone, and goes where that one's lines went.
-        started = beside("watchdog", [folder, file, settings], 1, (file, *link.spare.files), errors=None)
+        words = [folder, bundle.digest, file, settings]
+        started = beside("watchdog", words, 1, (file, *link.spare.files), errors=None)
         with started as (end, process):
             memory = mapped(file)
             said = end.recv(1000) if select.select([end], [], [], WATCHDOG_SECONDS)[0] else b""
@@ -180,9 +189,14 @@ def watchdog_process(folder: Path, link: Link, cfg: SupervisorCfg) -> Iterator[W
                 raise RobotError(f"the watchdog did not come up: {why}")
             link.know(said.removeprefix(READY).decode())
             try:
-                yield Watchdog(memory, cfg.gap, process.pid)
+                yield (watchdog := Watchdog(memory, cfg.gap, process))
             finally:
+                # Guarded to the last: an error kept the supervisor from damping, and the watchdog does so now.
+                if memory[LIMIT] > 0.0:
+                    with suppress(subprocess.TimeoutExpired):
+                        process.wait(cfg.gap + cfg.settle_limit + ENDING_SECONDS)
                 memory[LIMIT] = OVER
+                watchdog.close()
     finally:
         os.close(file)
 
@@ -252,7 +266,7 @@ def logging_process(
     )
     write_run_header(log, header)
     keep = round(60 * cfg.keep_minutes / PART_SECONDS)
-    words = [log, keep, len(link.foot_names), folder]
+    words = [log, keep, len(link.foot_names), folder, bundle.digest]
     with beside("recorder", words, 1) as (end, process):
         readings = row_layout(contract.num_joints, len(link.foot_names))
         logger = Logger(Rows(Channel(end, readings), readings), process)

@@ -104,7 +104,7 @@ def run(
             words = [folder, bundle.digest, int(injected.obeyed)]
             end, policy = stack.enter_context(beside("policy_process", words, 1))
             channel = Channel(end, *layouts)
-        watchdog = stack.enter_context(watchdog_process(folder, link, cfg.supervisor))
+        watchdog = stack.enter_context(watchdog_process(bundle, folder, link, cfg.supervisor))
         if watchdog is None and cfg.supervisor.armed:
             say("no watchdog over this transport: if this process is killed or halted, the robot must damp by itself")
         logger = stack.enter_context(logging_process(bundle, folder, link, cfg, source))
@@ -128,7 +128,7 @@ def run(
     log = {"log": None, "log_lost": 0, "log_end": None} if logger is None else logger.summary()
     of_run = {"armed": cfg.supervisor.armed, "stage": supervisor.stage.name.lower(), "sent": loop.sent_at}
     of_run |= {"signal": loop.signal, "damped_seconds": loop.damped_seconds}
-    of_run |= {"watchdog": None if watchdog is None else watchdog.summary()}
+    of_run |= {"watchdog": None if watchdog is None else {"acted": watchdog.acted}}
     counted = {name: None if np.isnan(n) else n for name, n in link.arrivals.counts.reported().items()}
     of_link = {"states": loop.states, "malformed": link.malformed, **counted, "realtime": effect or None}
     return summary(supervisor, timing, of_run | of_link | log | of_bundle)
@@ -181,6 +181,9 @@ class _Loop:
                 raise
         finally:
             gc.unfreeze()
+            # A robot that was damped needs no watchdog while the log is written; one that was not is left to it.
+            if self.damped_seconds > 0.0:
+                self._beat(time.monotonic())
         self._end()
 
     def _begin(self, velocity: np.ndarray) -> None:
@@ -230,15 +233,12 @@ class _Loop:
         self._announce()
 
     def _beat(self, now: float) -> None:
-        """Tell the watchdog that the supervisor goes on; where it has taken over meanwhile, the run is over."""
+        """Tell the watchdog that the supervisor goes on; where it has acted, or is gone, the run is over."""
         if self.watchdog is None:
             return
-        stage = self.supervisor.stage
-        if self.watchdog.acted and stage in (Stage.STAND, Stage.RUN):
-            self._stop(self.watchdog.silent(), "the watchdog has damped the robot")
-        self.watchdog.beat(now, Stage.STAND <= stage <= Stage.DAMP)
-        if self.watchdog.ended_now(now):
-            self.say(f"no watchdog from now on, the run goes on: {self.watchdog.end}")
+        if self.supervisor.stage < Stage.DAMP and (broken := self.watchdog.broken(now)) is not None:
+            self._stop(*broken)
+        self.watchdog.beat(now, Stage.STAND <= self.supervisor.stage <= Stage.DAMP)
 
     def _fail(self, error: BaseException) -> None:
         """Damp the robot after an error in this program, as long as after any stop; the error is its reason."""
@@ -247,7 +247,9 @@ class _Loop:
         until = time.monotonic() + self.supervisor.cfg.settle_limit
         while not self.supervisor.ended and time.monotonic() < until:
             time.sleep(TICK)
-            self._beat(time.monotonic())
+            # Where nothing goes out, the watchdog's way to the robot may still be open.
+            if self.damped_seconds > 0.0:
+                self._beat(time.monotonic())
             # Each by itself: if the error comes again in one, the other is done all the same.
             with suppress(Exception):
                 for state in self.link.receive():
@@ -331,8 +333,10 @@ class _Loop:
 
     def _send(self, command: JointCommand) -> None:
         """Send a command, but none with gains once the watchdog damps: it was decided before a halt."""
-        if self.watchdog is not None and self.watchdog.acted and command.kp.any():
-            return
+        if self.watchdog is not None and command.kp.any():
+            if self.watchdog.acted:
+                return
+            self.watchdog.guard()
         number = self.link.send(command)
         self.supervisor.sent(number)
         if self.watchdog is not None:

@@ -6,7 +6,7 @@ It has a way of its own to the robot (`transports.spare`), sends nothing but dam
 limit is the supervisor's own (`gap`): a supervisor that made no turn for longer stops by itself when it goes on, so
 that no run ends by the watchdog that would have gone on without it. Started as a module:
 
-    python -m stiction.deploy.runtime.watchdog BUNDLE SOCKET MEMORY SETTINGS
+    python -m stiction.deploy.runtime.watchdog BUNDLE SOCKET DIGEST MEMORY SETTINGS
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from stiction.deploy.runtime.operator import SIGNALS
 from stiction.deploy.runtime.settling import Settling
 from stiction.deploy.transports.link import Link, Spare
 from stiction.deploy.transports.spare import open_spare
-from stiction.files.bundle import read_bundle
+from stiction.files.bundle import reread_bundle
 
 BEAT, LIMIT, NUMBER, ACTED, HEARD, LOOKED = range(6)
 """Places in the shared memory. Of the supervisor: when its last turn began [s]; the longest silence [s], 0 while
@@ -133,7 +133,7 @@ def watch(memory: np.ndarray, link: Link, cfg: SupervisorCfg, kd: np.ndarray, pa
     return time.monotonic() - begin
 
 
-def main(path: str, number: str, memory: str, settings: str) -> int:
+def main(path: str, number: str, digest: str, memory: str, settings: str) -> int:
     """Watch until the run is over; return the exit status."""
     # What ends the whole group, or is sent to each of its processes, must not end this one first.
     for name in SIGNALS:
@@ -141,9 +141,9 @@ def main(path: str, number: str, memory: str, settings: str) -> int:
     limit_library_threads()
     parent, end = parents_file(), socket.socket(fileno=int(number))
     try:
-        given = json.loads(settings)
-        cfg, contract = from_plain(SupervisorCfg, given["cfg"], "settings"), read_bundle(path).contract
-        link = open_spare(Spare(**given["spare"]), contract)
+        values = json.loads(settings)
+        cfg, contract = from_plain(SupervisorCfg, values["cfg"], "settings"), reread_bundle(path, digest).contract
+        link = open_spare(Spare(**values["spare"]), contract)
     except (StictionError, OSError) as error:
         end.send(FAILED + str(error).encode())
         return 1
@@ -159,4 +159,4 @@ def main(path: str, number: str, memory: str, settings: str) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:5]))
+    sys.exit(main(*sys.argv[1:6]))
