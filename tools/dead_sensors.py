@@ -2,43 +2,55 @@
 
     python tools/dead_sensors.py --walks 40 --out results/deploy/sensors     # false alarms: 40 walks of each policy
     python tools/dead_sensors.py --faults 4 --out results/deploy/sensors     # faults: 4 of each, of each policy
+    python tools/dead_sensors.py --exchanges 2 --out results/deploy/sensors  # joints exchanged: 2 walks of each policy
 
 Each walk is a run under the supervisor on a clock of its own (`tests/helpers/lockstep.py`): as fast as the machine is,
 with the same numbers on each. A walk's seed is that of its virtual robot, of commands, friction, wear and pushes too:
 every 4 s another command, every 4 to 8 s a push of up to 0.7 m/s along each axis (0.3 of a biped), friction of 0 to
-20 % of the torque limit (10 of a biped), in every second walk worn from half to twice within it. A row a walk in
-walks.csv and faults.csv, with which a second call goes on; README.md beside them is written by hand.
+20 % of the torque limit (10 of a biped), in every second walk worn from half to twice within it. Joints of the first
+two legs are exchanged in what a walk recorded, each pair once a second. A row a walk in walks.csv and faults.csv, and
+a joint in exchanges.csv, with which a second call goes on; what they came to is in results/deploy/README.md.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import subprocess
 import sys
+import tempfile
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
+from corpus_parts import CHECKOUT, OLD
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests/helpers"))
 from lockstep import Lockstep
-from stiction.deploy.plausibility import RULES
+from stiction.deploy.control import JointCommand
+from stiction.deploy.plausibility import RULES, ReadingGuard
 from stiction.deploy.runtime.config import SafetyCfg, SupervisorCfg
+from stiction.deploy.runtime.safety import Safety
 from stiction.deploy.runtime.supervisor import Stage
+from stiction.deploy.transports.link import RobotState
 from stiction.engines.catalog import make_engine
 from stiction.files.bundle import Bundle, find_bundle, read_bundle
 from stiction.files.contract import robot_of
-from stiction.virtual.robot import Wear
+from stiction.virtual.faults import exchanged
+from stiction.virtual.robot import PERIOD, Wear
 from stiction.virtual.serve import VirtualCfg
 from stiction.virtual.trial import World
 
-ROBOTS = Path(__file__).parents[1] / "results/robots/policies"
+ROBOTS = "results/robots/policies"
 POLICIES = (
     "saturn_lite-flat-deception-0.2",
-    *(str(ROBOTS / name) for name in ("go1-flat-deception-0.2-s0", "go2-flat-deception-0.2-s0", "g1-flat-none-s0")),
+    f"{ROBOTS}/go1-flat-deception-0.2-s0",
+    f"{ROBOTS}/go2-flat-deception-0.2-s0",
 )
-"""A policy of each robot that comes with the package."""
+"""Policies of robots that come with the package; `PAST`: the G1's, which stands in git's history alone."""
+
+PAST = f"{ROBOTS}/g1-flat-none-s0"
 
 FAULTS = ("frozen-angle", "frozen-angles", "dead-gyroscope", "swapped-joints", "offset-joint", "slow-clock")
 
@@ -72,8 +84,15 @@ class Values:
         self.largest = np.maximum(self.largest, values)
 
 
-def walk(bundle: Bundle, seed: int, seconds: float, fault: str = "") -> dict[str, object]:
-    """Walk, until something is found; return a row. fault: begins once the robot walks, a second before the end."""
+Record = list[tuple[RobotState, JointCommand]]
+"""Each state of a walk, and the command that answered it."""
+
+
+def walk(bundle: Bundle, seed: int, seconds: float, fault: str = "", record: Record | None = None) -> dict[str, object]:
+    """Walk, until something is found; return a row.
+
+    fault: begins once the robot walks, a second before the end; record: takes the walk.
+    """
     spec, chance = robot_of(bundle.contract), np.random.default_rng(seed)
     biped = len(spec.foot_names) == 2
     level, speed, push = (0.1, 0.5, 0.3) if biped else (0.2, 0.8, 0.7)
@@ -101,6 +120,8 @@ def walk(bundle: Bundle, seed: int, seconds: float, fault: str = "") -> dict[str
             broken_at, started = np.inf, loop.now
         loop.step()
         values.look()
+        if record is not None and loop.newest is not None and loop.supervisor._safety._command is not None:
+            record.append((loop.newest, loop.supervisor._safety._command))
     stop = loop.supervisor.stop_record
     loop.close()
     assert stop is not None or loop.supervisor.stage is Stage.RUN
@@ -110,6 +131,43 @@ def walk(bundle: Bundle, seed: int, seconds: float, fault: str = "") -> dict[str
         late = "" if stop is None else round(1e3 * (stop.time - started), 1) if broken_at == np.inf else "before"
         return {"fault": fault} | row | {"found_ms": late}
     return row | dict(zip(SENSORS, values.largest.round(3).tolist(), strict=True))
+
+
+def is_found(bundle: Bundle, record: Record, joint: int, begin: int) -> bool:
+    """Return whether two joints, exchanged from a state of a walk on, are found in time; `joint`: see `exchanged`."""
+    steps, cfg = round(WITHIN / PERIOD), SafetyCfg()
+    guard = ReadingGuard(bundle.contract, {"velocity and angle": cfg.apart})
+    safety = Safety(bundle.contract, cfg, PERIOD)
+    for number in range(begin - steps, begin + steps):
+        state, command = record[number]
+        state = exchanged(state, joint) if number >= begin else state
+        if (guard.check(state.time, state.sensors, np.zeros(3), acting=True) or safety.check(state)) is not None:
+            assert number >= begin
+            return True
+        safety.commanded(command)
+    return False
+
+
+def exchanges(bundle: Bundle, seed: int) -> list[dict[str, object]]:
+    """Walk for 30 s and exchange each joint of the first leg with the second leg's; return a row a joint."""
+    record = Record()
+    row, second = walk(bundle, seed, 30.0, record=record), round(1.0 / PERIOD)
+    assert not row["rule"], row
+    begins = range(second, len(record) - second, second)
+    names = bundle.contract.joint_names[: len(record[0][0].joint_torque) // len(record[0][0].foot_contact)]
+    found = [sum(is_found(bundle, record, joint, begin) for begin in begins) for joint in range(len(names))]
+    return [{"robot": bundle.contract.robot, "seed": seed, "joint": name, "trials": len(begins), "within_300_ms": count}
+            for name, count in zip(names, found, strict=True)]  # fmt: skip
+
+
+def read_policies() -> list[Bundle]:
+    """Return a policy of each robot."""
+    with tempfile.TemporaryDirectory() as folder:
+        packed = subprocess.run(["git", "archive", OLD, PAST], cwd=CHECKOUT, capture_output=True, check=True)
+        subprocess.run(["tar", "x"], cwd=folder, input=packed.stdout, check=True)
+        shipped, *paths = POLICIES
+        folders = [find_bundle(Path(shipped)), *(CHECKOUT / path for path in paths), Path(folder) / PAST]
+        return [read_bundle(path, allow_record=True) for path in folders]
 
 
 def kept(file: Path) -> list[dict[str, str]]:
@@ -122,26 +180,31 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--walks", type=int, default=0, help="walks of each policy without a fault, 30 s each")
     parser.add_argument("--faults", type=int, default=0, help="walks of each policy with each fault")
+    parser.add_argument("--exchanges", type=int, default=0, help="walks of each policy in which joints are exchanged")
     parser.add_argument("--seed", type=int, default=0, help="of the first walk")
     parser.add_argument("--out", type=Path, default=Path("results/deploy/sensors"), help="folder of the tables")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
-    bundles = [read_bundle(find_bundle(Path(name)), allow_record=True) for name in POLICIES]
-    seeds = range(args.seed, args.seed + max(args.walks, args.faults))
-    wanted = [("", seed, bundle) for seed in seeds[: args.walks] for bundle in bundles]
-    wanted += [(fault, seed, bundle) for seed in seeds[: args.faults] for fault in FAULTS for bundle in bundles]
-    for fault, seed, bundle in wanted:
-        file = args.out / ("faults.csv" if fault else "walks.csv")
-        rows = kept(file)
+    bundles = read_policies()
+    seeds = range(args.seed, args.seed + max(args.walks, args.faults, args.exchanges))
+    wanted = [("walks", "", seed, bundle) for seed in seeds[: args.walks] for bundle in bundles]
+    wanted += [
+        ("faults", fault, seed, bundle) for seed in seeds[: args.faults] for fault in FAULTS for bundle in bundles
+    ]
+    wanted += [("exchanges", "", seed, bundle) for seed in seeds[: args.exchanges] for bundle in bundles]
+    for table, fault, seed, bundle in wanted:
+        file = args.out / f"{table}.csv"
+        before = kept(file)
         same = {"robot": bundle.contract.robot, "seed": str(seed)} | ({"fault": fault} if fault else {})
-        if any(same.items() <= row.items() for row in rows):
+        if any(same.items() <= row.items() for row in before):
             continue
-        row = walk(bundle, seed, 2.5 if fault else 30.0, fault)
+        exchange = table == "exchanges"
+        rows = exchanges(bundle, seed) if exchange else [walk(bundle, seed, 2.5 if fault else 30.0, fault)]
         with file.open("a", newline="", encoding="utf-8") as out:
-            writer = csv.DictWriter(out, list(row), lineterminator="\n")
-            if not rows:
+            writer = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
+            if not before:
                 writer.writeheader()
-            writer.writerow(row)
+            writer.writerows(rows)
     walks = kept(args.out / "walks.csv")
     hours = sum(float(row["seconds"]) for row in walks) / 3600
     alarms = [row for row in walks if row["rule"] in (*SENSORS, "frozen gyroscope", "clock rate")]

@@ -259,10 +259,10 @@ def _one(values: np.ndarray, value: float, place: int = 0) -> np.ndarray:
     return changed
 
 
-def _swapped(state: RobotState) -> RobotState:
-    """Return a state in which the second joint of the first two legs has the other's angle, velocity and torque."""
+def exchanged(state: RobotState, joint: int = 1) -> RobotState:
+    """Return a state in which a joint of the first two legs, by its number, has the other's angle, velocity, torque."""
     order = np.arange(len(state.joint_torque))
-    pair = [1, 1 + len(order) // len(state.foot_contact)]
+    pair = [joint, joint + len(order) // len(state.foot_contact)]
     order[pair] = pair[::-1]
     names = ("joint_position", "joint_velocity")
     sensed = {name: getattr(state.sensors, name)[order] for name in names}
@@ -329,7 +329,7 @@ OF_ROBOT: dict[str, tuple[str, Change]] = {
         lambda s, f, n: _with(s, joint_position=f.sensors.joint_position),
     ),
     "dead-gyroscope": ("the gyroscope says zero", lambda s, f, n: _with(s, angular_velocity=np.zeros(3))),
-    "swapped-joints": ("the second joints of two legs are taken for each other", lambda s, f, n: _swapped(s)),
+    "swapped-joints": ("the second joints of two legs are taken for each other", lambda s, f, n: exchanged(s)),
     "offset-joint": (
         "a joint's angle is off by 0.15 rad at once",
         lambda s, f, n: _with(s, joint_position=_one(s.sensors.joint_position, s.sensors.joint_position[1] + 0.15, 1)),
