@@ -58,7 +58,7 @@ EXPECTED = {
     "tilt": {"orientation jump"},
     "tilting": {"predicted tilt", "attitude and gyroscope"},
     "joint-speed": {"joint rate"},
-    "torque": {"torque"},
+    "torque": {"torque", "torque and command"},
     "temperature": {"temperature"},
     "flailing": {"flailing", "velocity and angle", "joint rate"},
     "motor-lost": {"motor lost"},
