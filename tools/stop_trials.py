@@ -123,7 +123,7 @@ def udp_robot(contract: Contract, seed: int, lossy: bool, realtime: bool) -> Non
     port.setblocking(False)
     print(json.dumps({"port": port.getsockname()[1]}), flush=True)
     body, peer, taken, gains, joined = Body(contract.array("standing")), None, np.nan, np.zeros((2, joints)), False
-    for at in beats():
+    for number, at in enumerate(beats(), 1):
         joined = joined or at < 0
         with suppress(OSError):
             while True:
@@ -141,9 +141,9 @@ def udp_robot(contract: Contract, seed: int, lossy: bool, realtime: bool) -> Non
         zero, up = np.zeros(joints), np.array([0.0, 0.0, 9.81])
         limits = contract.array("torque_limit")
         state = RobotState(
-            1, at, sensors, up, zero, zero + 30, zero, zero, np.ones(feet), 48.0, gains[0], gains[1], limits, taken
+            number, at, sensors, up, zero, zero + 30, zero, zero, np.ones(feet), 48.0, gains[0], gains[1], limits, taken
         )
-        data = states.pack(1, at, state_vectors(state))
+        data = states.pack(number, at, state_vectors(state))
         for each in (port, second) if joined else (port,):
             each.sendto(data, peer)
     print(body.said(), flush=True)
