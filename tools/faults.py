@@ -202,7 +202,7 @@ PAGE = """# How runs are stopped
 
 {table}
 
-`{command} --out results/deploy/stops`, revision `{revision}`; rows in [stops.csv](stops.csv).
+`{command} --out {out}`, revision `{revision}`; rows in [stops.csv](stops.csv).
 
 * **Event to damping** is the time, on the machine's monotonic clock, from just before the event to when the robot's own
   process has read the first damping frame, for which it looks every 2 ms. The event: the signal is sent; the policy's

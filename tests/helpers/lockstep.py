@@ -63,7 +63,7 @@ class Lockstep:
         outs.append(supervisor.tick(self.now))
         for out in outs:
             if out is not None and out.command is not None:
-                supervisor.sent(self.link.send(out.command))
+                supervisor.sent(self.link.send(out.command), self.now)
                 self.frames.append(bool(out.command.kp.any()))
 
     def run(self, seconds: float) -> None:

@@ -338,7 +338,7 @@ class _Loop:
                 return
             self.watchdog.guard()
         number = self.link.send(command)
-        self.supervisor.sent(number)
+        self.supervisor.sent(number, time.monotonic())
         if self.watchdog is not None:
             self.watchdog.sent(number)
 

@@ -137,6 +137,7 @@ class Supervisor:
         self._answered, self._asked, self._commanded = now, now, now
         self._answer: tuple[np.ndarray, Limited] | None = None
         self._ours: tuple[float, float] = (math.nan, math.nan)
+        self._sent = -math.inf
         self._remote, self._ran, self._position, self._period = False, 0.0, standing, period
         self._turned, self._framed = math.nan, now
         self._settling = Settling(cfg, contract.num_joints, now)
@@ -158,10 +159,10 @@ class Supervisor:
         """Take a velocity command, judged with the next state; `remote`: from somewhere that can be lost."""
         self.velocity, self._commanded, self._remote = np.array(velocity, float), now, remote
 
-    def sent(self, number: float) -> None:
-        """Remember the number with which a command was sent."""
+    def sent(self, number: float, now: float) -> None:
+        """Remember the number with which a command was sent, and when."""
         first = number if math.isnan(self._ours[0]) else self._ours[0]
-        self._ours = (first, number)
+        self._ours, self._sent = (first, number), now
 
     def policy_waits(self, now: float) -> None:
         """Note that the policy's process is there and waits for a reading."""
@@ -385,7 +386,7 @@ class Supervisor:
         gains = self.cfg.armed and (acting or (self.stage is Stage.STAND and now - self._since > GAINS_AFTER))
         kp, kd = (_said(values) if gains and self._source is None else None for values in (state.kp, state.kd))
         found = compare_drive(self.contract, kp, kd, _said(state.torque_limit))
-        return found[0] if found else self._safety.check(state)
+        return found[0] if found else self._safety.check(state, answers=now - state.age > self._sent)
 
 
 def _said(values: np.ndarray) -> np.ndarray | None:
