@@ -271,7 +271,9 @@ def exchanged(state: RobotState, joint: int = 1) -> RobotState:
 
 def _turned(state: RobotState, angle: float, rate: float) -> RobotState:
     """Return a state that leans by an angle about the base's x axis, and turns at a rate beside what it did."""
-    turning = state.sensors.angular_velocity + (rate, 0.0, 0.0)  # With its noise: a gyroscope without is a dead one.
+    turning = np.add(
+        state.sensors.angular_velocity, (rate, 0.0, 0.0)
+    )  # With its noise: a gyroscope without is a dead one.
     return _with(state, quaternion=about(0, angle), angular_velocity=turning)
 
 
