@@ -194,7 +194,7 @@ def stops(trials: int, out: Path, situations: list[str], how: str) -> None:
     write_text(out / "stops.csv", text.getvalue())
     command = f"python tools/faults.py --stops --trials {trials}{f' --{how}' if how else ''}"
     command += f" --situations {' '.join(map(repr, situations))}" if situations else ""
-    write_text(out / "README.md", PAGE.format(command=command, revision=git_revision(), table=judge(rows)))
+    write_text(out / "README.md", PAGE.format(command=command, out=out, revision=git_revision(), table=judge(rows)))
     print(judge(rows))
 
 
