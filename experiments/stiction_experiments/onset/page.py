@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
 from stiction.core.provenance import seed_streams
+from stiction.files.onset import AXES, LEAST, SCHEMA_VERSION, OnsetCondition, OnsetEvidence
+from stiction.files.plain import write_object
 from stiction.report.page import Section, Sheet, figure_block, legend, line_look, mark_look, new_figure
+from stiction.robots.catalog import find_robot
 from stiction_experiments.lab.study import Report
-from stiction_experiments.onset.measure import LEAST, OnsetRow, ReachRow, worst
+from stiction_experiments.onset.measure import OnsetRow, ReachRow, worst
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,21 +25,6 @@ CONDITIONS = (
     *("go1", "go2"),
 )
 """Robots and gains that choose the axis, trained without friction."""
-
-AXES = {
-    "torque_limit": "f / τ_max",
-    "dead_band_worst": "f / kp [rad], worst joint",
-    "dead_band_mean": "f / kp [rad], mean",
-    "weight_worst": "f / (weight × height), worst joint",
-    "weight_mean": "f / (weight × height), mean",
-    "targets_worst": "f / (kp × rms of targets), worst joint",
-    "targets_mean": "f / (kp × rms of targets), mean",
-    "motion_worst": "f / (kp × rms of angles), worst joint",
-    "motion_mean": "f / (kp × rms of angles), mean",
-    "torque_worst": "f / rms of torque, worst joint",
-    "torque_mean": "f / rms of torque, mean",
-}
-"""Axis -> its text, what needs less knowledge first."""
 
 FEWEST, CLOSE, SAMPLES = 2, 1.1, 1000
 """Seeds that a condition needs; ratio of spreads under which the axis of less knowledge is taken; samples of seeds."""
@@ -77,13 +66,13 @@ def onset_of(row: OnsetRow, relative: bool) -> float | None:
     return row.relative_onset if relative else row.onset
 
 
-def conditions_of(rows: Sequence[OnsetRow], relative: bool = False) -> dict[str, list[OnsetRow]]:
-    """Return the conditions that have at least `FEWEST` seeds with an onset."""
+def conditions_of(rows: Sequence[OnsetRow], relative: bool = False, fewest: int = FEWEST) -> dict[str, list[OnsetRow]]:
+    """Return the conditions that have enough seeds with an onset."""
     found: dict[str, list[OnsetRow]] = {}
     for row in rows:
         if row.method == "none" and row.robot in CONDITIONS and onset_of(row, relative) is not None:
             found.setdefault(row.robot, []).append(row)
-    return {name: own for name, own in found.items() if len(own) >= FEWEST}
+    return {name: own for name, own in found.items() if len(own) >= fewest}
 
 
 def on_axis(rows: Sequence[OnsetRow], axis: str, relative: bool = False) -> float:
@@ -120,6 +109,27 @@ def choose(conditions: Onsets, relative: bool = False, samples: int = SAMPLES) -
     middle = median(on_axis(own, axis, relative) for own in conditions.values())
     by_spread = dict(sorted(spreads.items(), key=lambda item: item[1]))
     return Choice(conditions, relative, axis, by_spread, middle, same / samples)
+
+
+def best_choice(rows: Sequence[OnsetRow]) -> Choice | None:
+    """Return the choice by the onset, or by the relative one where more conditions have that; None of under two.
+
+    While a condition has a single seed, all count with what they have.
+    """
+    each = {relative: conditions_of(rows, relative, 1) for relative in NAMES}
+    relative = len(each[True]) > len(each[False])
+    return choose(each[relative], relative) if len(each[relative]) > 1 else None
+
+
+def evidence_of(choice: Choice, provenance: Mapping[str, str]) -> OnsetEvidence:
+    """Return what predicts the onset of other policies. provenance: `command` and `revision` of the study."""
+    conditions = []
+    for name, own in choice.conditions.items():
+        levels = [onset_of(row, choice.relative) or 0.0 for row in own]
+        values = [level * getattr(row, choice.axis) for level, row in zip(levels, own, strict=True)]
+        feet = len(find_robot(name).feet)
+        conditions.append(OnsetCondition(name, feet, own[0].dead_band_mean, tuple(levels), tuple(values)))
+    return OnsetEvidence(choice.axis, choice.relative, choice.again, tuple(conditions), **provenance)
 
 
 def choice_text(choice: Choice) -> str:
@@ -229,8 +239,10 @@ def draw(rows: Sequence[OnsetRow], reaches: Sequence[ReachRow], axis: str) -> Fi
     return figure
 
 
-def report(rows: Sequence[OnsetRow], reaches: Sequence[ReachRow], settings: dict[str, Any]) -> Report:
-    """Return the report of the study."""
+def report(
+    rows: Sequence[OnsetRow], reaches: Sequence[ReachRow], settings: dict[str, Any], provenance: Mapping[str, str] = {}
+) -> Report:
+    """Return the report of the study. provenance: `command` and `revision`, for evidence.json."""
     each = {relative: conditions_of(rows, relative) for relative in NAMES}
     choices = {relative: choose(own, relative) if len(own) > 1 else None for relative, own in each.items()}
     made = [choice for choice in choices.values() if choice is not None]
@@ -241,6 +253,13 @@ def report(rows: Sequence[OnsetRow], reaches: Sequence[ReachRow], settings: dict
     figure = draw(rows, reaches, made[0].axis) if made and reaches else None
     answer = lead(choices)
     picture = () if figure is None else (figure_block(figure, "Worst reach over friction, trained without friction."),)
+    evidence = best_choice(rows)
+
+    def write_evidence(out: Path) -> None:
+        if evidence is not None:
+            plain = asdict(evidence_of(evidence, provenance))
+            write_object(out / "evidence.json", {"schema_version": SCHEMA_VERSION} | plain)
+
     return Report(
         title="Which number says how much friction is too much?",
         lead=answer,
@@ -249,4 +268,5 @@ def report(rows: Sequence[OnsetRow], reaches: Sequence[ReachRow], settings: dict
         summary=settings | {"lead": answer},
         figures={"onset": figure},
         sheets=sheets,
+        files=write_evidence,
     )

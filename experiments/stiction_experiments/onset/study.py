@@ -12,9 +12,9 @@ from stiction.core.records import read_rows, write_rows
 from stiction_experiments.lab.study import Options, Report, Study, UsageError, Work
 
 DESCRIPTION = """Walk policies under more and more joint friction until the worst of their fast commands falls
-under 0.8, and show these onsets on six axes: friction over torque limit, over the gain kp, over what targets and joints
-move, over the torque of walking, over the robot's weight. The axis on which robots and gains lie closest is the number
-that carries.
+under 0.8, and show these onsets on seven axes: friction over torque limit, over the gain kp, over what targets and
+joints move, over the torque and the work of walking, over the robot's weight. The axis on which robots and gains lie
+closest is the number that carries.
 
 A policy takes a minute of one core. Policies of before that are in --out stay, and are not walked again: the
 same command goes on, and more policies can be added.
@@ -60,7 +60,8 @@ def run(options: OnsetOptions, work: Work) -> Report:
             # A stop loses the policy that walks.
             write_rows(options.out / "onsets.csv", onsets)
             write_rows(options.out / "reach.csv", reaches)
-    return report(onsets, reaches, {"seconds": work.seconds})
+    made_by = {name: work.provenance[name] for name in ("command", "revision")}
+    return report(onsets, reaches, {"seconds": work.seconds}, made_by)
 
 
 STUDY = Study(
@@ -68,5 +69,5 @@ STUDY = Study(
     DESCRIPTION,
     OnsetOptions,
     run,
-    results=("onsets.csv", "reach.csv", "onset.png"),
+    results=("onsets.csv", "reach.csv", "evidence.json", "onset.png"),
 )
