@@ -5,14 +5,15 @@ The criteria are in `results/onset/criteria.md`, and older than every row.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from statistics import fmean
 
 import numpy as np
 
 from stiction.core.records import column
 from stiction.evaluation.evaluate import EvaluationCfg, evaluate_bundle
-from stiction.evaluation.onset import fast_commands, onset, walk_motion, worst_reach
+from stiction.evaluation.onset import fast_commands, onset, reach_by_level, walk_motion
 from stiction.evaluation.policies import method_of
 from stiction.evaluation.summary import commands_for
 from stiction.files.bundle import Bundle
@@ -23,6 +24,9 @@ from stiction.virtual.drive import unheard
 
 GRID = (0.0, *(0.01 * 2 ** (step / 2) for step in range(13)))
 """Friction at which a policy is walked, as a share of the torque limit: none, and 1 to 64 % by factors of √2."""
+
+STANDS = 0.5
+"""Mean reach over that without friction under which a policy stands in its friction [1]."""
 
 EPISODES, SECONDS = 4, 10.0
 """Walks of a cell, and their length [s]."""
@@ -67,6 +71,8 @@ class OnsetRow:
     or still over it at the end of the grid."""
     relative_onset: float | None = field(metadata=column("onset of 0.8 of the reach without friction", "%", form=".1%"))
     """The same, where each reach is over that of the same command without friction."""
+    standstill: float | None = field(metadata=column("half of the mean reach without friction", "%", form=".1%"))
+    """Where the mean reach, each over that without friction, falls under 0.5 [1]."""
     torque_limit: float
     """1 [1]."""
     dead_band_worst: float
@@ -104,23 +110,46 @@ def reaches(bundle: Bundle, levels: Sequence[float], commands: tuple[str, ...], 
     return rows
 
 
-def worst(rows: Sequence[ReachRow], relative: bool = False) -> dict[float, float]:
-    """Return level -> the smallest reach of its commands; `relative`: each over that without friction [1]."""
-    return worst_reach({(row.friction_level, row.command): row.reach for row in rows}, relative)
+@dataclass(frozen=True)
+class Reaches:
+    """What one policy reaches over friction: level -> reach [1], three times."""
+
+    worst: Mapping[float, float]
+    """Of the worst command."""
+    relative: Mapping[float, float]
+    """Of the worst, each over that of the same command without friction."""
+    mean: Mapping[float, float]
+    """Mean of those."""
+
+    @property
+    def walked_enough(self) -> bool:
+        """True if more friction tells nothing: all three have fallen, or were under it without friction."""
+        ends = ((self.worst, LEAST), (self.relative, LEAST), (self.mean, STANDS))
+        return all(min(reach.values(), default=0.0) < least for reach, least in ends)
+
+
+def reaches_of(rows: Sequence[ReachRow]) -> Reaches:
+    """Return what a policy reaches by its rows."""
+    cells = {(row.friction_level, row.command): row.reach for row in rows}
+    return Reaches(
+        reach_by_level(cells), reach_by_level(cells, relative=True), reach_by_level(cells, fmean, relative=True)
+    )
 
 
 def walk_onset(
-    bundle: Bundle, threads: int = 1, progress: Callable[[float], None] = unheard
+    bundle: Bundle, before: Sequence[ReachRow] = (), threads: int = 1, progress: Callable[[float], None] = unheard
 ) -> tuple[OnsetRow, list[ReachRow]]:
-    """Return where a policy stops following, with all that it reached on the way. progress: share that is done [1]."""
-    contract, commands = bundle.contract, fast_commands(commands_for([bundle]))
-    rows: list[ReachRow] = []
-    for begin in range(0, len(GRID), AT_ONCE):
-        rows += reaches(bundle, GRID[begin : begin + AT_ONCE], commands, threads)
-        progress((begin + AT_ONCE) / (len(GRID) + AT_ONCE))
-        if all(min(worst(rows, relative).values()) < LEAST for relative in (False, True)):
-            break
-    reach, motion = worst(rows), walk_motion(bundle, EvaluationCfg((0.0,), commands, EPISODES, SECONDS), threads)
+    """Return where a policy stops following and where it stands still, with all that it reached on the way.
+
+    before: what it reached already, of the lowest levels; progress: share that is done [1].
+    """
+    contract, commands, rows = bundle.contract, fast_commands(commands_for([bundle])), [*before]
+    levels = GRID[len({row.friction_level for row in rows}) :]
+    while levels and not (rows and reaches_of(rows).walked_enough):
+        rows += reaches(bundle, levels[:AT_ONCE], commands, threads)
+        levels = levels[AT_ONCE:]
+        progress(1.0 - (len(levels) + 1) / (len(GRID) + 1))
+    reach, motion = reaches_of(rows), walk_motion(bundle, EvaluationCfg((0.0,), commands, EPISODES, SECONDS), threads)
     progress(1.0)
     row = OnsetRow(
         bundle.name,
@@ -128,9 +157,10 @@ def walk_onset(
         method_of(contract),
         contract.seed,
         bundle.digest,
-        reach[0.0],
-        onset(reach),
-        onset(worst(rows, relative=True)),
+        reach.worst[0.0],
+        onset(reach.worst),
+        onset(reach.relative),
+        onset(reach.mean, STANDS),
         **axes(robot_of(contract), contract.array("kp"), contract.array("torque_limit"), motion),
     )
     return row, rows

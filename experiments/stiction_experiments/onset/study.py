@@ -40,7 +40,7 @@ class OnsetOptions(Options):
 
 def run(options: OnsetOptions, work: Work) -> Report:
     """Walk the policies that --out does not have, and judge all."""
-    from stiction_experiments.onset.measure import OnsetRow, ReachRow, walk_onset
+    from stiction_experiments.onset.measure import OnsetRow, ReachRow, reaches_of, walk_onset
     from stiction_experiments.onset.page import ordered, report
 
     onsets = read_rows(options.out / "onsets.csv", OnsetRow, optional=True)
@@ -49,10 +49,11 @@ def run(options: OnsetOptions, work: Work) -> Report:
         raise UsageError("no policy given")
     bundles = work.bundles(options.policies) if options.policies else []
     work.begin()
-    known = {row.digest for row in onsets}
+    known = {row.digest: row.policy for row in onsets}
     for bundle in bundles:
-        if bundle.digest not in known:
-            row, walked = walk_onset(bundle, work.threads, partial(work.progress, bundle.name))
+        before = [row for row in reaches if row.policy == known.get(bundle.digest)]
+        if not before or not reaches_of(before).walked_enough:
+            row, walked = walk_onset(bundle, before, work.threads, partial(work.progress, bundle.name))
             onsets = ordered([*(each for each in onsets if each.policy != row.policy), row])
             places = {each.policy: place for place, each in enumerate(onsets)}
             reaches = [*(each for each in reaches if each.policy != row.policy), *walked]

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -22,6 +21,9 @@ from stiction.virtual.drive import drive
 EPISODES = 4
 """Most walks of a command by which a policy's onset is predicted."""
 
+MOVED = 0.2
+"""Reach without friction from which on a reach is taken over it [1]: a robot that stands has none."""
+
 HALF = 0.5
 """Share of its range that a command has on some axis to count: slower ones are hard without friction already [1]."""
 
@@ -33,30 +35,34 @@ def fast_commands(labels: Sequence[str]) -> tuple[str, ...]:
     return tuple(text for text, counts in zip(labels, fast, strict=True) if counts)
 
 
-def worst_reach(cells: Mapping[tuple[float, str], float], relative: bool = False) -> dict[float, float]:
-    """Return level -> the smallest reach of its commands [1], levels upward.
+def reach_by_level(
+    cells: Mapping[tuple[float, str], float], over: Callable[[list[float]], float] = min, relative: bool = False
+) -> dict[float, float]:
+    """Return level -> the smallest reach of its commands [1], or their mean; levels upward.
 
-    cells: level and command -> reach; `relative`: each over that of the same command without friction.
+    cells: level and command -> reach; over: what is taken of the commands; `relative`: each over that of the same
+    command without friction, of commands that reach `MOVED` there.
     """
-    worst: dict[float, float] = {}
-    for (level, command), reach in cells.items():
-        share = reach / max(cells[0.0, command], 1e-9) if relative else reach
-        worst[level] = min(share, worst.get(level, math.inf))
-    return dict(sorted(worst.items()))
+    shares: dict[float, list[float]] = {}
+    for (level, command), reach in sorted(cells.items()):
+        free = cells[0.0, command] if relative else 1.0
+        if not relative or free >= MOVED:
+            shares.setdefault(level, []).append(reach / free)
+    return {level: over(each) for level, each in shares.items()}
 
 
-def onset(reach: Mapping[float, float]) -> float | None:
-    """Return the friction at which the reach falls under `LEAST` for the first time, between levels interpolated.
+def onset(reach: Mapping[float, float], least: float = LEAST) -> float | None:
+    """Return the friction at which the reach falls under a least one for the first time, between levels interpolated.
 
-    reach: level -> worst reach, levels upward from 0. Linear from 0 to the next level, then in the logarithm of the
-    friction. None where it is under it at 0, or at no level.
+    reach: level -> reach, levels upward from 0. Linear from 0 to the next level, then in the logarithm of the friction.
+    None where it is under it at 0, or at no level.
     """
     levels = list(reach)
-    first = next((number for number, level in enumerate(levels) if reach[level] < LEAST), None)
+    first = next((number for number, level in enumerate(levels) if reach[level] < least), None)
     if not first:
         return None
     low, high = levels[first - 1], levels[first]
-    share = (reach[low] - LEAST) / (reach[low] - reach[high])
+    share = (reach[low] - least) / (reach[low] - reach[high])
     return share * high if low == 0.0 else low * (high / low) ** share
 
 
@@ -77,7 +83,7 @@ def walked_onset(rows: Sequence[ResultRow], relative: bool) -> tuple[float | Non
     last = max((level for level, _ in cells), default=None)
     if not any(level == 0.0 for level, _ in cells):
         return None, last
-    return onset(worst_reach(cells, relative)), last
+    return onset(reach_by_level(cells, relative=relative)), last
 
 
 def onset_of(bundle: Bundle, rows: Sequence[ResultRow], cfg: EvaluationCfg) -> dict[str, Any]:

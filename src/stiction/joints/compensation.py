@@ -175,7 +175,9 @@ class Hunting:
     A turn is the time at which a joint that has last moved one way moves the other way; two are to and fro.
     """
 
-    def __init__(self, joints: int, period: float, moves: float = 0.1, often: float = 5.0, seconds: float = 1.0) -> None:
+    def __init__(
+        self, joints: int, period: float, moves: float = 0.1, often: float = 5.0, seconds: float = 1.0
+    ) -> None:
         """Begin with joints at rest.
 
         period: time between two readings [s]; moves: speed from which a joint moves [rad/s]; often: how often to and

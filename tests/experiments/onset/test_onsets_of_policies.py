@@ -17,7 +17,7 @@ from stiction.files.bundle import find_bundle, read_bundle
 from stiction.files.onset import AXES, Motion, axes, read_onsets, shipped_onsets
 from stiction.robots.catalog import find_robot
 from stiction_experiments.onset import measure
-from stiction_experiments.onset.measure import OnsetRow, ReachRow, worst
+from stiction_experiments.onset.measure import OnsetRow, ReachRow, reaches_of
 from stiction_experiments.onset.page import (
     best_choice,
     choose,
@@ -34,7 +34,7 @@ from stiction_experiments.onset.page import (
 def a_row(robot: str, seed: int, at: float | None, dead_band: float, **changes) -> OnsetRow:
     """Return a policy that stops following at a friction; on all axes but f/kp it counts as its torque limit."""
     factors = dict.fromkeys(AXES, 1.0) | {"dead_band_worst": dead_band, "dead_band_mean": dead_band}
-    row = OnsetRow(f"{robot}-s{seed}", robot, "none", seed, "0", 0.9, at, at, **factors)
+    row = OnsetRow(f"{robot}-s{seed}", robot, "none", seed, "0", 0.9, at, at, at, **factors)
     return replace(row, **changes)
 
 
@@ -52,8 +52,31 @@ def test_the_worst_reach_is_of_any_command_and_may_be_over_that_without_friction
         ReachRow("p", level, command, reach, 0, 1.0)
         for level, command, reach in [(0.1, "vx=1", 0.6), (0.1, "wz=1", 0.5), (0.0, "vx=1", 0.75), (0.0, "wz=1", 1.0)]
     ]
-    assert worst(rows) == {0.0: 0.75, 0.1: 0.5}
-    assert worst(rows[:1] + rows[2:], relative=True) == pytest.approx({0.0: 1.0, 0.1: 0.8})
+    reach = reaches_of(rows)
+    assert reach.worst == {0.0: 0.75, 0.1: 0.5} and reach.relative == pytest.approx({0.0: 1.0, 0.1: 0.5})
+    assert reach.mean == pytest.approx({0.0: 1.0, 0.1: 0.65}) and not reach.walked_enough
+    # A command that is not walked without friction either counts in the worst, and in no ratio.
+    still = [ReachRow("p", level, "vy=1", reach, 0, 1.0) for level, reach in ((0.0, 0.1), (0.1, 0.0))]
+    assert reaches_of(rows + still).mean == reach.mean and reaches_of(rows + still).worst[0.0] == 0.1
+    assert reaches_of([*rows, ReachRow("p", 0.2, "vx=1", 0.3, 0, 1.0)]).walked_enough
+
+
+def test_a_policy_that_was_walked_in_part_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Levels that are there are not walked again, and no more than the policy needs."""
+    walked: list[float] = []
+
+    def walk(bundle: object, levels: tuple[float, ...], commands: object, threads: int) -> list[ReachRow]:
+        walked.extend(levels)
+        return [ReachRow("p", level, "vx=1", 1.0 - level, 0, 1.0) for level in levels]
+
+    monkeypatch.setattr(measure, "reaches", walk)
+    monkeypatch.setattr(measure, "GRID", (0.0, 0.1, 0.3, 0.45, 0.55, 0.6, 0.7, 0.8, 0.9))
+    bundle = read_bundle(find_bundle(Path("saturn_lite-flat-none-0.2")))
+    motion = Motion(*(np.ones(18) for _ in range(5)))
+    monkeypatch.setattr(measure, "walk_motion", lambda *_: motion)
+    row, rows = measure.walk_onset(bundle, [ReachRow("p", level, "vx=1", 1.0 - level, 0, 1.0) for level in (0.0, 0.1)])
+    assert walked == [0.3, 0.45, 0.55] and len(rows) == 5
+    assert row.standstill == pytest.approx(0.45 * (0.55 / 0.45) ** 0.5)
 
 
 def test_axes_by_hand() -> None:
