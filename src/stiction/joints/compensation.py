@@ -189,6 +189,11 @@ class Hunting:
         self._turned: deque[np.ndarray] = deque(maxlen=max(1, round(seconds / period)))
         self._count, self._direction = np.zeros(joints, int), np.zeros(joints)
 
+    def reset(self) -> None:
+        """Begin anew: what joints do while they are to move is no hunting."""
+        self._turned.clear()
+        self._count, self._direction = np.zeros_like(self._count), np.zeros_like(self._direction)
+
     def step(self, speed: np.ndarray) -> np.ndarray:
         """Take the joints' speeds [rad/s], shape (J,); return which hunt, bool, shape (J,)."""
         direction = np.where(np.abs(speed) > self._moves, np.sign(speed), self._direction)
