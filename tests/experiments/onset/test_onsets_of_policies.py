@@ -174,10 +174,10 @@ def test_evidence_is_of_the_reading_that_more_conditions_have() -> None:
     ]
     choice = best_choice(rows)
     assert choice is not None
-    evidence = evidence_of(choice, {"command": "stiction study onset", "revision": "1"})
+    evidence = evidence_of(choice, [], {"command": "stiction study onset", "revision": "1"})
     assert (evidence.axis, evidence.relative) == ("dead_band_worst", True)
     assert [(one.robot, one.feet, one.onsets) for one in evidence.conditions] == [
         ("saturn_lite", 6, (0.1,)),
         ("go1", 4, (0.05,)),
     ]
-    assert evidence.middles == pytest.approx([0.04, 0.04])
+    assert evidence.middles(evidence.axis) == pytest.approx([0.04, 0.04])
