@@ -31,7 +31,7 @@ BUNDLE = read_bundle(find_bundle(Path("saturn_lite-flat-none-0.2")))
 def condition(robot: str, onsets: tuple[float, ...], softness: float) -> OnsetCondition:
     """Return a robot with six feet; every axis but f/kp is 10 at the torque limit."""
     factors = dict.fromkeys(AXES, (10.0,) * len(onsets)) | {"dead_band_mean": (softness,) * len(onsets)}
-    return OnsetCondition(robot, 6, onsets, onsets, factors)
+    return OnsetCondition(robot, 6, onsets, onsets, onsets, factors)
 
 
 TWO = (condition("a", (0.1, 0.2), 0.3), condition("b", (0.3,), 0.4))

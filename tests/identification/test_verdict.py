@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from dataclasses import replace
 from pathlib import Path
 
@@ -91,7 +92,8 @@ SOURCES = shipped() | {
 def condition_of(robot: str, noticed: float, onset: float, dead_band: float, seeds: int) -> OnsetCondition:
     """Return a robot whose seeds all stop at one friction; f/kp at the torque limit is `dead_band` [rad]."""
     factors = dict.fromkeys(AXES, (1.0,) * seeds) | {"dead_band_worst": (dead_band,) * seeds}
-    return OnsetCondition(robot, 4, (onset,) * seeds, (noticed,) * seeds, factors)
+    jitter = (50.0 / dead_band,) * seeds
+    return OnsetCondition(robot, 4, (onset,) * seeds, (noticed,) * seeds, jitter, factors)
 
 
 EVIDENCE = OnsetEvidence(
@@ -123,6 +125,30 @@ def test_the_number_that_decides_is_the_one_on_which_robots_lie_closest(
     for module in (advice, verdict_module):
         monkeypatch.setattr(module, "shipped_onsets", lambda: replace(EVIDENCE, conditions=near))
     assert "matter? A little: f/kp is up to 0.052 rad; " in judge(both, SOURCES).lines[1]
+
+
+def test_what_helps_beside_a_training_is_said_where_friction_matters(onsets: None) -> None:
+    """Twice the gain, by hand: 14 in place of 10 %, and twice the jitter; not where friction is harmless."""
+    known = {"coulomb_friction": FRICTION, "test_condition": "loaded", **LIMIT}
+    told = judge(JointRecord(**known, friction_ratio=Estimate(0.15, 0.001, (0.148, 0.152))), SOURCES)
+    assert "Feed it forward: `stiction deploy --forward joints.json`" in told.details[-1]
+    assert "of Go1, trained with twice the gain, policies stopped at 14 % in place of 10 %" in told.details[-1]
+    assert "jitter 2 times as much" in told.details[-1] and "Mend the joint" in told.details[-1]
+    harmless = judge(JointRecord(**known, friction_ratio=Estimate(0.01, 0.001, (0.009, 0.011))), SOURCES)
+    assert not any("Mend the joint" in each for each in harmless.details)
+
+
+def test_what_is_said_of_feeding_forward_is_in_the_results() -> None:
+    """By the measured speed, 75 %: 10, 20 and 30 % are followed both ways; with f 50 % too high joints hunt."""
+    folder = Path(__file__).parents[2] / "results" / "compensation"
+    rows = {
+        (row["policy"], row["friction_level"]): row["follows"]
+        for row in csv.DictReader((folder / "following.csv").open())
+    }
+    fed = "saturn_lite-flat-none-0.2+measured"
+    assert [rows[fed, level] for level in ("0.1", "0.2", "0.3")] == ["follows"] * 3
+    hunts = [row for row in csv.DictReader((folder / "standing.csv").open()) if float(row["hunting"]) > 0]
+    assert hunts and all("measured" in row["fed"] for row in hunts)
 
 
 @pytest.mark.parametrize(

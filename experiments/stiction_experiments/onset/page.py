@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from statistics import median
+from statistics import fmean, median
 from typing import TYPE_CHECKING, Any
 
 from stiction.core.provenance import seed_streams
@@ -124,11 +124,12 @@ def evidence_of(choice: Choice, reaches: Sequence[ReachRow], provenance: Mapping
     """Return what predicts the onset of other policies. provenance: `command` and `revision` of the study."""
     conditions = []
     for name, own in choice.conditions.items():
-        relative = [reaches_of([each for each in reaches if each.policy == row.policy]).relative for row in own]
+        walked = [[each for each in reaches if each.policy == row.policy] for row in own]
         onsets = tuple(getattr(row, choice.reading) or 0.0 for row in own)
-        noticed = tuple(onset(reach, NOTICED) or 0.0 for reach in relative)
+        noticed = tuple(onset(reaches_of(each).relative, NOTICED) or 0.0 for each in walked)
+        jitter = tuple(fmean(row.jitter for row in each if row.friction_level == 0.0) for each in walked)
         factors = {axis: tuple(getattr(row, axis) for row in own) for axis in AXES}
-        conditions.append(OnsetCondition(name, len(find_robot(name).feet), onsets, noticed, factors))
+        conditions.append(OnsetCondition(name, len(find_robot(name).feet), onsets, noticed, jitter, factors))
     return OnsetEvidence(choice.axis, choice.reading == "relative_onset", choice.again, tuple(conditions), **provenance)
 
 

@@ -110,6 +110,8 @@ class OnsetCondition:
     """Friction over torque limit at the onset, of each seed [1]."""
     noticed: tuple[float, ...]
     """Friction at which the reach of some command falls under `NOTICED` of that without friction, of each seed [1]."""
+    jitter: tuple[float, ...]
+    """Jitter of the joints without friction, mean over commands, of each seed [rad/s²]."""
     factors: Mapping[str, tuple[float, ...]]
     """Axis -> what it is per friction over torque limit, of each seed."""
 

@@ -18,6 +18,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
+from statistics import median
 from typing import Any, Literal
 
 from stiction.core.statistics import permutation_p
@@ -205,6 +206,32 @@ def thresholds(axis: str, evidence: OnsetEvidence | None = None) -> Thresholds:
         f"{span_text(axis, noticed)} on and stopped following at {span_text(axis, onset)}"
     )
     return Thresholds((noticed[0], noticed[-1]), (onset[0], onset[-1]), text)
+
+
+FORWARD = (
+    "Feed it forward: `stiction deploy --forward joints.json`. In the simulator of the training a policy that never "
+    "met friction, with 75 % of it fed forward by the measured speed, goes straight as told at 10, 20 and 30 % "
+    "(`results/compensation`, one policy); with an f that is 50 % too high joints may hunt"
+)
+"""The first way without a training; its source is held by a test."""
+
+
+def other_ways(evidence: OnsetEvidence | None = None) -> str:
+    """Return what helps against friction beside a training: feed it forward, raise the gain, mend the joint.
+
+    evidence: by default what comes with the package.
+    """
+    evidence = evidence or shipped_onsets()
+    by_name = {condition.robot: condition for condition in evidence.conditions}
+    gains = [
+        f"of {robot_title(name)}, trained with twice the gain, policies stopped at {100 * high.on('torque_limit'):.2g} % "
+        f"in place of {100 * low.on('torque_limit'):.2g} % of the torque limit, and their joints jitter "
+        f"{median(high.jitter) / median(low.jitter):.2g} times as much"
+        for name, low in by_name.items()
+        if (high := by_name.get(f"{name}@kp=2")) is not None
+    ]
+    kp = f"Raise kp: {'; '.join(gains)}. " if gains else ""
+    return f"Beside a training: {FORWARD}. {kp}Mend the joint: it needs none of these then."
 
 
 SYMBOLS = {"torque_limit": ("f/τ_max", 100.0, " %"), "dead_band_worst": ("f/kp", 1.0, " rad")}

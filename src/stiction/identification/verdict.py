@@ -36,6 +36,7 @@ from stiction.identification.advice import (
     Placement,
     advise,
     draw_rise,
+    other_ways,
     place,
     thresholds,
 )
@@ -389,6 +390,7 @@ def _details(record: JointRecord, legs: bool, ranks: Sequence[Placement], advice
         if record.test_condition != "loaded":
             by += f", the upper end times {MARGIN:g}, a margin chosen, not measured"
         details += [f"A training has to cover {100 * advice.asked:.3g} % of the torque limit{by}.", advice.comparison]
+        details += [] if _harmless(record) else [other_ways()]
     return tuple(details)
 
 
