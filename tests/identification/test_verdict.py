@@ -132,7 +132,7 @@ def test_what_helps_beside_a_training_is_said_where_friction_matters(onsets: Non
     known = {"coulomb_friction": FRICTION, "test_condition": "loaded", **LIMIT}
     told = judge(JointRecord(**known, friction_ratio=Estimate(0.15, 0.001, (0.148, 0.152))), SOURCES)
     assert "Feed it forward: `stiction deploy --forward joints.json`" in told.details[-1]
-    assert "of Go1, trained with twice the gain, policies stopped at 14 % in place of 10 %" in told.details[-1]
+    assert "of Go1, trained with twice the gain, policies stopped at 14 in place of 10 %" in told.details[-1]
     assert "jitter 2 times as much" in told.details[-1] and "Mend the joint" in told.details[-1]
     harmless = judge(JointRecord(**known, friction_ratio=Estimate(0.01, 0.001, (0.009, 0.011))), SOURCES)
     assert not any("Mend the joint" in each for each in harmless.details)

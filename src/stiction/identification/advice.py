@@ -224,7 +224,7 @@ def other_ways(evidence: OnsetEvidence | None = None) -> str:
     evidence = evidence or shipped_onsets()
     by_name = {condition.robot: condition for condition in evidence.conditions}
     gains = [
-        f"of {robot_title(name)}, trained with twice the gain, policies stopped at {100 * high.on('torque_limit'):.2g} % "
+        f"of {robot_title(name)}, trained with twice the gain, policies stopped at {100 * high.on('torque_limit'):.2g} "
         f"in place of {100 * low.on('torque_limit'):.2g} % of the torque limit, and their joints jitter "
         f"{median(high.jitter) / median(low.jitter):.2g} times as much"
         for name, low in by_name.items()
