@@ -86,7 +86,7 @@ def serve(simulator: Path, domain: int, friction: float, settings: str) -> None:
     channel.ChannelConfigHasInterface = settings
     crc, heard = CRC(), [0, 0]
 
-    class Publisher(bridge.ChannelPublisher):  # type: ignore[name-defined, misc]
+    class Publisher(bridge.ChannelPublisher):
         def Write(self, sample: Any, *rest: Any) -> Any:
             if isinstance(sample, bridge.LowState_):
                 gyroscope = sample.imu_state.gyroscope
@@ -94,7 +94,7 @@ def serve(simulator: Path, domain: int, friction: float, settings: str) -> None:
                 sample.crc = crc.Crc(sample)
             return super().Write(sample, *rest)
 
-    class Bridge(bridge.UnitreeSdk2Bridge):  # type: ignore[name-defined, misc]
+    class Bridge(bridge.UnitreeSdk2Bridge):
         def LowCmdHandler(self, msg: Any) -> None:
             heard[0] += 1
             heard[1] += crc.Crc(msg) == msg.crc

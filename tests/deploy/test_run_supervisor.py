@@ -12,6 +12,7 @@ from stiction.core.errors import ConfigurationError
 from stiction.deploy.control import RANGE, SLEW, TORQUE
 from stiction.deploy.plausibility import Violation
 from stiction.deploy.runtime.config import SupervisorCfg
+from stiction.deploy.runtime.report import hunting_joints
 from stiction.deploy.runtime.supervisor import REST_SECONDS, Stage, Supervisor
 from stiction.deploy.transports.link import Peers
 from stiction.files.contract_rules import TARGET_LIMITS
@@ -354,3 +355,26 @@ def test_friction_is_fed_forward_while_the_policy_runs_and_never_else() -> None:
         fed = 0.75 * friction if out.stage is Stage.RUN and out.command.target[0] > STANDING[0] else 0.0 * friction
         np.testing.assert_allclose(out.command.forward, fed, atol=1e-9)
     assert any(out.command.forward.any() for out in run.frames())  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("walks", [False, True])
+def test_a_joint_that_hunts_while_it_is_to_stand_gets_no_friction_any_more(walks: bool) -> None:
+    """A joint swings at 10 Hz under what is fed forward to it; in walking that is no hunting, which nobody can tell."""
+    run, friction = Run(), np.ones(JOINTS)
+    feed = BY_SPEED.controller(friction, PERIOD)
+    run.supervisor = Supervisor(CONTRACT, replace(SHORT, duration=2.0), PERIOD, 0.0, None, feed)
+    run.until(Stage.RUN)
+    run.supervisor.command_velocity(np.array([0.3 * walks, 0.0, 0.0]), run.now)
+    run.outs.clear()
+    while run.supervisor.stage is Stage.RUN:
+        turn = 2 * np.pi * 10 * run.now
+        # All joints tremble, one more than it should.
+        swing = np.where(np.arange(JOINTS) == 3, 0.3, 0.05)
+        angle, speed = STANDING + 0.05 + swing / (2 * np.pi * 10) * np.sin(turn), swing * np.cos(turn)
+        run.step(state(run.number + 1, run.now + PERIOD, joint_position=angle, joint_velocity=speed))
+    assert run.supervisor.stop_record is None
+    assert np.flatnonzero(run.supervisor.hunts).tolist() == ([] if walks else [3])
+    first, last = ([out.command.forward for out in run.frames()[part]] for part in (slice(200), slice(-600, -100)))
+    assert np.abs([forward[3] for forward in first]).max() == pytest.approx(0.75)
+    assert np.abs([forward[3] for forward in last]).max() == pytest.approx(0.75 * walks)
+    assert hunting_joints(run.supervisor) == ([] if walks else [CONTRACT.joint_names[3]])

@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.joints.compensation import Compensation, PushCfg, compensated, parse_compensation, push_direction
+from stiction.joints.compensation import (
+    Compensation,
+    Hunting,
+    PushCfg,
+    compensated,
+    parse_compensation,
+    push_direction,
+)
 
 CFG = PushCfg(slow=0.2, smoothing=0.04, width=0.05, fade=0.3)
 
@@ -96,3 +103,19 @@ def test_a_way_that_is_none_is_refused(text: str, message: str) -> None:
     """The message says what there is."""
     with pytest.raises(StictionError, match=message):
         parse_compensation(text)
+
+
+def test_a_joint_hunts_while_it_goes_to_and_fro_five_times_in_the_last_second() -> None:
+    """At 10 Hz one hunts after half a second, and no more a second after it stopped; a step, or noise, is none."""
+    period = 0.002
+    hunting = Hunting(3, period)
+    first, last = None, None
+    for n in range(2000):
+        at = n * period
+        swing = 0.5 * np.sin(2 * np.pi * 10 * at) if at < 2.0 else 0.0
+        found = hunting.step(np.array([swing, 0.09 * (-1) ** n, 1.0 if at < 1.0 else -1.0]))
+        assert not found[1:].any()
+        if found[0]:
+            first, last = at if first is None else first, at
+    # Ten turns, the first at 0.05 s; the last ones leave the second until half of twenty are left.
+    assert first == pytest.approx(0.5, abs=0.02) and last == pytest.approx(2.5, abs=0.06)

@@ -57,10 +57,10 @@ def test_tracking_pays_by_the_error() -> None:
     assert rewards.track_angular(snapshot(angular_velocity=turning)).tolist() == pytest.approx([math.exp(-1.0), 1.0])
 
 
-def test_the_clock_pays_each_foot_that_is_where_it_has_it() -> None:
-    """Left down and right up is all of it; both down is half; told to stand nothing is paid."""
+def test_the_clock_pays_feet_that_are_all_where_it_has_them() -> None:
+    """Left down and right up is paid; both down, as in standing, is not; told to stand nothing is."""
     s = snapshot(contact=torch.tensor([[True, False], [True, True]]))
-    assert rewards.clock(s).tolist() == [1.0, 0.5]
+    assert rewards.clock(s).tolist() == [1.0, 0.0]
     assert rewards.clock(dataclasses.replace(s, moving=torch.tensor([False, False]))).tolist() == [0.0, 0.0]
 
 

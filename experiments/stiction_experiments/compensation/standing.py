@@ -12,7 +12,7 @@ from stiction.core.records import column
 from stiction.core.rotation import UPRIGHT
 from stiction.deploy.control import JointCommand
 from stiction.engines.catalog import make_engine
-from stiction.joints.compensation import Compensation
+from stiction.joints.compensation import Compensation, Hunting
 from stiction.robots.model import Robot
 from stiction.virtual.cases import Case, parse_level
 from stiction.virtual.drive import INITIAL_ANGLE
@@ -50,15 +50,9 @@ class Standing:
 
 
 def hunting(speed: np.ndarray, period: float) -> np.ndarray:
-    """Return which joints hunt, bool, shape (J,). speed: true, at rest otherwise [rad/s], shape (T, J); period [s].
-
-    Counted are the times at which a joint that has last moved one way moves the other way, two of them to and fro.
-    """
-    found = []
-    for joint in speed.T:
-        directions = np.sign(joint[np.abs(joint) > MOVES])
-        found.append((np.diff(directions) != 0).sum() / 2 >= OFTEN * len(speed) * period)
-    return np.array(found, bool)
+    """Return which joints hunt, bool, shape (J,). speed: true, at rest otherwise [rad/s], shape (T, J); period [s]."""
+    monitor = Hunting(speed.shape[1], period, MOVES, OFTEN, len(speed) * period)
+    return [monitor.step(each) for each in speed][-1]
 
 
 def rms(values: np.ndarray) -> float:

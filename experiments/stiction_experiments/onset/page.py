@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
 from stiction.core.provenance import seed_streams
+from stiction.files.onset import AXES, LEAST, SCHEMA_VERSION, OnsetCondition, OnsetEvidence
+from stiction.files.plain import write_object
 from stiction.report.page import Section, Sheet, figure_block, legend, line_look, mark_look, new_figure
+from stiction.robots.catalog import find_robot
 from stiction_experiments.lab.study import Report
-from stiction_experiments.onset.measure import LEAST, OnsetRow, ReachRow, worst
+from stiction_experiments.onset.measure import STANDS, OnsetRow, ReachRow, reaches_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,26 +26,14 @@ CONDITIONS = (
 )
 """Robots and gains that choose the axis, trained without friction."""
 
-AXES = {
-    "torque_limit": "f / τ_max",
-    "dead_band_worst": "f / kp [rad], worst joint",
-    "dead_band_mean": "f / kp [rad], mean",
-    "weight_worst": "f / (weight × height), worst joint",
-    "weight_mean": "f / (weight × height), mean",
-    "targets_worst": "f / (kp × rms of targets), worst joint",
-    "targets_mean": "f / (kp × rms of targets), mean",
-    "motion_worst": "f / (kp × rms of angles), worst joint",
-    "motion_mean": "f / (kp × rms of angles), mean",
-    "torque_worst": "f / rms of torque, worst joint",
-    "torque_mean": "f / rms of torque, mean",
-}
-"""Axis -> its text, what needs less knowledge first."""
-
 FEWEST, CLOSE, SAMPLES = 2, 1.1, 1000
 """Seeds that a condition needs; ratio of spreads under which the axis of less knowledge is taken; samples of seeds."""
 
 UNDECIDED = 0.25
 """Share of samples with another axis from which on the choice is undecided."""
+
+READINGS = {"onset": "Onset", "relative_onset": "Relative onset", "standstill": "Standstill"}
+"""Field of a row -> its name: three frictions at which a policy gives up."""
 
 Onsets = Mapping[str, Sequence[OnsetRow]]
 """Condition -> its seeds that have an onset."""
@@ -52,8 +44,8 @@ class Choice:
     """The axis on which conditions lie closest."""
 
     conditions: Onsets
-    relative: bool
-    """True if each onset is over the reach without friction."""
+    reading: str
+    """One of `READINGS`."""
     axis: str
     spreads: Mapping[str, float]
     """Axis -> largest over smallest onset of the conditions, the closest first [1]."""
@@ -72,30 +64,25 @@ def ordered(rows: Sequence[OnsetRow]) -> list[OnsetRow]:
     )
 
 
-def onset_of(row: OnsetRow, relative: bool) -> float | None:
-    """Return a row's onset, or the relative one, as friction over torque limit [1]."""
-    return row.relative_onset if relative else row.onset
-
-
-def conditions_of(rows: Sequence[OnsetRow], relative: bool = False) -> dict[str, list[OnsetRow]]:
-    """Return the conditions that have at least `FEWEST` seeds with an onset."""
+def conditions_of(rows: Sequence[OnsetRow], reading: str = "onset", fewest: int = FEWEST) -> dict[str, list[OnsetRow]]:
+    """Return the conditions that have enough seeds with an onset."""
     found: dict[str, list[OnsetRow]] = {}
     for row in rows:
-        if row.method == "none" and row.robot in CONDITIONS and onset_of(row, relative) is not None:
+        if row.method == "none" and row.robot in CONDITIONS and getattr(row, reading) is not None:
             found.setdefault(row.robot, []).append(row)
-    return {name: own for name, own in found.items() if len(own) >= FEWEST}
+    return {name: own for name, own in found.items() if len(own) >= fewest}
 
 
-def on_axis(rows: Sequence[OnsetRow], axis: str, relative: bool = False) -> float:
+def on_axis(rows: Sequence[OnsetRow], axis: str, reading: str = "onset") -> float:
     """Return the median onset of a condition's seeds on an axis."""
-    return median((onset_of(row, relative) or 0.0) * getattr(row, axis) for row in rows)
+    return median((getattr(row, reading) or 0.0) * getattr(row, axis) for row in rows)
 
 
-def spreads_of(conditions: Onsets, relative: bool = False) -> dict[str, float]:
+def spreads_of(conditions: Onsets, reading: str = "onset") -> dict[str, float]:
     """Return axis -> the largest over the smallest onset of the conditions [1]."""
     found = {}
     for axis in AXES:
-        values = [on_axis(own, axis, relative) for own in conditions.values()]
+        values = [on_axis(own, axis, reading) for own in conditions.values()]
         found[axis] = max(values) / min(values)
     return found
 
@@ -106,9 +93,9 @@ def closest(spreads: Mapping[str, float]) -> str:
     return next(axis for axis in AXES if spreads[axis] <= CLOSE * least)
 
 
-def choose(conditions: Onsets, relative: bool = False, samples: int = SAMPLES) -> Choice:
+def choose(conditions: Onsets, reading: str = "onset", samples: int = SAMPLES) -> Choice:
     """Return the axis that carries, and how often resampled seeds choose it again; at least one condition."""
-    spreads = spreads_of(conditions, relative)
+    spreads = spreads_of(conditions, reading)
     axis = closest(spreads)
     generator = seed_streams(0, ["onset"])["onset"]
     same = 0
@@ -116,10 +103,31 @@ def choose(conditions: Onsets, relative: bool = False, samples: int = SAMPLES) -
         drawn = {
             name: [own[i] for i in generator.integers(len(own), size=len(own))] for name, own in conditions.items()
         }
-        same += closest(spreads_of(drawn, relative)) == axis
-    middle = median(on_axis(own, axis, relative) for own in conditions.values())
+        same += closest(spreads_of(drawn, reading)) == axis
+    middle = median(on_axis(own, axis, reading) for own in conditions.values())
     by_spread = dict(sorted(spreads.items(), key=lambda item: item[1]))
-    return Choice(conditions, relative, axis, by_spread, middle, same / samples)
+    return Choice(conditions, reading, axis, by_spread, middle, same / samples)
+
+
+def best_choice(rows: Sequence[OnsetRow]) -> Choice | None:
+    """Return the choice by the onset, or by the relative one where more conditions have that; None of under two.
+
+    While a condition has a single seed, all count with what they have.
+    """
+    each = {reading: conditions_of(rows, reading, 1) for reading in ("onset", "relative_onset")}
+    reading = max(each, key=lambda name: len(each[name]))
+    return choose(each[reading], reading) if len(each[reading]) > 1 else None
+
+
+def evidence_of(choice: Choice, provenance: Mapping[str, str]) -> OnsetEvidence:
+    """Return what predicts the onset of other policies. provenance: `command` and `revision` of the study."""
+    conditions = []
+    for name, own in choice.conditions.items():
+        levels = [getattr(row, choice.reading) or 0.0 for row in own]
+        values = [level * getattr(row, choice.axis) for level, row in zip(levels, own, strict=True)]
+        feet = len(find_robot(name).feet)
+        conditions.append(OnsetCondition(name, feet, own[0].dead_band_mean, tuple(levels), tuple(values)))
+    return OnsetEvidence(choice.axis, choice.reading == "relative_onset", choice.again, tuple(conditions), **provenance)
 
 
 def choice_text(choice: Choice) -> str:
@@ -133,20 +141,18 @@ def choice_text(choice: Choice) -> str:
     )
 
 
-NAMES = {False: "Onset", True: "Relative onset"}
-"""Whether an onset is relative -> its name."""
-
-
-def lead(choices: Mapping[bool, Choice | None]) -> str:
+def lead(choices: Mapping[str, Choice | None]) -> str:
     """Return the answer, by the onset and by the relative one."""
     lines = []
-    for relative, choice in choices.items():
+    for reading, choice in choices.items():
         if choice is None:
-            lines.append(f"{NAMES[relative]}: fewer than two conditions have two seeds with one; nothing is said yet.")
+            lines.append(
+                f"{READINGS[reading]}: fewer than two conditions have two seeds with one; nothing is said yet."
+            )
             continue
         without = [condition for condition in CONDITIONS if condition not in choice.conditions]
         missing = f" Without: {', '.join(without)}." if without else ""
-        lines.append(f"{NAMES[relative]}: {choice_text(choice)}{missing}")
+        lines.append(f"{READINGS[reading]}: {choice_text(choice)}{missing}")
     return "\n".join(lines)
 
 
@@ -154,10 +160,10 @@ def axes_sheet(choice: Choice) -> Sheet:
     """Return the onset of every condition on every axis, the axis of the smallest spread first."""
     lines = []
     for axis, spread in choice.spreads.items():
-        values = (f"{on_axis(own, axis, choice.relative):.3g}" for own in choice.conditions.values())
+        values = (f"{on_axis(own, axis, choice.reading):.3g}" for own in choice.conditions.values())
         lines.append((AXES[axis], f"{spread:.2f}", *values))
     return Sheet(
-        f"{NAMES[choice.relative]} on each axis",
+        f"{READINGS[choice.reading]} on each axis",
         ("axis", "largest over smallest", *choice.conditions),
         tuple(lines),
         f"Median of the seeds. {choice_text(choice)}",
@@ -172,7 +178,7 @@ def predictions_sheet(rows: Sequence[OnsetRow], choice: Choice) -> Sheet | None:
             continue
         # A foreign policy is judged by what it reaches without friction: it is slower than told there.
         found, predicted = (
-            onset_of(row, choice.relative or row.onset is None),
+            getattr(row, "relative_onset" if row.onset is None else choice.reading),
             choice.middle / getattr(row, choice.axis),
         )
         error = "–" if found is None else f"{predicted / found - 1:+.0%}"
@@ -191,14 +197,14 @@ def seeds_sheet(rows: Sequence[OnsetRow]) -> Sheet:
             row.method,
             str(row.seed),
             f"{row.reach:.2f}",
-            *("–" if value is None else f"{value:.1%}" for value in (row.onset, row.relative_onset)),
+            *("–" if value is None else f"{value:.1%}" for value in (getattr(row, reading) for reading in READINGS)),
         )
         for row in rows
     )
-    header = ("robot", "method", "seed", "reach without friction", "onset", "relative onset")
+    header = ("robot", "method", "seed", "reach without friction", "onset", "relative onset", "standstill")
     note = (
         f"Friction over torque limit at which the worst fast command falls under {LEAST:g}; relative: {LEAST:g} of its "
-        "reach without friction."
+        f"reach without friction; standstill: the mean of all fast commands under {STANDS:g} of theirs without."
     )
     return Sheet("Onset of every policy", header, lines, note)
 
@@ -211,7 +217,7 @@ def draw(rows: Sequence[OnsetRow], reaches: Sequence[ReachRow], axis: str) -> Fi
         for row in rows:
             if row.method != "none" or row.robot not in names:
                 continue
-            reach = worst([each for each in reaches if each.policy == row.policy])
+            reach = reaches_of([each for each in reaches if each.policy == row.policy]).worst
             levels = [level for level in reach if level > 0.0]
             label = row.robot if row.robot not in {str(line.get_label()) for line in panel.lines} else "_"
             panel.plot(
@@ -229,18 +235,27 @@ def draw(rows: Sequence[OnsetRow], reaches: Sequence[ReachRow], axis: str) -> Fi
     return figure
 
 
-def report(rows: Sequence[OnsetRow], reaches: Sequence[ReachRow], settings: dict[str, Any]) -> Report:
-    """Return the report of the study."""
-    each = {relative: conditions_of(rows, relative) for relative in NAMES}
-    choices = {relative: choose(own, relative) if len(own) > 1 else None for relative, own in each.items()}
+def report(
+    rows: Sequence[OnsetRow], reaches: Sequence[ReachRow], settings: dict[str, Any], provenance: Mapping[str, str] = {}
+) -> Report:
+    """Return the report of the study. provenance: `command` and `revision`, for evidence.json."""
+    each = {reading: conditions_of(rows, reading) for reading in READINGS}
+    choices = {reading: choose(own, reading) if len(own) > 1 else None for reading, own in each.items()}
     made = [choice for choice in choices.values() if choice is not None]
     sheets = [axes_sheet(choice) for choice in made]
-    if (plain := choices[False]) is not None and (others := predictions_sheet(rows, plain)) is not None:
+    if (plain := choices["onset"]) is not None and (others := predictions_sheet(rows, plain)) is not None:
         sheets.insert(1, others)
     sheets.append(seeds_sheet(rows))
     figure = draw(rows, reaches, made[0].axis) if made and reaches else None
     answer = lead(choices)
     picture = () if figure is None else (figure_block(figure, "Worst reach over friction, trained without friction."),)
+    evidence = best_choice(rows)
+
+    def write_evidence(out: Path) -> None:
+        if evidence is not None:
+            plain = asdict(evidence_of(evidence, provenance))
+            write_object(out / "evidence.json", {"schema_version": SCHEMA_VERSION} | plain)
+
     return Report(
         title="Which number says how much friction is too much?",
         lead=answer,
@@ -249,4 +264,5 @@ def report(rows: Sequence[OnsetRow], reaches: Sequence[ReachRow], settings: dict
         summary=settings | {"lead": answer},
         figures={"onset": figure},
         sheets=sheets,
+        files=write_evidence,
     )

@@ -12,9 +12,9 @@ from stiction.core.records import read_rows, write_rows
 from stiction_experiments.lab.study import Options, Report, Study, UsageError, Work
 
 DESCRIPTION = """Walk policies under more and more joint friction until the worst of their fast commands falls
-under 0.8, and show these onsets on six axes: friction over torque limit, over the gain kp, over what targets and joints
-move, over the torque of walking, over the robot's weight. The axis on which robots and gains lie closest is the number
-that carries.
+under 0.8, and show these onsets on seven axes: friction over torque limit, over the gain kp, over what targets and
+joints move, over the torque and the work of walking, over the robot's weight. The axis on which robots and gains lie
+closest is the number that carries.
 
 A policy takes a minute of one core. Policies of before that are in --out stay, and are not walked again: the
 same command goes on, and more policies can be added.
@@ -40,7 +40,7 @@ class OnsetOptions(Options):
 
 def run(options: OnsetOptions, work: Work) -> Report:
     """Walk the policies that --out does not have, and judge all."""
-    from stiction_experiments.onset.measure import OnsetRow, ReachRow, walk_onset
+    from stiction_experiments.onset.measure import OnsetRow, ReachRow, reaches_of, walk_onset
     from stiction_experiments.onset.page import ordered, report
 
     onsets = read_rows(options.out / "onsets.csv", OnsetRow, optional=True)
@@ -49,10 +49,11 @@ def run(options: OnsetOptions, work: Work) -> Report:
         raise UsageError("no policy given")
     bundles = work.bundles(options.policies) if options.policies else []
     work.begin()
-    known = {row.digest for row in onsets}
+    known = {row.digest: row.policy for row in onsets}
     for bundle in bundles:
-        if bundle.digest not in known:
-            row, walked = walk_onset(bundle, work.threads, partial(work.progress, bundle.name))
+        before = [row for row in reaches if row.policy == known.get(bundle.digest)]
+        if not before or not reaches_of(before).walked_enough:
+            row, walked = walk_onset(bundle, before, work.threads, partial(work.progress, bundle.name))
             onsets = ordered([*(each for each in onsets if each.policy != row.policy), row])
             places = {each.policy: place for place, each in enumerate(onsets)}
             reaches = [*(each for each in reaches if each.policy != row.policy), *walked]
@@ -60,7 +61,8 @@ def run(options: OnsetOptions, work: Work) -> Report:
             # A stop loses the policy that walks.
             write_rows(options.out / "onsets.csv", onsets)
             write_rows(options.out / "reach.csv", reaches)
-    return report(onsets, reaches, {"seconds": work.seconds})
+    made_by = {name: work.provenance[name] for name in ("command", "revision")}
+    return report(onsets, reaches, {"seconds": work.seconds}, made_by)
 
 
 STUDY = Study(
@@ -68,5 +70,5 @@ STUDY = Study(
     DESCRIPTION,
     OnsetOptions,
     run,
-    results=("onsets.csv", "reach.csv", "onset.png"),
+    results=("onsets.csv", "reach.csv", "evidence.json", "onset.png"),
 )

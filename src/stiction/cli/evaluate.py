@@ -179,13 +179,15 @@ def write_and_print(cfg: EvaluateCfg, rows: list[ResultRow], summary: dict[str, 
     """Write the files and the page; print the rows."""
     from stiction.api.evaluation import Evaluated
     from stiction.files.results import summary_text
-    from stiction.report.following import print_rows
+    from stiction.report.following import onset_lines, print_rows
 
     Evaluated(tuple(rows), summary).write(cfg.out)
     if cfg.json:
         print(summary_text(summary), end="")
     else:
         print_rows(rows, summary.get("torque_limits"))
+        for line in onset_lines(summary.get("onset", {})):
+            print(line)
         print(f"report: {cfg.out / 'report.html'}")
         if "logs" in summary:
             print(f"logs: {len(summary['logs'])} in {cfg.log}")

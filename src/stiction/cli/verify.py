@@ -60,6 +60,7 @@ def _print(check, known: str | None) -> None:
     from stiction.deploy.check import TOLERANCE, target_limits_text
     from stiction.files.golden import exercise_of
     from stiction.files.known_friction import known_friction_text
+    from stiction.files.onset import golden_motion, predict_onset
     from stiction.report.terminal import Terminal
 
     bundle, contract = check.bundle, check.bundle.contract
@@ -77,6 +78,10 @@ def _print(check, known: str | None) -> None:
     }
     rows["exercised"] = _exercise(exercise_of(bundle.golden, contract))
     rows["target limits"] = target_limits_text(contract)
+    if not contract.met_friction:
+        predicted = predict_onset(contract, golden_motion(bundle.golden, contract))
+        walk = "its recording has friction: stiction evaluate walks without"
+        rows["predicted"] = walk if predicted is None else predicted.text
     if contract.known_friction is not None:
         file = contract.known_friction_file
         source = "nominal in its training" if file is None else f"as {file['name']} says"

@@ -15,6 +15,7 @@ from stiction.deploy.check import check_for_simulation, record_notes
 from stiction.evaluation.benches import forward_notes, unidentified_notes
 from stiction.evaluation.course import untrained
 from stiction.evaluation.grid import GridCfg
+from stiction.evaluation.onset import onset_of
 from stiction.evaluation.policies import OwnPolicy, method_of, own_policy
 from stiction.evaluation.run import BENCHES, Progress, walk_grid
 from stiction.evaluation.table import methods_of, rows_of, sample_names
@@ -117,9 +118,19 @@ def evaluate_all(
         **origin.provenance,
         "policies": {bundle.name: describe(bundle) for bundle in bundles},
         "ways": methods_of(rows, bundles),
+        "onset": {
+            bundle.name: onset_of(bundle, [row for row in rows if row.policy == bundle.name], cfg.base)
+            for bundle in bundles
+            if has_onset(bundle) and robot is None and cfg.base.terrain == "flat"
+        },
         "rows": details,
     }
     return rows, summary
+
+
+def has_onset(bundle: Bundle) -> bool:
+    """Return whether a policy never met friction; one that did follows as far as it was trained."""
+    return not isinstance(bundle, OwnPolicy) and not bundle.contract.met_friction
 
 
 def unlimited_note(bundles: Sequence[Bundle]) -> list[str]:

@@ -24,6 +24,7 @@ from stiction.report.following import (
     counts_sheet,
     followed_text,
     judged_text,
+    onset_lines,
     pace_text,
     result_cells,
     shade_following,
@@ -283,7 +284,8 @@ def write_evaluation(
     for kind in ("svg", "png"):
         save_figure(figure, out / f"friction_budget.{kind}")
     page, shown = out / "report.html", sections(figure, rows, summary, samples)
-    write_text(page, render_page(TITLE, shown, lead(rows).split("\n"), summary["warnings"], summary["command"]))
+    first = [*lead(rows).split("\n"), *onset_lines(summary.get("onset", {}))]
+    write_text(page, render_page(TITLE, shown, first, summary["warnings"], summary["command"]))
     return page
 
 

@@ -11,6 +11,7 @@ from rich.table import Table
 
 from stiction.core.records import header, texts
 from stiction.files.following import DEFINITION, CommandCount, CommandVerdict, judge_row, worst_command
+from stiction.files.onset import Prediction
 from stiction.files.results import FOLLOWS, ResultRow, tell_slowest_walk
 from stiction.files.velocity import parse_command
 from stiction.joints.friction import level_text
@@ -55,6 +56,24 @@ def print_rows(rows: Sequence[ResultRow], limits: Mapping[str, str] | None = Non
             if row.policy == policy:
                 table.add_row(*(named[name][index] for name in where), *(lines[index][name] for name in columns))
         console.print(table)
+
+
+def onset_lines(onsets: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Return a line for each policy that never met friction: where it stops following, predicted and walked.
+
+    onsets: policy -> `predicted`, `walked` and `walked_to`, as `evaluation.onset.onset_of` returns them.
+    """
+    lines = []
+    for policy, each in onsets.items():
+        if each["predicted"] is None:
+            continue
+        text = f"{policy}, predicted by its walks without friction, {Prediction(**each['predicted']).text}"
+        if each["walked"] is not None:
+            text += f". Walked: {100 * each['walked']:.2g} %"
+        elif each["walked_to"]:
+            text += f". Walked: not up to {100 * each['walked_to']:.4g} %"
+        lines.append(f"{text}.")
+    return lines
 
 
 def pace_text(row: ResultRow) -> str:

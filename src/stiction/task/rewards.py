@@ -93,8 +93,8 @@ class RewardCfg:
     single_stance: Annotated[float, FLAG] = 0.0
     """Exactly one foot stands, while moving is commanded: what a biped has in place of r_trot and r_unsync."""
     clock: float = 0.0
-    """Share of the feet that are on the ground, or off it, as the gait clock has them, while moving is commanded: what
-    a biped with a `gait_period` has in place of single_stance."""
+    """All feet are on the ground, or off it, as the gait clock has them, while moving is commanded: what a biped with a
+    `gait_period` has in place of single_stance. Standing pays nothing."""
     air_time: float = 1.0
     """Swing time above 0.15 s, capped at 0.35 s, credited at touch-down, while moving is commanded."""
     vertical_velocity: float = -1.0
@@ -216,8 +216,8 @@ def single_stance(s: Snapshot) -> torch.Tensor:
 
 
 def clock(s: Snapshot) -> torch.Tensor:
-    """Share of the feet that are where the clock has them, while moving [1]."""
-    return (s.contact == s.in_stance).float().mean(-1) * s.moving
+    """1 while every foot is where the clock has it, and moving is commanded."""
+    return ((s.contact == s.in_stance).all(-1) & s.moving).float()
 
 
 def unsync(s: Snapshot) -> torch.Tensor:

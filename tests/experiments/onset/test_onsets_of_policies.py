@@ -11,15 +11,19 @@ import pytest
 
 from bundles import make_contract
 from stiction.cli.main import main
+from stiction.evaluation.onset import fast_commands, onset
+from stiction.evaluation.summary import commands_for
 from stiction.files.bundle import find_bundle, read_bundle
+from stiction.files.onset import AXES, Motion, axes, read_onsets, shipped_onsets
 from stiction.robots.catalog import find_robot
 from stiction_experiments.onset import measure
-from stiction_experiments.onset.measure import Motion, OnsetRow, ReachRow, axes, commands_of, onset, worst
+from stiction_experiments.onset.measure import OnsetRow, ReachRow, reaches_of
 from stiction_experiments.onset.page import (
-    AXES,
+    best_choice,
     choose,
     closest,
     conditions_of,
+    evidence_of,
     ordered,
     predictions_sheet,
     report,
@@ -30,7 +34,7 @@ from stiction_experiments.onset.page import (
 def a_row(robot: str, seed: int, at: float | None, dead_band: float, **changes) -> OnsetRow:
     """Return a policy that stops following at a friction; on all axes but f/kp it counts as its torque limit."""
     factors = dict.fromkeys(AXES, 1.0) | {"dead_band_worst": dead_band, "dead_band_mean": dead_band}
-    row = OnsetRow(f"{robot}-s{seed}", robot, "none", seed, "0", 0.9, at, at, **factors)
+    row = OnsetRow(f"{robot}-s{seed}", robot, "none", seed, "0", 0.9, at, at, at, **factors)
     return replace(row, **changes)
 
 
@@ -48,32 +52,60 @@ def test_the_worst_reach_is_of_any_command_and_may_be_over_that_without_friction
         ReachRow("p", level, command, reach, 0, 1.0)
         for level, command, reach in [(0.1, "vx=1", 0.6), (0.1, "wz=1", 0.5), (0.0, "vx=1", 0.75), (0.0, "wz=1", 1.0)]
     ]
-    assert worst(rows) == {0.0: 0.75, 0.1: 0.5}
-    assert worst(rows[:1] + rows[2:], relative=True) == pytest.approx({0.0: 1.0, 0.1: 0.8})
+    reach = reaches_of(rows)
+    assert reach.worst == {0.0: 0.75, 0.1: 0.5} and reach.relative == pytest.approx({0.0: 1.0, 0.1: 0.5})
+    assert reach.mean == pytest.approx({0.0: 1.0, 0.1: 0.65}) and not reach.walked_enough
+    # A command that is not walked without friction either counts in the worst, and in no ratio.
+    still = [ReachRow("p", level, "vy=1", reach, 0, 1.0) for level, reach in ((0.0, 0.1), (0.1, 0.0))]
+    assert reaches_of(rows + still).mean == reach.mean and reaches_of(rows + still).worst[0.0] == 0.1
+    assert reaches_of([*rows, ReachRow("p", 0.2, "vx=1", 0.3, 0, 1.0)]).walked_enough
+
+
+def test_a_policy_that_was_walked_in_part_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Levels that are there are not walked again, and no more than the policy needs."""
+    walked: list[float] = []
+
+    def walk(bundle: object, levels: tuple[float, ...], commands: object, threads: int) -> list[ReachRow]:
+        walked.extend(levels)
+        return [ReachRow("p", level, "vx=1", 1.0 - level, 0, 1.0) for level in levels]
+
+    monkeypatch.setattr(measure, "reaches", walk)
+    monkeypatch.setattr(measure, "GRID", (0.0, 0.1, 0.3, 0.45, 0.55, 0.6, 0.7, 0.8, 0.9))
+    bundle = read_bundle(find_bundle(Path("saturn_lite-flat-none-0.2")))
+    motion = Motion(*(np.ones(18) for _ in range(5)))
+    monkeypatch.setattr(measure, "walk_motion", lambda *_: motion)
+    row, rows = measure.walk_onset(bundle, [ReachRow("p", level, "vx=1", 1.0 - level, 0, 1.0) for level in (0.0, 0.1)])
+    assert walked == [0.3, 0.45, 0.55] and len(rows) == 5
+    assert row.standstill == pytest.approx(0.45 * (0.55 / 0.45) ** 0.5)
 
 
 def test_axes_by_hand() -> None:
     """Two joints of 10 and 20 N m at kp 100: dead bands of 0.1 and 0.2 rad at the torque limit, and so on."""
     robot = find_robot("go1")
     kp, limit = np.array([100.0, 100.0]), np.array([10.0, 20.0])
-    found = axes(robot, kp, limit, Motion(np.array([0.1, 0.4]), np.array([0.2, 0.1]), np.array([2.0, 5.0])))
+    rms = (np.array([0.1, 0.4]), np.array([0.2, 0.1]), np.array([2.0, 5.0]))
+    found = axes(robot, kp, limit, Motion(*rms, speed=np.array([1.0, 2.0]), power=np.array([3.0, 2.0])))
     assert found["dead_band_worst"] == pytest.approx(0.2) and found["dead_band_mean"] == pytest.approx(0.15)
     assert found["targets_worst"] == pytest.approx(1.0) and found["targets_mean"] == pytest.approx(0.75)
     assert found["motion_worst"] == pytest.approx(2.0) and found["motion_mean"] == pytest.approx(1.25)
     assert found["torque_worst"] == pytest.approx(5.0) and found["torque_mean"] == pytest.approx(4.5)
     assert found["weight_worst"] == pytest.approx(20 / (robot.mass * 9.81 * robot.standing_height))
+    # At the torque limit friction takes 10 x 1 + 20 x 2 W, and the motors give 5.
+    assert found["work"] == pytest.approx(10.0)
     assert set(found) == set(AXES)
 
 
 def test_commands_of_half_the_range_count() -> None:
     """Of the set of fifteen all but slow walking and standing; the combined ones have half of an axis."""
     bundle = read_bundle(find_bundle(Path("saturn_lite-flat-none-0.2")))
-    assert len(found := commands_of(bundle)) == 12 and not {"vx=0.2", "vx=-0.2", "stand"} & set(found)
+    assert len(found := fast_commands(commands_for([bundle]))) == 12 and not {"vx=0.2", "vx=-0.2", "stand"} & set(found)
     slow = replace(
         bundle,
         contract=make_contract(command_range={"forward": (-0.4, 0.4), "sideways": (-0.3, 0.3), "turn": (-1.0, 1.0)}),
     )
-    assert {"vx=0.25", "vx=-0.4", "vx=0.2,wz=0.5"} <= set(commands_of(slow)) and "vx=0.1" not in commands_of(slow)
+    assert {"vx=0.25", "vx=-0.4", "vx=0.2,wz=0.5"} <= set(
+        fast_commands(commands_for([slow]))
+    ) and "vx=0.1" not in fast_commands(commands_for([slow]))
 
 
 def test_the_axis_on_which_robots_agree() -> None:
@@ -126,3 +158,26 @@ def test_the_command_walks_what_it_does_not_have(tmp_path: Path, monkeypatch: py
     capsys.readouterr()
     assert main(["study", "onset", "--out", str(tmp_path / "empty")]) == 2
     assert "no policy given" in capsys.readouterr().err
+
+
+def test_what_comes_with_the_package_is_what_the_study_wrote() -> None:
+    """A prediction rests on rows that the study has replaced."""
+    root = Path(__file__).parents[3]
+    assert read_onsets(root / "results/onset/evidence.json") == shipped_onsets()
+
+
+def test_evidence_is_of_the_reading_that_more_conditions_have() -> None:
+    """Two robots have a relative onset, one of them no other: the relative one counts, on the axis where they agree."""
+    rows = [
+        replace(a_row("saturn_lite", 10, 0.1, 0.4), relative_onset=0.1),
+        replace(a_row("go1", 10, None, 0.8), relative_onset=0.05),
+    ]
+    choice = best_choice(rows)
+    assert choice is not None
+    evidence = evidence_of(choice, {"command": "stiction study onset", "revision": "1"})
+    assert (evidence.axis, evidence.relative) == ("dead_band_worst", True)
+    assert [(one.robot, one.feet, one.onsets) for one in evidence.conditions] == [
+        ("saturn_lite", 6, (0.1,)),
+        ("go1", 4, (0.05,)),
+    ]
+    assert evidence.middles == pytest.approx([0.04, 0.04])

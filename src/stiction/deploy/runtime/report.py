@@ -59,11 +59,17 @@ def summary(supervisor: Supervisor, timing: Timing, more: dict[str, Any]) -> dic
         "sections_ms": sections,
         "supervisor_ms": timing.reading.milliseconds(),
         "limited": limited(supervisor),
+        "hunting": hunting_joints(supervisor),
         "motion": motion,
         "end": end_line(supervisor.stop_record, timing, motion),
         "stop": None if supervisor.stop_record is None else supervisor.stop_record.summary(),
         **more,
     }
+
+
+def hunting_joints(supervisor: Supervisor) -> list[str]:
+    """Return the joints to which no friction is fed forward any more, for they hunted."""
+    return [name for name, hunts in zip(supervisor.contract.joint_names, supervisor.hunts, strict=True) if hunts]
 
 
 def limited(supervisor: Supervisor) -> dict[str, dict[str, float]]:

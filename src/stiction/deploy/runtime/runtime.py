@@ -31,7 +31,7 @@ from stiction.deploy.runtime.config import RunCfg
 from stiction.deploy.runtime.motion import Motion
 from stiction.deploy.runtime.operator import Operator
 from stiction.deploy.runtime.processes import Death, Logger, beside, last_line, logging_process
-from stiction.deploy.runtime.report import Timing, summary
+from stiction.deploy.runtime.report import Timing, hunting_joints, summary
 from stiction.deploy.runtime.supervisor import Out, Stage, Supervisor, check_peers
 from stiction.deploy.runtime.ticker import Ticker
 from stiction.deploy.transports.link import Link, RobotState
@@ -147,6 +147,7 @@ class _Loop:
         self._files = [self.link.fileno(), *self.operator.files()]
         self._files += [] if self.channel is None else [self.channel.end.fileno()]
         self._stage, self._ran_since, self._damped_at = Stage.PASSIVE, 0.0, 0.0
+        self._hunted = 0
         self._last: tuple[float, RobotState, Out] | None = None
 
     def run(self, velocity: np.ndarray) -> None:
@@ -333,6 +334,10 @@ class _Loop:
             self._stage = self.supervisor.stage
             if self._stage in STAGES:
                 self.say(STAGES[self._stage])
+        if (count := int(self.supervisor.hunts.sum())) > self._hunted:
+            self._hunted = count
+            names = ", ".join(hunting_joints(self.supervisor))
+            self.say(f"hunting: {names}; no friction is fed forward to them from now on, less of it was meant")
 
 
 STAGES = {

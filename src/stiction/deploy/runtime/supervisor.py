@@ -11,7 +11,7 @@ sent again and again, since a frame can be lost: for the settling time, and whil
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -25,7 +25,7 @@ from stiction.deploy.runtime.safety import Safety
 from stiction.deploy.transports.link import Peers, RobotState
 from stiction.files.contract import Contract
 from stiction.files.run_log import RUN_STAGE
-from stiction.joints.compensation import FrictionController
+from stiction.joints.compensation import FrictionController, Hunting
 
 GAINS_AFTER = 0.5
 """Time after the first command with gains at which a robot that says its gains says ours [s]."""
@@ -131,6 +131,9 @@ class Supervisor:
         self._kp, self._kd = (kp, kd) if source is None else (source.kp, source.kd)
         slew, margin = cfg.limits.of(contract)
         self._limits, self._forward = Limits(contract, slew, margin, self._kp, self._kd), forward
+        self._hunting = Hunting(contract.num_joints, period)
+        self.hunts = np.zeros(contract.num_joints, bool)
+        """Joints that hunted while standing was commanded: from then on nothing is fed forward to them."""
         self._damping = kd
         self._began, self._since, self._seen = now, now, math.nan
         self._from: np.ndarray | None = None
@@ -362,8 +365,14 @@ class Supervisor:
         """Return the command for targets that are within slew and range."""
         angle, speed = state.sensors.joint_position, state.sensors.joint_velocity
         limited = self._limits.apply_torque(limited, angle, speed)
-        forward = self._forward if self.stage is Stage.RUN and self._source is None else None
-        command = JointCommand.position(limited.target, self._kp, self._kd).against_friction(angle, speed, forward)
+        command = JointCommand.position(limited.target, self._kp, self._kd)
+        if self._forward is not None and self.stage is Stage.RUN and self._source is None:
+            if self.velocity.any():
+                self._hunting.reset()
+            else:
+                self.hunts |= self._hunting.step(speed)
+            pushed = command.against_friction(angle, speed, self._forward)
+            command = replace(pushed, forward=np.where(self.hunts, 0.0, pushed.forward))
         return self._out(command, requested, limited)
 
     def _damp(self) -> JointCommand:

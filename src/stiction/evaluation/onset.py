@@ -1,0 +1,115 @@
+"""Onset as walked: the friction at which the worst of a policy's fast commands falls under 0.8 of the command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, replace
+from typing import Any
+
+import numpy as np
+
+from stiction.evaluation.course import SETTLE
+from stiction.evaluation.evaluate import ENGINE, EvaluationCfg, batch_policy, make_rollout
+from stiction.evaluation.rollout import friction_at
+from stiction.files.bundle import Bundle
+from stiction.files.contract import robot_of
+from stiction.files.onset import AXES, LEAST, STILL, Motion, motion_of, predict_onset, shipped_onsets
+from stiction.files.results import ResultRow
+from stiction.files.velocity import parse_command
+from stiction.virtual.drive import drive
+
+EPISODES = 4
+"""Most walks of a command by which a policy's onset is predicted."""
+
+MOVED = 0.2
+"""Reach without friction from which on a reach is taken over it [1]: a robot that stands has none."""
+
+HALF = 0.5
+"""Share of its range that a command has on some axis to count: slower ones are hard without friction already [1]."""
+
+
+def fast_commands(labels: Sequence[str]) -> tuple[str, ...]:
+    """Return those of a set of commands that count: at least `HALF` of the largest on some axis."""
+    speeds = np.abs([parse_command(text).velocity for text in labels]).reshape(-1, 3)
+    fast = ((speeds >= HALF * speeds.max(axis=0, initial=0.0)) & (speeds > 0.0)).any(axis=1)
+    return tuple(text for text, counts in zip(labels, fast, strict=True) if counts)
+
+
+def reach_by_level(
+    cells: Mapping[tuple[float, str], float], over: Callable[[list[float]], float] = min, relative: bool = False
+) -> dict[float, float]:
+    """Return level -> the smallest reach of its commands [1], or their mean; levels upward.
+
+    cells: level and command -> reach; over: what is taken of the commands; `relative`: each over that of the same
+    command without friction, of commands that reach `MOVED` there.
+    """
+    shares: dict[float, list[float]] = {}
+    for (level, command), reach in sorted(cells.items()):
+        free = cells[0.0, command] if relative else 1.0
+        if not relative or free >= MOVED:
+            shares.setdefault(level, []).append(reach / free)
+    return {level: over(each) for level, each in shares.items()}
+
+
+def onset(reach: Mapping[float, float], least: float = LEAST) -> float | None:
+    """Return the friction at which the reach falls under a least one for the first time, between levels interpolated.
+
+    reach: level -> reach, levels upward from 0. Linear from 0 to the next level, then in the logarithm of the friction.
+    None where it is under it at 0, or at no level.
+    """
+    levels = list(reach)
+    first = next((number for number, level in enumerate(levels) if reach[level] < least), None)
+    if not first:
+        return None
+    low, high = levels[first - 1], levels[first]
+    share = (reach[low] - least) / (reach[low] - reach[high])
+    return share * high if low == 0.0 else low * (high / low) ** share
+
+
+def walked_onset(rows: Sequence[ResultRow], relative: bool) -> tuple[float | None, float | None]:
+    """Return the onset of one policy by its rows in the simulator of the training, and the highest level walked there.
+
+    None: no onset among the levels, or without the level 0, which comes first in any of them; no row at all.
+    """
+    cells = {
+        (row.friction_level, row.command): min(ratios)
+        for row in rows
+        if (row.engine, row.terrain, row.friction_law) == (ENGINE, "flat", "coulomb")
+        and row.mean_velocity is not None
+        and (ratios := parse_command(row.command).axis_ratios(row.mean_velocity))
+    }
+    fast = fast_commands(list(dict.fromkeys(command for _, command in cells)))
+    cells = {cell: reach for cell, reach in cells.items() if cell[1] in fast}
+    last = max((level for level, _ in cells), default=None)
+    if not any(level == 0.0 for level, _ in cells):
+        return None, last
+    return onset(reach_by_level(cells, relative=relative)), last
+
+
+def onset_of(bundle: Bundle, rows: Sequence[ResultRow], cfg: EvaluationCfg) -> dict[str, Any]:
+    """Return from which friction on a policy stops following, predicted by its walks without any, and as it walked.
+
+    rows: of the policy; cfg: their commands, episodes and seconds; of its walks at most `EPISODES` are made again.
+    """
+    evidence, motion = shipped_onsets(), None
+    if evidence.axis not in list(AXES)[:STILL]:
+        fast = fast_commands(cfg.commands) or cfg.commands
+        episodes = min(cfg.episodes, EPISODES)
+        motion = walk_motion(bundle, replace(cfg, friction_levels=(0.0,), commands=fast, episodes=episodes))
+    predicted = predict_onset(bundle.contract, motion)
+    walked, last = walked_onset(rows, evidence.relative)
+    return {"predicted": predicted and asdict(predicted), "walked": walked, "walked_to": last}
+
+
+def walk_motion(bundle: Bundle, cfg: EvaluationCfg, threads: int = 1) -> Motion:
+    """Walk a policy and return what its joints do; cfg: without friction."""
+    contract, spec = bundle.contract, robot_of(bundle.contract)
+    policy = batch_policy(bundle, spec, cfg, friction_at(contract, cfg.robot_levels))
+    rollout = make_rollout(policy, contract, spec, cfg, threads)
+    first, seen = round(SETTLE / contract.control_period), []
+    for number, step in enumerate(drive(rollout, cfg.robot_commands, round(cfg.seconds / contract.control_period))):
+        if number >= first:
+            fleet = rollout.fleet
+            signals = (step.policy.target, fleet.joint_position, fleet.joint_velocity, fleet.torque)
+            seen.append([signal.copy() for signal in signals])
+    return motion_of(*(np.array(signal) for signal in zip(*seen, strict=True)))

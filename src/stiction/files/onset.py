@@ -1,0 +1,224 @@
+"""Onset: the friction from which on a policy that never met friction stops following, as others' onsets predict it.
+
+Reach is the least ratio of mean velocity to command, over the commanded axes. The onset is the friction at which the
+worst reach of the fast commands falls under `LEAST`. On some axis, friction over what a joint's gains, targets, motion
+or torque can do against it, onsets of robots and gains lie close to each other: `onset.json` beside this module has
+those that walked, as the study of onsets wrote it, and which axis that is.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+
+from stiction.core.decode import from_plain
+from stiction.files.contract import Contract, robot_of
+from stiction.files.golden import Golden
+from stiction.files.plain import read_object, take_version
+from stiction.robots.model import GRAVITY, Robot
+
+SCHEMA_VERSION = 1
+
+LEAST = 0.8
+"""Share of the command under which a policy no longer follows [1]."""
+
+AXES = {
+    "torque_limit": "f / τ_max",
+    "dead_band_worst": "f / kp [rad], worst joint",
+    "dead_band_mean": "f / kp [rad], mean",
+    "weight_worst": "f / (weight × height), worst joint",
+    "weight_mean": "f / (weight × height), mean",
+    "targets_worst": "f / (kp × rms of targets), worst joint",
+    "targets_mean": "f / (kp × rms of targets), mean",
+    "motion_worst": "f / (kp × rms of angles), worst joint",
+    "motion_mean": "f / (kp × rms of angles), mean",
+    "torque_worst": "f / rms of torque, worst joint",
+    "torque_mean": "f / rms of torque, mean",
+    "work": "work against f / work of the motors, all joints",
+}
+"""Axis -> its text, what needs less knowledge first."""
+
+STILL = 5
+"""Axes, the first so many, that need no walk: gains, limits and weight."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What joints do in walking without friction, shape (J,); the first three are root mean squares over walks."""
+
+    targets: np.ndarray
+    """Of the policy's targets about their mean over a walk [rad]."""
+    angles: np.ndarray
+    """Of the angles about their mean over a walk [rad]."""
+    torque: np.ndarray
+    """Of the motors' torque [N m]."""
+    speed: np.ndarray
+    """Mean of the joint's speed without its sign [rad/s]."""
+    power: np.ndarray
+    """Mean of torque times velocity, without its sign [W]."""
+
+
+def motion_of(targets: np.ndarray, angles: np.ndarray, velocity: np.ndarray, torque: np.ndarray) -> Motion:
+    """Return what joints did in N walks of T steps, each of shape (T, N, J) [rad, rad, rad/s, N m]."""
+    return Motion(
+        rms(targets - targets.mean(axis=0)),
+        rms(angles - angles.mean(axis=0)),
+        rms(torque),
+        np.abs(velocity).mean(axis=(0, 1)),
+        np.abs(torque * velocity).mean(axis=(0, 1)),
+    )
+
+
+def rms(signal: np.ndarray) -> np.ndarray:
+    """Return the root mean square over steps and walks, shape (T, N, J) -> (J,)."""
+    return np.sqrt(np.square(signal).mean(axis=(0, 1)))
+
+
+def axes(robot: Robot, kp: np.ndarray, limit: np.ndarray, motion: Motion | None) -> dict[str, float]:
+    """Return what each axis is per friction over torque limit, by name; without a motion the first `STILL` alone.
+
+    kp: gains [N m/rad]; limit: torque limits [N m], both (J,).
+    """
+    values = {"torque_limit": 1.0}
+    by_joint = {"dead_band": limit / kp, "weight": limit / (robot.mass * GRAVITY * robot.standing_height)}
+    if motion is not None:
+        by_joint |= {
+            "targets": limit / (kp * motion.targets),
+            "motion": limit / (kp * motion.angles),
+            "torque": limit / motion.torque,
+        }
+        values["work"] = float((limit * motion.speed).sum() / motion.power.sum())
+    for name, each in by_joint.items():
+        values |= {f"{name}_worst": float(each.max()), f"{name}_mean": float(each.mean())}
+    return values
+
+
+@dataclass(frozen=True)
+class OnsetCondition:
+    """One robot with its gains, over the training seeds."""
+
+    robot: str
+    feet: int
+    dead_band: float
+    """f/kp at the torque limit, mean over joints [rad]."""
+    onsets: tuple[float, ...]
+    """Friction over torque limit at the onset, of each seed [1]."""
+    values: tuple[float, ...]
+    """The same on the axis."""
+
+
+@dataclass(frozen=True)
+class OnsetEvidence:
+    """Onsets that walked, on the axis on which they lie closest."""
+
+    axis: str
+    """Name in `AXES`."""
+    relative: bool
+    """True if an onset is the friction at which reach falls under `LEAST` of that without friction."""
+    again: float
+    """Share of samples of the seeds that choose this axis too [1]."""
+    conditions: tuple[OnsetCondition, ...]
+    command: str
+    revision: str
+
+    @property
+    def middles(self) -> list[float]:
+        """Median of each condition's seeds, on the axis, upward."""
+        return sorted(median(condition.values) for condition in self.conditions)
+
+
+def read_onsets(path: Path) -> OnsetEvidence:
+    """Return the onsets that walked. Raises `StictionError`: the file cannot be read, or is none of this version."""
+    return from_plain(OnsetEvidence, take_version(read_object(path, "onsets"), SCHEMA_VERSION, path.name), path.name)
+
+
+@cache
+def shipped_onsets() -> OnsetEvidence:
+    """Return what comes with the package."""
+    return read_onsets(Path(__file__).with_name("onset.json"))
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Friction from which on a policy stops following, as a share of each joint's torque limit [1]."""
+
+    level: float
+    least: float
+    """By the condition that stopped first, on the axis."""
+    most: float
+    """By the one that stopped last."""
+    axis: str
+    """Name in `AXES`."""
+    relative: bool
+    """True if it is the friction at which reach falls under `LEAST` of that without friction."""
+    outside: str
+    """Why this is an extrapolation, and the nearest evidence; empty where it is none."""
+
+    @property
+    def text(self) -> str:
+        """The prediction as a sentence, with what it rests on."""
+        span = f"{100 * self.least:.2g} to {100 * self.most:.2g} %"
+        what = f"falls under {100 * LEAST:g} % of its speed without friction" if self.relative else "stops following"
+        text = f"{what} at {100 * self.level:.2g} % of the torque limit ({span}), by {AXES[self.axis]}"
+        return f"{text}; {self.outside}" if self.outside else text
+
+
+def predict_onset(
+    contract: Contract, motion: Motion | None, evidence: OnsetEvidence | None = None
+) -> Prediction | None:
+    """Return from which friction on a policy stops following; None where its axis needs a motion and there is none.
+
+    It is for policies that never met friction; one that was trained with it follows as far as it was trained. motion:
+    of walks without friction; evidence: by default what comes with the package.
+    """
+    evidence, robot = evidence or shipped_onsets(), robot_of(contract)
+    factors = axes(robot, contract.array("kp"), contract.array("torque_limit"), motion)
+    if (factor := factors.get(evidence.axis)) is None:
+        return None
+    middles = evidence.middles
+    level, least, most = (value / factor for value in (median(middles), middles[0], middles[-1]))
+    outside = _outside(robot, factors["dead_band_mean"], evidence)
+    return Prediction(level, least, most, evidence.axis, evidence.relative, outside)
+
+
+def golden_motion(golden: Golden, contract: Contract) -> Motion | None:
+    """Return what joints did in a recording; None where they had friction in it, or no torque is there."""
+    if max(contract.friction) > 0.0 or golden.torque is None:
+        return None
+    walked = slice(None) if golden.walked is None else golden.walked
+    signals = (golden.target, golden.joint_position, golden.joint_velocity, golden.torque)
+    return motion_of(*(signal[walked][:, None] for signal in signals))
+
+
+def _outside(robot: Robot, dead_band: float, evidence: OnsetEvidence) -> str:
+    """Return why a robot is outside of what walked, and the condition nearest to it by feet and softness of gains."""
+    feet = sorted({condition.feet for condition in evidence.conditions})
+    soft = [condition.dead_band for condition in evidence.conditions]
+    reasons = []
+    if len(robot.feet) not in feet:
+        reasons.append(f"robots with {' and '.join(map(str, feet))} feet walked, this one has {len(robot.feet)}")
+    if not min(soft) / 1.1 <= dead_band <= 1.1 * max(soft):
+        reasons.append(f"τ_max/kp was {min(soft):.2g} to {max(soft):.2g} rad, and is {dead_band:.2g}")
+    if not reasons:
+        return ""
+    near = min(
+        evidence.conditions,
+        key=lambda one: (abs(one.feet - len(robot.feet)), abs(math.log(one.dead_band / dead_band))),
+    )
+    onset = f"{100 * median(near.onsets):.2g} %"
+    return f"an extrapolation: {'; '.join(reasons)}; the nearest that walked, {near.robot}, stopped at {onset}"
+
+
+def conditions_text(evidence: OnsetEvidence) -> str:
+    """Return which robots walked, and how far apart their onsets lie on the axis."""
+    middles = evidence.middles
+    seeds = [len(condition.onsets) for condition in evidence.conditions]
+    several = f"{min(seeds)} to {max(seeds)}" if min(seeds) < max(seeds) else f"{seeds[0]}"
+    names = ", ".join(condition.robot for condition in evidence.conditions)
+    axis, spread = AXES[evidence.axis], middles[-1] / middles[0]
+    return f"{names}, trained without friction, {several} seeds each; on {axis} within a factor of {spread:.2g}"
