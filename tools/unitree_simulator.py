@@ -131,7 +131,7 @@ class Row:
     right: int
     """Commands whose checksum the maker's library finds right."""
     pace: float | None
-    """Simulated over real time [-]."""
+    """Simulated over real time [-]; well under 1 the figures are of a machine that was too busy."""
     origin: str = field(default="tools/unitree_simulator.py")
     """Program that measured it."""
 
@@ -205,12 +205,12 @@ def measured(cfg: argparse.Namespace, seen: dict[str, Any], folder: Path, status
 
     report = folder / "report.json"
     end = json.loads(report.read_text())["end"] if report.exists() else f"deploy ended with status {status}"
-    reached = pace = None
+    reached, began = None, [sample for sample in seen["path"] if sample[1] > 0]
+    pace = (began[-1][1] - began[0][1]) / (began[-1][0] - began[0][0]) if len(began) > 1 else None
     try:
         readings = read_run_log(folder / "log").readings
         ran = readings["time"][readings["stage"] == RUN_STAGE]
         path = np.array([sample for sample in seen["path"] if ran[0] + SETTLING <= sample[0] <= ran[-1]])
-        real, simulated = path[-1, :2] - path[0, :2]
         # Displacement between samples along the heading, and across it.
         w, x, y, z = path[:-1, 5:].T
         heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
@@ -219,7 +219,7 @@ def measured(cfg: argparse.Namespace, seen: dict[str, Any], folder: Path, status
         asked = np.array(parse_command(cfg.command).velocity)
         axis = int(np.argmax(np.abs(asked)))
         assert AXES[axis] in ("vx", "vy"), "a command along one axis"
-        reached, pace = float(along[axis].sum() / simulated), float(simulated / real)
+        reached = float(along[axis].sum() / (path[-1, 1] - path[0, 1]))
     except (StictionError, IndexError):
         pass  # The run ended before the policy had walked.
     name = cfg.bundle.name
