@@ -1,4 +1,4 @@
-"""`tools/unitree_simulator.py`: the velocity of a walk on the maker's simulator, by hand; a simulator that is absent."""
+"""`tools/unitree_simulator.py`: the velocity of a walk on the maker's simulator by hand; an absent simulator."""
 
 from __future__ import annotations
 

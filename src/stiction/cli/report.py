@@ -19,6 +19,10 @@ Examples:
   stiction report --bench day"""
 
 
+SHOWN = ("friction", "command", "runs", "reached/told", "spread", "predicted", "stops")
+"""Columns on the terminal; the page has all."""
+
+
 @dataclass(frozen=True)
 class ReportCfg:
     """Options of the verb."""
@@ -43,11 +47,15 @@ def main(arguments: list[str]) -> int:
         raise ConfigurationError(f"--bench: got {cfg.bench}, which is no folder, expected that of a day")
     with output_folder(cfg.bench):
         rows, lacking = write_bench(cfg.bench, shlex.join(["stiction", "report", *arguments]))
-    table = Table(*header(BenchRow))
-    for row in rows:
-        table.add_row(*texts(row))
     console = Terminal()
-    console.print(table)
+    for policy in dict.fromkeys(row.policy for row in rows):
+        console.print(policy, style="bold", soft_wrap=True, highlight=False)
+        table = Table(*SHOWN)
+        for row in rows:
+            if row.policy == policy:
+                cells = dict(zip(header(BenchRow), texts(row), strict=True))
+                table.add_row(*(cells[name] for name in SHOWN))
+        console.print(table)
     written = ", ".join(str(cfg.bench / name) for name in (PAGE, TABLE, SHEET))
     for line in (*(f"missing: {text}" for text in lacking), f"written: {written}"):
         console.print(line, highlight=False, soft_wrap=True)
