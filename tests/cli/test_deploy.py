@@ -12,9 +12,11 @@ from pathlib import Path
 
 import pytest
 
+from bundles import make_bundle, make_contract
 from processes import is_alive, stiction, wait_until
 from stiction.cli import deploy
 from stiction.cli.main import main
+from stiction.files.observation import proprioception
 from stiction.files.run_log import joint_log, read_run_log
 
 POLICY = "saturn_lite-flat-deception-0.2"
@@ -231,3 +233,17 @@ def test_a_report_is_not_written_over_unasked(
     assert "report.json exists already; choose another --report, or add --overwrite" in said
     assert not (tmp_path / "run").exists()
     assert main([*words, "--overwrite"]) == 0 and json.loads(file.read_text()) == runs
+
+
+def test_a_policy_that_is_told_its_friction_says_whose_and_gets_none_forward(tmp_path: Path, capsys) -> None:
+    """Told all of it while three quarters are fed forward it would answer friction that is no longer there."""
+    told = {"hip": 0.2, "thigh": 0.2, "shank": 0.2}
+    contract = make_contract(observation=proprioception(18, known_kinds=3), known_friction=told)
+    path = make_bundle(tmp_path / "told", contract)
+    words = ["deploy", str(path), "--duration", "0.1", "--out", str(tmp_path / "run"), *PATIENT]
+    joints = tmp_path / "joints.json"
+    joints.write_text("{}")
+    assert main([*words, "--forward", str(joints)]) == 1
+    assert "--forward: this policy is told its joints' friction and answers it" in capsys.readouterr().err
+    main(words)
+    assert "stiction export RUN --joints joints.json tells it the bench's" in capsys.readouterr().err

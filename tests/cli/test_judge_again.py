@@ -12,9 +12,7 @@ import pytest
 
 from stiction.cli.main import main
 from stiction.core.records import read_rows
-from stiction.files.advice import TRANSFER, read_advice
 from stiction.files.results import read_results, write_results
-from stiction.identification.advice import shipped
 from stiction_experiments.lab.straight import Following
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed")
@@ -57,16 +55,15 @@ def test_rows_that_change_turn_the_verdict(tmp_path: Path, capsys: pytest.Captur
 
 
 def test_the_comparison_is_judged_from_its_summary_alone(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """The same rows and means come out, byte for byte; the tables have each tested level; the advice is written."""
+    """The same rows and means come out, byte for byte; the tables have each tested level."""
     out = copy("replication", "summary.json", out=tmp_path / "comparison")
-    words = ["replicate", "--judge-again", "--out", str(out), "--advice", str(tmp_path / "advice.json")]
+    words = ["replicate", "--judge-again", "--out", str(out)]
     assert main(words) == 0
     assert "no training follows everywhere with every seed" in capsys.readouterr().out
     for name in ("results.csv", "methods.csv", "budget.csv", "onsets.csv", "following.csv"):
         assert (out / name).read_bytes() == (RESULTS / "replication" / name).read_bytes(), name
     rows = read_results(out / "results.csv")
     assert all((row.slowest is not None) == ("+" in row.engine and row.speed_ratio is not None) for row in rows)
-    assert read_advice(tmp_path / "advice.json") == {TRANSFER: shipped()[TRANSFER]}
     before, now = (json.loads((folder / "summary.json").read_text()) for folder in (RESULTS / "replication", out))
     judged = [{one["id"]: one["outcome"] for one in summary["verdicts"]} for summary in (before, now)]
     # Sentences that came later were not walked for.

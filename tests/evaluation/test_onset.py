@@ -12,12 +12,29 @@ from stiction.core.errors import StictionError
 from stiction.evaluation.onset import walked_onset
 from stiction.files.bundle import find_bundle, read_bundle
 from stiction.files.contract import robot_of
-from stiction.files.onset import Motion, OnsetCondition, OnsetEvidence, axes, golden_motion, predict_onset, read_onsets
+from stiction.files.onset import (
+    AXES,
+    Motion,
+    OnsetCondition,
+    OnsetEvidence,
+    axes,
+    golden_motion,
+    predict_onset,
+    read_onsets,
+)
 from stiction.files.results import ResultRow
 from stiction.report.following import onset_lines
 
 BUNDLE = read_bundle(find_bundle(Path("saturn_lite-flat-none-0.2")))
-TWO = (OnsetCondition("a", 6, 0.3, (0.1, 0.2), (1.0, 2.0)), OnsetCondition("b", 6, 0.4, (0.3,), (3.0,)))
+
+
+def condition(robot: str, onsets: tuple[float, ...], softness: float) -> OnsetCondition:
+    """Return a robot with six feet; every axis but f/kp is 10 at the torque limit."""
+    factors = dict.fromkeys(AXES, (10.0,) * len(onsets)) | {"dead_band_mean": (softness,) * len(onsets)}
+    return OnsetCondition(robot, 6, onsets, onsets, onsets, factors)
+
+
+TWO = (condition("a", (0.1, 0.2), 0.3), condition("b", (0.3,), 0.4))
 EVIDENCE = OnsetEvidence("torque_limit", False, 1.0, TWO, "stiction study onset", "1")
 
 
@@ -66,11 +83,11 @@ def test_a_prediction_is_the_middle_of_the_conditions_on_their_axis() -> None:
 
 def test_what_no_robot_like_it_has_walked_is_called_an_extrapolation() -> None:
     """A robot with other feet, or with softer gains than any that walked."""
-    birds = tuple(replace(condition, feet=2) for condition in TWO)
+    birds = tuple(replace(each, feet=2) for each in TWO)
     predicted = predict_onset(BUNDLE.contract, None, replace(EVIDENCE, conditions=birds))
     assert predicted is not None
     assert "2 feet walked, this one has 6" in predicted.outside and "the nearest that walked, a" in predicted.outside
-    stiff = tuple(replace(condition, dead_band=0.01) for condition in TWO)
+    stiff = tuple(condition(each.robot, each.onsets, 0.01) for each in TWO)
     predicted = predict_onset(BUNDLE.contract, None, replace(EVIDENCE, conditions=stiff))
     assert predicted is not None and "τ_max/kp was 0.01 to 0.01 rad, and is 0.32" in predicted.text
 

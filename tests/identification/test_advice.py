@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from stiction.files.advice import TRAINING, TRANSFER, Source, TrainedWith
+from stiction.files.advice import TRAINING, Source, TrainedWith
 from stiction.files.following import CommandCount
 from stiction.files.joints import Estimate, JointRecord
 from stiction.identification.advice import CONDITIONS, REFERENCE, SOURCES, advise, place, shipped
@@ -146,9 +146,6 @@ def test_the_package_s_file_is_that_of_the_results() -> None:
     """Somebody edited the file, or forgot to write it after the results changed, where this fails."""
     commands = pytest.importorskip("stiction_experiments.friction.commands", reason="the extra 'train' is needed")
     from stiction.files.following import count_commands
-    from stiction.files.results import read_summary
-    from stiction.robots.catalog import find_robot
-    from stiction_experiments.replication import run
 
     part = shipped()[TRAINING]
     rows = commands.read_tables(next(RESULTS.rglob(name)) for name in part.tables)
@@ -156,9 +153,6 @@ def test_the_package_s_file_is_that_of_the_results() -> None:
         asdict(count) for count in count_commands(rows, commands.way_of) if count.method in part.methods
     ]
     assert set(part.policies) == {row.policy for row in rows if commands.way_of(row) in part.methods}
-    summary = read_summary(RESULTS / "replication" / "summary.json")
-    records = [run._record(name, part, summary["grids"][name]) for name, part in summary["parts"].items()]
-    assert shipped()[TRANSFER] == run.source_of(run.judged(records, find_robot("saturn_lite"), summary))
 
 
 def test_every_entry_has_a_source_and_a_condition() -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from statistics import fmean
+from typing import Any
 
 import numpy as np
 
@@ -104,7 +105,8 @@ def reaches(bundle: Bundle, levels: Sequence[float], commands: tuple[str, ...], 
         command = np.array(parse_command(row.command).velocity)
         stood = [np.array(walk.mean_velocity) * (walk.fall_rate == 0.0) for walk in walks]
         asked = command != 0.0
-        reach = float((np.mean(stood, axis=0)[asked] / command[asked]).min())
+        # As in the table: what is judged from there later is then the same to the last digit.
+        reach = float(f"{(np.mean(stood, axis=0)[asked] / command[asked]).min():.9g}")
         falls = sum(walk.fall_rate > 0.0 for walk in walks)
         rows.append(ReachRow(bundle.name, row.friction_level, row.command, reach, falls, row.joint_jitter))
     return rows
@@ -136,6 +138,17 @@ def reaches_of(rows: Sequence[ReachRow]) -> Reaches:
     )
 
 
+def readings(rows: Sequence[ReachRow]) -> dict[str, Any]:
+    """Return the columns of `OnsetRow` that a policy's rows decide: its reach, and the three frictions."""
+    reach = reaches_of(rows)
+    return {
+        "reach": reach.worst[0.0],
+        "onset": onset(reach.worst),
+        "relative_onset": onset(reach.relative),
+        "standstill": onset(reach.mean, STANDS),
+    }
+
+
 def walk_onset(
     bundle: Bundle, before: Sequence[ReachRow] = (), threads: int = 1, progress: Callable[[float], None] = unheard
 ) -> tuple[OnsetRow, list[ReachRow]]:
@@ -149,7 +162,7 @@ def walk_onset(
         rows += reaches(bundle, levels[:AT_ONCE], commands, threads)
         levels = levels[AT_ONCE:]
         progress(1.0 - (len(levels) + 1) / (len(GRID) + 1))
-    reach, motion = reaches_of(rows), walk_motion(bundle, EvaluationCfg((0.0,), commands, EPISODES, SECONDS), threads)
+    motion = walk_motion(bundle, EvaluationCfg((0.0,), commands, EPISODES, SECONDS), threads)
     progress(1.0)
     row = OnsetRow(
         bundle.name,
@@ -157,10 +170,7 @@ def walk_onset(
         method_of(contract),
         contract.seed,
         bundle.digest,
-        reach.worst[0.0],
-        onset(reach.worst),
-        onset(reach.relative),
-        onset(reach.mean, STANDS),
+        **readings(rows),
         **axes(robot_of(contract), contract.array("kp"), contract.array("torque_limit"), motion),
     )
     return row, rows

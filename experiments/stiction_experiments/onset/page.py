@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from statistics import median
+from statistics import fmean, median
 from typing import TYPE_CHECKING, Any
 
 from stiction.core.provenance import seed_streams
-from stiction.files.onset import AXES, LEAST, SCHEMA_VERSION, OnsetCondition, OnsetEvidence
+from stiction.evaluation.onset import onset
+from stiction.files.onset import AXES, LEAST, NOTICED, SCHEMA_VERSION, OnsetCondition, OnsetEvidence
 from stiction.files.plain import write_object
 from stiction.report.page import Section, Sheet, figure_block, legend, line_look, mark_look, new_figure
 from stiction.robots.catalog import find_robot
@@ -119,14 +120,16 @@ def best_choice(rows: Sequence[OnsetRow]) -> Choice | None:
     return choose(each[reading], reading) if len(each[reading]) > 1 else None
 
 
-def evidence_of(choice: Choice, provenance: Mapping[str, str]) -> OnsetEvidence:
+def evidence_of(choice: Choice, reaches: Sequence[ReachRow], provenance: Mapping[str, str]) -> OnsetEvidence:
     """Return what predicts the onset of other policies. provenance: `command` and `revision` of the study."""
     conditions = []
     for name, own in choice.conditions.items():
-        levels = [getattr(row, choice.reading) or 0.0 for row in own]
-        values = [level * getattr(row, choice.axis) for level, row in zip(levels, own, strict=True)]
-        feet = len(find_robot(name).feet)
-        conditions.append(OnsetCondition(name, feet, own[0].dead_band_mean, tuple(levels), tuple(values)))
+        walked = [[each for each in reaches if each.policy == row.policy] for row in own]
+        onsets = tuple(getattr(row, choice.reading) or 0.0 for row in own)
+        noticed = tuple(onset(reaches_of(each).relative, NOTICED) or 0.0 for each in walked)
+        jitter = tuple(fmean(row.jitter for row in each if row.friction_level == 0.0) for each in walked)
+        factors = {axis: tuple(getattr(row, axis) for row in own) for axis in AXES}
+        conditions.append(OnsetCondition(name, len(find_robot(name).feet), onsets, noticed, jitter, factors))
     return OnsetEvidence(choice.axis, choice.reading == "relative_onset", choice.again, tuple(conditions), **provenance)
 
 
@@ -253,7 +256,7 @@ def report(
 
     def write_evidence(out: Path) -> None:
         if evidence is not None:
-            plain = asdict(evidence_of(evidence, provenance))
+            plain = asdict(evidence_of(evidence, reaches, provenance))
             write_object(out / "evidence.json", {"schema_version": SCHEMA_VERSION} | plain)
 
     return Report(

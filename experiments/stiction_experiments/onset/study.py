@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -40,7 +40,7 @@ class OnsetOptions(Options):
 
 def run(options: OnsetOptions, work: Work) -> Report:
     """Walk the policies that --out does not have, and judge all."""
-    from stiction_experiments.onset.measure import OnsetRow, ReachRow, reaches_of, walk_onset
+    from stiction_experiments.onset.measure import OnsetRow, ReachRow, reaches_of, readings, walk_onset
     from stiction_experiments.onset.page import ordered, report
 
     onsets = read_rows(options.out / "onsets.csv", OnsetRow, optional=True)
@@ -49,9 +49,11 @@ def run(options: OnsetOptions, work: Work) -> Report:
         raise UsageError("no policy given")
     bundles = work.bundles(options.policies) if options.policies else []
     work.begin()
-    known = {row.digest: row.policy for row in onsets}
+    own = {row.policy: [each for each in reaches if each.policy == row.policy] for row in onsets}
+    onsets = [replace(row, **readings(own[row.policy])) for row in onsets]
+    known = {row.digest: own[row.policy] for row in onsets}
     for bundle in bundles:
-        before = [row for row in reaches if row.policy == known.get(bundle.digest)]
+        before = known.get(bundle.digest, [])
         if not before or not reaches_of(before).walked_enough:
             row, walked = walk_onset(bundle, before, work.threads, partial(work.progress, bundle.name))
             onsets = ordered([*(each for each in onsets if each.policy != row.policy), row])

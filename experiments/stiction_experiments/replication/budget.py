@@ -9,20 +9,16 @@ import numpy as np
 from stiction.core.statistics import t_interval
 from stiction.evaluation.policies import FED, FED_BY
 from stiction.evaluation.samples import Condition
-from stiction.files.advice import SHARES, FrictionEffect
 from stiction.files.results import FOLLOWS
 from stiction.joints.friction import has_coefficient
 from stiction.robots.model import Robot
-from stiction_experiments.lab.claims import differences
 from stiction_experiments.lab.evidence import Evidence
 from stiction_experiments.replication.plan import FRICTION_CELL, NOMINAL_CELL, REST_CELL, VIRTUAL_ROBOT
 from stiction_experiments.replication.records import (
-    CAUSES,
     FEWEST_LEVELS,
     BudgetPoint,
     ForwardPoint,
     Onset,
-    Replication,
 )
 
 BESIDE = ("none", *FED_BY.values(), "deception")
@@ -125,34 +121,3 @@ def _by_seed(evidence: Evidence, method: str, engine: str, law: str) -> dict[int
         for seed, ratio in ratios.items():
             curves.setdefault(seed, {})[condition.level] = ratio
     return {seed: curve for seed, curve in curves.items() if 0.0 in curve}
-
-
-def friction_effects(result: Replication) -> tuple[FrictionEffect, ...]:
-    """Return what friction did to the conventional policies in every engine, and on the virtual robots, where its level
-    is a share of the torque limit: the evidence behind the verdicts of `stiction identify`.
-    """
-    evidence = Evidence.of(row for part in result.parts for row in part.details)
-    unit = result.summary["dead_band"]
-    own = (onset for onset in result.onsets if onset.method == "none" and onset.friction_law in SHARES)
-    return tuple(_effect(evidence, onset, unit) for onset in own if onset.engine not in CAUSES)
-
-
-def _effect(evidence: Evidence, onset: Onset, unit: float) -> FrictionEffect:
-    """Return the effect in one engine. unit: dead band per level [rad]."""
-    method, engine, law = onset.method, onset.engine, onset.friction_law
-    bare = evidence.slower(method, Condition(BARE.get(engine, engine), 0.0)).seeds
-    levels = [level for level in evidence.levels(method, engine, law) if level > 0]
-    speeds = {level: evidence.slower(method, Condition(engine, level, law)).seeds for level in levels}
-    losses = {level: list(differences(bare, own).values()) for level, own in speeds.items()}
-    noticeable = next((level for level in levels if (ends := t_interval(losses[level])) and ends[0] > 0), None)
-    severe = (level for level, own in speeds.items() if own and max(own.values()) < FOLLOWS[0])
-    return FrictionEffect(
-        engine=engine,
-        seeds=onset.seeds,
-        frictionless_speed=float(np.mean(list(bare.values()))),
-        noticeable=noticeable,
-        speed_loss=None if noticeable is None else float(np.mean(losses[noticeable])),
-        dead_band=None if noticeable is None else round(noticeable * unit, 9),
-        onset=onset.level,
-        severe=next(severe, None),
-    )

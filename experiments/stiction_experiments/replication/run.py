@@ -19,7 +19,6 @@ from stiction.evaluation.run import BENCHES, walk_grid
 from stiction.evaluation.samples import samples
 from stiction.evaluation.summary import check_names, describe
 from stiction.evaluation.table import rows_of
-from stiction.files.advice import Source
 from stiction.files.bundle import Bundle
 from stiction.files.contract import Contract, robot_of
 from stiction.files.results import read_summary
@@ -29,7 +28,7 @@ from stiction.robots.model import Robot
 from stiction_experiments.lab.claims import Verdict, rejudged_summary
 from stiction_experiments.lab.evidence import Evidence
 from stiction_experiments.lab.straight import following
-from stiction_experiments.replication.budget import beside_forward, budget, friction_effects, onsets
+from stiction_experiments.replication.budget import beside_forward, budget, onsets
 from stiction_experiments.replication.claims import judge_all
 from stiction_experiments.replication.plan import Part, conventional
 from stiction_experiments.replication.records import SUMMARY, PartRecord, Replication
@@ -242,21 +241,6 @@ def _settings(part: Part, record: PartRecord) -> dict[str, Any]:
         "robot_levels": list(grid.levels_of_robots) if grid.used_robots else [],
         **{name: base[name] for name in asked},
     }
-
-
-def source_of(result: Replication) -> Source:
-    """Return the effects of friction on the policies that were trained without it."""
-    summary = result.summary
-    policies = [name for name, policy in summary["policies"].items() if policy["way"] == "none"]
-    (robot,) = {policy["robot"] for policy in summary["policies"].values()}
-    return Source(
-        summary["command"],
-        summary["revision"],
-        robot,
-        len(find_robot(robot).feet),
-        tuple(sorted(policies)),
-        effects=friction_effects(result),
-    )
 
 
 def judge_again(out: Path, provenance: dict[str, Any]) -> Replication:

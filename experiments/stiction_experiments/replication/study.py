@@ -69,8 +69,6 @@ class ReplicateOptions(ParallelOptions, RedrawnOptions):
     """By default stiction-replication-quick, or -full. Folder of results.csv, methods.csv, budget.csv, forward.csv,
     onsets.csv, following.csv, verdicts.csv, evidence.csv, summary.json, tables.md, figures, report.html, and a folder
     for each part, by which an interrupted command goes on."""
-    advice: Path | None = None
-    """Also write the effects of friction into this file of what `stiction identify` advises by."""
     plan: bool = field(default=False, metadata=needs("--preset full") | excludes(but=("--preset", "--runs")))
     """With --preset full: only say which trainings it takes, where each stands, its cost in minutes of one core, and
     what is missing in all; the walks come on top."""
@@ -93,13 +91,11 @@ def run(options: ReplicateOptions, work: Work) -> Report | int:
     if options.plan:
         print_plan(options.runs)
         return 0
-    from stiction.files.advice import TRANSFER
     from stiction.learning.identity import unrecorded_note
     from stiction.robots.catalog import find_robot
-    from stiction_experiments.lab.files import write_source
     from stiction_experiments.replication.page import report, warnings
     from stiction_experiments.replication.plan import parts_of
-    from stiction_experiments.replication.run import check_engines, judge_again, replicate, source_of, unrecorded
+    from stiction_experiments.replication.run import check_engines, judge_again, replicate, unrecorded
 
     parts = parts_of(options.preset, options.num_robots)
     names = [part.name for part in parts]
@@ -119,13 +115,9 @@ def run(options: ReplicateOptions, work: Work) -> Report | int:
         for note in unrecorded_note(unrecorded(bundles)):
             work.say(note)
 
-    def write_advice(_: Path) -> None:
-        if options.advice is not None:
-            write_source(options.advice, TRANSFER, source_of(result))
-
     for note in warnings(result):
         work.say(note)
-    return replace(report(result), files=write_advice, status=1 if failed else 0)
+    return replace(report(result), status=1 if failed else 0)
 
 
 def find_policies(options: ReplicateOptions, work: Work) -> tuple[list[Bundle], dict[str, str]]:

@@ -221,11 +221,15 @@ def _planned(cfg: DeployCfg, address: Address, bundle: Bundle, folder: Path) -> 
     if cfg.forward is not None:
         if bundle.contract.compensation is not None:
             raise ConfigurationError("--forward: this policy compensates friction in its targets already; leave it out")
+        if bundle.contract.observes_friction:
+            raise ConfigurationError("--forward: this policy is told its joints' friction and answers it; leave it out")
         joints = load_joints(cfg.forward)
         _, unloaded, load = np.transpose([joints.fed_forward(name) for name in bundle.contract.joint_names])
         friction = unloaded, load
     # Quiet with --json, where everything that is said is in the report.
     say = (lambda text: None) if cfg.json else lambda text: print(f"stiction deploy: {text}", file=sys.stderr)
+    if bundle.contract.observes_friction and bundle.contract.known_friction_file is None:
+        say("it is told the friction of its training: stiction export RUN --joints joints.json tells it the bench's")
     velocity = np.array(command.velocity)
 
     def drive(link: Link, agreed: RunCfg, injected: Faults | None = None) -> dict[str, Any]:

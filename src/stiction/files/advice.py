@@ -16,8 +16,8 @@ from stiction.files.plain import read_object, take_version
 
 SCHEMA_VERSION = 3
 
-TRAINING, TRANSFER = "friction-training", "replication"
-"""Names of the parts: in the simulator of the training, and elsewhere."""
+TRAINING = "friction-training"
+"""Name of the part by which a training is advised."""
 
 SHARES = ("coulomb", "real")
 """Laws under which a level is a share of the torque limit and nothing else, as a user knows it of a joint."""
@@ -45,30 +45,6 @@ class TrainedWith:
 
 
 @dataclass(frozen=True)
-class FrictionEffect:
-    """What friction did in one engine to policies that were trained without it; levels are over the torque limit [-].
-
-    Speed is that of the slower of forward and backward at 0.5 m/s over the commanded one [-], on flat ground, mean over
-    the training seeds.
-    """
-
-    engine: str
-    """Engine, and what of a virtual robot is real in it."""
-    seeds: int
-    frictionless_speed: float
-    noticeable: float | None
-    """Lowest tested level that cost speed, by a paired 95 % t-interval over the seeds; None where none did."""
-    speed_loss: float | None
-    """Speed lost there; None with `noticeable`."""
-    dead_band: float | None
-    """That level as the largest f/kp of the robot's joints [rad]; None with `noticeable`."""
-    onset: float | None
-    """Level at which the speed falls under that of following, interpolated; None where it does not."""
-    severe: float | None
-    """Lowest tested level at which every seed was too slow to follow; None where none was."""
-
-
-@dataclass(frozen=True)
 class Source:
     """The part of one study."""
 
@@ -81,8 +57,6 @@ class Source:
     methods: Mapping[str, TrainedWith] = field(default_factory=dict)
     cells: tuple[CommandCount, ...] = ()
     """Commands that each method follows, by engine and friction; every cell is of `policies`, and of no others."""
-    effects: tuple[FrictionEffect, ...] = ()
-    """Effects of friction on policies that were trained without it; empty where the study does not ask."""
     tables: tuple[str, ...] = ()
     """Names of the tables with the rows of the cells: `cohort-physx.csv`."""
 

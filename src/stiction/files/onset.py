@@ -9,6 +9,7 @@ those that walked, as the study of onsets wrote it, and which axis that is.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -24,8 +25,9 @@ from stiction.robots.model import GRAVITY, Robot
 
 SCHEMA_VERSION = 1
 
-LEAST = 0.8
-"""Share of the command under which a policy no longer follows [1]."""
+LEAST, NOTICED = 0.8, 0.9
+"""Share of the command under which a policy no longer follows; share of the reach without friction under which friction
+is noticed [1]."""
 
 AXES = {
     "torque_limit": "f / τ_max",
@@ -104,17 +106,29 @@ class OnsetCondition:
 
     robot: str
     feet: int
-    dead_band: float
-    """f/kp at the torque limit, mean over joints [rad]."""
     onsets: tuple[float, ...]
     """Friction over torque limit at the onset, of each seed [1]."""
-    values: tuple[float, ...]
-    """The same on the axis."""
+    noticed: tuple[float, ...]
+    """Friction at which the reach of some command falls under `NOTICED` of that without friction, of each seed [1]."""
+    jitter: tuple[float, ...]
+    """Jitter of the joints without friction, mean over commands, of each seed [rad/s²]."""
+    factors: Mapping[str, tuple[float, ...]]
+    """Axis -> what it is per friction over torque limit, of each seed."""
+
+    def on(self, axis: str, noticed: bool = False) -> float:
+        """Return the median over the seeds of the onset on an axis, or of the friction that was noticed."""
+        levels = self.noticed if noticed else self.onsets
+        return median(level * factor for level, factor in zip(levels, self.factors[axis], strict=True))
+
+    @property
+    def softness(self) -> float:
+        """τ_max/kp, mean over joints [rad]."""
+        return self.factors["dead_band_mean"][0]
 
 
 @dataclass(frozen=True)
 class OnsetEvidence:
-    """Onsets that walked, on the axis on which they lie closest."""
+    """Onsets that walked, and the axis on which they lie closest."""
 
     axis: str
     """Name in `AXES`."""
@@ -126,10 +140,14 @@ class OnsetEvidence:
     command: str
     revision: str
 
-    @property
-    def middles(self) -> list[float]:
-        """Median of each condition's seeds, on the axis, upward."""
-        return sorted(median(condition.values) for condition in self.conditions)
+    def middles(self, axis: str, noticed: bool = False) -> list[float]:
+        """Return what each condition has on an axis, upward."""
+        return sorted(condition.on(axis, noticed) for condition in self.conditions)
+
+    def spread(self, axis: str) -> float:
+        """Return the largest over the smallest onset on an axis [1]."""
+        middles = self.middles(axis)
+        return middles[-1] / middles[0]
 
 
 def read_onsets(path: Path) -> OnsetEvidence:
@@ -180,7 +198,7 @@ def predict_onset(
     factors = axes(robot, contract.array("kp"), contract.array("torque_limit"), motion)
     if (factor := factors.get(evidence.axis)) is None:
         return None
-    middles = evidence.middles
+    middles = evidence.middles(evidence.axis)
     level, least, most = (value / factor for value in (median(middles), middles[0], middles[-1]))
     outside = _outside(robot, factors["dead_band_mean"], evidence)
     return Prediction(level, least, most, evidence.axis, evidence.relative, outside)
@@ -198,7 +216,7 @@ def golden_motion(golden: Golden, contract: Contract) -> Motion | None:
 def _outside(robot: Robot, dead_band: float, evidence: OnsetEvidence) -> str:
     """Return why a robot is outside of what walked, and the condition nearest to it by feet and softness of gains."""
     feet = sorted({condition.feet for condition in evidence.conditions})
-    soft = [condition.dead_band for condition in evidence.conditions]
+    soft = [condition.softness for condition in evidence.conditions]
     reasons = []
     if len(robot.feet) not in feet:
         reasons.append(f"robots with {' and '.join(map(str, feet))} feet walked, this one has {len(robot.feet)}")
@@ -208,17 +226,7 @@ def _outside(robot: Robot, dead_band: float, evidence: OnsetEvidence) -> str:
         return ""
     near = min(
         evidence.conditions,
-        key=lambda one: (abs(one.feet - len(robot.feet)), abs(math.log(one.dead_band / dead_band))),
+        key=lambda one: (abs(one.feet - len(robot.feet)), abs(math.log(one.softness / dead_band))),
     )
     onset = f"{100 * median(near.onsets):.2g} %"
     return f"an extrapolation: {'; '.join(reasons)}; the nearest that walked, {near.robot}, stopped at {onset}"
-
-
-def conditions_text(evidence: OnsetEvidence) -> str:
-    """Return which robots walked, and how far apart their onsets lie on the axis."""
-    middles = evidence.middles
-    seeds = [len(condition.onsets) for condition in evidence.conditions]
-    several = f"{min(seeds)} to {max(seeds)}" if min(seeds) < max(seeds) else f"{seeds[0]}"
-    names = ", ".join(condition.robot for condition in evidence.conditions)
-    axis, spread = AXES[evidence.axis], middles[-1] / middles[0]
-    return f"{names}, trained without friction, {several} seeds each; on {axis} within a factor of {spread:.2g}"

@@ -18,13 +18,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
+from statistics import median
 from typing import Any, Literal
 
 from stiction.core.statistics import permutation_p
-from stiction.files.advice import SHARES, TRAINING, TRANSFER, Source, TrainedWith, read_advice, robot_title
+from stiction.files.advice import SHARES, TRAINING, Source, TrainedWith, read_advice, robot_title
 from stiction.files.following import DRIFT, FEWEST_SEEDS, CommandCount
 from stiction.files.joints import Estimate, JointRecord
-from stiction.files.results import FOLLOWS
+from stiction.files.onset import OnsetEvidence, shipped_onsets
 
 Quantity = Literal["friction_ratio", "dead_band"]
 
@@ -182,30 +183,65 @@ def shipped() -> dict[str, Source]:
 
 @dataclass(frozen=True)
 class Thresholds:
-    """Least friction that troubled policies trained without it."""
+    """Friction that troubled policies trained without it, on one axis: least and most of the robots and gains."""
 
-    noticeable: float
-    """Lowest level that cost speed, in any engine, over the torque limit [-]."""
-    dead_band: float
-    """Largest f/kp of the robot's joints at that level [rad]."""
+    noticed: tuple[float, float]
+    """Where they lost a tenth of their speed under some command."""
+    onset: tuple[float, float]
+    """Where they stopped following."""
     text: str
     """What friction did to which policies, a clause."""
 
 
-def thresholds(sources: Mapping[str, Source] | None = None) -> Thresholds:
-    """Return what the comparison of engines shows. sources: as of `advise`."""
-    source = (shipped() if sources is None else sources)[TRANSFER]
-    noticeable = min(effect.noticeable for effect in source.effects if effect.noticeable is not None)
-    first = [effect for effect in source.effects if effect.noticeable == noticeable]
-    loss, dead_band = (max(getattr(effect, name) for effect in first) for name in ("speed_loss", "dead_band"))
-    onsets = [100 * effect.onset for effect in source.effects if effect.onset is not None]
-    slow = f"{min(onsets):.0f} to {max(onsets):.0f} %, by the engine" if onsets else "no friction that was tested"
+def thresholds(axis: str, evidence: OnsetEvidence | None = None) -> Thresholds:
+    """Return what the study of onsets shows on an axis. evidence: by default what comes with the package."""
+    evidence = evidence or shipped_onsets()
+    noticed, onset = evidence.middles(axis, noticed=True), evidence.middles(axis)
+    robots = sorted({condition.robot.partition("@")[0] for condition in evidence.conditions})
+    seeds = [len(condition.onsets) for condition in evidence.conditions]
+    several = f"{min(seeds)} to {max(seeds)}" if min(seeds) < max(seeds) else f"{seeds[0]}"
     text = (
-        f"in simulation {max(effect.seeds for effect in source.effects)} policies of {source.robot_text}, trained "
-        f"without friction, lost up to {100 * loss:.0f} % of their speed with {_percent(noticeable)} of the torque "
-        f"limit (f/kp {dead_band:g} rad), and fell under {100 * FOLLOWS[0]:g} % of the command with {slow}"
+        f"in simulation policies trained without friction, of {len(seeds)} robots and gains "
+        f"({', '.join(map(robot_title, robots))}; {several} seeds each), lost a tenth of some command's speed from "
+        f"{span_text(axis, noticed)} on and stopped following at {span_text(axis, onset)}"
     )
-    return Thresholds(noticeable, dead_band, text)
+    return Thresholds((noticed[0], noticed[-1]), (onset[0], onset[-1]), text)
+
+
+FORWARD = (
+    "Feed it forward: `stiction deploy --forward joints.json`. In the simulator of the training a policy that never "
+    "met friction, with 75 % of it fed forward by the measured speed, goes straight as told at 10, 20 and 30 % "
+    "(`results/compensation`, one policy); with an f that is 50 % too high joints may hunt"
+)
+"""The first way without a training; its source is held by a test."""
+
+
+def other_ways(evidence: OnsetEvidence | None = None) -> str:
+    """Return what helps against friction beside a training: feed it forward, raise the gain, mend the joint.
+
+    evidence: by default what comes with the package.
+    """
+    evidence = evidence or shipped_onsets()
+    by_name = {condition.robot: condition for condition in evidence.conditions}
+    gains = [
+        f"of {robot_title(name)}, trained with twice the gain, policies stopped at {100 * high.on('torque_limit'):.2g} "
+        f"in place of {100 * low.on('torque_limit'):.2g} % of the torque limit, and their joints jitter "
+        f"{median(high.jitter) / median(low.jitter):.2g} times as much"
+        for name, low in by_name.items()
+        if (high := by_name.get(f"{name}@kp=2")) is not None
+    ]
+    kp = f"Raise kp: {'; '.join(gains)}. " if gains else ""
+    return f"Beside a training: {FORWARD}. {kp}Mend the joint: it needs none of these then."
+
+
+SYMBOLS = {"torque_limit": ("f/τ_max", 100.0, " %"), "dead_band_worst": ("f/kp", 1.0, " rad")}
+"""Axis that a joint's own log shows -> symbol, factor to its unit, and unit."""
+
+
+def span_text(axis: str, values: Sequence[float]) -> str:
+    """Return the ends of values on an axis, the least first, in words: `f/τ_max 3 to 22 %`."""
+    symbol, factor, unit = SYMBOLS[axis]
+    return f"{symbol} {values[0] * factor:.2g} to {values[-1] * factor:.2g}{unit}"
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from stiction.core.names import kind_of
@@ -26,14 +27,16 @@ from stiction.files.joints import (
     JointsFile,
     write_training,
 )
+from stiction.files.onset import shipped_onsets
 from stiction.identification.advice import (
     CONDITIONS,
+    SYMBOLS,
     TRAINED_UNDER,
     Advice,
     Placement,
-    Thresholds,
     advise,
     draw_rise,
+    other_ways,
     place,
     thresholds,
 )
@@ -218,7 +221,7 @@ def judge(
     """
     if record.objections and record.objections[0].reason != FRICTION_REACHES_ZERO:
         return TrainingNeed(None, _invalid(record))
-    ratio, level, suffers = record.friction_ratio, friction_level(record), thresholds(sources)
+    ratio, level = record.friction_ratio, friction_level(record)
     legs = legs and record.axis == "rotary"
     advice, training, proposal = None, None, ""
     if ratio is not None and level is not None and level < TRAINABLE:
@@ -227,8 +230,8 @@ def judge(
         drawn = draw_rise(record, advice.settings) if advice.training.level > 0 else None
         training, words = (advice.settings, "") if drawn is None else drawn
         proposal = _proposal(record, advice, words)
-    matters = _matters(record, suffers) if legs else f"Cannot be told without the task. {_ignored(record)}"
-    run = f"Run: {advice.command}, which {proposal}" if legs and advice else _to_do(record, level, legs, suffers)
+    matters = _matters(record) if legs else f"Cannot be told without the task. {_ignored(record)}"
+    run = f"Run: {advice.command}, which {proposal}" if legs and advice else _to_do(record, level, legs)
     placement = tuple(filter(None, (place(record, "friction_ratio"), place(record, "dead_band"))))
     return TrainingNeed(
         level=None if advice is None else level,
@@ -290,25 +293,34 @@ def _ignored(record: JointRecord) -> str:
     return f"The joint ignores position errors up to f/kp, {span}, at the gains of the log."
 
 
-def _matters(record: JointRecord, suffers: Thresholds) -> str:
-    """Say whether it matters to a walking policy, and the one number that decides."""
-    ratio, band = record.friction_ratio, record.dead_band
-    if ratio is None:
-        return "Cannot be told without the motor's torque limit (--torque-limit)."
-    low, high = ratio.interval95
-    margin, begin = _margin(record), "it" if record.holding_friction is None else "at rest it"
-    most = f"{100 * high:.4g} %" + ("" if margin == 1.0 else f", and under load perhaps {margin:g} times that")
-    if low >= suffers.noticeable:
-        answer = f"Yes: {begin} is at least {100 * low:.4g} %"
-    elif _harmless(record, suffers):
-        answer = f"No: {begin} is at most {most}"
+def _matters(record: JointRecord) -> str:
+    """Say whether it matters to a walking policy, by the one number that tells best of those that the log has."""
+    if (shown := _on_axis(record)) is None:
+        return "Cannot be told without the motor's torque limit or its gain (--torque-limit, --kp)."
+    axis, (low, high) = shown
+    symbol, factor, unit = SYMBOLS[axis]
+    margin, suffers = _margin(record), thresholds(axis)
+    most = f"{high * factor:.4g}{unit}" + ("" if margin == 1.0 else f", and under load perhaps {margin:g} times that")
+    where = symbol if record.holding_friction is None else f"{symbol} at rest"
+    if margin * high < suffers.noticed[0]:
+        answer = f"No: {where} is at most {most}"
     elif record.objections:
-        answer = f"Cannot be told: {begin} may be nothing, or up to {most}"
-    elif margin * high >= suffers.noticeable or band is None:
-        answer = f"Probably: {begin} may be up to {most}"
+        answer = f"Cannot be told: {where} may be nothing, or up to {most}"
+    elif low >= median(shipped_onsets().middles(axis)):
+        answer = f"Yes: {where} is at least {low * factor:.4g}{unit}"
+    elif margin * high >= suffers.onset[0]:
+        answer = f"Probably: {where} is up to {most}"
     else:
-        answer = f"Probably: at such low gains the dead band is up to {band.interval95[1]:.4g} rad wide"
+        answer = f"A little: {where} is up to {most}"
     return f"{answer}; {suffers.text}."
+
+
+def _on_axis(record: JointRecord) -> tuple[str, tuple[float, float]] | None:
+    """Return the axis on which onsets lie closest, of those that a record shows, and its interval there, or None."""
+    on = {"torque_limit": record.friction_ratio, "dead_band_worst": record.dead_band}
+    shown = {axis: estimate.interval95 for axis, estimate in on.items() if estimate is not None}
+    axis = min(shown, key=shipped_onsets().spread, default=None)
+    return None if axis is None else (axis, shown[axis])
 
 
 def _margin(record: JointRecord) -> float:
@@ -316,18 +328,19 @@ def _margin(record: JointRecord) -> float:
     return 1.0 if record.test_condition == "loaded" else MARGIN
 
 
-def _harmless(record: JointRecord, suffers: Thresholds) -> bool:
+def _harmless(record: JointRecord) -> bool:
     """Return whether friction is too little to be noticed by a policy, even with the margin."""
-    ratio, band = record.friction_ratio, record.dead_band
-    wide = band is not None and band.interval95[1] > suffers.dead_band
-    return ratio is not None and _margin(record) * ratio.interval95[1] < suffers.noticeable and not wide
+    if (shown := _on_axis(record)) is None:
+        return False
+    axis, (_, high) = shown
+    return _margin(record) * high < thresholds(axis).noticed[0]
 
 
-def _to_do(record: JointRecord, level: float | None, legs: bool, suffers: Thresholds) -> str:
+def _to_do(record: JointRecord, level: float | None, legs: bool) -> str:
     """Say what to do where no training is advised, or the joint is not known to be a leg's."""
     if record.objections:
         begin = "Do first: "
-        if legs and _harmless(record, suffers):
+        if legs and _harmless(record):
             begin = "Nothing has to be done, train with --method none. To tell how little friction there is, "
         return f"{begin}{record.objections[0].remedy}. No level is proposed."
     if level is not None and level >= TRAINABLE:
@@ -377,6 +390,7 @@ def _details(record: JointRecord, legs: bool, ranks: Sequence[Placement], advice
         if record.test_condition != "loaded":
             by += f", the upper end times {MARGIN:g}, a margin chosen, not measured"
         details += [f"A training has to cover {100 * advice.asked:.3g} % of the torque limit{by}.", advice.comparison]
+        details += [] if _harmless(record) else [other_ways()]
     return tuple(details)
 
 

@@ -166,18 +166,23 @@ def test_what_comes_with_the_package_is_what_the_study_wrote() -> None:
     assert read_onsets(root / "results/onset/evidence.json") == shipped_onsets()
 
 
+JITTERS = (("vx=1", 2.0), ("vx=-1", 4.0))
+
+
 def test_evidence_is_of_the_reading_that_more_conditions_have() -> None:
     """Two robots have a relative onset, one of them no other: the relative one counts, on the axis where they agree."""
     rows = [
         replace(a_row("saturn_lite", 10, 0.1, 0.4), relative_onset=0.1),
         replace(a_row("go1", 10, None, 0.8), relative_onset=0.05),
     ]
+    reaches = [ReachRow(row.policy, 0.0, command, 0.9, 0, jitter) for row in rows for command, jitter in JITTERS]
     choice = best_choice(rows)
     assert choice is not None
-    evidence = evidence_of(choice, {"command": "stiction study onset", "revision": "1"})
+    evidence = evidence_of(choice, reaches, {"command": "stiction study onset", "revision": "1"})
     assert (evidence.axis, evidence.relative) == ("dead_band_worst", True)
     assert [(one.robot, one.feet, one.onsets) for one in evidence.conditions] == [
         ("saturn_lite", 6, (0.1,)),
         ("go1", 4, (0.05,)),
     ]
-    assert evidence.middles == pytest.approx([0.04, 0.04])
+    assert evidence.conditions[0].jitter == (3.0,)
+    assert evidence.middles(evidence.axis) == pytest.approx([0.04, 0.04])
