@@ -123,8 +123,8 @@ class Row:
     """Friction added to each joint, over its motor's torque limit [-]."""
     command: str
     reached: float | None
-    """Mean velocity along the command after settling, by the simulation's time [m/s]; None of a run that was stopped.
-    """
+    """Mean velocity along the command after settling, to the end or a stop, by the simulation's time [m/s]; None of a
+    run that ended before."""
     end: str
     commands: int
     """Commands that the simulator took."""
