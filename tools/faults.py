@@ -164,23 +164,25 @@ def judge(rows: list[dict[str, object]]) -> str:
     return "\n".join(lines)
 
 
-ASKED_OF_STOPS = {"supervisor halted": 80.0, "policy killed": 20.0}
+ASKED_OF_STOPS = {"supervisor killed": 80.0, "supervisor halted": 80.0, "policy killed": 20.0}
 """Situation -> longest time from its event to the first damping frame at the robot that is asked for [ms]."""
 
 
-def stops(trials: int, out: Path, patient: bool) -> None:
-    """Make every trial of stops, and write table and rows."""
+def stops(trials: int, out: Path, situations: list[str], how: str) -> None:
+    """Make every trial of stops in some situations, and write table and rows; how: `patient`, `realtime` or empty."""
     import stop_trials as of
 
     begin, rows = time.monotonic(), list[dict[str, object]]()
+    patience = {"patient": of.PATIENT, "realtime": of.REALTIME}.get(how, ())
+    wanted_all = situations or of.SITUATIONS
     with tempfile.TemporaryDirectory() as folder:
         bundles = of.prepare(Path(folder))
-        missing = [(name, number) for number in range(trials) for name in of.SITUATIONS]
+        missing = [(name, number) for number in range(trials) for name in wanted_all]
         for workers, wanted in ((2, of.QUIET), (5, of.SITUATIONS[len(of.QUIET) :])):
             own = [each for each in missing if each[0] in wanted]
             # Forked: everything is imported once, and the bundles are checked once.
             with ProcessPoolExecutor(workers, get_context("fork")) as pool:
-                waiting = [pool.submit(of.trial, *each, bundles, 1 + n % 200, patient) for n, each in enumerate(own)]
+                waiting = [pool.submit(of.trial, *each, bundles, 1 + n % 200, patience) for n, each in enumerate(own)]
                 for done in as_completed(waiting):
                     rows.append(done.result())
                     print(f"{len(rows)} of {len(missing)}, {time.monotonic() - begin:.0f} s", file=sys.stderr)
@@ -190,8 +192,9 @@ def stops(trials: int, out: Path, patient: bool) -> None:
     writer.writeheader()
     writer.writerows(rows)
     write_text(out / "stops.csv", text.getvalue())
-    command = f"python tools/faults.py --stops --trials {trials}{' --patient' if patient else ''}"
-    write_text(out / "README.md", PAGE.format(command=command, revision=git_revision(), table=judge(rows)))
+    command = f"python tools/faults.py --stops --trials {trials}{f' --{how}' if how else ''}"
+    command += f" --situations {' '.join(map(repr, situations))}" if situations else ""
+    write_text(out / "README.md", PAGE.format(command=command, out=out, revision=git_revision(), table=judge(rows)))
     print(judge(rows))
 
 
@@ -199,17 +202,17 @@ PAGE = """# How runs are stopped
 
 {table}
 
-`{command} --out results/deploy/stops`, revision `{revision}`; rows in [stops.csv](stops.csv).
+`{command} --out {out}`, revision `{revision}`; rows in [stops.csv](stops.csv).
 
 * **Event to damping** is the time, on the machine's monotonic clock, from just before the event to when the robot's own
   process has read the first damping frame, for which it looks every 2 ms. The event: the signal is sent; the policy's
-  process is killed with SIGKILL; the supervisor, halted for 200 ms, is let go on with SIGCONT; the second robot is
-  about to send its first state (UDP) or to open the network (DDS).
+  or the supervisor's process is killed with SIGKILL; the supervisor is halted with SIGSTOP, for 200 ms; the second
+  robot is about to send its first state (UDP) or to open the network (DDS).
 * **Refused**: the run ended before any stiff command was sent. **Stiff**: the robot's last command was stiff.
   **Before**: the run ended before its event, three times over.
-* The robot is a process that follows its commands, without physics. `policy killed` and `supervisor halted` are runs of
-  the shipped policy, which stands, two at once; all others play a motion that stands still, five at once: their
-  times are those of a busy machine. Signals come while the robot stands up.
+* The robot is a process that follows its commands, without physics. `policy killed`, `supervisor killed` and
+  `supervisor halted` are runs of the shipped policy, which stands, two at once; all others play a motion that stands
+  still, five at once: their times are those of a busy machine. Signals come while the robot stands up.
 * `stop with lost commands`: three of ten commands are lost, by a generator whose seed is the trial's number.
 """
 
@@ -221,11 +224,14 @@ def main() -> None:
     parser.add_argument("--faults", nargs="*", default=list(FAULTS), choices=list(FAULTS))
     parser.add_argument("--stops", action="store_true", help="trials of stops, in place of faults, all of them anew")
     parser.add_argument("--patient", action="store_true", help="of --stops: on a machine that does other work")
+    parser.add_argument("--realtime", action="store_true", help="of --stops: runs and robots at real-time priority")
+    parser.add_argument("--situations", nargs="*", default=[], help="of --stops: some alone")
     parser.add_argument("--out", type=Path, default=Path("results/deploy"), help="folder of faults.csv and faults.md")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     if args.stops:
-        stops(args.trials, args.out, args.patient)
+        how = "patient" if args.patient else "realtime" if args.realtime else ""
+        stops(args.trials, args.out, args.situations, how)
         return
     file = args.out / "faults.csv"
     rows = whole_rows(file)

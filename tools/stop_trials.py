@@ -19,6 +19,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -48,10 +49,13 @@ TRIES = 3
 PATIENT = ("--stale", "3", "--gap", "1")
 """Options of runs on a machine that does other work, for a first look: its times say nothing."""
 
+REALTIME = ("--realtime", "50")
+"""Options of runs, and priority of their robots, on a machine that does other work, where times count."""
+
 WHILE_WALKING = 2.7
 """Time from the first stiff command at which the policy has taken over [s]."""
 
-QUIET = ("policy killed", "supervisor halted")
+QUIET = ("policy killed", "supervisor killed", "supervisor halted")
 """Situations whose times count: two trials at once; all others run five at once."""
 
 SITUATIONS = (*QUIET, "stop with lost commands", "second robot joins (UDP)", "two robots (DDS)")
@@ -60,7 +64,7 @@ SITUATIONS += ("second robot joins (DDS)", *(f"signal {name}" for name in SIGNAL
 COLUMNS = ("situation", "trial", "outcome", "rule", "status", "event_to_damping_ms", "damped_s")
 COLUMNS += ("second_stiff", "probe_ms", "line")
 """Outcome: damped, refused (nothing stiff was ever sent), stiff (the last command was) or before (the run ended before
-its event). The event is that of the situation: the signal, the kill, the resumption (SIGCONT) of the halted supervisor,
+its event). The event is that of the situation: the signal, the kill, the halt (SIGSTOP) of the supervisor,
 when the second robot says its first state (UDP) or opens the network (DDS: it is known by that). damped_s: from the
 first damping frame to the last [s]; second_stiff: 1 where a second robot ever heard a stiff command, 0 where not."""
 
@@ -108,8 +112,10 @@ def beats() -> Iterator[float]:
         yield number * PERIOD
 
 
-def udp_robot(contract: Contract, seed: int, lossy: bool) -> None:
+def udp_robot(contract: Contract, seed: int, lossy: bool, realtime: bool) -> None:
     """Be a robot at a UDP port, which is printed; a word on standard input: states come from a second port too."""
+    if realtime:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(int(REALTIME[1])))
     joints, feet = contract.num_joints, len(contract.anatomy.foot_names) if contract.anatomy else 0
     states, commands, chance = state_layout(joints, feet), command_layout(joints), np.random.default_rng(seed)
     port, second = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
@@ -117,7 +123,7 @@ def udp_robot(contract: Contract, seed: int, lossy: bool) -> None:
     port.setblocking(False)
     print(json.dumps({"port": port.getsockname()[1]}), flush=True)
     body, peer, taken, gains, joined = Body(contract.array("standing")), None, np.nan, np.zeros((2, joints)), False
-    for at in beats():
+    for number, at in enumerate(beats(), 1):
         joined = joined or at < 0
         with suppress(OSError):
             while True:
@@ -135,9 +141,9 @@ def udp_robot(contract: Contract, seed: int, lossy: bool) -> None:
         zero, up = np.zeros(joints), np.array([0.0, 0.0, 9.81])
         limits = contract.array("torque_limit")
         state = RobotState(
-            1, at, sensors, up, zero, zero + 30, zero, zero, np.ones(feet), 48.0, gains[0], gains[1], limits, taken
+            number, at, sensors, up, zero, zero + 30, zero, zero, np.ones(feet), 48.0, gains[0], gains[1], limits, taken
         )
-        data = states.pack(1, at, state_vectors(state))
+        data = states.pack(number, at, state_vectors(state))
         for each in (port, second) if joined else (port,):
             each.sendto(data, peer)
     print(body.said(), flush=True)
@@ -259,10 +265,12 @@ def prepare(folder: Path) -> dict[str, Path]:
     return bundles
 
 
-def trial(situation: str, number: int, bundles: dict[str, Path], domain: int, patient: bool) -> dict[str, object]:
-    """Make one trial, up to three times where the run ends before its event; return its row."""
+def trial(
+    situation: str, number: int, bundles: dict[str, Path], domain: int, patience: tuple[str, ...]
+) -> dict[str, object]:
+    """Make one trial, up to three times where the run ends before its event; return its row. patience: its options."""
     for _ in range(TRIES):
-        row = attempt(situation, number, bundles, domain, PATIENT if patient else ())
+        row = attempt(situation, number, bundles, domain, patience)
         if row["outcome"] != "before":
             break
     return row
@@ -282,14 +290,15 @@ def attempt(
             robot.line()
         words = ["--robot", "unitree-go:lo", "--domain", str(domain)]
     else:
-        robots, words = [Child(lambda: udp_robot(contract, number, "lost" in situation))], ["--robot", "virtual"]
+        robot = partial(udp_robot, contract, number, "lost" in situation, "--realtime" in patience)
+        robots, words = [Child(robot)], ["--robot", "virtual"]
         port = json.loads(robots[0].line())["port"]
     with tempfile.TemporaryDirectory() as name:
         run = Child(lambda: deploy(Path(name), bundle, [*words, *patience], port, situation in QUIET))
         event = np.nan
         if not situation.startswith("two") and robots[0].line(run) == "stiff\n":
             time.sleep(wait)
-            event = happen(situation, run.number, robots, contract, domain, LONG_HALT if patience else HALT)
+            event = happen(situation, run.number, robots, contract, domain, LONG_HALT if patience == PATIENT else HALT)
         status, output, line = run.end()
     seen = [json.loads((robot.end()[1].strip().splitlines() or ["{}"])[-1]) for robot in robots]
     row: dict[str, object] = {"situation": situation, "trial": number, "status": status, "line": line[:160]}
@@ -315,10 +324,13 @@ def happen(situation: str, run: int, robots: list[Child], contract: Contract, do
         event = time.monotonic() if processes else np.nan
         for process in map(int, processes[:1]):
             os.kill(process, signal.SIGKILL)
+    elif situation == "supervisor killed":
+        event = time.monotonic()
+        os.kill(run, signal.SIGKILL)
     elif situation == "supervisor halted":
+        event = time.monotonic()
         os.kill(run, signal.SIGSTOP)
         time.sleep(halt)
-        event = time.monotonic()
         os.kill(run, signal.SIGCONT)
     elif situation == "second robot joins (UDP)":
         event = time.monotonic()

@@ -13,7 +13,7 @@ from bundles import make_contract
 from stiction.core.errors import ConfigurationError, PolicyError
 from stiction.core.rotation import about, product
 from stiction.deploy.observation import Sensors
-from stiction.deploy.plausibility import RULES, ReadingGuard, Violation, compare_drive
+from stiction.deploy.plausibility import RULES, ClockRate, ReadingGuard, Violation, compare_drive
 from stiction.files.contract import Contract
 
 WALK = np.array([0.5, 0.0, 0.2])
@@ -144,7 +144,8 @@ def test_sensors_that_froze_do_not_act(contract: Contract) -> None:
         readings = list(walking(contract, 1.0, period))
         held = readings[len(readings) // 2][1]
         found = first(contract, lambda t, s, held=held: (t, held), start=0.5, period=period)
-        assert found is not None and found[1].rule == "frozen IMU" and found[0] <= 0.1 + 1.1 * period
+        rules = ("frozen IMU", "attitude and gyroscope")  # The gyroscope goes on turning, the orientation does not.
+        assert found is not None and found[1].rule in rules and found[0] <= 0.1 + 1.1 * period
 
 
 def test_a_frozen_reading_stays_refused(contract: Contract) -> None:
@@ -171,6 +172,41 @@ def test_an_imu_and_an_encoder_freeze_alone(contract: Contract) -> None:
     joint = first(contract, dead, 0.5)
     assert joint is not None and (joint[1].rule, joint[1].joint) == ("frozen joint", contract.joint_names[7])
     assert joint[0] <= 1.02
+
+
+def test_an_angle_or_a_gyroscope_that_is_read_no_more_is_found_beside_what_goes_on(contract: Contract) -> None:
+    """A policy walks on a dead encoder or gyroscope; a joint that rests, or a still robot, is called dead."""
+    for period in (0.002, 0.02):
+        _, held = list(walking(contract, 0.5, period))[-1]
+        angle = float(held.joint_position[7])
+        found = first(contract, lambda t, s, at=angle: (t, spiked(s, "joint_position", 7, at)), 0.5, period=period)
+        assert found is not None and found[0] <= 0.2
+        assert (found[1].rule, found[1].joint) == ("frozen angle", contract.joint_names[7])
+        dead = first(contract, lambda t, s: (t, replace(s, angular_velocity=np.zeros(3))), 0.5, period=period)
+        assert dead is not None and dead[0] <= 0.13
+        assert dead[1].rule in ("frozen gyroscope", "attitude and gyroscope")
+    # A joint whose encoder is coarse, and whose velocity is noise about zero: it stands.
+    guard, noise = ReadingGuard(contract), np.random.default_rng(1)
+    for time, sensors in walking(contract, 4.0, 0.002):
+        rests = spiked(spiked(sensors, "joint_position", 7, angle), "joint_velocity", 7, 0.1 * noise.standard_normal())
+        assert guard.check(time, rests, WALK) is None
+
+
+def test_clocks_of_two_rates_are_found_and_one_step_is_none() -> None:
+    """A robot's clock at half speed halves every difference; a clock that was set once is no clock that is slow."""
+
+    def found(rate: float, step: float = 0.0) -> float | None:
+        clock = ClockRate(RULES["clock rate"].limit)
+        for number in range(500):
+            now = 0.002 * number
+            if (violation := clock.check(rate * now + step * (number > 250), now)) is not None:
+                assert violation.rule == "clock rate"
+                return now
+        return None
+
+    assert found(1.0) is None and found(1.0, 0.09) is None and found(1.0, -0.09) is None and found(0.7) is None
+    # 1 ms in each 2 ms: 0.08 s are over behind 81 steps, and the largest that is left out.
+    assert found(0.5) == pytest.approx(0.164, abs=0.003) and found(1.5) == pytest.approx(0.164, abs=0.003)
 
 
 def test_time_goes_on(contract: Contract) -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from deployed import CONTRACT, JOINTS, PERIOD, state
 from stiction.core.errors import ConfigurationError
+from stiction.deploy.control import JointCommand
 from stiction.deploy.runtime.config import SafetyCfg
 from stiction.deploy.runtime.safety import BESIDE, Safety, tilt
 
@@ -134,3 +135,35 @@ def test_limits_that_are_none_are_refused() -> None:
     for wrong in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(ConfigurationError, match="tilt"):
             SafetyCfg(tilt=wrong)
+
+
+def test_a_torque_that_nobody_asked_for_is_another_joint_s() -> None:
+    """Two motors are taken for each other, and the robot walks on; or a motor at its speed limit is called wrong."""
+    kp, kd, limit = (CONTRACT.array(name) for name in ("kp", "kd", "torque_limit"))
+    target = np.full(JOINTS, 0.1)
+    asked = kp * target
+
+    def found(torque: np.ndarray, speed: float = 0.0, steps: int = 100) -> str | None:
+        safety = Safety(CONTRACT, CFG, PERIOD)
+        safety.commanded(JointCommand.position(target, kp, kd))
+        for number in range(steps):
+            moving = np.full(JOINTS, speed)
+            here = np.full(JOINTS, -kd[0] * speed / kp[0])  # So that the gains ask for the same torque.
+            said = state(number, PERIOD * number, joint_position=here, joint_velocity=moving, joint_torque=torque)
+            if (violation := safety.check(said)) is not None:
+                assert violation.joint == CONTRACT.joint_names[3] and violation.unit == "N m"
+                assert violation.limit == pytest.approx(CFG.torque_error * limit[3])
+                return violation.rule
+        return None
+
+    assert found(asked) is None
+    off = 1.05 * CFG.torque_error * limit * ONE
+    # A mean over 75 readings, behind the 3 that an answer takes.
+    assert found(asked + off) == "torque and command" and found(asked + off, steps=77) is None
+    assert found(asked + 0.95 * CFG.torque_error * limit * ONE) is None
+    # A motor that is driven fast gives less than it is asked for, and never more; one that says nothing is not judged.
+    assert found(asked - off, speed=7.0) is None and found(asked + off, speed=7.0) == "torque and command"
+    assert found(np.where(ONE > 0, 0.0, asked)) is None and found(np.where(ONE > 0, np.nan, asked)) is None
+    damped = Safety(CONTRACT, CFG, PERIOD)
+    damped.commanded(JointCommand.position(target, 0.0 * kp, kd))
+    assert all(damped.check(state(n, PERIOD * n, joint_torque=asked + off)) is None for n in range(100))

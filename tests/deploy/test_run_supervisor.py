@@ -13,7 +13,8 @@ from stiction.deploy.control import RANGE, SLEW, TORQUE
 from stiction.deploy.plausibility import Violation
 from stiction.deploy.runtime.config import SupervisorCfg
 from stiction.deploy.runtime.report import hunting_joints
-from stiction.deploy.runtime.supervisor import REST_SECONDS, Stage, Supervisor
+from stiction.deploy.runtime.settling import REST_SECONDS
+from stiction.deploy.runtime.supervisor import Stage, Supervisor
 from stiction.deploy.transports.link import Peers
 from stiction.files.contract_rules import TARGET_LIMITS
 from stiction.joints.compensation import BY_SPEED
@@ -225,7 +226,7 @@ def test_targets_are_clipped_by_slew_range_and_torque_each_by_name() -> None:
         ("quaternion length", {"quaternion": np.zeros(4)}),
         ("joint range", {"joint_position": np.degrees(STANDING)}),
         ("joint rate", {"joint_velocity": np.full(JOINTS, 60.0)}),
-        ("joint speed", {"joint_velocity": np.full(JOINTS, 30.0)}),
+        ("joint speed", {"joint_velocity": np.full(JOINTS, 30.0), "joint_position": STANDING + 0.03}),
         ("orientation jump", {"quaternion": np.array([np.cos(0.45), np.sin(0.45), 0, 0])}),
         ("predicted tilt", {"angular_velocity": np.array([19.0, 0.0, 0.0])}),
         ("temperature", {"temperature": np.full(JOINTS, 120.0)}),
@@ -238,7 +239,7 @@ def test_targets_are_clipped_by_slew_range_and_torque_each_by_name() -> None:
 def test_one_bad_state_stops_at_once(rule: str, change: dict) -> None:
     """A state that is dangerous, or cannot be true, is acted upon."""
     run = Run().until(Stage.RUN)
-    run.supervisor.sent(1000.0)
+    run.supervisor.sent(1000.0, run.now)
     outs = run.step(state(run.number + 1, change.pop("time", run.now + PERIOD), **change))
     assert run.supervisor.stop_record is not None
     assert run.supervisor.stop_record.violation.rule == rule
@@ -355,6 +356,18 @@ def test_friction_is_fed_forward_while_the_policy_runs_and_never_else() -> None:
         fed = 0.75 * friction if out.stage is Stage.RUN and out.command.target[0] > STANDING[0] else 0.0 * friction
         np.testing.assert_allclose(out.command.forward, fed, atol=1e-9)
     assert any(out.command.forward.any() for out in run.frames())  # type: ignore[union-attr]
+
+
+def test_torques_that_came_before_a_command_do_not_answer_it() -> None:
+    """A starved supervisor reads bursts, behind a command that the robot did not have yet: no other joint's torque."""
+    torque = 0.5 * CONTRACT.array("torque_limit")
+    for age, rule in ((0.02, None), (0.0, "torque and command")):
+        run = Run().until(Stage.RUN)
+        for number in range(100):
+            run.supervisor.sent(number, run.now + PERIOD - 0.01)
+            run.step(state(run.number + 1, run.now + PERIOD, joint_position=run.position, joint_torque=torque, age=age))
+        stop = run.supervisor.stop_record
+        assert (None if stop is None else stop.violation.rule) == rule
 
 
 @pytest.mark.parametrize("walks", [False, True])

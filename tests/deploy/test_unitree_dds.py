@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from bundles import make_bundle, make_contract
+from processes import wait_until
 from stiction.cli.main import main
 from stiction.core.errors import ConfigurationError
 from stiction.deploy.runtime import config
@@ -214,3 +215,38 @@ def test_only_the_named_interface_is_used(domain: int, monkeypatch: pytest.Monke
         DdsBus("lo<x/>", GO_STATE, GO_COMMAND, domain)
     with pytest.raises(ConfigurationError, match="--domain: got 233, expected 0 to 232"):
         DdsBus("lo", GO_STATE, GO_COMMAND, 233)
+
+
+SECOND = """
+import sys, time
+from stiction.deploy.transports.dds import DdsBus
+from stiction.files.unitree import GO_COMMAND, GO_STATE
+bus = DdsBus("lo", GO_STATE, GO_COMMAND, int(sys.argv[1]))
+print(bus.writer, flush=True)
+until = time.monotonic() + 600
+while time.monotonic() < until:
+    bus.send(GO_COMMAND.to_wire(GO_COMMAND.blank()))
+    time.sleep(0.01)
+"""
+
+
+def test_the_watchdog_is_no_second_writer_and_no_further_reader(domain: int) -> None:
+    """Exempts the writer and the reader of the participant that is known, and nobody else's."""
+    bus, words = DdsBus("lo", GO_STATE, GO_COMMAND, domain), [sys.executable, "-c", SECOND, str(domain)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            name = process.stdout.readline().strip()
+            wait_until(lambda: bus.foreign() and len(bus.peers().readers) == 1, "the second writer is not heard", 300.0)
+            bus.know("somebody else")
+            wait_until(lambda: bus.foreign() and len(bus.peers().readers) == 1, "anybody is exempt", 300.0)
+            bus.know(name)
+            bus.foreign()
+            heard = []
+            for _ in range(20):
+                time.sleep(0.02)
+                heard.append(bus.foreign())
+            assert not any(heard) and bus.peers().readers == ()
+        finally:
+            process.kill()
+            bus.close()

@@ -35,7 +35,7 @@ class Wires:
         """Begin with nothing on it."""
         self.waiting: list[tuple[int, bytes]] = []
         self.sent: list[bytes] = []
-        self.others, self.there, self.missing = False, Peers(), 0
+        self.others, self.there, self.missing, self.writer = False, Peers(), 0, ""
 
     def fileno(self) -> int:
         """Nobody waits for it."""

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 
 import pytest
+
+from bundles import make_contract
+from processes import wait_until
+from stiction.deploy.transports.link import RobotState
+from stiction.deploy.transports.udp import LOOPBACK, UdpLink
+from stiction.virtual.robot import PERIOD
 
 SCRIPTS = Path(__file__).parents[2] / "tools"
 HEAD = "fault,trial,rule,joint,status,detected_ms,bus_ms,good_ms,fault_ms,probe_ms\n"
@@ -36,3 +43,20 @@ def test_a_kill_in_the_middle_of_a_line_costs_that_line_alone(tmp_path: Path, mo
     assert "damped 3 of 4" in everything and "of detection 2 of 3" in everything and "SIGKILL 1 of 1" in everything
     assert "damped 2 of 3" in quiet and "state 1 of 1" in quiet
     sys.modules.pop("faults")
+
+
+def test_the_robot_of_the_trials_of_stops_numbers_its_states(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each of its states is a new one for the link: a run on it begins."""
+    monkeypatch.syspath_prepend(str(SCRIPTS))
+    import stop_trials
+
+    contract = make_contract()
+    robot = stop_trials.Child(lambda: stop_trials.udp_robot(contract, 0, lossy=False, realtime=False))
+    feet = contract.anatomy.foot_names if contract.anatomy else ()
+    link = UdpLink((LOOPBACK, json.loads(robot.line())["port"]), contract.joint_names, feet, PERIOD)
+    link.hello()
+    states: list[RobotState] = []
+    wait_until(lambda: bool(states.extend(link.receive()) or len(states) >= 5), "no new states come", 300.0)
+    link.close()
+    assert robot.end()[0] == 0 and link.arrivals.counts.twice == 0
+    sys.modules.pop("stop_trials")

@@ -58,7 +58,7 @@ def played(tmp_path: Path) -> RunLog:
             for state in link.receive():
                 out = supervisor.state(state, now)
                 if out.command is not None:
-                    supervisor.sent(link.send(out.command))
+                    supervisor.sent(link.send(out.command), now)
                 if last is not None:
                     rows.append(row(last[0], state.joint_torque, last[1], np.zeros(3)))
                 last = state, out

@@ -39,6 +39,15 @@ def follow_parent(ending: signal.Signals = signal.SIGKILL) -> None:
         watch(sys.__stdin__.fileno() if sys.__stdin__ else 0, ending)
 
 
+def parents_file() -> int:
+    """Return the file that is readable once the parent is gone, of a child that has something to do before it ends.
+
+    The child was started with `tied` and does not call `follow_parent`.
+    """
+    del os.environ[VARIABLE]
+    return sys.__stdin__.fileno() if sys.__stdin__ else 0
+
+
 def watch(read_end: int, ending: signal.Signals = signal.SIGKILL) -> None:
     """Send this process a signal once the other end of a pipe is closed, by the last process that had it.
 

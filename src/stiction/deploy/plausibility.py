@@ -8,6 +8,7 @@ all of it. The rules refuse what cannot be true; what is true and dangerous (a f
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -88,16 +89,24 @@ RULES: dict[str, Rule] = {
     # Order, axes or sign are not the gyroscope's, or one is dead: difference of unit vectors over a second; of walks
     # with noise: results/deploy.
     "attitude and gyroscope": Rule(
-        0.3, "", "is the quaternion w, x, y, z, and are both in the base's frame, the gyroscope in rad/s?"
+        0.15, "", "is the quaternion w, x, y, z, and are both in the base's frame, the gyroscope in rad/s?"
     ),
-    # Another joint, sign or unit: what velocities add up to in 0.3 s, beside how far the angle moved (results/deploy).
+    # Another joint, sign or unit, an angle that slipped: what velocities add up to in 0.1 s, beside how far the angle
+    # moved; between readings 20 ms apart a joint does much that no velocity has (results/deploy).
     "velocity and angle": Rule(
-        0.6, "rad", "do velocities have the order, the sign and the unit of the angles, in rad/s?"
+        0.3, "rad", "do velocities have the order, the sign and the unit of the angles, in rad/s? Did an encoder slip?"
     ),
+    # An encoder that is read no more beside a velocity that is: what velocities add up to while the angle stays the
+    # same to the last bit. A coarse encoder holds an angle for 0.002 rad.
+    "frozen angle": Rule(0.02, "rad", "is this joint's encoder still read?"),
     # Equal to the last bit, which noise moves: ten readings of a slow IMU at 100 Hz.
     "frozen IMU": Rule(0.1, "s", "is the robot still read? A simulated IMU needs noise"),
+    # The gyroscope alone, beside an orientation that goes on: noise moves one of three axes within ten slow readings.
+    "frozen gyroscope": Rule(0.1, "s", "is the gyroscope still read? A simulated one needs noise"),
     # While commanded to walk, two cycles of a gait; at rest coarse encoders may well not move.
     "frozen joint": Rule(1.0, "s", "is this joint still read, or is it stuck?"),
+    # A robot's clock that runs at another rate, beside this machine's: within 0.2 s, but for the largest step.
+    "clock rate": Rule(0.08, "s", "is the robot's time in seconds? Is its computer, or a simulated robot, too slow?"),
     # A loop at another rate has another history: factor of the contract's period, mean over ten steps.
     "control period": Rule(
         1.5, "", "call step once every control period; after a pause call reset() once the robot stands"
@@ -118,8 +127,15 @@ contracts had `command_range`, which may be wrong for it, and is said."""
 MOVING = 0.1
 """A command is a moving one if its norm (m/s and rad/s alike) is above this, as in training."""
 
-ATTITUDE_TIME, ANGLE_TIME = 1.0, 0.3
-"""Time constants with which what gyroscope, and joint velocities, add up to forgets [s]."""
+ATTITUDE_TIME, ANGLE_TIME, STILL_TIME = 1.0, 0.1, 0.3
+"""Time constants with which what gyroscope, joint velocities, and those of joints whose angles stand still, add up to
+forgets [s]."""
+
+STILL_AFTER = 0.02
+"""Time after which an angle that stays the same stands still [s]: filtered velocities end later than angles."""
+
+CLOCK_WINDOW = 0.2
+"""Time over which the robot's clock is compared with this machine's [s]."""
 
 
 class ImplausibleError(PolicyError):
@@ -288,8 +304,12 @@ class ReadingGuard:
         apart = np.abs(good.position - good.moved)
         if broken := self._over("attitude and gyroscope", off) or self._over("velocity and angle", apart):
             return broken
+        if broken := self._over("frozen angle", np.abs(good.unmoved)):
+            return broken
         if (still := good.time - good.imu_changed) >= most["frozen IMU"]:
             return self._broken("frozen IMU", still, most["frozen IMU"])
+        if (still := good.time - good.gyroscope_changed) >= most["frozen gyroscope"]:
+            return self._broken("frozen gyroscope", still, most["frozen gyroscope"])
         joint = int(np.argmin(good.joint_changed))
         if (still := good.time - float(good.joint_changed[joint])) >= most["frozen joint"]:
             return self._broken("frozen joint", still, most["frozen joint"], joint)
@@ -325,7 +345,9 @@ class _Good:
     def begin(self) -> None:
         """Be the first reading, or the first after a gap."""
         self.turned, self.moved = self.up, self.position
-        self.imu_changed, self.joint_changed = self.time, np.full(len(self.position), self.time)
+        self.imu_changed = self.gyroscope_changed = self.time
+        self.joint_changed = self.angle_changed = np.full(len(self.position), self.time)
+        self.unmoved = np.zeros(len(self.position))
 
     def follow(self, before: _Good, gap: float, walking: bool) -> None:
         """Add up from the reading before: where gyroscope and velocities say that the robot is now, what has changed.
@@ -335,10 +357,19 @@ class _Good:
         self.begin()
         if (elapsed := self.time - before.time) <= gap:
             self._add(before, elapsed)
-        if self.quaternion == before.quaternion and self.rate == before.rate:
-            self.imu_changed = before.imu_changed
+        same = self.position == before.position
+        if self.rate == before.rate:
+            self.gyroscope_changed = before.gyroscope_changed
+            if self.quaternion == before.quaternion:
+                self.imu_changed = before.imu_changed
+        if elapsed <= gap:
+            self.angle_changed = np.where(same, before.angle_changed, self.time)
+            # A velocity that stays the same too is no velocity: the whole joint is frozen, or the whole reading.
+            alive = np.where(self.velocity == before.velocity, 0.0, self.velocity)
+            kept = max(0.0, 1.0 - elapsed / STILL_TIME) * before.unmoved + elapsed * alive
+            self.unmoved = np.where(self.time - self.angle_changed > STILL_AFTER, kept, 0.0)
         if walking:
-            stuck = (self.position == before.position) & (self.velocity == before.velocity)
+            stuck = same & (self.velocity == before.velocity)
             self.joint_changed = np.where(stuck, before.joint_changed, self.time)
 
     def _add(self, before: _Good, elapsed: float) -> None:
@@ -351,6 +382,29 @@ class _Good:
         remaining = max(0.0, 1.0 - elapsed / ANGLE_TIME)
         self.moved = before.position + remaining * (before.moved - before.position)
         self.moved += 0.5 * elapsed * (before.velocity + self.velocity)
+
+
+class ClockRate:
+    """Compares the rates of a robot's clock and this machine's; one step of either, and one late message, is none."""
+
+    def __init__(self, limit: float) -> None:
+        """`limit`: of the rule "clock rate" [s]."""
+        self._limit, self._last, self._steps = limit, (math.nan, math.nan), deque[tuple[float, float]]()
+
+    def check(self, time: float, arrived: float) -> Violation | None:
+        """Return how far the clocks went apart, None within the limit.
+
+        time: of a reading, on the robot's clock [s]; arrived: when it came, on this machine's [s].
+        """
+        (before, came), self._last = self._last, (time, arrived)
+        self._steps.append((arrived, (arrived - came) - (time - before)))
+        while arrived - self._steps[0][0] > CLOCK_WINDOW or math.isnan(self._steps[0][1]):
+            self._steps.popleft()
+            if not self._steps:
+                return None
+        apart = [step for _, step in self._steps]
+        drift = sum(apart) - max(apart, key=abs)
+        return Violation("clock rate", None, drift, self._limit, "s") if abs(drift) > self._limit else None
 
 
 def _norm(values: list[float]) -> float:

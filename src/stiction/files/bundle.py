@@ -80,6 +80,19 @@ Vouch = Callable[[bytes, bytes | None], None]
 """Called with SHA256SUMS and its signature, or None; raises `StictionError` where they are not to be trusted."""
 
 
+def reread_bundle(path: Path | str, digest: str) -> Bundle:
+    """Return a bundle that another process has checked; raise `BundleError` where its digest is another one since."""
+
+    def compare(sums: bytes, signature: bytes | None) -> None:
+        if (current := _sha256(sums)) != digest:
+            raise BundleError(
+                f"{path}: got digest {current[:12]}, expected {digest[:12]}: it has changed since it was checked; "
+                "start again"
+            )
+
+    return read_bundle(path, compare)
+
+
 def read_bundle(path: Path | str, vouch: Vouch = lambda sums, signature: None, allow_record: bool = False) -> Bundle:
     """Read a bundle; check the set of files, sizes, checksums, contract, and what the golden vectors bind.
 

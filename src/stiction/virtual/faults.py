@@ -78,12 +78,12 @@ HALT_SECONDS = 0.2
 HALT = f"""
 import os, signal, sys, time
 sys.stdin.readline()
+print(time.monotonic(), flush=True)
 os.kill(os.getppid(), signal.SIGSTOP)
 time.sleep({HALT_SECONDS})
-print(time.monotonic(), flush=True)
 os.kill(os.getppid(), signal.SIGCONT)
 """
-"""Program of the process that halts its parent once, and prints when it lets it go on."""
+"""Program of the process that halts its parent once, and prints when."""
 
 ASK = b"STCNfault "
 """How the robot's process is asked for a fault of its own."""
@@ -176,7 +176,7 @@ class Faults(Injected):
         self._of_policy, self._halts = 0, "supervisor-halt" in needed
         self._halting: subprocess.Popen[str] | None = None
         self.times: dict[str, float] = {}
-        """Fault -> when it was injected, on the monotonic clock [s]; of a halt: when the supervisor was let go on."""
+        """Fault -> when it was injected, on the monotonic clock [s]; of a halt: when the supervisor was halted."""
 
     def __enter__(self) -> Faults:
         """Start the operator that a fault will silence."""
@@ -193,9 +193,9 @@ class Faults(Injected):
         for machine in self._elsewhere.values():
             machine.fall_silent()
         if self._halting is not None:
-            resumed = self._halting.communicate("")[0]
-            if resumed and "supervisor-halt" in self.times:
-                self.times["supervisor-halt"] = float(resumed)
+            halted = self._halting.communicate("")[0]
+            if halted and "supervisor-halt" in self.times:
+                self.times["supervisor-halt"] = float(halted)
 
     def due(self, elapsed: float, policy: subprocess.Popen[bytes] | None) -> int:
         """Inject what is due; see `Injected.due`."""
@@ -252,16 +252,29 @@ def _with(state: RobotState, **changed: Any) -> RobotState:
     return RobotState(**own)
 
 
-def _one(values: np.ndarray, value: float) -> np.ndarray:
-    """Return an array with its first entry changed."""
+def _one(values: np.ndarray, value: float, place: int = 0) -> np.ndarray:
+    """Return an array with one entry changed, the first one by default."""
     changed = np.array(values, float)
-    changed[0] = value
+    changed[place] = value
     return changed
 
 
+def exchanged(state: RobotState, joint: int = 1) -> RobotState:
+    """Return a state in which a joint of the first two legs, by its number, has the other's angle, velocity, torque."""
+    order = np.arange(len(state.joint_torque))
+    pair = [joint, joint + len(order) // len(state.foot_contact)]
+    order[pair] = pair[::-1]
+    names = ("joint_position", "joint_velocity")
+    sensed = {name: getattr(state.sensors, name)[order] for name in names}
+    return _with(state, joint_torque=state.joint_torque[order], **sensed)
+
+
 def _turned(state: RobotState, angle: float, rate: float) -> RobotState:
-    """Return a state that leans by an angle about the base's x axis, and turns at a rate."""
-    return _with(state, quaternion=about(0, angle), angular_velocity=np.array([rate, 0.0, 0.0]))
+    """Return a state that leans by an angle about the base's x axis, and turns at a rate beside what it did."""
+    turning = np.add(
+        state.sensors.angular_velocity, (rate, 0.0, 0.0)
+    )  # With its noise: a gyroscope without is a dead one.
+    return _with(state, quaternion=about(0, angle), angular_velocity=turning)
 
 
 Change = Callable[[RobotState, RobotState, int], "RobotState | None"]
@@ -310,6 +323,21 @@ OF_ROBOT: dict[str, tuple[str, Change]] = {
         lambda s, f, n: _with(s, motor_fault=_one(s.motor_fault, 4.0)),
     ),
     "drive-gains": ("the drives act with other gains than they were given", lambda s, f, n: _with(s, kp=1.5 * s.kp)),
+    "frozen-angle": (
+        "a joint's angle stands still, its velocity goes on",
+        lambda s, f, n: _with(s, joint_position=_one(s.sensors.joint_position, f.sensors.joint_position[1], 1)),
+    ),
+    "frozen-angles": (
+        "all joints' angles stand still, their velocities go on",
+        lambda s, f, n: _with(s, joint_position=f.sensors.joint_position),
+    ),
+    "dead-gyroscope": ("the gyroscope says zero", lambda s, f, n: _with(s, angular_velocity=np.zeros(3))),
+    "swapped-joints": ("the second joints of two legs are taken for each other", lambda s, f, n: exchanged(s)),
+    "offset-joint": (
+        "a joint's angle is off by 0.15 rad at once",
+        lambda s, f, n: _with(s, joint_position=_one(s.sensors.joint_position, s.sensors.joint_position[1] + 0.15, 1)),
+    ),
+    "slow-clock": ("its clock runs at half its speed", lambda s, f, n: _with(s, time=f.time + 0.5 * (s.time - f.time))),
     "second-robot": ("states of a second robot come, from another address", lambda s, f, n: s),
     "lossy": ("every second state is lost on the way", lambda s, f, n: s if n % 2 else None),
     "nan-torque": (

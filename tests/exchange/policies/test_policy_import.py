@@ -1,6 +1,7 @@
 """What files of others say of a policy, and the bundle that comes of it."""
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -97,6 +98,15 @@ def test_a_deploy_yaml_by_hand() -> None:
     assert said.observation is not None and said.observation[0].bound() == pytest.approx(20.0)
     assert said.observation[0].history == 5 and said.action_clip == math.inf
     assert said.clock is not None and (said.clock.period, said.clock.first) == (0.8, 1)
+
+
+@pytest.mark.parametrize("entry", ["", "joint_ids_map: []", "joint_ids_map: 3", "joint_ids_map: [0, 0]"])
+def test_a_deploy_yaml_without_its_joints_is_refused(entry: str, tmp_path: Path) -> None:
+    """Names the entry: missing, empty, no list, a joint twice."""
+    model = written(tmp_path / "theirs.onnx", network(63))
+    settings = written(tmp_path / "deploy.yaml", re.sub("joint_ids_map: .*", entry, DEPLOY))
+    with pytest.raises(StictionError, match=r"deploy.yaml: joint_ids_map is .*; expected (a list|different numbers)"):
+        import_policy(model, ROBOT, tmp_path / "bundle", [settings])
 
 
 def test_a_policy_with_another_order_gets_the_robot_in_its_order() -> None:

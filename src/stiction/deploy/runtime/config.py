@@ -58,6 +58,14 @@ class SafetyCfg:
     disagree."""
     torque_seconds: float = 0.1
     """The time of that mean [s]."""
+    torque_error: float = 0.2
+    """Largest difference between a motor's measured torque and what its gains ask for at the measured angle and speed,
+    over its limit [1], as a mean over some time: beyond, an angle, or the torque, is another joint's. Not judged where
+    a robot does not say its torques."""
+    torque_error_seconds: float = 0.15
+    """The time of that mean [s]."""
+    apart: float = 0.1
+    """Largest distance between a joint's angle and what its velocity adds up to within 0.1 s [rad]."""
     temperature: float = 80.0
     """Hottest motor [°C]; not judged where a robot does not say its temperatures."""
     flailing: float = 8.0

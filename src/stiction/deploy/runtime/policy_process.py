@@ -14,6 +14,7 @@ import time
 
 import numpy as np
 
+from stiction.core.errors import StictionError
 from stiction.core.lifeline import follow_parent
 from stiction.core.provenance import limit_library_threads
 from stiction.deploy.control import ControlLoop
@@ -22,7 +23,7 @@ from stiction.deploy.policy import PolicyStep, load_policy
 from stiction.deploy.runtime.channel import IDLE, RUNNING, SENSORS, Channel, sight_layout, targets_layout
 from stiction.deploy.runtime.ticker import Ticker
 from stiction.deploy.wear import WearMonitor
-from stiction.files.bundle import Bundle, read_bundle
+from stiction.files.bundle import Bundle, reread_bundle
 
 WARM_UP = 50
 """Steps over recorded sensors before the first real one: afterwards nothing is compiled or allocated anew."""
@@ -118,9 +119,10 @@ def main(path: str, number: str, digest: str, faults: str) -> int:
     """Run until the supervisor is gone; return the exit status."""
     follow_parent()
     limit_library_threads()
-    bundle = read_bundle(path)
-    if bundle.digest != digest:
-        print("the bundle has changed since it was checked", file=sys.stderr)
+    try:
+        bundle = reread_bundle(path, digest)
+    except StictionError as error:
+        print(error, file=sys.stderr)
         return 1
     contract = bundle.contract
     layouts = targets_layout(contract), sight_layout(contract.num_joints)

@@ -1,23 +1,44 @@
-"""Processes beside the supervisor, policy and logger, each at the other end of a socket pair."""
+"""Processes beside the supervisor, policy, logger and watchdog, each at the other end of a socket pair."""
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import secrets
+import select
 import socket
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from stiction.core.errors import RobotError
 from stiction.core.isolation import isolated_environment, python_module
 from stiction.core.lifeline import tied
 from stiction.core.records import make_folder
+from stiction.deploy.plausibility import Violation
 from stiction.deploy.runtime.channel import Channel, row_layout, socket_pair
-from stiction.deploy.runtime.config import RunCfg
+from stiction.deploy.runtime.config import RunCfg, SupervisorCfg
 from stiction.deploy.runtime.motion import Motion
 from stiction.deploy.runtime.recorder import PART_SECONDS, Rows
+from stiction.deploy.runtime.watchdog import (
+    ACTED,
+    BEAT,
+    FAILED,
+    HEARD,
+    LIMIT,
+    LOOKED,
+    NUMBER,
+    OVER,
+    READY,
+    mapped,
+    shared_memory,
+)
 from stiction.deploy.transports.link import Link
 from stiction.files.bundle import Bundle
 from stiction.files.run_log import LOG, RunLogHeader, check_empty, write_run_header
@@ -25,20 +46,32 @@ from stiction.files.run_log import LOG, RunLogHeader, check_empty, write_run_hea
 WRITING_SECONDS = 10.0
 """Longest time in which the rest of the log is written, after the robot was damped [s]."""
 
+WATCHDOG_SECONDS, ENDING_SECONDS = 60.0, 1.0
+"""Longest time in which the watchdog comes up, and in which it ends once it has damped a robot [s]."""
+
+UNWATCHED = 20.0
+"""Time since the watchdog's last look from which on it is halted, in longest silences of the supervisor: 1.2 s by
+default, in which it looks a hundred times."""
+
 LAST_WORDS = 2000
 """Characters of a process's errors that are kept."""
 
 
 @contextmanager
-def beside(module: str, words: list[object], place: int) -> Iterator[tuple[socket.socket, subprocess.Popen[bytes]]]:
-    """Start one of our processes with one end of a socket pair; its arguments get the socket's file descriptor."""
+def beside(
+    module: str, words: list[object], place: int, files: Sequence[int] = (), errors: int | None = subprocess.PIPE
+) -> Iterator[tuple[socket.socket, subprocess.Popen[bytes]]]:
+    """Start one of our processes with one end of a socket pair; its arguments get the socket's file descriptor.
+
+    files: further ones that it inherits; errors: where its standard error goes, None: where ours does.
+    """
     own, other = socket_pair()
     words = [*words[:place], other.fileno(), *words[place:]]
     command = python_module(f"stiction.deploy.runtime.{module}", words)
     process = subprocess.Popen(
         command,
-        pass_fds=[other.fileno()],
-        stderr=subprocess.PIPE,
+        pass_fds=[other.fileno(), *files],
+        stderr=errors,
         # Ctrl-C stops the robot by way of the supervisor; it must not end the policy or the log first.
         start_new_session=True,
         **tied(isolated_environment()),
@@ -84,6 +117,88 @@ class Death:
         """Watch no longer."""
         if self._memory >= 0:
             os.close(self._memory)
+
+
+class Watchdog:
+    """The watchdog's process, as the supervisor sees it: told that it goes on, and asked whether it was relieved."""
+
+    def __init__(self, memory: np.ndarray, silence: float, process: subprocess.Popen[bytes]) -> None:
+        """memory: shared with its process, see `runtime.watchdog`; silence: longest between two beats [s]."""
+        self._memory, self._silence, self.pid = memory, silence, process.pid
+        self._death = Death(process)
+        self.close = self._death.close
+
+    @property
+    def acted(self) -> bool:
+        """Whether the watchdog has taken over: it has damped the robot, or does."""
+        return bool(self._memory[ACTED] > 0.0)
+
+    def beat(self, now: float, guards: bool) -> None:
+        """Say that the supervisor goes on; guards: whether the watchdog has to damp where it no longer does."""
+        # In this order: a limit must not meet the beat of long ago.
+        self._memory[BEAT] = now
+        self._memory[LIMIT] = self._silence if guards else 0.0
+
+    def guard(self) -> None:
+        """Have the watchdog damp from now on: before the first command with gains, not one turn behind it."""
+        self._memory[LIMIT] = self._silence
+
+    def sent(self, number: int) -> None:
+        """Note the number of the last command: the watchdog's go on behind it."""
+        self._memory[NUMBER] = number
+
+    def broken(self, now: float) -> tuple[Violation, str] | None:
+        """Return the rule that ends the run, and more about it: the watchdog has acted, or watches no more.
+
+        To be asked before `beat`; never waits. What was not looked at while the supervisor made no turn is not judged:
+        the whole machine may have been halted.
+        """
+        if self.acted:
+            silence = float(self._memory[ACTED] - self._memory[HEARD])
+            return Violation(
+                "supervisor silent", None, silence, self._silence, "s"
+            ), "the watchdog has damped the robot"
+        if self._death.seen():
+            return Violation("watchdog gone", None, math.nan, math.nan), "its process has ended"
+        unseen, longest = float(now - self._memory[LOOKED]), UNWATCHED * self._silence
+        if unseen > longest and now - self._memory[BEAT] <= self._silence:
+            return Violation("watchdog gone", None, unseen, longest, "s"), "its process is halted"
+        return None
+
+
+@contextmanager
+def watchdog_process(bundle: Bundle, folder: Path, link: Link, cfg: SupervisorCfg) -> Iterator[Watchdog | None]:
+    """Start the watchdog of an armed run, where the transport has a second way to the robot.
+
+    Raises `RobotError` where it does not come up: nothing was sent.
+    """
+    if link.spare is None or not cfg.armed:
+        yield None
+        return
+    file = shared_memory()
+    try:
+        settings = json.dumps({"cfg": asdict(cfg), "spare": vars(link.spare)})
+        # Its one line is for people whose supervisor is gone, and goes where that one's lines went.
+        words = [folder, bundle.digest, file, settings]
+        started = beside("watchdog", words, 1, (file, *link.spare.files), errors=None)
+        with started as (end, process):
+            memory = mapped(file)
+            said = end.recv(1000) if select.select([end], [], [], WATCHDOG_SECONDS)[0] else b""
+            if not said.startswith(READY):
+                why = said.removeprefix(FAILED).decode(errors="replace") or "its process said nothing"
+                raise RobotError(f"the watchdog did not come up: {why}")
+            link.know(said.removeprefix(READY).decode())
+            try:
+                yield (watchdog := Watchdog(memory, cfg.gap, process))
+            finally:
+                # Guarded to the last: an error kept the supervisor from damping, and the watchdog does so now.
+                if memory[LIMIT] > 0.0:
+                    with suppress(subprocess.TimeoutExpired):
+                        process.wait(cfg.gap + cfg.settle_limit + ENDING_SECONDS)
+                memory[LIMIT] = OVER
+                watchdog.close()
+    finally:
+        os.close(file)
 
 
 class Logger:
@@ -151,7 +266,7 @@ def logging_process(
     )
     write_run_header(log, header)
     keep = round(60 * cfg.keep_minutes / PART_SECONDS)
-    words = [log, keep, len(link.foot_names), folder]
+    words = [log, keep, len(link.foot_names), folder, bundle.digest]
     with beside("recorder", words, 1) as (end, process):
         readings = row_layout(contract.num_joints, len(link.foot_names))
         logger = Logger(Rows(Channel(end, readings), readings), process)

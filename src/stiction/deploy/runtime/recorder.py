@@ -3,7 +3,7 @@
 Each half second is a file of its own that is whole or not there, so that a log stays readable up to the last second
 whatever is killed; a minute of them becomes one file, and beyond `keep` minutes the oldest go. Started as a module:
 
-    python -m stiction.deploy.runtime.recorder FOLDER SOCKET KEEP FEET BUNDLE
+    python -m stiction.deploy.runtime.recorder FOLDER SOCKET KEEP FEET BUNDLE DIGEST
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from stiction.core.errors import StictionError
 from stiction.core.lifeline import follow_parent
 from stiction.deploy.runtime.channel import Channel, row_layout, targets_layout
 from stiction.deploy.transports.messages import HEAD, Layout
-from stiction.files.bundle import read_bundle
+from stiction.files.bundle import reread_bundle
 from stiction.files.run_log import READINGS, RUN, STEPS, part_name, parts_of, read_part, read_run_header
 from stiction.files.tables import Columns, publish_npz
 
@@ -162,12 +162,12 @@ def _take(data: bytes, parts: dict[str, Parts], readings: Layout, steps: Layout)
             parts[READINGS].add(message.time, message.values)
 
 
-def main(folder: str, number: str, keep: str, feet: str, bundle: str) -> int:
+def main(folder: str, number: str, keep: str, feet: str, bundle: str, digest: str) -> int:
     """Record until the sender ends the log; return the exit status."""
     follow_parent()
-    contract = read_bundle(bundle).contract
-    readings, steps = row_layout(contract.num_joints, int(feet)), targets_layout(contract)
     try:
+        contract = reread_bundle(bundle, digest).contract
+        readings, steps = row_layout(contract.num_joints, int(feet)), targets_layout(contract)
         record(Path(folder), socket.socket(fileno=int(number)), readings, steps, int(keep))
     except (StictionError, OSError) as error:
         print(error, file=sys.stderr)
@@ -176,4 +176,4 @@ def main(folder: str, number: str, keep: str, feet: str, bundle: str) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:6]))
+    sys.exit(main(*sys.argv[1:7]))

@@ -1,10 +1,11 @@
-"""One run on a robot: supervisor here, policy and logger in processes of their own.
+"""One run on a robot: supervisor here, policy, logger and watchdog in processes of their own.
 
     robot ◀─commands── supervisor ──sensors──▶ policy
           ──states───▶            ◀──targets──
                           └──rows──▶ logger
 
-The supervisor alone has the link to the robot. It waits for nobody: what does not come in time is a broken rule.
+The supervisor alone has the link to the robot, but for the watchdog, which sends damping once the supervisor no longer
+goes on. It waits for nobody: what does not come in time is a broken rule.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import os
 import select
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,12 +26,21 @@ import numpy as np
 from stiction.core.errors import ConfigurationError, PolicyError, RobotError
 from stiction.core.lock import one_writer
 from stiction.core.provenance import limit_library_threads
+from stiction.deploy.control import JointCommand
 from stiction.deploy.plausibility import Violation
 from stiction.deploy.runtime.channel import IDLE, RUNNING, SENSORS, TIMES, Channel, sight_layout, targets_layout
 from stiction.deploy.runtime.config import RunCfg
 from stiction.deploy.runtime.motion import Motion
 from stiction.deploy.runtime.operator import Operator
-from stiction.deploy.runtime.processes import Death, Logger, beside, last_line, logging_process
+from stiction.deploy.runtime.processes import (
+    Death,
+    Logger,
+    Watchdog,
+    beside,
+    last_line,
+    logging_process,
+    watchdog_process,
+)
 from stiction.deploy.runtime.report import Timing, hunting_joints, summary
 from stiction.deploy.runtime.supervisor import Out, Stage, Supervisor, check_peers
 from stiction.deploy.runtime.ticker import Ticker
@@ -94,16 +104,19 @@ def run(
             words = [folder, bundle.digest, int(injected.obeyed)]
             end, policy = stack.enter_context(beside("policy_process", words, 1))
             channel = Channel(end, *layouts)
+        watchdog = stack.enter_context(watchdog_process(bundle, folder, link, cfg.supervisor))
+        if watchdog is None and cfg.supervisor.armed:
+            say("no watchdog over this transport: if this process is killed or halted, the robot must damp by itself")
         logger = stack.enter_context(logging_process(bundle, folder, link, cfg, source))
         _probe(timing)
         if cfg.realtime is not None:
-            effect = _realtime(cfg.realtime, policy, timing)
+            effect = _realtime(cfg.realtime, [p.pid for p in (policy, watchdog) if p is not None], timing)
             say(effect)
         forward = None if friction is None else BY_SPEED.controller(friction[0], link.period, load=friction[1])
         supervisor = Supervisor(contract, cfg.supervisor, link.period, time.monotonic(), source, forward)
         if not cfg.supervisor.armed:
             say("a dry run: nothing is sent to the robot; --armed moves it")
-        loop = _Loop(supervisor, link, channel, policy, logger, operator, timing, injected, say)
+        loop = _Loop(supervisor, link, channel, policy, logger, watchdog, operator, timing, injected, say)
         if loop.death is not None:
             stack.callback(loop.death.close)
         loop.run(velocity)
@@ -113,6 +126,7 @@ def run(
     log = {"log": None, "log_lost": 0, "log_end": None} if logger is None else logger.summary()
     of_run = {"armed": cfg.supervisor.armed, "stage": supervisor.stage.name.lower(), "sent": loop.sent_at}
     of_run |= {"signal": loop.signal, "damped_seconds": loop.damped_seconds}
+    of_run |= {"watchdog": None if watchdog is None else {"acted": watchdog.acted}}
     counted = {name: None if np.isnan(n) else n for name, n in link.arrivals.counts.reported().items()}
     of_link = {"states": loop.states, "malformed": link.malformed, "complaint": link.complaint or None, **counted}
     of_link |= {"realtime": effect or None}
@@ -128,6 +142,7 @@ class _Loop:
     channel: Channel | None
     policy: subprocess.Popen[bytes] | None
     logger: Logger | None
+    watchdog: Watchdog | None
     operator: Operator
     timing: Timing
     injected: Injected
@@ -166,6 +181,9 @@ class _Loop:
                 raise
         finally:
             gc.unfreeze()
+            # A robot that was damped needs no watchdog while the log is written; one that was not is left to it.
+            if self.damped_seconds > 0.0:
+                self._beat(time.monotonic())
         self._end()
 
     def _begin(self, velocity: np.ndarray) -> None:
@@ -189,6 +207,7 @@ class _Loop:
         """Wait for something to come, at most one tick, and do what follows from it."""
         select.select(self._files, [], [], TICK)
         now = time.monotonic()
+        self._beat(now)
         # First: after a halt the robot still obeys the last command, and all that waits here is old.
         self._emit(self.supervisor.turn(now), None)
         self._obey(now)
@@ -213,6 +232,14 @@ class _Loop:
             self.say(f"no log from now on, the run goes on: {self.logger.end}")
         self._announce()
 
+    def _beat(self, now: float) -> None:
+        """Tell the watchdog that the supervisor goes on; where it has acted, or is gone, the run is over."""
+        if self.watchdog is None:
+            return
+        if self.supervisor.stage < Stage.DAMP and (broken := self.watchdog.broken(now)) is not None:
+            self._stop(*broken)
+        self.watchdog.beat(now, Stage.STAND <= self.supervisor.stage <= Stage.DAMP)
+
     def _fail(self, error: BaseException) -> None:
         """Damp the robot after an error in this program, as long as after any stop; the error is its reason."""
         said = f"{type(error).__name__}: {' '.join(str(error).split())}"
@@ -220,6 +247,9 @@ class _Loop:
         until = time.monotonic() + self.supervisor.cfg.settle_limit
         while not self.supervisor.ended and time.monotonic() < until:
             time.sleep(TICK)
+            # Where nothing goes out, the watchdog's way to the robot may still be open.
+            if self.damped_seconds > 0.0:
+                self._beat(time.monotonic())
             # Each by itself: if the error comes again in one, the other is done all the same.
             with suppress(Exception):
                 for state in self.link.receive():
@@ -291,7 +321,7 @@ class _Loop:
         if out is None:
             return
         if out.command is not None and self.supervisor.cfg.armed:
-            self.supervisor.sent(self.link.send(out.command))
+            self._send(out.command)
         if out.stage >= Stage.DAMP and out.command is not None:
             now = time.monotonic()
             self._damped_at = self._damped_at or now
@@ -300,6 +330,17 @@ class _Loop:
                 self.sent_at = self.sent_at or now
         if state is not None and self._rows is not None:
             self._log(state, out)
+
+    def _send(self, command: JointCommand) -> None:
+        """Send a command, but none with gains once the watchdog damps: it was decided before a halt."""
+        if self.watchdog is not None and command.kp.any():
+            if self.watchdog.acted:
+                return
+            self.watchdog.guard()
+        number = self.link.send(command)
+        self.supervisor.sent(number, time.monotonic())
+        if self.watchdog is not None:
+            self.watchdog.sent(number)
 
     def _passed(self, state: RobotState) -> None:
         """Judge and log a state that was no longer the newest when it was read: what went out last was in force."""
@@ -376,15 +417,15 @@ def _probe(timing: Timing) -> None:
         timing.probe.add(ticker.wait()[0])
 
 
-def _realtime(priority: int, policy: subprocess.Popen[bytes] | None, timing: Timing) -> str:
-    """Give supervisor and policy a real-time priority; return what it did to an idle loop, in words.
+def _realtime(priority: int, others: Sequence[int], timing: Timing) -> str:
+    """Give this process, and others by number, a real-time priority; return what it did to an idle loop, in words.
 
     Raises `ConfigurationError` where the system does not allow it.
     """
     if not hasattr(os, "sched_setscheduler"):
         raise ConfigurationError("this system has no SCHED_FIFO; leave --realtime away")
     try:
-        for process in (0, *([] if policy is None else [policy.pid])):
+        for process in (0, *others):
             os.sched_setscheduler(process, os.SCHED_FIFO, os.sched_param(priority))
     except OSError as error:
         raise ConfigurationError(

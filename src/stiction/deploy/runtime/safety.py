@@ -12,6 +12,7 @@ from collections import deque
 import numpy as np
 
 from stiction.core.rotation import cross, up_in_frames
+from stiction.deploy.control import JointCommand
 from stiction.deploy.plausibility import RULES, Violation
 from stiction.deploy.runtime.config import SafetyCfg
 from stiction.deploy.transports.link import RobotState
@@ -29,6 +30,12 @@ def tilt(quaternion: np.ndarray, angular_velocity: np.ndarray, horizon: float) -
     ahead = ahead / np.linalg.norm(ahead)
     return float(np.arccos(np.clip(-now[2], -1.0, 1.0))), float(np.arccos(np.clip(-ahead[2], -1.0, 1.0)))
 
+
+RESPONSE = 0.006
+"""Time from a reading to that which shows the torque of what it led to [s]: of buses, and the robot's own computer."""
+
+WEAK_SPEED = 5.0
+"""Speed from which on a motor that drives may give less than it is asked for [rad/s]: its voltage ends."""
 
 BESIDE = (
     *("acceleration", "joint_torque", "temperature", "lost", "motor_fault", "foot_contact", "battery"),
@@ -50,6 +57,10 @@ class Safety:
         """`period`: between two readings [s]."""
         self._cfg, self._names, self._limit = cfg, contract.joint_names, contract.array("torque_limit")
         self._torques: deque[np.ndarray] = deque(maxlen=max(1, round(cfg.torque_seconds / period)))
+        readings = max(1, round(cfg.torque_error_seconds / period))
+        self._errors: deque[np.ndarray] = deque(maxlen=readings)
+        self._expected: deque[np.ndarray] = deque(maxlen=max(1, round(RESPONSE / period)))
+        self._command: JointCommand | None = None
         self._squares: deque[float] = deque(maxlen=max(1, round(cfg.flailing_seconds / period)))
         # One more than for a mean: what a count grows by in n periods is between the first and the last of n + 1
         # readings.
@@ -60,8 +71,12 @@ class Safety:
 
     def reset(self) -> None:
         """Forget all earlier readings."""
-        for earlier in (self._torques, self._squares, self._lost):
+        for earlier in (self._torques, self._squares, self._lost, self._errors, self._expected):
             earlier.clear()
+
+    def commanded(self, command: JointCommand) -> None:
+        """Note what was sent to the motors: from now on their torques are compared with it."""
+        self._command = command
 
     def finite(self, state: RobotState) -> Violation | None:
         """Return the first field, other than the sensors, with a NaN or infinity; None if all are finite.
@@ -103,8 +118,11 @@ class Safety:
             return None
         return Violation("lossy link", None, share, self._cfg.losses)
 
-    def check(self, state: RobotState) -> Violation | None:
-        """Return the first broken rule of a reading whose sensors are finite, None where none is broken."""
+    def check(self, state: RobotState, answers: bool = True) -> Violation | None:
+        """Return the first broken rule of a reading whose sensors are finite, None where none is broken.
+
+        answers: whether the reading came after the last command had been sent; an earlier one says nothing of it.
+        """
         cfg, sensors = self._cfg, state.sensors
         now, ahead = tilt(sensors.quaternion, sensors.angular_velocity, cfg.horizon)
         if now > cfg.tilt:
@@ -119,7 +137,36 @@ class Safety:
             rms = float(np.sqrt(np.mean(self._squares)))
             if rms > cfg.flailing:
                 return Violation("flailing", None, rms, cfg.flailing, "rad/s")
-        return self._of_motors(state)
+        return self._of_drives(state, answers) or self._of_motors(state)
+
+    def _of_drives(self, state: RobotState, answers: bool) -> Violation | None:
+        """Return that a motor gives another torque than its gains ask for at the measured angle and velocity."""
+        command, sensors, torque = self._command, state.sensors, state.joint_torque
+        if command is not None and not answers:
+            self._expected.clear()
+            return None
+        if command is None or not command.kp.any():
+            self._errors.clear()
+            self._expected.clear()
+            return None
+        asked = command.forward + command.kp * (command.target - sensors.joint_position)
+        asked = np.clip((asked - command.kd * sensors.joint_velocity) / self._limit, -1.0, 1.0)
+        if len(self._expected) == self._expected.maxlen:
+            before, given = self._expected[0], torque / self._limit
+            error = given - before
+            driving = before * sensors.joint_velocity > 0.0
+            weak = driving & (before * given >= 0.0) & (np.abs(given) < np.abs(before))
+            weak &= np.abs(sensors.joint_velocity) > WEAK_SPEED
+            # Exactly zero is a robot that measures none.
+            self._errors.append(np.where(weak | np.isnan(error) | (torque == 0.0), 0.0, error))
+        self._expected.append(asked)
+        if len(self._errors) < (self._errors.maxlen or 1):
+            return None
+        mean = np.abs(np.mean(self._errors, axis=0))
+        if (worst := self._worst(mean, self._cfg.torque_error)) is None:
+            return None
+        value, limit = (float(share * self._limit[worst]) for share in (mean[worst], self._cfg.torque_error))
+        return Violation("torque and command", self._names[worst], value, limit, "N m")
 
     def _of_motors(self, state: RobotState) -> Violation | None:
         """Return the first broken rule of torques and temperatures; what a robot does not say is not judged."""

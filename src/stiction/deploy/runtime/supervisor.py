@@ -18,10 +18,11 @@ import numpy as np
 
 from stiction.deploy.control import FREE, JointCommand, Limited, Limits
 from stiction.deploy.plausibility import RULES as PLAUSIBLE
-from stiction.deploy.plausibility import ReadingGuard, Violation, compare_drive
+from stiction.deploy.plausibility import ClockRate, ReadingGuard, Violation, compare_drive
 from stiction.deploy.runtime.config import SupervisorCfg
 from stiction.deploy.runtime.motion import Motion
 from stiction.deploy.runtime.safety import Safety
+from stiction.deploy.runtime.settling import Settling
 from stiction.deploy.transports.link import Peers, RobotState
 from stiction.files.contract import Contract
 from stiction.files.run_log import RUN_STAGE
@@ -29,10 +30,6 @@ from stiction.joints.compensation import FrictionController, Hunting
 
 GAINS_AFTER = 0.5
 """Time after the first command with gains at which a robot that says its gains says ours [s]."""
-
-REST_ANGLE, REST_TURN, REST_SECONDS = 0.02, 0.5, 0.2
-"""A robot rests when no joint has moved by that angle [rad] and the base turns slower than that [rad/s] for so long
-[s]: angles, since velocities are noisy at rest."""
 
 
 class Stage(IntEnum):
@@ -121,7 +118,10 @@ class Supervisor:
         self.limited_counts = np.zeros((contract.num_joints, 4), dtype=np.int64)
         """How often each joint's target in the run was free, or limited by which rule, shape (J, 4)."""
         jump = max(PLAUSIBLE["time jump"].limit, cfg.stale)
-        self._guard = ReadingGuard(contract, {"frozen IMU": cfg.frozen, "time jump": jump})
+        limits = {"frozen IMU": cfg.frozen, "time jump": jump, "velocity and angle": cfg.safety.apart}
+        self._guard = ReadingGuard(contract, limits)
+        # Whoever waits longer for states is on a machine, or has a robot, that is slow.
+        self._clock = ClockRate(max(PLAUSIBLE["clock rate"].limit, 2.0 * cfg.stale))
         self._safety = Safety(contract, cfg.safety, period)
         self._source = source
         standing, kp, kd = (contract.array(name) for name in ("standing", "kp", "kd"))
@@ -140,9 +140,10 @@ class Supervisor:
         self._answered, self._asked, self._commanded = now, now, now
         self._answer: tuple[np.ndarray, Limited] | None = None
         self._ours: tuple[float, float] = (math.nan, math.nan)
+        self._sent = -math.inf
         self._remote, self._ran, self._position, self._period = False, 0.0, standing, period
-        self._turned = self._heard = math.nan
-        self._framed, self._resting_since, self._resting_at = now, now, np.full_like(standing, math.nan)
+        self._turned, self._framed = math.nan, now
+        self._settling = Settling(cfg, contract.num_joints, now)
 
     @property
     def ended(self) -> bool:
@@ -161,10 +162,10 @@ class Supervisor:
         """Take a velocity command, judged with the next state; `remote`: from somewhere that can be lost."""
         self.velocity, self._commanded, self._remote = np.array(velocity, float), now, remote
 
-    def sent(self, number: float) -> None:
-        """Remember the number with which a command was sent."""
+    def sent(self, number: float, now: float) -> None:
+        """Remember the number with which a command was sent, and when."""
         first = number if math.isnan(self._ours[0]) else self._ours[0]
-        self._ours = (first, number)
+        self._ours, self._sent = (first, number), now
 
     def policy_waits(self, now: float) -> None:
         """Note that the policy's process is there and waits for a reading."""
@@ -270,7 +271,7 @@ class Supervisor:
             return self._stand(state, now)
         if self.stage is Stage.RUN:
             return self._run(state, now)
-        self._rest(state, now)
+        self._settling.look(state.sensors, now)
         return self._settle(now)
 
     def passed(self, state: RobotState, now: float) -> Out | None:
@@ -331,19 +332,10 @@ class Supervisor:
         self.limited_counts[np.arange(len(out.limited.by)), out.limited.by] += 1
         return out
 
-    def _rest(self, state: RobotState, now: float) -> None:
-        """Note whether the robot has moved since it was last looked at; a comparison with NaN counts as moved."""
-        position, turn = state.sensors.joint_position, state.sensors.angular_velocity
-        if not (np.abs(position - self._resting_at).max() <= REST_ANGLE and np.abs(turn).max() <= REST_TURN):
-            self._resting_at, self._resting_since = np.array(position), now
-        self._heard = now
-
     def _settle(self, now: float) -> Out:
         """Return a damping frame, the last one where the robot has come to rest."""
-        elapsed, self._framed = now - self._since, now
-        # A robot that says nothing any more may move; one that never said anything is waited for no longer.
-        rests = now - self._resting_since >= REST_SECONDS and now - self._heard <= self.cfg.stale
-        if elapsed >= (self.cfg.settle if rests or math.isnan(self._seen) else self.cfg.settle_limit):
+        self._framed = now
+        if self._settling.over(now - self._since, now, silent=math.isnan(self._seen)):
             self.stage = Stage.DONE if self.stop_record is None else Stage.STOPPED
         return self._out(self._damp())
 
@@ -383,6 +375,8 @@ class Supervisor:
     def _out(
         self, command: JointCommand | None, requested: np.ndarray | None = None, limited: Limited | None = None
     ) -> Out:
+        if self.cfg.armed and command is not None:
+            self._safety.commanded(command)
         nothing = np.full(self.contract.num_joints, math.nan)
         if limited is None:
             limited = Limited(nothing if command is None else command.target, np.full(len(nothing), FREE))
@@ -391,7 +385,7 @@ class Supervisor:
     def _judge(self, state: RobotState, now: float) -> Violation | None:
         acting = self.stage is Stage.RUN
         broken = self._guard.check(state.time, state.sensors, self.velocity, acting=acting)
-        broken = broken or self._safety.finite(state)
+        broken = broken or self._safety.finite(state) or self._clock.check(state.time, now - state.age)
         if broken is not None:
             return broken
         # Before the first command of ours both ends are NaN, and any other one is somebody else's.
@@ -401,7 +395,7 @@ class Supervisor:
         gains = self.cfg.armed and (acting or (self.stage is Stage.STAND and now - self._since > GAINS_AFTER))
         kp, kd = (_said(values) if gains and self._source is None else None for values in (state.kp, state.kd))
         found = compare_drive(self.contract, kp, kd, _said(state.torque_limit))
-        return found[0] if found else self._safety.check(state)
+        return found[0] if found else self._safety.check(state, answers=now - state.age > self._sent)
 
 
 def _said(values: np.ndarray) -> np.ndarray | None:

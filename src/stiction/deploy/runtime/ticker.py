@@ -13,7 +13,7 @@ LEAD = 1e-3
 QUIET = 0.5
 """p99 of an idle loop's lateness up to which lateness is judged [ms]; beyond, the machine is the reason."""
 
-BUSY = ("stale state", "policy silent", "supervisor halted")
+BUSY = ("stale state", "policy silent", "supervisor halted", "supervisor silent", "clock rate")
 """Rules that a machine breaks which does other work too."""
 
 LATE = 2.0

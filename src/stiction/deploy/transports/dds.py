@@ -100,6 +100,8 @@ class DdsBus:
             self._waits.attach(come)
         except dds.core.DDSException as error:
             raise RobotError(f"DDS cannot use the network interface {interface!r}: {error}") from error
+        self.writer, self._known = str(participant.guid), set[str]()
+        """This program among those of the domain."""
         self._error, self._wire = dds.core.DDSException, wire_type(command)
         self._entities: list[Any] = [come, self._writer, self._others, self._states, self._participants]
         self._entities += [states, commands, participant]
@@ -147,8 +149,20 @@ class DdsBus:
         return self._lost - before
 
     def foreign(self) -> bool:
-        """Return whether another participant has sent a command since the last call."""
-        return any(hasattr(sample, "data") for sample in self._others.take(1))
+        """Return whether another participant has sent a command since the last call; those of `know` are none."""
+        sent = [sample.sample_info for sample in self._others.take(1) if hasattr(sample, "data")]
+        return bool(sent) and sent[0].publication_handle & HANDLE not in self._known_writers()
+
+    def know(self, writer: str) -> None:
+        """Count a participant as ours: its commands and its readers are nobody else's; writer: its `writer`."""
+        self._known.add(writer)
+        self._asked, self._counts = -PEERS_SECONDS, (-1, -1)
+
+    def _known_writers(self) -> set[int]:
+        """Return the handles of the known participants' writers of commands."""
+        handles = self._others.get_matched_publications() if self._known else ()
+        found = ((handle & HANDLE, self._others.get_matched_publication_data(handle)) for handle in handles)
+        return {handle for handle, said in found if said is not None and str(said.participant_key) in self._known}
 
     def peers(self) -> Peers:
         """Return every writer of states that was heard or announced, and the readers of commands."""
@@ -168,6 +182,7 @@ class DdsBus:
                 self._writers[handle & HANDLE] = names.get(str(writer.participant_key), str(writer.participant_key))
         readers = map(self._writer.get_matched_subscription_data, self._writer.get_matched_subscriptions())
         read_by = [str(reader.participant_key) for reader in readers if reader is not None]
+        read_by = [key for key in read_by if key not in self._known]
         # The pinned one first; before any state has come, in the order of their announcement.
         robots = sorted(self._writers, key=lambda handle: handle != self._pinned)
         self._peers = Peers(

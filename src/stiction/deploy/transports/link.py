@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import socket
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, fields
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -66,6 +67,17 @@ class Peers:
     readers: tuple[str, ...] = ()
     """Readers of commands, the robot's own included: each of them may move by them."""
     writers: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Spare:
+    """How a second process of ours reaches the same robot, see `transports.spare`."""
+
+    transport: str
+    settings: Mapping[str, Any]
+    """Of that transport, plain data."""
+    files: tuple[int, ...] = ()
+    """Files that the other process inherits."""
 
 
 AGES_WINDOW = 1.0
@@ -129,6 +141,12 @@ class Link(Protocol):
     """Time between two states [s]."""
     lock_name: str
     """What one writer at a time may hold: the robot's address, as a name for a file."""
+    spare: Spare | None
+    """How the watchdog reaches the robot; None: this transport lets no second process of ours write."""
+    writer: str
+    """Name by which other programs know its writer of commands; empty: they know it by its address alone."""
+    number: int
+    """Of the last command that was sent."""
 
     arrivals: Arrivals
     """What came, and what of it was not new."""
@@ -144,6 +162,9 @@ class Link(Protocol):
 
     def peers(self) -> Peers:
         """Return who is at the other end, as far as is known by now; never waits."""
+
+    def know(self, writer: str) -> None:
+        """Count a writer of commands as ours: what it sends, and reads, breaks no rule; `writer`: as of that field."""
 
     def send(self, command: JointCommand) -> int:
         """Send a command; return its number. Never waits."""

@@ -26,7 +26,7 @@ from stiction.core.errors import ConfigurationError, RobotError
 from stiction.deploy.control import JointCommand
 from stiction.deploy.observation import Sensors
 from stiction.deploy.transports.arrivals import Arrivals
-from stiction.deploy.transports.link import Ages, Bell, Peers, RobotState
+from stiction.deploy.transports.link import Ages, Bell, Peers, RobotState, Spare
 from stiction.files.contract import Contract
 
 STATE_TOPIC, IMU_TOPIC, COMMAND_TOPIC = "joint_states", "imu/data", "joint_command"
@@ -50,9 +50,12 @@ class Ros2Link:
         self._node, self.joint_names = node, contract.joint_names
         self.foot_names = () if contract.anatomy is None else contract.anatomy.foot_names
         self.period, self.lock_name = PERIOD, lock_name
+        # A message does not say whose it is: a watchdog's could not be told from those of a second writer.
+        self.spare: Spare | None = None
+        self.writer = ""
         self._imu: Mapping[str, Any] | None = None
         self._first: float | None = None
-        self._states = self._number = 0
+        self._states = self.number = 0
         self._ages, self._peers, self._asked = Ages(), Peers(), -PEERS_SECONDS
         # Its messages have no numbers, and stamps of the system's clock alone.
         self.arrivals = Arrivals(math.nan)
@@ -101,11 +104,14 @@ class Ros2Link:
             self._asked, self._peers = now, Peers(*self._node.nodes())
         return self._peers
 
+    def know(self, writer: str) -> None:
+        """Do nothing: there is no second writer of ours, see `spare`."""
+
     def send(self, command: JointCommand) -> int:
         """Send a command; return its number."""
-        self._number += 1
+        self.number += 1
         self._node.publish(command_message(command, self.joint_names))
-        return self._number
+        return self.number
 
     def close(self) -> None:
         """End the node."""

@@ -13,7 +13,7 @@ from contextlib import suppress
 from stiction.core.errors import RobotError
 from stiction.deploy.control import JointCommand
 from stiction.deploy.transports.arrivals import Arrivals
-from stiction.deploy.transports.link import Peers, RobotState, command_layout, state_layout, state_of
+from stiction.deploy.transports.link import Peers, RobotState, Spare, command_layout, state_layout, state_of
 
 LOOPBACK = "127.0.0.1"
 
@@ -39,9 +39,16 @@ class UdpLink:
     """
 
     def __init__(
-        self, address: tuple[str, int], joint_names: Sequence[str], foot_names: Sequence[str], period: float
+        self,
+        address: tuple[str, int],
+        joint_names: Sequence[str],
+        foot_names: Sequence[str],
+        period: float,
+        file: int | None = None,
     ) -> None:
         """Open a port of our own, on the way to the robot's address, and send nothing.
+
+        file: of a port that another process has opened so, in its place; the address is then not looked at.
 
         Raises `RobotError`: there is no way to that address.
         """
@@ -49,9 +56,13 @@ class UdpLink:
         self.lock_name = f"udp-{address[0]}-{address[1]}"
         self._states = state_layout(len(joint_names), len(foot_names))
         self._commands = command_layout(len(joint_names))
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM, fileno=file)
+        # The same port, so that the robot hears one writer, and goes on saying to it what it measures.
+        names = {"joint_names": self.joint_names, "foot_names": self.foot_names, "period": period}
+        self.spare: Spare | None = Spare("udp", names, (self._socket.fileno(),))
+        self.writer = ""
         # From a number of chance, so that a second writer's commands are not taken for ours.
-        self._number = secrets.randbits(40)
+        self.number = secrets.randbits(40)
         self.malformed, self.complaint = 0, ""
         self.arrivals, self._emptied = Arrivals(), time.monotonic()
         self._strangers = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -62,8 +73,9 @@ class UdpLink:
                 port.setblocking(False)
             if sys.platform == "linux":
                 self._socket.setsockopt(socket.SOL_SOCKET, ARRIVAL, 1)
-            self._socket.connect(address)
-            self._strangers.bind(self._socket.getsockname())
+            if file is None:
+                self._socket.connect(address)
+                self._strangers.bind(self._socket.getsockname())
         except OSError as error:
             self.close()
             raise RobotError(f"no way to a robot at {address[0]}:{address[1]}: {error.strerror or error}") from error
@@ -111,13 +123,16 @@ class UdpLink:
                 self._robots.append(f"{host}:{port}")
         return Peers(tuple(self._robots))
 
+    def know(self, writer: str) -> None:
+        """Do nothing: the watchdog writes from this very port."""
+
     def send(self, command: JointCommand) -> int:
         """Send a command; return its number. What cannot be sent is lost, as a datagram is."""
-        self._number += 1
-        data = self._commands.pack(self._number, 0.0, vars(command))
+        self.number += 1
+        data = self._commands.pack(self.number, 0.0, vars(command))
         with suppress(OSError):
             self._socket.send(data)
-        return self._number
+        return self.number
 
     def close(self) -> None:
         """Close the port."""

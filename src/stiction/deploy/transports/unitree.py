@@ -19,7 +19,7 @@ from stiction.deploy.observation import Sensors
 from stiction.deploy.transports.arrivals import Arrivals
 from stiction.deploy.transports.config import HeldCfg
 from stiction.deploy.transports.dds import DdsBus
-from stiction.deploy.transports.link import Ages, Peers, RobotState
+from stiction.deploy.transports.link import Ages, Peers, RobotState, Spare
 from stiction.deploy.vendor import VendorMap
 from stiction.files.contract import Contract
 from stiction.files.unitree import GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE
@@ -162,7 +162,10 @@ class Translation:
 class UnitreeLink:
     """`Link` to one robot; sends nothing before a whole state has come."""
 
-    def __init__(self, translation: Translation, bus: DdsBus, lock_name: str = "unitree") -> None:
+    def __init__(
+        self, translation: Translation, bus: DdsBus, lock_name: str = "unitree", spare: Spare | None = None
+    ) -> None:
+        self.spare, self.writer = spare, bus.writer
         self._translation, self._bus = translation, bus
         self.joint_names, self.foot_names = translation.joint_names, translation.foot_names
         self.period, self.lock_name = PERIOD, lock_name
@@ -170,7 +173,7 @@ class UnitreeLink:
         self._held: np.ndarray | None = None
         self._first: int | None = None
         self._time = self._held_at = 0.0
-        self._states = self._number = self._ticks = 0
+        self._states = self.number = self._ticks = 0
         self._commanded, self._ages, self.arrivals = False, Ages(), Arrivals()
         self.malformed, self.complaint = 0, ""
 
@@ -211,15 +214,19 @@ class UnitreeLink:
         """Return who writes the robot's states and reads its commands."""
         return self._bus.peers()
 
+    def know(self, writer: str) -> None:
+        """Count a participant as ours, see `Link.know`."""
+        self._bus.know(writer)
+
     def send(self, command: JointCommand) -> int:
         """Send a command; return its number."""
-        self._number += 1
+        self.number += 1
         if self._newest is not None:
             held = self._hold(self._newest, bool(command.kp.any()))
             mode = 0 if self._translation.said is GO_STATE else int(self._newest["mode_machine"])
             message = self._translation.message(command, held, mode)
             self._bus.send(self._translation.told.to_wire(message))
-        return self._number
+        return self.number
 
     def _hold(self, newest: np.ndarray, stiff: bool) -> np.ndarray:
         """Return where held joints are asked to be, in the maker's numbers [rad], shape (M,).
@@ -243,4 +250,5 @@ def unitree_link(transport: str, interface: str, domain: int, contract: Contract
     """Return the link to the robot at a network interface, on a DDS domain; errors as of `Translation` and `DdsBus`."""
     translation = Translation(transport, contract, held)
     bus = DdsBus(interface, translation.said, translation.told, domain)
-    return UnitreeLink(translation, bus, f"unitree-{interface}-{domain}")
+    spare = Spare(transport, {"interface": interface, "domain": domain, "held": vars(held)})
+    return UnitreeLink(translation, bus, f"unitree-{interface}-{domain}", spare)

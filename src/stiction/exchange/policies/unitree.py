@@ -42,7 +42,7 @@ SWITCHES = ("scale_first", "use_gym_history")
 
 def is_deploy(content: Mapping[str, Any]) -> bool:
     """Say whether a YAML file is a deploy.yaml."""
-    return {"joint_ids_map", "step_dt", "observations"} <= content.keys()
+    return {"step_dt", "observations"} <= content.keys()
 
 
 def said_in_deploy(content: Mapping[str, Any], where: str, maker: Sequence[str] | None) -> Said:
@@ -56,14 +56,15 @@ def said_in_deploy(content: Mapping[str, Any], where: str, maker: Sequence[str] 
     Raises `StictionError`, naming the entry.
 
     """
-    ids = [take.whole(item, f"{where}: joint_ids_map") for item in take.sequence(content["joint_ids_map"], where)]
+    entry = f"{where}: joint_ids_map"
+    ids = [take.whole(item, entry) for item in take.sequence(content.get("joint_ids_map"), entry)]
     if maker is None:
         raise RobotError(
             f"{where} numbers the joints as their maker does, and the robot's file does not say that order; say "
             "vendor: {order: [...]} in robot.yaml"
         )
-    if not all(0 <= number < len(maker) for number in ids) or len(set(ids)) != len(ids):
-        raise FileError(f"{where}: joint_ids_map is {ids}; expected different numbers from 0 to {len(maker) - 1}")
+    if not ids or not all(0 <= number < len(maker) for number in ids) or len(set(ids)) != len(ids):
+        raise FileError(f"{entry} is {ids}; expected different numbers from 0 to {len(maker) - 1}")
     gains = {name: take.numbers(content.get(name), f"{where}: {name}") for name in ("stiffness", "damping")}
     if any(len(values) <= max(ids) for values in gains.values()):
         raise FileError(f"{where}: stiffness and damping have {len(gains['stiffness'])} and {len(gains['damping'])} "

@@ -1,0 +1,162 @@
+"""The watchdog's own process: does nothing while the supervisor lives, and damps the robot when it falls silent.
+
+    supervisor ──a beat each turn──▶ shared memory ──▶ watchdog ──damping, where beats end──▶ robot
+
+It has a way of its own to the robot (`transports.spare`), sends nothing but damping, and nothing while beats come. The
+limit is the supervisor's own (`gap`): a supervisor that made no turn for longer stops by itself when it goes on, so
+that no run ends by the watchdog that would have gone on without it. Started as a module:
+
+    python -m stiction.deploy.runtime.watchdog BUNDLE SOCKET DIGEST MEMORY SETTINGS
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import mmap
+import os
+import select
+import signal
+import socket
+import sys
+import tempfile
+import time
+
+import numpy as np
+
+from stiction.core.decode import from_plain
+from stiction.core.errors import StictionError
+from stiction.core.lifeline import parents_file
+from stiction.core.provenance import limit_library_threads
+from stiction.deploy.control import JointCommand
+from stiction.deploy.runtime.config import SupervisorCfg
+from stiction.deploy.runtime.operator import SIGNALS
+from stiction.deploy.runtime.settling import Settling
+from stiction.deploy.transports.link import Link, Spare
+from stiction.deploy.transports.spare import open_spare
+from stiction.files.bundle import reread_bundle
+
+BEAT, LIMIT, NUMBER, ACTED, HEARD, LOOKED = range(6)
+"""Places in the shared memory. Of the supervisor: when its last turn began [s]; the longest silence [s], 0 while
+nothing is guarded, `OVER` once the run is; number of its last command. Of the watchdog: when it took over, 0: it has
+not; the last beat that it had heard then; when it looked last [s]."""
+
+OVER = -1.0
+
+LOOK = 0.01
+"""Longest time between two looks [s]."""
+
+AGAIN = 0.002
+"""Time between the two looks that must both find the supervisor silent [s]: who was itself halted looks twice."""
+
+READY, FAILED = b"+", b"-"
+"""First byte of what it says once: its writer's name, or why it cannot be."""
+
+
+def shared_memory() -> int:
+    """Return the file of new shared memory, all zeros; on Linux on no disk, which could make a beat late."""
+    if hasattr(os, "memfd_create"):
+        file = os.memfd_create("stiction-watchdog")
+    else:
+        with tempfile.TemporaryFile() as unnamed:
+            file = os.dup(unnamed.fileno())
+    os.ftruncate(file, mmap.PAGESIZE)
+    return file
+
+
+def mapped(file: int) -> np.ndarray:
+    """Return the numbers in shared memory; each is read and written whole."""
+    return np.frombuffer(mmap.mmap(file, mmap.PAGESIZE), dtype=np.float64)
+
+
+class Vigil:
+    """Judges the supervisor's beats; has no clock of its own."""
+
+    def __init__(self) -> None:
+        self._silent = False
+
+    def look(self, beat: float, limit: float, now: float) -> bool:
+        """Return whether the supervisor is silent: two looks in a row found its last beat older than the limit [s].
+
+        limit: 0 or less: nothing is guarded.
+        """
+        before, self._silent = self._silent, limit > 0 and now - beat > limit
+        return before and self._silent
+
+    def wait(self, beat: float, limit: float, now: float) -> float:
+        """Return the time until the next look [s]."""
+        if self._silent or limit <= 0:
+            return AGAIN if self._silent else LOOK
+        return min(max(beat + limit - now + 1e-4, AGAIN), LOOK)
+
+
+class Takeover:
+    """Damps a robot in the supervisor's place; has no clock of its own."""
+
+    def __init__(self, link: Link, cfg: SupervisorCfg, kd: np.ndarray, now: float) -> None:
+        """Begin at `now` [s]; kd: of the damping frame [N m s/rad], shape (J,)."""
+        self._link, self._begin = link, now
+        self._settling, zero = Settling(cfg, len(kd), now), np.zeros(len(kd))
+        self._frame = JointCommand(zero, zero, kd, zero)
+
+    def step(self, now: float) -> bool:
+        """Send a damping frame, once a period; return whether it was the last."""
+        states = self._link.receive()  # First: some robots are told nothing before they have said something.
+        self._link.send(self._frame)
+        if states:
+            self._settling.look(states[-1].sensors, now)
+        return self._settling.over(now - self._begin, now)
+
+
+def watch(memory: np.ndarray, link: Link, cfg: SupervisorCfg, kd: np.ndarray, parent: int) -> float | None:
+    """Watch until the run is over, or damp; return for how long the robot was damped [s], None where it never was.
+
+    parent: file that is readable once the supervisor's process is gone, see `parents_file`.
+    """
+    vigil = Vigil()
+    while True:
+        beat, limit, now = memory[BEAT], memory[LIMIT], time.monotonic()
+        memory[LOOKED] = now
+        if limit == OVER:
+            return None
+        if vigil.look(beat, limit, now):
+            break
+        if select.select([parent], [], [], vigil.wait(beat, limit, now))[0]:
+            if memory[LIMIT] <= 0:
+                return None
+            break
+    begin, memory[HEARD] = time.monotonic(), memory[BEAT]
+    memory[ACTED] = begin
+    link.number, takeover = int(memory[NUMBER]), Takeover(link, cfg, kd, begin)
+    while not takeover.step(time.monotonic()):
+        time.sleep(0.9 * link.period)
+    return time.monotonic() - begin
+
+
+def main(path: str, number: str, digest: str, memory: str, settings: str) -> int:
+    """Watch until the run is over; return the exit status."""
+    # What ends the whole group, or is sent to each of its processes, must not end this one first.
+    for name in SIGNALS:
+        signal.signal(name, signal.SIG_IGN)
+    limit_library_threads()
+    parent, end = parents_file(), socket.socket(fileno=int(number))
+    try:
+        values = json.loads(settings)
+        cfg, contract = from_plain(SupervisorCfg, values["cfg"], "settings"), reread_bundle(path, digest).contract
+        link = open_spare(Spare(**values["spare"]), contract)
+    except (StictionError, OSError) as error:
+        end.send(FAILED + str(error).encode())
+        return 1
+    end.send(READY + link.writer.encode())
+    gc.collect()
+    gc.freeze()
+    damped = watch(mapped(int(memory)), link, cfg, contract.array("kd"), parent)
+    if damped is not None:
+        print(f"stiction deploy: the supervisor was silent; the watchdog damped the robot for {damped:.1f} s",
+              file=sys.stderr)  # fmt: skip
+    link.close()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:6]))

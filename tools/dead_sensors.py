@@ -1,0 +1,222 @@
+"""Measures the rules on dead sensors, on virtual robots that walk: false alarms, and how soon faults are found.
+
+    python tools/dead_sensors.py --walks 40 --out results/deploy/sensors     # false alarms: 40 walks of each policy
+    python tools/dead_sensors.py --faults 4 --out results/deploy/sensors     # faults: 4 of each, of each policy
+    python tools/dead_sensors.py --exchanges 2 --out results/deploy/sensors  # joints exchanged: 2 walks of each policy
+
+Each walk is a run under the supervisor on a clock of its own (`tests/helpers/lockstep.py`): as fast as the machine is,
+with the same numbers on each. A walk's seed is that of its virtual robot, of commands, friction, wear and pushes too:
+every 4 s another command, every 4 to 8 s a push of up to 0.7 m/s along each axis (0.3 of a biped), friction of 0 to
+20 % of the torque limit (10 of a biped), in every second walk worn from half to twice within it. Joints of the first
+two legs are exchanged in what a walk recorded, each pair once a second. A row a walk in walks.csv and faults.csv, and
+a joint in exchanges.csv, with which a second call goes on; what they came to is in results/deploy/README.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import subprocess
+import sys
+import tempfile
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from corpus_parts import CHECKOUT, OLD
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests/helpers"))
+from lockstep import Lockstep
+from stiction.deploy.control import JointCommand
+from stiction.deploy.plausibility import RULES, ReadingGuard
+from stiction.deploy.runtime.config import SafetyCfg, SupervisorCfg
+from stiction.deploy.runtime.safety import Safety
+from stiction.deploy.runtime.supervisor import Stage
+from stiction.deploy.transports.link import RobotState
+from stiction.engines.catalog import make_engine
+from stiction.files.bundle import Bundle, find_bundle, read_bundle
+from stiction.files.contract import robot_of
+from stiction.virtual.faults import exchanged
+from stiction.virtual.robot import PERIOD, Wear
+from stiction.virtual.serve import VirtualCfg
+from stiction.virtual.trial import World
+
+ROBOTS = "results/robots/policies"
+POLICIES = (
+    "saturn_lite-flat-deception-0.2",
+    f"{ROBOTS}/go1-flat-deception-0.2-s0",
+    f"{ROBOTS}/go2-flat-deception-0.2-s0",
+)
+"""Policies of robots that come with the package; `PAST`: the G1's, which stands in git's history alone."""
+
+PAST = f"{ROBOTS}/g1-flat-none-s0"
+
+FAULTS = ("frozen-angle", "frozen-angles", "dead-gyroscope", "swapped-joints", "offset-joint", "slow-clock")
+
+SENSORS = ("velocity and angle", "frozen angle", "attitude and gyroscope", "torque and command")
+"""Rules whose largest values stand beside each walk, as shares of their limits."""
+
+WITHIN = 0.3
+"""Time within which a fault is to be found [s]."""
+
+
+class Values:
+    """Largest values of the rules in one run, over their limits."""
+
+    def __init__(self, loop: Lockstep) -> None:
+        """Begin with a run."""
+        self._loop, self.largest = loop, np.zeros(len(SENSORS))
+
+    def look(self) -> None:
+        """Look at what the rules see now."""
+        supervisor = self._loop.supervisor
+        good, safety = supervisor._guard._before, supervisor._safety
+        if good is None:
+            return
+        apart, still = np.abs(good.position - good.moved).max(), np.abs(good.unmoved).max()
+        errors = safety._errors
+        full = len(errors) == errors.maxlen
+        error = np.abs(np.mean(errors, axis=0)).max() if full else 0.0
+        tipped = float(np.linalg.norm(np.subtract(good.up, good.turned)))
+        limits = (SafetyCfg().apart, RULES["frozen angle"].limit, RULES["attitude and gyroscope"].limit)
+        values = np.array([apart, still, tipped, error]) / (*limits, SafetyCfg().torque_error)
+        self.largest = np.maximum(self.largest, values)
+
+
+Record = list[tuple[RobotState, JointCommand]]
+"""Each state of a walk, and the command that answered it."""
+
+
+def walk(bundle: Bundle, seed: int, seconds: float, fault: str = "", record: Record | None = None) -> dict[str, object]:
+    """Walk, until something is found; return a row.
+
+    fault: begins once the robot walks, a second before the end; record: takes the walk.
+    """
+    spec, chance = robot_of(bundle.contract), np.random.default_rng(seed)
+    biped = len(spec.foot_names) == 2
+    level, speed, push = (0.1, 0.5, 0.3) if biped else (0.2, 0.8, 0.7)
+    cfg = VirtualCfg(seed=seed, level=f"{level * (seed % 4) / 3:.3f}")
+    command = np.array([0.5 * speed, 0.0, 0.0])
+    loop = Lockstep(bundle, replace(SupervisorCfg(), armed=True), cfg, command)
+    if seed % 2 and not fault:
+        wear = Wear(start=0.5, end=2.0, seconds=seconds)
+        loop.robot._robot = World(partial(make_engine, cfg.engine)).robot(cfg.case, spec, chance, wear)
+    loop.begin()
+    values, begin, pushed, commanded = Values(loop), loop.now, loop.now + 4.0, loop.now + 4.0
+    broken_at = begin + seconds - 1.0 if fault else np.inf
+    while loop.supervisor.stop_record is None and loop.now < begin + seconds:
+        if loop.now > commanded and not fault:
+            turn = 0.0 if biped else 1.0
+            drawn = chance.uniform(-1, 1, 3) * (speed, 0.4 * turn * speed, 0.6 * turn) * (chance.random() > 0.15)
+            command[:] = np.abs(drawn) if biped else drawn
+            loop.supervisor.command_velocity(command, loop.now)
+            commanded += 4.0
+        if loop.now > pushed and not fault:
+            loop.robot._robot._engine.push(push * chance.uniform(-1, 1, 2))
+            pushed += chance.uniform(4, 8)
+        if loop.now >= broken_at and fault:
+            loop.break_(fault)
+            broken_at, started = np.inf, loop.now
+        loop.step()
+        values.look()
+        if record is not None and loop.newest is not None and loop.supervisor._safety._command is not None:
+            record.append((loop.newest, loop.supervisor._safety._command))
+    stop = loop.supervisor.stop_record
+    loop.close()
+    assert stop is not None or loop.supervisor.stage is Stage.RUN
+    row: dict[str, object] = {"robot": bundle.contract.robot, "seed": seed, "seconds": round(loop.now - begin, 2)}
+    row |= {"rule": "" if stop is None else stop.violation.rule, "joint": "" if stop is None else stop.violation.joint}
+    if fault:
+        late = "" if stop is None else round(1e3 * (stop.time - started), 1) if broken_at == np.inf else "before"
+        return {"fault": fault} | row | {"found_ms": late}
+    return row | dict(zip(SENSORS, values.largest.round(3).tolist(), strict=True))
+
+
+def is_found(bundle: Bundle, record: Record, joint: int, begin: int) -> bool:
+    """Return whether two joints, exchanged from a state of a walk on, are found in time; `joint`: see `exchanged`."""
+    steps, cfg = round(WITHIN / PERIOD), SafetyCfg()
+    guard = ReadingGuard(bundle.contract, {"velocity and angle": cfg.apart})
+    safety = Safety(bundle.contract, cfg, PERIOD)
+    for number in range(begin - steps, begin + steps):
+        state, command = record[number]
+        state = exchanged(state, joint) if number >= begin else state
+        if (guard.check(state.time, state.sensors, np.zeros(3), acting=True) or safety.check(state)) is not None:
+            assert number >= begin
+            return True
+        safety.commanded(command)
+    return False
+
+
+def exchanges(bundle: Bundle, seed: int) -> list[dict[str, object]]:
+    """Walk for 30 s and exchange each joint of the first leg with the second leg's; return a row a joint."""
+    record = Record()
+    row, second = walk(bundle, seed, 30.0, record=record), round(1.0 / PERIOD)
+    assert not row["rule"], row
+    begins = range(second, len(record) - second, second)
+    names = bundle.contract.joint_names[: len(record[0][0].joint_torque) // len(record[0][0].foot_contact)]
+    found = [sum(is_found(bundle, record, joint, begin) for begin in begins) for joint in range(len(names))]
+    return [{"robot": bundle.contract.robot, "seed": seed, "joint": name, "trials": len(begins), "within_300_ms": count}
+            for name, count in zip(names, found, strict=True)]  # fmt: skip
+
+
+def read_policies() -> list[Bundle]:
+    """Return a policy of each robot."""
+    with tempfile.TemporaryDirectory() as folder:
+        packed = subprocess.run(["git", "archive", OLD, PAST], cwd=CHECKOUT, capture_output=True, check=True)
+        subprocess.run(["tar", "x"], cwd=folder, input=packed.stdout, check=True)
+        shipped, *paths = POLICIES
+        folders = [find_bundle(Path(shipped)), *(CHECKOUT / path for path in paths), Path(folder) / PAST]
+        return [read_bundle(path, allow_record=True) for path in folders]
+
+
+def kept(file: Path) -> list[dict[str, str]]:
+    """Return the rows of a table, none where there is none yet."""
+    return list(csv.DictReader(file.read_text(encoding="utf-8").splitlines())) if file.exists() else []
+
+
+def main() -> None:
+    """Make the walks that are missing, and print what they came to."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--walks", type=int, default=0, help="walks of each policy without a fault, 30 s each")
+    parser.add_argument("--faults", type=int, default=0, help="walks of each policy with each fault")
+    parser.add_argument("--exchanges", type=int, default=0, help="walks of each policy in which joints are exchanged")
+    parser.add_argument("--seed", type=int, default=0, help="of the first walk")
+    parser.add_argument("--out", type=Path, default=Path("results/deploy/sensors"), help="folder of the tables")
+    args = parser.parse_args()
+    args.out.mkdir(parents=True, exist_ok=True)
+    bundles = read_policies()
+    seeds = range(args.seed, args.seed + max(args.walks, args.faults, args.exchanges))
+    wanted = [("walks", "", seed, bundle) for seed in seeds[: args.walks] for bundle in bundles]
+    wanted += [
+        ("faults", fault, seed, bundle) for seed in seeds[: args.faults] for fault in FAULTS for bundle in bundles
+    ]
+    wanted += [("exchanges", "", seed, bundle) for seed in seeds[: args.exchanges] for bundle in bundles]
+    for table, fault, seed, bundle in wanted:
+        file = args.out / f"{table}.csv"
+        before = kept(file)
+        same = {"robot": bundle.contract.robot, "seed": str(seed)} | ({"fault": fault} if fault else {})
+        if any(same.items() <= row.items() for row in before):
+            continue
+        exchange = table == "exchanges"
+        rows = exchanges(bundle, seed) if exchange else [walk(bundle, seed, 2.5 if fault else 30.0, fault)]
+        with file.open("a", newline="", encoding="utf-8") as out:
+            writer = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
+            if not before:
+                writer.writeheader()
+            writer.writerows(rows)
+    walks = kept(args.out / "walks.csv")
+    hours = sum(float(row["seconds"]) for row in walks) / 3600
+    alarms = [row for row in walks if row["rule"] in (*SENSORS, "frozen gyroscope", "clock rate")]
+    largest = {name: max(float(row[name]) for row in walks) for name in SENSORS} if walks else {}
+    print(f"{len(walks)} walks, {hours:.2f} robot-hours, {len(alarms)} false alarms; largest shares: {largest}")
+    for fault in FAULTS:
+        own = [row for row in kept(args.out / "faults.csv") if row["fault"] == fault and row["found_ms"] != "before"]
+        times = [float(row["found_ms"] or "inf") for row in own]
+        if times:
+            within = sum(time <= 1e3 * WITHIN for time in times)
+            print(f"{fault}: {within} of {len(times)} within {1e3 * WITHIN:g} ms, median {np.median(times):.0f} ms")
+
+
+if __name__ == "__main__":
+    main()
