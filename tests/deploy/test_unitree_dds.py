@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,8 @@ from bundles import make_bundle, make_contract
 from processes import wait_until
 from stiction.cli.main import main
 from stiction.core.errors import ConfigurationError
+from stiction.deploy.runtime import config
+from stiction.deploy.runtime.config import SupervisorCfg
 from stiction.deploy.transports.dds import DdsBus, domain_settings, wire_type
 from stiction.files.unitree import GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE, STRUCTURES, Structure
 from stiction.robots.catalog import find_robot
@@ -76,14 +79,15 @@ def test_types_are_the_maker_s_to_the_last_field(kind: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("family", "transport", "spec"), [("unitree_go", "unitree-go", "go1"), ("unitree_hg", "unitree-hg", "g1")]
+    ("family", "spec", "mode"),
+    [("unitree_go", "go1", "plain"), ("unitree_go", "go2", "checked"), ("unitree_hg", "g1", "plain")],
 )
 def test_a_run_from_damping_to_damping(
-    tmp_path: Path, domain: int, family: str, transport: str, spec: str, capfd: pytest.CaptureFixture
+    tmp_path: Path, domain: int, family: str, spec: str, mode: str, capfd: pytest.CaptureFixture
 ) -> None:
     """Standing up, policy and damping reach a robot whose messages another program writes and reads."""
-    words = [*deploy(tmp_path, domain, transport, spec, 0.5), "--held.kp", "40", "--held.kd", "2"]
-    with robot(family, domain) as process:
+    words = [*deploy(tmp_path, domain, family.replace("_", "-"), spec, 0.5), "--held.kp", "40", "--held.kd", "2"]
+    with robot(family, domain, mode) as process:
         assert main(words) == 0, capfd.readouterr().err
         heard = json.loads(process.communicate("")[0])
     report = json.loads(capfd.readouterr().out)
@@ -96,6 +100,29 @@ def test_a_run_from_damping_to_damping(
     pose = [0.0, 0.9, -1.8] * 4 if family == "unitree_go" else [0.0] * 29
     np.testing.assert_allclose(heard[first]["q"], pose, atol=0.5)
     assert {one["mode_machine"] for one in heard} == ({None} if family == "unitree_go" else {5})
+
+
+@dataclass(frozen=True)
+class Hasty(SupervisorCfg):
+    """A supervisor that waits for the robot no longer than a test does."""
+
+    ready_timeout: float = 3.0
+
+
+def test_states_without_a_checksum_are_refused_once_in_words_and_in_the_report(
+    tmp_path: Path, domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture
+) -> None:
+    """The maker's simulator in Python leaves it at zero: one line says so, and --json holds it."""
+    monkeypatch.setattr(config, "SupervisorCfg", Hasty)
+    words = [*deploy(tmp_path, domain, "unitree-go", "go2", 9), "--keep-minutes", "0"]
+    with robot("unitree_go", domain, "simulator") as process:
+        assert main(words) == 1
+        assert json.loads(process.communicate("")[0]) == []
+    said, errors = capfd.readouterr()
+    report = json.loads(said)
+    assert report["stop"]["rule"] == "not ready" and report["malformed"] > 10 and report["states"] == 0
+    assert report["complaint"].startswith("checksum: got 0, expected ")
+    assert errors.count("\n") == 1 and errors.count(report["complaint"]) == 1
 
 
 def test_a_gait_controller_that_still_commands_ends_the_run(

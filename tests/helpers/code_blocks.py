@@ -130,6 +130,15 @@ def _bundle(path: Path) -> None:
     shutil.copytree(shipped_bundles()["saturn_lite-flat-deception-0.2"], path)
 
 
+def _go2(path: Path) -> None:
+    """Write a toy bundle of a Go2."""
+    # Here alone: `tools/stranger.py`, which reads this module, has no pytest.
+    from bundles import make_bundle, make_contract
+    from stiction.robots.catalog import find_robot
+
+    make_bundle(path, make_contract("go2", anatomy=find_robot("go2")))
+
+
 def _allowed(path: Path) -> None:
     """Write the digest of every shipped bundle, and of the copy of one, as a list of those that may run."""
     sums = [(folder / "SHA256SUMS").read_bytes() for folder in shipped_bundles().values()]
@@ -143,6 +152,7 @@ MADE: dict[str, Callable[[Path], None]] = {
     "shank.xml": _model,
     "training.json": _proposal,
     "deception": _bundle,
+    "go2-start": _go2,
     "allowed.txt": _allowed,
 }
 """File -> what makes it."""

@@ -181,8 +181,12 @@ def main(arguments: list[str]) -> int:
         print(_text(report), end="")
     if report["log_end"] is not None:
         said.insert(0, f"its log is not whole: {report['log_end']}")
-    if said or report["stop"] is not None:
-        print(f"stiction deploy: {'; '.join([report['end'], *said])}", file=sys.stderr)
+    refused = [] if report["complaint"] is None else [f"{report['malformed']} states refused, {report['complaint']}"]
+    failed = bool(said) or report["stop"] is not None
+    if failed or refused:
+        lines = [report["end"], *said, *refused] if failed else refused
+        print(f"stiction deploy: {'; '.join(lines)}", file=sys.stderr)
+    if failed:
         return 128 + report["signal"] if report.get("signal") else 1
     if not cfg.json:
         _show(cfg, report)

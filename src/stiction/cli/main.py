@@ -24,6 +24,7 @@ VERBS = {
     "convert": "write joints and ranges for simulators and trainers",
     "train": "train a policy to walk, with or without joint friction",
     "evaluate": "drive a bundle over engines, friction, grounds, commands",
+    "report": "put a day's runs on a robot beside their prediction",
     "replicate": "run the paper's comparison, and judge its sentences",
     "train-actuator": "fit an Actuator Net to logs of walks",
     "study": "run an experiment behind the results, and write its page",

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from stiction.evaluation.course import SETTLE
 from stiction.evaluation.evaluate import ENGINE, EvaluationCfg, batch_policy, make_rollout
 from stiction.evaluation.rollout import friction_at
 from stiction.files.bundle import Bundle
@@ -106,7 +105,7 @@ def walk_motion(bundle: Bundle, cfg: EvaluationCfg, threads: int = 1) -> Motion:
     contract, spec = bundle.contract, robot_of(bundle.contract)
     policy = batch_policy(bundle, spec, cfg, friction_at(contract, cfg.robot_levels))
     rollout = make_rollout(policy, contract, spec, cfg, threads)
-    first, seen = round(SETTLE / contract.control_period), []
+    first, seen = round(cfg.settle / contract.control_period), []
     for number, step in enumerate(drive(rollout, cfg.robot_commands, round(cfg.seconds / contract.control_period))):
         if number >= first:
             fleet = rollout.fleet

@@ -127,7 +127,7 @@ BENCH_CODE = (
         "sim/fleet.py",
     ),
     *("engines/*.py", "engines/ode/*.py", "virtual/*.py", "deploy/control.py"),
-    *(f"files/{name}.py" for name in ("advice", "following", "joints", "log")),
+    *(f"files/{name}.py" for name in ("advice", "following", "joints", "log", "onset")),
 )
 """Code that decides what a bench finds."""
 

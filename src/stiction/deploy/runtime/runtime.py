@@ -122,15 +122,14 @@ def run(
         loop.run(velocity)
         if operator.complaint:
             say(f"the last velocity command was none: {operator.complaint}")
-        if link.complaint:
-            say(f"{link.malformed} messages of the robot were no state; the last one: {link.complaint}")
     of_bundle = {"bundle": bundle.name, "digest": bundle.digest, "robot": contract.robot}
     log = {"log": None, "log_lost": 0, "log_end": None} if logger is None else logger.summary()
     of_run = {"armed": cfg.supervisor.armed, "stage": supervisor.stage.name.lower(), "sent": loop.sent_at}
     of_run |= {"signal": loop.signal, "damped_seconds": loop.damped_seconds}
     of_run |= {"watchdog": None if watchdog is None else {"acted": watchdog.acted}}
     counted = {name: None if np.isnan(n) else n for name, n in link.arrivals.counts.reported().items()}
-    of_link = {"states": loop.states, "malformed": link.malformed, **counted, "realtime": effect or None}
+    of_link = {"states": loop.states, "malformed": link.malformed, "complaint": link.complaint or None, **counted}
+    of_link |= {"realtime": effect or None}
     return summary(supervisor, timing, of_run | of_link | log | of_bundle)
 
 

@@ -237,8 +237,8 @@ class Supervisor:
         # Until both have come, nothing can be stale or silent.
         if self.stage is Stage.PASSIVE and (math.isnan(self._seen) or not self.policy_ready):
             if now - self._began > self.cfg.ready_timeout:
-                missing = "no state of the robot has come" if math.isnan(self._seen) else "the policy has not answered"
-                waited = now - self._began
+                waited, unseen = now - self._began, math.isnan(self._seen)
+                missing = "no valid state of the robot has come" if unseen else "the policy has not answered"
                 return self.stop(Violation("not ready", None, waited, self.cfg.ready_timeout, "s"), now, missing)
             return None
         if now - self._seen > self.cfg.stale:

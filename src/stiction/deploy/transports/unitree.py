@@ -87,8 +87,9 @@ class Translation:
         """Return the message that bytes from the robot hold; raise `ValueError` where it is not to be believed."""
         structure = self.said
         message = structure.from_wire(data)
-        if structure.checksum(message) != message["crc"]:
-            raise ValueError("its checksum is that of other numbers")
+        if (right := structure.checksum(message)) != (crc := int(message["crc"])):
+            why = "" if crc else "; unitree_mujoco in Python sends none, see the page Bringing up your robot"
+            raise ValueError(f"checksum: got {crc}, expected {right}{why}")
         if structure is HG_STATE and message["mode_pr"] != PITCH_ROLL:
             raise ValueError(
                 f"mode_pr is {message['mode_pr']}: its angles are of the motors A and B, not of pitch and roll"
