@@ -20,7 +20,7 @@ from stiction.files.observation import proprioception
 from stiction.files.run_log import joint_log, read_run_log
 
 POLICY = "saturn_lite-flat-deception-0.2"
-PATIENT = ("--silence", "5", "--stale", "5", "--gap", "5", "--keep-minutes", "5")
+PATIENT = ("--silence", "5", "--stale", "5", "--gap", "5", "--keep-minutes", "5", "--set", "safety.losses=1")
 ON_STAND = ("--stand", "--robot-cell", "sensors", "--friction-level", "0")
 
 

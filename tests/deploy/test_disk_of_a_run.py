@@ -31,7 +31,7 @@ from stiction.deploy.runtime.recorder import Rows, record
 from stiction.files.run_log import find_run_log, read_part, read_run_header, read_run_log, write_run_header
 
 POLICY = "saturn_lite-flat-deception-0.2"
-PATIENT = ("--armed", "--silence", "5", "--stale", "5", "--gap", "5")
+PATIENT = ("--armed", "--silence", "5", "--stale", "5", "--gap", "5", "--set", "safety.losses=1")
 STAND = (*PATIENT, "--stand", "--robot-cell", "sensors", "--friction-level", "0")
 READINGS, STEPS = row_layout(JOINTS, 6), targets_layout(CONTRACT)
 

@@ -93,6 +93,16 @@ def test_a_state_that_comes_again_or_late_is_no_state(robot: socket.socket) -> N
     link.close()
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="how much a queue holds is the system's")
+def test_a_burst_of_states_is_not_lost_before_it_is_read(robot: socket.socket) -> None:
+    """A robot on a busy computer sends a third of a second at once; the queue of a socket as it is holds 92 states."""
+    link, address = link_to(robot)
+    for number in range(150):
+        robot.sendto(said(number + 1), address)
+    assert len(link.receive()) == 150 and link.arrivals.counts.dropped == 0
+    link.close()
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="the time of arrival is asked of Linux alone")
 def test_a_clock_that_is_set_here_makes_no_state_old(robot: socket.socket, monkeypatch: pytest.MonkeyPatch) -> None:
     """The system says arrivals by a clock that may be set; no wait is longer than since the port was last empty."""

@@ -28,7 +28,7 @@ from stiction.robots.catalog import find_robot
 
 pytest.importorskip("cyclonedds", reason="the package cyclonedds, of the extra 'unitree', is not installed")
 
-PATIENT = ("--stale", "5", "--silence", "5", "--gap", "5")
+PATIENT = ("--stale", "5", "--silence", "5", "--gap", "5", "--set", "safety.losses=1")
 
 ROBOT = Path(__file__).parents[1] / "helpers/unitree_robot.py"
 

@@ -181,7 +181,9 @@ def main(arguments: list[str]) -> int:
         print(_text(report), end="")
     if report["log_end"] is not None:
         said.insert(0, f"its log is not whole: {report['log_end']}")
-    refused = [] if report["complaint"] is None else [f"{report['malformed']} states refused, {report['complaint']}"]
+    refused = (
+        [] if report.get("complaint") is None else [f"{report['malformed']} states refused, {report['complaint']}"]
+    )
     failed = bool(said) or report["stop"] is not None
     if failed or refused:
         lines = [report["end"], *said, *refused] if failed else refused

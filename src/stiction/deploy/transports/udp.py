@@ -22,6 +22,10 @@ HELLO = b"STCN?"
 MOST_AT_ONCE = 256
 """Datagrams that are read in one go; whoever floods the port does not hold up the supervisor."""
 
+QUEUE = 2**22
+"""Size of the queue of states that is asked for [B], two seconds of them: on a busy computer they come in bursts, and what
+does not fit is lost as if the way had lost it."""
+
 STRANGERS_AT_ONCE = 8
 """Datagrams of other addresses that are looked at in one go."""
 
@@ -71,6 +75,7 @@ class UdpLink:
             for port in (self._socket, self._strangers):
                 port.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
                 port.setblocking(False)
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, QUEUE)
             if sys.platform == "linux":
                 self._socket.setsockopt(socket.SOL_SOCKET, ARRIVAL, 1)
             if file is None:

@@ -222,7 +222,19 @@ def test_a_day_on_a_virtual_robot(tmp_path: Path) -> None:
     """What deploy writes of a walk is all that the page needs."""
     policy = "saturn_lite-flat-deception-0.2"
     words = ["deploy", policy, "--armed", "--command", "vx=0.4", "--duration", "1", "--json", "--robot-cell", "sensors"]
-    words += ["--stand", "--friction-level", "0", "--stale", "5", "--gap", "5", "--silence", "5"]
+    words += [
+        "--stand",
+        "--friction-level",
+        "0",
+        "--stale",
+        "5",
+        "--gap",
+        "5",
+        "--silence",
+        "5",
+        "--set",
+        "safety.losses=1",
+    ]
     assert main([*words, "--out", str(tmp_path / "day/plain/first")]) == 0
     rows, lacking = write_bench(tmp_path / "day")
     assert [(row.policy, row.command, row.runs, row.measured) for row in rows] == [(policy, "vx=0.4", 1, 1)]
