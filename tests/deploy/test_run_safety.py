@@ -128,6 +128,9 @@ def test_what_is_lost_while_the_supervisor_itself_halts_is_no_fault_of_the_link(
             found += [at] if safety.losses(bad + max(0.0, 0.5 * (n - 1500)), n, at) is not None else []
     # The link that loses half from 3 s on is still found.
     assert found[0] == pytest.approx(3.65, abs=0.06)
+    # Nor is what the queue did not take while the run was prepared, found missing at the second look.
+    safety = Safety(CONTRACT, CFG, PERIOD)
+    assert all(safety.losses(0.4 / PERIOD * (n > 0), n, n * PERIOD) is None for n in range(2000))
 
 
 def test_limits_that_are_none_are_refused() -> None:

@@ -105,7 +105,7 @@ class Safety:
         fault of the link, and the second begins anew.
         """
         part, asked, self._asked = LOSS_SECONDS / LOSS_PARTS, self._asked, now
-        if now - asked > part:
+        if not now - asked <= part:  # The first time, too: the queue filled while the run was prepared.
             self._losses.clear()
             # What a queue that was full did not take is found missing with the first state behind it.
             self._losses_from = now + part
