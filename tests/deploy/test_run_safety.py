@@ -128,6 +128,9 @@ def test_what_is_lost_while_the_supervisor_itself_halts_is_no_fault_of_the_link(
             found += [at] if safety.losses(bad + max(0.0, 0.5 * (n - 1500)), n, at) is not None else []
     # The link that loses half from 3 s on is still found.
     assert found[0] == pytest.approx(3.65, abs=0.06)
+    # Nor is what the queue did not take while the run was prepared, found missing at the second look.
+    safety = Safety(CONTRACT, CFG, PERIOD)
+    assert all(safety.losses(0.4 / PERIOD * (n > 0), n, n * PERIOD) is None for n in range(2000))
 
 
 def test_limits_that_are_none_are_refused() -> None:
@@ -143,13 +146,15 @@ def test_a_torque_that_nobody_asked_for_is_another_joint_s() -> None:
     target = np.full(JOINTS, 0.1)
     asked = kp * target
 
-    def found(torque: np.ndarray, speed: float = 0.0, steps: int = 100) -> str | None:
+    def found(torque: np.ndarray, speed: float = 0.0, steps: int = 100, every: int = 1) -> str | None:
         safety = Safety(CONTRACT, CFG, PERIOD)
         safety.commanded(JointCommand.position(target, kp, kd))
         for number in range(steps):
             moving = np.full(JOINTS, speed)
             here = np.full(JOINTS, -kd[0] * speed / kp[0])  # So that the gains ask for the same torque.
-            said = state(number, PERIOD * number, joint_position=here, joint_velocity=moving, joint_torque=torque)
+            said = state(
+                number, PERIOD * number * every, joint_position=here, joint_velocity=moving, joint_torque=torque
+            )
             if (violation := safety.check(said)) is not None:
                 assert violation.joint == CONTRACT.joint_names[3] and violation.unit == "N m"
                 assert violation.limit == pytest.approx(CFG.torque_error * limit[3])
@@ -164,6 +169,8 @@ def test_a_torque_that_nobody_asked_for_is_another_joint_s() -> None:
     # A motor that is driven fast gives less than it is asked for, and never more; one that says nothing is not judged.
     assert found(asked - off, speed=7.0) is None and found(asked + off, speed=7.0) == "torque and command"
     assert found(np.where(ONE > 0, 0.0, asked)) is None and found(np.where(ONE > 0, np.nan, asked)) is None
+    # Where most readings are lost, the one that came before says nothing of this one.
+    assert found(asked + off, every=3) is None
     damped = Safety(CONTRACT, CFG, PERIOD)
     damped.commanded(JointCommand.position(target, 0.0 * kp, kd))
     assert all(damped.check(state(n, PERIOD * n, joint_torque=asked + off)) is None for n in range(100))

@@ -17,7 +17,7 @@ import subprocess
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -212,17 +212,20 @@ class _Loop:
         self._emit(self.supervisor.turn(now), None)
         self._obey(now)
         self._answered()  # Before anything is sent: Linux drops what a process that is gone had said last.
+        read = time.monotonic()
         states = self.link.receive()
         if not self.states:
             self.link.arrivals.begin()
         self._emit(self.supervisor.meet(self.link.peers(), now), None)
-        self._emit(self.supervisor.delivered(*self.link.arrivals.counts.share, now), None)
+        self._emit(self.supervisor.delivered(*self.link.arrivals.counts.share, read), None)
         if not self.supervisor.ended and states:
             self.states += len(states)
             *older, state = states
             for passed in older:
-                self._passed(passed)
+                self._passed(passed, read)
             now = time.monotonic()
+            # It has waited for those before it, too.
+            state = replace(state, age=state.age + now - read)
             self._emit(self.supervisor.state(state, now), state)
             self.timing.reading.add(time.monotonic() - now)
             self._show(state, now)
@@ -342,10 +345,10 @@ class _Loop:
         if self.watchdog is not None:
             self.watchdog.sent(number)
 
-    def _passed(self, state: RobotState) -> None:
-        """Judge and log a state that was no longer the newest when it was read: what went out last was in force."""
+    def _passed(self, state: RobotState, read: float) -> None:
+        """Judge and log a state that was no longer the newest when it was read [s]: what went out last was in force."""
         self.link.arrivals.counts.late += state.age > self.supervisor.cfg.stale
-        self._emit(self.supervisor.passed(state, time.monotonic()), None)
+        self._emit(self.supervisor.passed(state, read), None)
         if self._rows is not None and self._last is not None:
             self._log(state, self._last[2])
 

@@ -59,7 +59,8 @@ class Safety:
         self._torques: deque[np.ndarray] = deque(maxlen=max(1, round(cfg.torque_seconds / period)))
         readings = max(1, round(cfg.torque_error_seconds / period))
         self._errors: deque[np.ndarray] = deque(maxlen=readings)
-        self._expected: deque[np.ndarray] = deque(maxlen=max(1, round(RESPONSE / period)))
+        self._prompt = 2.0 * max(RESPONSE, period)
+        self._expected: deque[tuple[float, np.ndarray]] = deque(maxlen=max(1, round(RESPONSE / period)))
         self._command: JointCommand | None = None
         self._squares: deque[float] = deque(maxlen=max(1, round(cfg.flailing_seconds / period)))
         # One more than for a mean: what a count grows by in n periods is between the first and the last of n + 1
@@ -104,7 +105,7 @@ class Safety:
         fault of the link, and the second begins anew.
         """
         part, asked, self._asked = LOSS_SECONDS / LOSS_PARTS, self._asked, now
-        if now - asked > part:
+        if not now - asked <= part:  # The first time, too: the queue filled while the run was prepared.
             self._losses.clear()
             # What a queue that was full did not take is found missing with the first state behind it.
             self._losses_from = now + part
@@ -151,15 +152,16 @@ class Safety:
             return None
         asked = command.forward + command.kp * (command.target - sensors.joint_position)
         asked = np.clip((asked - command.kd * sensors.joint_velocity) / self._limit, -1.0, 1.0)
-        if len(self._expected) == self._expected.maxlen:
-            before, given = self._expected[0], torque / self._limit
+        # Of an earlier reading, behind which others were lost, it says nothing either.
+        if len(self._expected) == self._expected.maxlen and state.time - self._expected[0][0] < self._prompt:
+            before, given = self._expected[0][1], torque / self._limit
             error = given - before
             driving = before * sensors.joint_velocity > 0.0
             weak = driving & (before * given >= 0.0) & (np.abs(given) < np.abs(before))
             weak &= np.abs(sensors.joint_velocity) > WEAK_SPEED
             # Exactly zero is a robot that measures none.
             self._errors.append(np.where(weak | np.isnan(error) | (torque == 0.0), 0.0, error))
-        self._expected.append(asked)
+        self._expected.append((state.time, asked))
         if len(self._errors) < (self._errors.maxlen or 1):
             return None
         mean = np.abs(np.mean(self._errors, axis=0))
