@@ -32,7 +32,8 @@ VERBS = {
         f"evaluate {POLICY} --friction-levels 0.2 {SHORT_WALKS} {LOGGED}",
         f"identify walk logs/{POLICY}--0.2--vx=0.5--0.npz --out walked",
         f"export {POLICY} --to webots",
-        f"deploy {POLICY} --robot virtual --armed --stand --duration 0.5 --stale 5 --silence 5 --gap 5 --set safety.losses=1",
+        f"deploy {POLICY} --robot virtual --armed --stand --duration 0.5 "
+        "--stale 5 --silence 5 --gap 5 --set safety.losses=1",
     ),
     "train": (
         "train-actuator logs --epochs 1 --hidden 4",

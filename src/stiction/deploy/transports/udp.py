@@ -23,8 +23,8 @@ MOST_AT_ONCE = 256
 """Datagrams that are read in one go; whoever floods the port does not hold up the supervisor."""
 
 QUEUE = 2**22
-"""Size of the queue of states that is asked for [B], two seconds of them: on a busy computer they come in bursts, and what
-does not fit is lost as if the way had lost it."""
+"""Size of the queue of states that is asked for [B], two seconds of them: on a busy computer they come in bursts, and
+what does not fit is lost as if the way had lost it."""
 
 STRANGERS_AT_ONCE = 8
 """Datagrams of other addresses that are looked at in one go."""
