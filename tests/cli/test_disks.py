@@ -36,19 +36,8 @@ TRAIN = (
 WALK = ("--friction-levels", "0.2", "--commands", "vx=0.5", "--episodes", "1", "--seconds", "3", "--jobs", "1")
 WEAR = ("--engine", "mujoco", "--seconds", "3", "--window", "0.5", "--jobs", "1", "--robots", "3", "--levels", "0.3")
 DEPLOY = (
-    "--duration",
-    "0.6",
-    "--silence",
-    "5",
-    "--stale",
-    "5",
-    "--gap",
-    "5",
-    "--stand",
-    "--robot-cell",
-    "sensors",
-    "--set",
-    "safety.losses=1",
+    *("--duration", "0.6", "--silence", "5", "--stale", "5", "--gap", "5"),
+    *("--stand", "--robot-cell", "sensors", "--set", "safety.losses=1"),
 )
 
 VERBS = {

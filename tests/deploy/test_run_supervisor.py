@@ -391,3 +391,18 @@ def test_a_joint_that_hunts_while_it_is_to_stand_gets_no_friction_any_more(walks
     assert np.abs([forward[3] for forward in first]).max() == pytest.approx(0.75)
     assert np.abs([forward[3] for forward in last]).max() == pytest.approx(0.75 * walks)
     assert hunting_joints(run.supervisor) == ([] if walks else [CONTRACT.joint_names[3]])
+
+
+@pytest.mark.parametrize(("waited", "stopped"), [(0.0, True), (0.4, False)])
+def test_gains_that_a_robot_said_before_it_was_told_ours_are_not_judged(waited: float, stopped: bool) -> None:
+    """Of a busy computer: 0.6 s after the first command a state is read that had waited since 0.2 s after it."""
+    run = Run(replace(SHORT, stale=1.0))
+    while run.supervisor.stage is not Stage.STAND:
+        run.step()
+    begin = run.now
+    while run.now < begin + 0.6:
+        run.step()
+    old = {"kp": np.zeros(JOINTS), "kd": np.zeros(JOINTS), "joint_position": run.position.copy()}
+    run.step(replace(state(run.number + 1, run.now + PERIOD, **old), age=waited))
+    record = run.supervisor.stop_record
+    assert (record is not None and record.violation.rule == "drive kp") == stopped

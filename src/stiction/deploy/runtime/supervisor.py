@@ -391,11 +391,12 @@ class Supervisor:
         # Before the first command of ours both ends are NaN, and any other one is somebody else's.
         if self.cfg.armed and math.isfinite(state.command) and not self._ours[0] <= state.command <= self._ours[1]:
             return Violation("second writer", None, state.command, self._ours[1])
-        # What a robot says of its gains may still be from before the first command that sets them.
-        gains = self.cfg.armed and (acting or (self.stage is Stage.STAND and now - self._since > GAINS_AFTER))
+        # What a robot says of its gains may still be from before the first command that sets them, and wait in a queue.
+        measured = now - state.age
+        gains = self.cfg.armed and (acting or (self.stage is Stage.STAND and measured - self._since > GAINS_AFTER))
         kp, kd = (_said(values) if gains and self._source is None else None for values in (state.kp, state.kd))
         found = compare_drive(self.contract, kp, kd, _said(state.torque_limit))
-        return found[0] if found else self._safety.check(state, answers=now - state.age > self._sent)
+        return found[0] if found else self._safety.check(state, answers=measured > self._sent)
 
 
 def _said(values: np.ndarray) -> np.ndarray | None:
