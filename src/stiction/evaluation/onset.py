@@ -12,7 +12,7 @@ from stiction.evaluation.evaluate import ENGINE, EvaluationCfg, batch_policy, ma
 from stiction.evaluation.rollout import friction_at
 from stiction.files.bundle import Bundle
 from stiction.files.contract import robot_of
-from stiction.files.onset import AXES, LEAST, STILL, Motion, motion_of, predict_onset, shipped_onsets
+from stiction.files.onset import LEAST, Motion, motion_of, predict_onset, shipped_onsets
 from stiction.files.results import ResultRow
 from stiction.files.velocity import parse_command
 from stiction.virtual.drive import drive
@@ -90,13 +90,12 @@ def onset_of(bundle: Bundle, rows: Sequence[ResultRow], cfg: EvaluationCfg) -> d
 
     rows: of the policy; cfg: their commands, episodes and seconds; of its walks at most `EPISODES` are made again.
     """
-    evidence, motion = shipped_onsets(), None
-    if evidence.axis not in list(AXES)[:STILL]:
+    if (predicted := predict_onset(bundle.contract, None)) is None:
         fast = fast_commands(cfg.commands) or cfg.commands
         episodes = min(cfg.episodes, EPISODES)
         motion = walk_motion(bundle, replace(cfg, friction_levels=(0.0,), commands=fast, episodes=episodes))
-    predicted = predict_onset(bundle.contract, motion)
-    walked, last = walked_onset(rows, evidence.relative)
+        predicted = predict_onset(bundle.contract, motion)
+    walked, last = walked_onset(rows, shipped_onsets().relative)
     return {"predicted": predicted and asdict(predicted), "walked": walked, "walked_to": last}
 
 

@@ -45,9 +45,6 @@ AXES = {
 }
 """Axis -> its text, what needs less knowledge first."""
 
-STILL = 5
-"""Axes, the first so many, that need no walk: gains, limits and weight."""
-
 
 @dataclass(frozen=True)
 class Motion:
@@ -82,7 +79,7 @@ def rms(signal: np.ndarray) -> np.ndarray:
 
 
 def axes(robot: Robot, kp: np.ndarray, limit: np.ndarray, motion: Motion | None) -> dict[str, float]:
-    """Return what each axis is per friction over torque limit, by name; without a motion the first `STILL` alone.
+    """Return what each axis is per friction over torque limit, by name; without a motion those that need none alone.
 
     kp: gains [N m/rad]; limit: torque limits [N m], both (J,).
     """
