@@ -1,0 +1,177 @@
+"""The trainings and walks of the report, as `results/paper/criteria.md` names them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+THREE, FIVE = (10, 11, 12), (10, 11, 12, 13, 14)
+"""Training seeds: of a sentence about one training; of a difference between two."""
+
+BUDGET = 440
+"""Iterations of the preset `quick`."""
+
+LEVEL = 0.2
+"""Nominal friction, as a share of each joint's torque limit [1]."""
+
+
+@dataclass(frozen=True)
+class Training:
+    """One way of training."""
+
+    name: str
+    words: tuple[str, ...]
+    """Words of `stiction train` behind the preset, without seed and folder; `{net}` is the folder of the net."""
+    seeds: tuple[int, ...] = THREE
+    net: tuple[str, ...] = ()
+    """Logged commands of the Actuator Net that it is trained on; none: no net."""
+    logged: int = 1
+    """Virtual robots whose walks the net is of."""
+    preset: str = "quick"
+    trained: bool = False
+    """True for a policy of the cohort of before, which is walked as it is."""
+
+    @property
+    def walks_flat(self) -> bool:
+        """True if it walks on flat ground."""
+        return "stairs" not in self.words
+
+
+def _coulomb(name: str, method: str, *more: str, seeds: tuple[int, ...] = THREE, budget: int = 1) -> Training:
+    """Return a training under Coulomb friction; budget: multiple of the preset's iterations."""
+    long = ("--teacher.iterations", str(budget * BUDGET)) if budget > 1 else ()
+    return Training(name, ("--method", method, "--friction-level", f"{LEVEL:g}", *more, *long), seeds)
+
+
+def _unit(name: str, law: str, coefficient: float) -> Training:
+    """Return direct training under a law whose level is a coefficient."""
+    return Training(name, ("--method", "direct", "--friction-law", law, "--friction-level", f"{coefficient:g}"))
+
+
+def _net(name: str, *commands: str, logged: int = 1) -> Training:
+    """Return a training on an Actuator Net of torque behind the gear."""
+    return Training(name, ("--method", "none", "--actuator", "{net}"), THREE, commands, logged)
+
+
+def _stairs(name: str, *words: str, net: tuple[str, ...] = ()) -> Training:
+    """Return a training on stairs, with the budget of all of them."""
+    budget = ("--terrain", "stairs", "--symmetry", "network", "--teacher.iterations", "900")
+    return Training(name, (*words, *budget, "--student.iterations", "170"), THREE, net, preset="two-phase")
+
+
+BACKWARD = ("vx=-0.5",)
+ALL_WAYS = ("vx=0.5", "vx=-0.5", "vy=0.3", "vy=-0.3", "wz=0.5", "wz=-0.5")
+"""Commands of a log for a net."""
+
+WEAK = ("--set", "network.initial_std=0.27")
+"""A third of the exploration of the preset."""
+
+SHARP = (
+    *("--set", "task.rewards.track_linear=0", "--set", "task.rewards.track_angular=0"),
+    *("--task.rewards.own", "stiction_experiments.paper.rewards:sharp_linear", "2"),
+    *("stiction_experiments.paper.rewards:sharp_angular", "0.8"),
+)
+"""Tracking kernels of width 0.006 in place of 0.1 and 0.25."""
+
+NO_PRONK_TERMS = ("base_height", "vertical_velocity", "air_time")
+"""Reward terms that forbid a pronk."""
+
+PLAIN = tuple(word for term in ("trot", "unsync", *NO_PRONK_TERMS) for word in ("--set", f"task.rewards.{term}=0"))
+"""Rewards of a quadruped, and none that forbids a pronk."""
+
+LITERAL = (
+    *("--task.friction.per", "joint", "--teacher.both-ways", "--physics", "rows"),
+    *("--set", "task.randomization.action_delay=[0, 0]", "--set", "task.randomization.encoder_offset=[0, 0]"),
+    *("--set", "task.noise.angular_velocity=0", "--set", "task.noise.roll_pitch=0"),
+    *("--set", "task.noise.joint_position=0", "--set", "task.noise.joint_velocity=0"),
+)
+"""The paper at its word where the presets do what works better."""
+
+TRAININGS: tuple[Training, ...] = (
+    *(
+        Training(name, ("--method", method, "--friction-level", f"{LEVEL:g}"), FIVE, trained=True)
+        for name, method in (("none", "none"), ("direct", "direct"), ("deception", "deception"))
+    ),
+    _net("net", *BACKWARD),
+    _stairs("stairs-none", "--method", "none", "--friction-level", f"{LEVEL:g}"),
+    _stairs("stairs-deception", "--method", "deception", "--friction-level", f"{LEVEL:g}"),
+    _stairs("stairs-net", "--method", "none", "--actuator", "{net}", net=BACKWARD),
+    Training("direct-1", ("--method", "direct")),
+    Training("deception-1", ("--method", "deception")),
+    _unit("direct-effort", "effort", 0.442),
+    _unit("direct-load-5", "load", 0.05),
+    _unit("direct-load-44", "load", 0.442),
+    _coulomb("direct-half", "direct", "--robot", "saturn_lite@kp=0.5"),
+    _coulomb("direct-weak", "direct", *WEAK),
+    _coulomb("none-weak", "none", *WEAK),
+    _coulomb("direct-sharp", "direct", *SHARP),
+    _coulomb("none-sharp", "none", *SHARP),
+    _coulomb("compensated", "compensation"),
+    _coulomb("fine-tuned", "finetune", "--set", "task.friction.pretraining=0.75", budget=4),
+    _coulomb(
+        "iterative", "iterative", "--set", "task.friction.pretraining=0.6", "--set", "task.friction.steps=5", budget=4
+    ),
+    _coulomb("narrow", "direct", "--task.friction.range", "0.48", "0.72"),
+    _coulomb("mean-kept", "deception", "--task.friction.range", "0", "2"),
+    _coulomb("narrow-3", "direct", "--task.friction.range", "0.48", "0.72", budget=3),
+    _coulomb("mean-kept-3", "deception", "--task.friction.range", "0", "2", budget=3),
+    _coulomb("direct-3", "direct", budget=3),
+    _coulomb("deception-3", "deception", budget=3),
+    _net("net-all", *ALL_WAYS),
+    _net("net-three", *BACKWARD, logged=3),
+    _coulomb("plain", "none", *PLAIN),
+    _coulomb("no-unsync", "none", "--set", "task.rewards.unsync=0"),
+    _coulomb("go1-plain", "none", "--robot", "go1", *PLAIN),
+    _coulomb("go2-plain", "none", "--robot", "go2", *PLAIN),
+    Training("literal", ("--method", "deception", "--friction-level", "0.01", *LITERAL), preset="two-phase"),
+    Training("literal-none", ("--method", "none", "--friction-level", "0.01", *LITERAL), preset="two-phase"),
+)
+"""Every training, in the order of its worth."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where policies walk: an engine with a robot."""
+
+    name: str
+    engine: str
+    levels: tuple[str, ...]
+    """Friction over the torque limit; `bench`: the paper's values."""
+    episodes: int
+    robot: int | None = None
+    """Virtual robot; None: the robot of the data sheet."""
+    main: bool = False
+    """True if only the trainings of `MAIN` walk there."""
+    forward: bool = False
+    """True if `none` also walks with friction fed forward."""
+
+    def takes(self, training: Training) -> bool:
+        """Return whether a training's policies walk there."""
+        return training.walks_flat and (training.name in MAIN or not self.main)
+
+
+MAIN = ("none", "direct", "deception", "net")
+"""Trainings that are compared everywhere."""
+
+LEVELS = ("0", "0.01", "0.05", "0.1", "0.2", "0.3")
+ROBOT_LEVELS = ("bench", "0.05", "0.1", "0.2")
+
+PLACES: tuple[Place, ...] = (
+    Place("mujoco", "mujoco", LEVELS, 8),
+    Place("physx", "physx", LEVELS, 2, main=True),
+    Place("webots", "ode-webots", LEVELS, 1, main=True),
+    *(
+        Place(f"robot-{number}", "physx+all", ROBOT_LEVELS, 1, number, main=number > 3001, forward=True)
+        for number in range(3000, 3004)
+    ),
+    *(Place(f"but-friction-{number}", "physx+rest", ("0",), 1, number, main=True) for number in (3000, 3001)),
+    *(Place(f"friction-{number}", "physx+friction", ROBOT_LEVELS, 1, number, main=True) for number in (3000, 3001)),
+)
+"""Every place; `robot-`: all about the robot is its own, `friction-`: its friction alone, `but-friction-`: all else."""
+
+SECONDS = 10.0
+"""Length of a walk, of which the last 8 s count [s]."""
+
+
+def find_training(name: str) -> Training:
+    """Return a training by its name; it is one of `TRAININGS`."""
+    return next(training for training in TRAININGS if training.name == name)

@@ -1,0 +1,413 @@
+"""The sentences of the paper, each with its question, by the numbers of `results/paper/criteria.md`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from stiction_experiments.paper import rows as of
+from stiction_experiments.paper.decide import Outcome, Seeds, Test
+from stiction_experiments.paper.rows import WalkRow, Walks
+
+Family = Literal["S", "R", "T", "J", "G", "N"]
+"""Family of Holm's correction: Sim2Sim, robot, training, joints, gait, net."""
+
+FOLLOWED, SHARES = 0.8, ("bench", "0.05", "0.1", "0.2")
+ROBOTS, TWO = tuple(f"robot-{number}" for number in range(3000, 3004)), ("3000", "3001")
+FORWARD, BACKWARD = ("vx=0.2", "vx=0.5", "vx=0.8"), ("vx=-0.2", "vx=-0.5", "vx=-0.8")
+
+Value = Callable[[Sequence[WalkRow]], float]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Learning of one seed: a row of curves.csv."""
+
+    training: str
+    seed: int
+    area: float
+    """Mean tracking error over the control steps of the training [m/s]."""
+    first: float | None
+    """Share of the training after which 0.25 m/s is first reached at 0.5 commanded [1]; None: never."""
+    seconds: float
+    """Processor time of the training, with logs and nets [s]."""
+
+
+@dataclass(frozen=True)
+class Climbed:
+    """Stairs of one seed: a row of stairs.csv."""
+
+    training: str
+    seed: int
+    place: str
+    height: float
+    """Step height [m]."""
+    crossed: float
+    """Share of walks that cross [1]."""
+
+
+@dataclass(frozen=True)
+class Gait:
+    """Gait of one seed without friction at 0.5 m/s: a row of gait.csv."""
+
+    training: str
+    seed: int
+    pronk: float
+    """Share of periods in which all legs touch down within a tenth of the period [1]."""
+    diagonal: float
+    """Share of steps in which exactly one contact group stands [1]."""
+    imbalance: float
+    """Difference of the use of both contact groups, as a share of both [1]."""
+    sway: float
+    """Standard deviation of roll and pitch, root of the sum of squares [rad]."""
+
+
+@dataclass(frozen=True)
+class Results:
+    """Everything that sentences are judged by."""
+
+    walks: Walks
+    curves: Sequence[Curve] = ()
+    stairs: Sequence[Climbed] = ()
+    gaits: Sequence[Gait] = ()
+
+    def at(self, value: Value, training: str, place: str | Sequence[str], friction: str, *commands: str) -> Seeds:
+        """Return seed -> value in a place, or the mean over several."""
+        places = (place,) if isinstance(place, str) else place
+        return self.walks.over_places(value, training, places, friction, commands)
+
+    def of_curve(self, training: str, name: str) -> Seeds:
+        """Return seed -> a number of its learning curve."""
+        return {row.seed: getattr(row, name) for row in self.curves if row.training == training}
+
+    def crossed(self, training: str, place: str, height: float) -> Seeds:
+        """Return seed -> share of walks that cross stairs."""
+        same = [row for row in self.stairs if (row.training, row.place, row.height) == (training, place, height)]
+        return {row.seed: row.crossed for row in same}
+
+    def gait(self, training: str, name: str) -> Seeds:
+        """Return seed -> a number of its gait."""
+        return {row.seed: getattr(row, name) for row in self.gaits if row.training == training}
+
+
+@dataclass(frozen=True)
+class Sentence:
+    """One sentence."""
+
+    number: str
+    text: str
+    """As in the paper, shortened."""
+    family: Family
+    asked: str
+    """Question that decides it."""
+    tests: Callable[[Results], Sequence[Test]] | None = None
+    """Its conditions; None: it was decided elsewhere, or cannot be."""
+    fixed: Outcome = "not testable"
+    """Outcome of a sentence without tests."""
+    why: str = ""
+    """Reason of that."""
+
+
+def percent(friction: str) -> str:
+    """Return a friction as people read it: `20 %`, `bench`."""
+    return friction if friction == "bench" else f"{100 * float(friction):g} %"
+
+
+def _each(frictions: Sequence[str], test: Callable[[str], Test]) -> list[Test]:
+    return [test(friction) for friction in frictions]
+
+
+def _compare(
+    r: Results, value: Value, first: str, second: str, place: str | Sequence[str], friction: str, *commands: str
+) -> Test:
+    """Return the test that one training's value is larger than another's in one place."""
+    values = (r.at(value, training, place, friction, *commands) for training in (first, second))
+    return Test(percent(friction), *values, about=f"{first}, {second}")
+
+
+def _alone(
+    r: Results, value: Value, training: str, place: str | Sequence[str], friction: str, bound: float,
+    *commands: str, below: bool = False, label: str = "",
+) -> Test:  # fmt: skip
+    """Return the test that every seed of a training is above a bound, or below it."""
+    values = r.at(value, training, place, friction, *commands)
+    return Test(label or percent(friction), values, kind="below" if below else "above", bound=bound, about=training)
+
+
+STANDS = 0.1
+"""Ratio under which a robot that is told 0.5 m/s stands: 0.05 m/s [1]."""
+
+
+def _stands(r: Results, *trainings: tuple[str, str]) -> list[Test]:
+    """Return the tests that trainings stand still at a friction each, when told to walk at 0.5 m/s either way."""
+    ways = ("vx=0.5", "vx=-0.5")
+    return [
+        _alone(r, of.best_reach, name, "mujoco", friction, STANDS, *ways, below=True, label=name)
+        for name, friction in trainings
+    ]
+
+
+def _less(first: Seeds, second: Seeds) -> Seeds:
+    """Return the differences of the seeds that both have."""
+    return {seed: first[seed] - second[seed] for seed in first if seed in second}
+
+
+OWN_FRICTION = (
+    *(("direct", "0.2"), ("direct-1", "0.01"), ("direct-effort", "0.2"), ("direct-load-5", "0.2")),
+    *(("direct-load-44", "0.2"), ("direct-half", "0.2"), ("direct-weak", "0.2"), ("direct-sharp", "0.2")),
+)
+"""Direct trainings, and the friction at which they are asked whether they stand."""
+
+SENTENCES: tuple[Sentence, ...] = (
+    Sentence(
+        *("1", "conventional randomisation underperforms on the robot", "R"),
+        "`none` follows more commands in MuJoCo than on robots",
+        lambda r: [
+            Test(
+                percent(friction),
+                r.at(of.share_followed, "none", "mujoco", "0.01" if friction == "bench" else friction),
+                r.at(of.share_followed, "none", ROBOTS, friction),
+                about="none in MuJoCo, on robots",
+            )
+            for friction in SHARES
+        ],
+    ),
+    Sentence(
+        *("2", "it walks backward on the robot", "R"),
+        "`none`: worst reach backward 0.8 or more, every seed",
+        lambda r: _each(SHARES, lambda f: _alone(r, of.worst_reach, "none", ROBOTS, f, FOLLOWED, *BACKWARD)),
+    ),
+    Sentence(
+        *("3", "walking forward it falls", "R"),
+        "`none` falls in a walk forward, every seed",
+        lambda r: _each(SHARES, lambda f: _alone(r, of.fall_rate, "none", ROBOTS, f, 1e-9, *FORWARD)),
+    ),
+    Sentence(
+        *("4", "with an Actuator Net it walks forward", "R"),
+        "`net`: worst reach forward 0.8 or more, every seed",
+        lambda r: _each(SHARES, lambda f: _alone(r, of.worst_reach, "net", ROBOTS, f, FOLLOWED, *FORWARD)),
+    ),
+    Sentence(
+        *("5", "unsteadily", "R"),
+        "jitter of `net` over that of `deception`",
+        lambda r: _each(SHARES, lambda f: _compare(r, of.jitter, "net", "deception", ROBOTS, f)),
+    ),
+    Sentence(
+        *("6", "and fails on stairs", "R"),
+        "`stairs-deception` crosses more often than `stairs-net`",
+        lambda r: [
+            Test(f"{100 * h:g} cm", *(r.crossed(f"stairs-{name}", "robots", h) for name in ("deception", "net")))
+            for h in (0.08, 0.12)
+        ],
+    ),
+    Sentence(
+        *("7", "because its data are of backward walking", "N"),
+        "`net-all` reaches more forward than `net`, on the own robot",
+        lambda r: [_compare(r, of.worst_reach, "net-all", "net", "robot-3000", "0.2", *FORWARD)],
+    ),
+    Sentence(
+        *("8", "because its data are of one robot", "N"),
+        "`net-three` follows more than `net` on a robot of neither log",
+        lambda r: [_compare(r, of.share_followed, "net-three", "net", "robot-3003", "0.2")],
+    ),
+    Sentence(
+        *("9", "the loop lengthens training", "N"),
+        "processor time of log, nets and training, `net` over `deception`",
+        lambda r: [Test("time", *(r.of_curve(name, "seconds") for name in ("net", "deception")))],
+    ),
+    Sentence("10", "k_d and B act as one", "J", "", fixed="holds", why="decided on its own page, results/damping"),
+    Sentence(
+        *("13", "0.98 % of the torque limit against 0.13 %", "J", ""),
+        why="a measurement of two machines; what a bench says of simulated joints is in results/identification",
+    ),
+    Sentence(
+        *("14", "0.98 % has a noticeable impact", "J"),
+        "worst reach of `none` at 0 over that at 1 %",
+        lambda r: [
+            Test("MuJoCo", *(r.at(of.worst_reach, "none", "mujoco", level) for level in ("0", "0.01")), kind="larger"),
+            Test("no more than 0.05", *(r.at(of.worst_reach, "none", "mujoco", f) for f in ("0", "0.01")), kind="same"),
+        ],
+    ),
+    Sentence(
+        *("15", "trained directly with friction it stays stationary", "T"),
+        "under 0.05 m/s at its own friction when told 0.5 m/s, every seed",
+        lambda r: _stands(r, *OWN_FRICTION),
+    ),
+    Sentence(
+        *("16", "and fails to train", "T"),
+        "worst reach at its own friction under 0.5, every seed",
+        lambda r: [
+            _alone(r, of.worst_reach, name, "mujoco", f, 0.5, below=True, label=name) for name, f in OWN_FRICTION
+        ],
+    ),
+    Sentence(
+        *("17", "compensated in the action it stays stationary", "T"),
+        "as 15",
+        lambda r: _stands(r, ("compensated", "0.2")),
+    ),
+    Sentence(
+        *("18", "friction filters early actions", "T"),
+        "weak exploration delays walking more with friction than without",
+        lambda r: [
+            Test(
+                "area of the learning curve",
+                _less(r.of_curve("direct-weak", "area"), r.of_curve("direct", "area")),
+                _less(r.of_curve("none-weak", "area"), r.of_curve("none", "area")),
+                about="direct, none",
+            )
+        ],
+    ),
+    Sentence(
+        *("19", "fine-tuning fails", "T"),
+        "`fine-tuned`: worst reach at 20 % under 0.5, every seed",
+        lambda r: [_alone(r, of.worst_reach, "fine-tuned", "mujoco", "0.2", 0.5, below=True)],
+    ),
+    Sentence("20", "because of local optima", "T", "", why="no experiment of ours tells an optimum from a budget"),
+    Sentence(
+        *("21", "the iterative way jitters on the robot", "R"),
+        "jitter, `iterative` over `deception`",
+        lambda r: _each(SHARES, lambda f: _compare(r, of.jitter, "iterative", "deception", ROBOTS[:2], f)),
+    ),
+    Sentence(
+        *("22", "and hardly stands", "R"),
+        "over 0.05 m/s while told to stand, every seed",
+        lambda r: _each(SHARES, lambda f: _alone(r, of.standing_speed, "iterative", ROBOTS[:2], f, 0.05, "stand")),
+    ),
+    Sentence(
+        *("23", "the wide range works", "R"),
+        "`deception` follows every command, every seed",
+        lambda r: _each(SHARES, lambda f: _alone(r, of.share_followed, "deception", ROBOTS, f, 1.0)),
+    ),
+    Sentence(
+        *("24", "because easy robots occur", "T"),
+        "worst reach at 20 % over that of `narrow`, at one and three budgets",
+        lambda r: [
+            Test(f"{name}{long}", *(r.at(of.worst_reach, n + long, "mujoco", "0.2") for n in (name, "narrow")))
+            for name in ("deception", "mean-kept")
+            for long in ("", "-3")
+        ],
+    ),
+    Sentence(
+        *("25", "the wide range makes learning easier", "T"),
+        "area of the learning curve, `direct` over `deception`",
+        lambda r: [Test("area", *(r.of_curve(name, "area") for name in ("direct", "deception")))],
+    ),
+    Sentence(
+        *("26", "friction makes training harder", "T"),
+        "area of the learning curve, `direct` over `none`",
+        lambda r: [Test("area", *(r.of_curve(name, "area") for name in ("direct", "none")))],
+    ),
+    Sentence(
+        *("28", "Sim2Sim is best without friction", "S"),
+        "deviation in Webots' ODE of each other training over that of `none`",
+        lambda r: [
+            Test(f"{name}, {percent(f)}", *(r.at(of.deviation, n, "webots", f) for n in (name, "none")))
+            for name in ("deception", "net")
+            for f in ("0", "0.01")
+        ],
+    ),
+    Sentence(
+        *("29a", "the Actuator Net is abnormal in Sim2Sim", "S"),
+        "`none` follows more than `net`",
+        lambda r: _each(("0", "0.01"), lambda f: _compare(r, of.share_followed, "none", "net", "webots", f)),
+    ),
+    Sentence(
+        *("29b", "and ends in system failure", "S"),
+        "worst reach of `net` under 0.2, or it falls, every seed",
+        lambda r: _each(("0", "0.01"), lambda f: _alone(r, of.worst_reach, "net", "webots", f, 0.2, below=True)),
+    ),
+    Sentence(
+        *("30a", "trained with friction it jitters in Sim2Sim", "S"),
+        "jitter, `deception` over `none`",
+        lambda r: _each(("0", "0.01"), lambda f: _compare(r, of.jitter, "deception", "none", "webots", f)),
+    ),
+    Sentence(
+        *("30b", "and jumps", "S"),
+        "share of steps in the air, `deception` over `none`",
+        lambda r: _each(("0", "0.01"), lambda f: _compare(r, of.flight, "deception", "none", "webots", f)),
+    ),
+    Sentence(
+        *("31", "but climbs stairs in Sim2Sim", "S"),
+        "`stairs-deception` crosses 8 cm in 8 of 10 walks, every seed",
+        lambda r: [Test("8 cm", r.crossed("stairs-deception", "webots", 0.08), kind="above", bound=0.8)],
+    ),
+    Sentence("32", "RMA adapts to the friction level", "T", "", fixed="holds", why="two phases: results/adaptation"),
+    Sentence(
+        *("33", "with friction it is stable on flat ground", "R"),
+        "`deception` follows every command and never falls, every seed",
+        lambda r: _each(("bench", "0.1"), lambda f: _alone(r, of.share_followed, "deception", ROBOTS, f, 1.0)),
+    ),
+    Sentence(
+        *("34", "and on stairs", "R"),
+        "`stairs-deception` crosses 8 cm in 8 of 10 walks, every seed",
+        lambda r: [Test("8 cm", r.crossed("stairs-deception", "robots", 0.08), kind="above", bound=0.8)],
+    ),
+    Sentence(
+        *("35", "training with friction improves Sim2Real", "R"),
+        "share followed on robots, `deception` over `none`",
+        lambda r: _each(SHARES, lambda f: _compare(r, of.share_followed, "deception", "none", ROBOTS, f)),
+    ),
+    Sentence(
+        *("36", "with a slight sacrifice in Sim2Sim", "S"),
+        "deviation of `deception` over that of `none`, both under 0.2",
+        lambda r: [
+            _compare(r, of.deviation, "deception", "none", "webots", "0"),
+            _alone(r, of.deviation, "deception", "webots", "0", 0.2, below=True, label="slight"),
+        ],
+    ),
+    Sentence(
+        *("37", "friction is the primary cause", "R"),
+        "`none` follows less with the robot's friction alone than with all else alone",
+        lambda r: _each(
+            SHARES,
+            lambda f: Test(
+                percent(f),
+                r.at(of.share_followed, "none", [f"but-friction-{n}" for n in TWO], "0"),
+                r.at(of.share_followed, "none", [f"friction-{n}" for n in TWO], f),
+            ),
+        ),
+    ),
+    Sentence(
+        *("38", "only with friction in training it is satisfactory", "R"),
+        "`deception` follows more than `none` fed forward",
+        lambda r: _each(SHARES, lambda f: _compare(r, of.share_followed, "deception", "none+measured", ROBOTS, f)),
+    ),
+    Sentence(
+        *("40", "quadrupeds trot by themselves", "G"),
+        "exactly one diagonal stands in 80 % of steps, every seed",
+        lambda r: [
+            Test(name, r.gait(name, "diagonal"), kind="above", bound=0.8) for name in ("go1-plain", "go2-plain")
+        ],
+    ),
+    Sentence(
+        *("41", "the hexapod pronks with the same reward", "G"),
+        "all legs touch down together in half of the periods, every seed",
+        lambda r: [Test("plain", r.gait("plain", "pronk"), kind="above", bound=0.5)],
+    ),
+    Sentence(
+        *("42", "r_trot prevents it", "G"),
+        "share of tripod steps, with the gait rewards over `plain`",
+        lambda r: [Test("steps", *(r.gait(name, "diagonal") for name in ("none", "plain")))],
+    ),
+    Sentence(
+        *("43", "r_unsync prevents hopping on three legs", "G"),
+        "unequal use of both groups, `no-unsync` over `none`",
+        lambda r: [Test("use", *(r.gait(name, "imbalance") for name in ("no-unsync", "none")))],
+    ),
+    Sentence(
+        *("45", "a hexapod's tripod is steadier than a quadruped", "G"),
+        "roll and pitch of Go1 and Go2 over those of Saturn Lite",
+        lambda r: [Test(name, *(r.gait(n, "sway") for n in (name, "none"))) for name in ("go1-plain", "go2-plain")],
+    ),
+)
+"""Those that walks, curves, stairs and gaits decide; 11, 12, 27, 39 and 44 have rows of their own."""
+
+
+def by_family(results: Results) -> Mapping[Family, list[tuple[Sentence, list[Test]]]]:
+    """Return the sentences with their tests, by family."""
+    families: dict[Family, list[tuple[Sentence, list[Test]]]] = {}
+    for sentence in SENTENCES:
+        tests = [] if sentence.tests is None else list(sentence.tests(results))
+        families.setdefault(sentence.family, []).append((sentence, tests))
+    return families
