@@ -79,7 +79,7 @@ PLAIN = tuple(word for term in ("trot", "unsync", *NO_PRONK_TERMS) for word in (
 """Rewards of a quadruped, and none that forbids a pronk."""
 
 LITERAL = (
-    *("--task.friction.per", "joint", "--teacher.both-ways", "--physics", "rows"),
+    *("--teacher.both-ways", "--physics", "rows"),
     *("--set", "task.randomization.action_delay=[0, 0]", "--set", "task.randomization.encoder_offset=[0, 0]"),
     *("--set", "task.noise.angular_velocity=0", "--set", "task.noise.roll_pitch=0"),
     *("--set", "task.noise.joint_position=0", "--set", "task.noise.joint_velocity=0"),
@@ -122,7 +122,11 @@ TRAININGS: tuple[Training, ...] = (
     _coulomb("no-unsync", "none", "--set", "task.rewards.unsync=0"),
     _coulomb("go1-plain", "none", "--robot", "go1", *PLAIN),
     _coulomb("go2-plain", "none", "--robot", "go2", *PLAIN),
-    Training("literal", ("--method", "deception", "--friction-level", "0.01", *LITERAL), preset="two-phase"),
+    Training(
+        "literal",
+        ("--method", "deception", "--friction-level", "0.01", "--task.friction.per", "joint", *LITERAL),
+        preset="two-phase",
+    ),
     Training("literal-none", ("--method", "none", "--friction-level", "0.01", *LITERAL), preset="two-phase"),
 )
 """Every training, in the order of its worth."""

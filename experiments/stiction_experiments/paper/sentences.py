@@ -21,17 +21,15 @@ Value = Callable[[Sequence[WalkRow]], float]
 
 
 @dataclass(frozen=True)
-class Curve:
-    """Learning of one seed: a row of curves.csv."""
+class Learning:
+    """Learning of one seed, from curves.csv and ledger.csv."""
 
     training: str
     seed: int
     area: float
     """Mean tracking error over the control steps of the training [m/s]."""
-    first: float | None
-    """Share of the training after which 0.25 m/s is first reached at 0.5 commanded [1]; None: never."""
-    seconds: float
-    """Processor time of the training, with logs and nets [s]."""
+    seconds: float | None = None
+    """Processor time of the training, with logs and nets [s]; None where it was trained before."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +66,7 @@ class Results:
     """Everything that sentences are judged by."""
 
     walks: Walks
-    curves: Sequence[Curve] = ()
+    learned: Sequence[Learning] = ()
     stairs: Sequence[Climbed] = ()
     gaits: Sequence[Gait] = ()
 
@@ -79,7 +77,8 @@ class Results:
 
     def of_curve(self, training: str, name: str) -> Seeds:
         """Return seed -> a number of its learning curve."""
-        return {row.seed: getattr(row, name) for row in self.curves if row.training == training}
+        each = {row.seed: getattr(row, name) for row in self.learned if row.training == training}
+        return {seed: value for seed, value in each.items() if value is not None}
 
     def crossed(self, training: str, place: str, height: float) -> Seeds:
         """Return seed -> share of walks that cross stairs."""

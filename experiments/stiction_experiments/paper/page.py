@@ -1,0 +1,115 @@
+"""The report: how many sentences are decided, the table of them, and the figure of who follows where."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import fmean
+from typing import TYPE_CHECKING
+
+from stiction.report.page import Section, Sheet, figure_block, legend, line_look, new_figure
+from stiction_experiments.lab.study import Report
+from stiction_experiments.paper.decide import Decision, decide, joined
+from stiction_experiments.paper.plan import LEVELS, MAIN
+from stiction_experiments.paper.rows import share_followed
+from stiction_experiments.paper.sentences import Results, Sentence, by_family
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TITLE = "Where does joint friction matter? A replication"
+
+
+@dataclass(frozen=True)
+class SentenceRow:
+    """One sentence with its outcome; a row of sentences.csv."""
+
+    number: str
+    sentence: str
+    family: str
+    asked: str
+    """Question that decides it."""
+    outcome: str
+    """Outcome over its conditions: `holds: 10 %, 20 %; undecided: 5 %`."""
+    evidence: str
+    """Numbers of each condition; the reason where it was not asked here."""
+
+
+def judge(results: Results) -> list[SentenceRow]:
+    """Return every sentence with its outcome, families corrected apart, in the paper's order."""
+    rows = []
+    for family, pairs in by_family(results).items():
+        tests = [test for _, own in pairs for test in own]
+        decisions = iter(decide(tests))
+        for sentence, own in pairs:
+            rows.append(_row(family, sentence, [next(decisions) for _ in own]))
+    return sorted(rows, key=lambda row: (int(row.number.rstrip("ab")), row.number))
+
+
+def _row(family: str, sentence: Sentence, decisions: Sequence[Decision]) -> SentenceRow:
+    outcome = joined(decisions) if decisions else sentence.fixed
+    evidence = "; ".join(decision.evidence for decision in decisions) or sentence.why
+    return SentenceRow(sentence.number, sentence.text, family, sentence.asked, outcome, evidence)
+
+
+def counts(rows: Sequence[SentenceRow]) -> str:
+    """Return how many sentences came out how, as one sentence."""
+    kinds = {"decided": 0, "undecided": 0, "not testable in simulation": 0, "not walked yet": 0}
+    for row in rows:
+        if row.outcome == "not testable":
+            kinds["not testable in simulation"] += 1
+        elif "holds" in row.outcome or "does not hold" in row.outcome:
+            kinds["decided"] += 1
+        else:
+            kinds["undecided" if row.outcome.startswith("undecided") else "not walked yet"] += 1
+    return f"Of {len(rows)} sentences " + ", ".join(f"{count} {name}" for name, count in kinds.items() if count) + "."
+
+
+def report(results: Results) -> Report:
+    """Return tables, figure and page."""
+    rows = judge(results)
+    figure = followed_figure(results)
+    table = Sheet(
+        "The sentences",
+        ("#", "sentence", "asked", "outcome", "evidence"),
+        tuple((row.number, row.sentence, row.asked, row.outcome, row.evidence) for row in rows),
+    )
+    lead = counts(rows)
+    alt = "share of commands followed over friction, by training and place"
+    sections = [
+        *([Section("Who follows where", (figure_block(figure, alt),))] if figure else []),
+        Section("The sentences", (table.html(),)),
+    ]
+    return Report(
+        TITLE,
+        lead,
+        {"sentences": rows},
+        sections=sections,
+        sheets=(table,),
+        figures={"followed": figure},
+        answer=(lead,),
+    )
+
+
+PANELS = (("MuJoCo", ("mujoco",)), ("PhysX", ("physx",)), ("Webots' ODE", ("webots",)))
+
+
+def followed_figure(results: Results) -> Figure | None:
+    """Return the share of commands followed over friction, a panel an engine; None without a walk."""
+    known = [panel for panel in PANELS if any(results.at(share_followed, "none", panel[1], f) for f in LEVELS)]
+    if not known:
+        return None
+    figure, axes = new_figure(1, len(known), (3.4 * len(known), 3.0))
+    for axis, (name, places) in zip(axes, known, strict=True):
+        for training in MAIN:
+            points = [(float(f), results.at(share_followed, training, places, f)) for f in LEVELS]
+            points = [(level, seeds) for level, seeds in points if seeds]
+            if points:
+                means = [100 * fmean(seeds.values()) for _, seeds in points]
+                axis.plot([100 * level for level, _ in points], means, **line_look(training, MAIN), label=training)
+        axis.set_title(name)
+        axis.set_xlabel("friction [% of the torque limit]")
+        axis.set_ylim(0, 105)
+    axes[0].set_ylabel("commands followed [%]")
+    legend(axes[-1])
+    return figure

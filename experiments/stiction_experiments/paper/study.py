@@ -1,0 +1,63 @@
+"""`stiction study paper`: every sentence of the paper, judged on one cohort; and the work that this takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import fmean
+
+from stiction_experiments.lab.study import ParallelOptions, Report, Study, Work
+
+DESCRIPTION = """Judge every sentence of the paper by the rows in --out, and draw the report. With --do N the next N
+steps that are missing are done before: trainings, policies, nets and walks, in the order of their worth; each leaves
+its file, so that the same command goes on where it was.
+
+Example:
+  stiction study paper --do 1 --out results/paper"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PaperOptions(ParallelOptions):
+    """Options of `stiction study paper`."""
+
+    out: Path = Path("stiction-paper")
+    """Directory for walks.csv, curves.csv, ledger.csv, sentences.csv and the page; with --do also for runs."""
+    do: int = 0
+    """Missing steps that are done before."""
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Options that add to the results of before."""
+        return ("do",)
+
+
+def run(options: PaperOptions, work: Work) -> Report:
+    """Do what is missing, as far as it is asked for, and judge all rows."""
+    from stiction.core.records import read_rows
+    from stiction_experiments.paper.page import report
+    from stiction_experiments.paper.rows import WalkRow, Walks
+    from stiction_experiments.paper.sentences import Climbed, Gait, Learning, Results
+    from stiction_experiments.paper.work import CurvePoint, do_missing
+
+    out = work.begin()
+    if options.do:
+        do_missing(out, options.do, work.jobs, work.say)
+    areas: dict[tuple[str, int], list[float]] = {}
+    for point in read_rows(out / "curves.csv", CurvePoint, optional=True):
+        areas.setdefault((point.training, point.seed), []).append(point.tracking_error)
+    results = Results(
+        Walks(read_rows(out / "walks.csv", WalkRow, optional=True)),
+        [Learning(*key, fmean(errors)) for key, errors in areas.items()],
+        read_rows(out / "stairs.csv", Climbed, optional=True),
+        read_rows(out / "gait.csv", Gait, optional=True),
+    )
+    return report(results)
+
+
+STUDY = Study(
+    "what becomes of every sentence of the paper, on one cohort",
+    DESCRIPTION,
+    PaperOptions,
+    run,
+    results=("sentences.csv", "followed.png"),
+)

@@ -1,0 +1,202 @@
+"""Does what the plan names and the folder lacks: trains, exports, logs, walks. Each step leaves a file.
+
+    OUT/runs/NAME-sSEED       the training, resumable       OUT/policies/NAME-sSEED    its policy
+    OUT/nets/NAME-sSEED       logs and Actuator Net          OUT/walks/PLACE/NAME       walks of all its seeds, a ledger
+
+What is committed is `walks.csv`, `curves.csv` and `ledger.csv`, to which each step adds its row.
+"""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from stiction.core.errors import TrainingError
+from stiction.core.isolation import isolated_environment, python_module
+from stiction.core.provenance import THREADS_VARIABLE, Origin
+from stiction.core.records import read_rows, write_rows
+from stiction.deploy.check import check_for_simulation
+from stiction.evaluation.evaluate import EvaluationCfg
+from stiction.evaluation.grid import GridCfg
+from stiction.evaluation.run import walk_grid
+from stiction.evaluation.summary import commands_for
+from stiction.evaluation.table import rows_of
+from stiction.files.bundle import Bundle
+from stiction.files.results import read_metrics
+from stiction.robots.catalog import find_robot
+from stiction.virtual.cases import Case, parse_level
+from stiction_experiments import PACKAGE
+from stiction_experiments.paper.plan import LEVEL, PLACES, SECONDS, TRAININGS, Place, Training
+from stiction_experiments.paper.rows import WalkRow, walk_row
+from stiction_experiments.replication.net import WalkedNet, make_net
+
+COHORT = Path("results/following/policies")
+"""Policies that were trained before, as `coulomb20-cohort-NAME-sSEED`, in the working folder."""
+
+EVERY = 10
+"""Iterations over which a point of a learning curve is the mean."""
+
+
+@dataclass(frozen=True)
+class LedgerRow:
+    """One step that was done; a row of ledger.csv."""
+
+    step: str
+    seconds: float
+    """Processor time [s]."""
+    revision: str
+
+
+@dataclass(frozen=True)
+class CurvePoint:
+    """Ten iterations of a training; a row of curves.csv."""
+
+    training: str
+    seed: int
+    iteration: int
+    """Last of the ten."""
+    tracking_error: float
+    """Mean distance of velocity and command [m/s]."""
+    forward_ratio: float
+    """Speed over command, of robots that are told to walk forward [1]."""
+    backward_ratio: float
+    """The same backward [1]."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One piece of work."""
+
+    name: str
+    """`train none-s10`, `walk physx none`."""
+    product: Path
+    """File or folder that is there when it is done."""
+    do: Callable[[], None]
+
+
+def policy_of(training: Training, seed: int, out: Path) -> Path:
+    """Return the folder of a policy."""
+    if training.trained:
+        return COHORT / f"coulomb20-cohort-{training.name}-s{seed}"
+    return out / "policies" / f"{training.name}-s{seed}"
+
+
+def steps(out: Path, jobs: int = 1) -> Iterator[Step]:
+    """Yield every step of the plan, in the order of the trainings' worth; jobs: walks at once."""
+    for training in TRAININGS:
+        for seed in training.seeds:
+            if training.trained:
+                continue
+            net, name = out / "nets" / f"{training.name}-s{seed}", f"{training.name}-s{seed}"
+            if training.net:
+                yield Step(f"net {name}", net / "actuator.npz", partial(_make_net, training, seed, net, out, jobs))
+            run = out / "runs" / name
+            yield Step(f"train {name}", run / "summary.json", partial(_train, training, seed, run, net, out))
+            policy = policy_of(training, seed, out)
+            words = ["export", run, "--out", policy]
+            yield Step(f"export {name}", policy / "contract.json", partial(_program, words, run / "train.log"))
+        for place in PLACES:
+            if place.takes(training):
+                folder = out / "walks" / place.name / training.name
+                walk = partial(_walk, place, training, out, jobs)
+                yield Step(f"walk {place.name} {training.name}", folder / "done", walk)
+
+
+def do_missing(out: Path, most: int, jobs: int, say: Callable[[str], None]) -> int:
+    """Do at most so many steps that are missing; return how many were done.
+
+    Raises `StictionError` at the first that fails; what was done before stays.
+    """
+    done, revision = 0, str(Origin.now(PACKAGE).provenance["revision"])
+    for step in steps(out, jobs):
+        if done == most:
+            break
+        if step.product.exists():
+            continue
+        say(step.name)
+        before = _processor_seconds()
+        step.do()
+        row = LedgerRow(step.name, round(_processor_seconds() - before, 1), revision)
+        ledger = read_rows(out / "ledger.csv", LedgerRow, optional=True)
+        write_rows(out / "ledger.csv", [*ledger, row])
+        done += 1
+    return done
+
+
+def _processor_seconds() -> float:
+    """Return the processor time of this process and of those that it waited for [s]."""
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(each.ru_utime + each.ru_stime for each in used)
+
+
+def _program(words: list[object], log: Path) -> None:
+    """Run `stiction` on one thread; what it prints goes to a file. Raises `TrainingError` where it fails."""
+    with log.open("a") as file:
+        command = python_module("stiction", words)
+        status = subprocess.run(
+            command, stdout=file, stderr=file, env=isolated_environment(**{THREADS_VARIABLE: "1"}), check=False
+        ).returncode
+    if status:
+        lines = log.read_text(errors="replace").strip().splitlines() or ["it printed nothing"]
+        raise TrainingError(f"stiction {words[0]} ended with status {status}: {lines[-1]} (see {log})")
+
+
+def _train(training: Training, seed: int, run: Path, net: Path, out: Path) -> None:
+    """Train one seed, or go on with it, and add its learning curve."""
+    run.mkdir(parents=True, exist_ok=True)
+    words = [str(net) if word == "{net}" else word for word in training.words]
+    preset = ["--preset", training.preset, "--video-every", "0"]
+    begin: list[object] = ["train", *preset, *words, "--seed", seed, "--out", run]
+    _program(["train", "--resume", run] if (run / "config.json").exists() else begin, run / "train.log")
+    metrics = [row for row in read_metrics(run / "metrics.jsonl") if row["phase"] == "teacher"]
+    curves = read_rows(out / "curves.csv", CurvePoint, optional=True)
+    write_rows(out / "curves.csv", [*curves, *curve_points(training.name, seed, metrics)])
+
+
+def curve_points(training: str, seed: int, metrics: list[dict[str, float]]) -> list[CurvePoint]:
+    """Return the learning curve of a run: means over `EVERY` iterations."""
+    names = ("walk/tracking_error", "walk/forward_ratio", "walk/backward_ratio")
+    points = []
+    for begin in range(0, len(metrics) - EVERY + 1, EVERY):
+        part = metrics[begin : begin + EVERY]
+        values = (round(sum(row[name] for row in part) / EVERY, 4) for name in names)
+        points.append(CurvePoint(training, seed, begin + EVERY, *values))
+    return points
+
+
+def _make_net(training: Training, seed: int, net: Path, out: Path, jobs: int) -> None:
+    """Let `none` of the same seed walk on a virtual robot, and fit the Actuator Net to its log."""
+    walker = check_for_simulation(COHORT / f"coulomb20-cohort-none-s{seed}")
+    case = Case(3000 + seed - 10, "all", parse_level(f"{LEVEL:g}"))
+    make_net(
+        WalkedNet("physx", case, find_robot("saturn_lite"), walker), net, f"stiction study paper --out {out}", jobs
+    )
+
+
+def _walk(place: Place, training: Training, out: Path, jobs: int) -> None:
+    """Walk all seeds of a training in one place, and add their rows."""
+    folder = out / "walks" / place.name / training.name
+    bundles = [check_for_simulation(policy_of(training, seed, out)) for seed in training.seeds]
+    forward = place.forward and training.name == "none"
+    rows = []
+    for level in place.levels:
+        cfg = _grid(place, level, bundles, forward)
+        for row in rows_of(walk_grid(bundles, cfg, folder / level, jobs), bundles)[0]:
+            fed = "+measured" if "+measured" in row.policy else ""
+            rows.append(walk_row(training.name + fed, place.name, level, row))
+    walks = read_rows(out / "walks.csv", WalkRow, optional=True)
+    write_rows(out / "walks.csv", [*walks, *rows], form=".4g")
+    (folder / "done").touch()
+
+
+def _grid(place: Place, level: str, bundles: list[Bundle], forward: bool) -> GridCfg:
+    """Return what is walked in one place at one level."""
+    share = 0.0 if place.robot is not None else float(level)
+    base = EvaluationCfg((share,), commands_for(bundles), place.episodes, SECONDS)
+    robot = {} if place.robot is None else {"robots": (place.robot,), "robot_levels": (level,)}
+    names = tuple(bundle.name for bundle in bundles) if forward and level != "0" else ()
+    return GridCfg(base, (place.engine,), **robot, forward=names)
