@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -117,12 +117,18 @@ def _each(frictions: Sequence[str], test: Callable[[str], Test]) -> list[Test]:
     return [test(friction) for friction in frictions]
 
 
+def _two(label: str, values: Iterable[Seeds], kind: Literal["larger", "same"] = "larger", about: str = "") -> Test:
+    """Return the test that the first of two trainings' values are larger, or the same."""
+    first, second = values
+    return Test(label, first, second, kind, about=about)
+
+
 def _compare(
     r: Results, value: Value, first: str, second: str, place: str | Sequence[str], friction: str, *commands: str
 ) -> Test:
     """Return the test that one training's value is larger than another's in one place."""
     values = (r.at(value, training, place, friction, *commands) for training in (first, second))
-    return Test(percent(friction), *values, about=f"{first}, {second}")
+    return _two(percent(friction), values, about=f"{first}, {second}")
 
 
 def _alone(
@@ -196,7 +202,7 @@ SENTENCES: tuple[Sentence, ...] = (
         *("6", "and fails on stairs", "R"),
         "`stairs-deception` crosses more often than `stairs-net`",
         lambda r: [
-            Test(f"{100 * h:g} cm", *(r.crossed(f"stairs-{name}", "robots", h) for name in ("deception", "net")))
+            _two(f"{100 * h:g} cm", (r.crossed(f"stairs-{name}", "robots", h) for name in ("deception", "net")))
             for h in (0.08, 0.12)
         ],
     ),
@@ -213,7 +219,7 @@ SENTENCES: tuple[Sentence, ...] = (
     Sentence(
         *("9", "the loop lengthens training", "N"),
         "processor time of log, nets and training, `net` over `deception`",
-        lambda r: [Test("time", *(r.of_curve(name, "seconds") for name in ("net", "deception")))],
+        lambda r: [_two("time", (r.of_curve(name, "seconds") for name in ("net", "deception")))],
     ),
     Sentence("10", "k_d and B act as one", "J", "", fixed="holds", why="decided on its own page, results/damping"),
     Sentence(
@@ -224,8 +230,8 @@ SENTENCES: tuple[Sentence, ...] = (
         *("14", "0.98 % has a noticeable impact", "J"),
         "worst reach of `none` at 0 over that at 1 %",
         lambda r: [
-            Test("MuJoCo", *(r.at(of.worst_reach, "none", "mujoco", level) for level in ("0", "0.01")), kind="larger"),
-            Test("no more than 0.05", *(r.at(of.worst_reach, "none", "mujoco", f) for f in ("0", "0.01")), kind="same"),
+            _two("MuJoCo", (r.at(of.worst_reach, "none", "mujoco", level) for level in ("0", "0.01")), kind="larger"),
+            _two("no more than 0.05", (r.at(of.worst_reach, "none", "mujoco", f) for f in ("0", "0.01")), kind="same"),
         ],
     ),
     Sentence(
@@ -282,7 +288,7 @@ SENTENCES: tuple[Sentence, ...] = (
         *("24", "because easy robots occur", "T"),
         "worst reach at 20 % over that of `narrow`, at one and three budgets",
         lambda r: [
-            Test(f"{name}{long}", *(r.at(of.worst_reach, n + long, "mujoco", "0.2") for n in (name, "narrow")))
+            _two(f"{name}{long}", (r.at(of.worst_reach, n + long, "mujoco", "0.2") for n in (name, "narrow")))
             for name in ("deception", "mean-kept")
             for long in ("", "-3")
         ],
@@ -290,18 +296,18 @@ SENTENCES: tuple[Sentence, ...] = (
     Sentence(
         *("25", "the wide range makes learning easier", "T"),
         "area of the learning curve, `direct` over `deception`",
-        lambda r: [Test("area", *(r.of_curve(name, "area") for name in ("direct", "deception")))],
+        lambda r: [_two("area", (r.of_curve(name, "area") for name in ("direct", "deception")))],
     ),
     Sentence(
         *("26", "friction makes training harder", "T"),
         "area of the learning curve, `direct` over `none`",
-        lambda r: [Test("area", *(r.of_curve(name, "area") for name in ("direct", "none")))],
+        lambda r: [_two("area", (r.of_curve(name, "area") for name in ("direct", "none")))],
     ),
     Sentence(
         *("28", "Sim2Sim is best without friction", "S"),
         "deviation in Webots' ODE of each other training over that of `none`",
         lambda r: [
-            Test(f"{name}, {percent(f)}", *(r.at(of.deviation, n, "webots", f) for n in (name, "none")))
+            _two(f"{name}, {percent(f)}", (r.at(of.deviation, n, "webots", f) for n in (name, "none")))
             for name in ("deception", "net")
             for f in ("0", "0.01")
         ],
@@ -387,17 +393,17 @@ SENTENCES: tuple[Sentence, ...] = (
     Sentence(
         *("42", "r_trot prevents it", "G"),
         "share of tripod steps, with the gait rewards over `plain`",
-        lambda r: [Test("steps", *(r.gait(name, "diagonal") for name in ("none", "plain")))],
+        lambda r: [_two("steps", (r.gait(name, "diagonal") for name in ("none", "plain")))],
     ),
     Sentence(
         *("43", "r_unsync prevents hopping on three legs", "G"),
         "unequal use of both groups, `no-unsync` over `none`",
-        lambda r: [Test("use", *(r.gait(name, "imbalance") for name in ("no-unsync", "none")))],
+        lambda r: [_two("use", (r.gait(name, "imbalance") for name in ("no-unsync", "none")))],
     ),
     Sentence(
         *("45", "a hexapod's tripod is steadier than a quadruped", "G"),
         "roll and pitch of Go1 and Go2 over those of Saturn Lite",
-        lambda r: [Test(name, *(r.gait(n, "sway") for n in (name, "none"))) for name in ("go1-plain", "go2-plain")],
+        lambda r: [_two(name, (r.gait(n, "sway") for n in (name, "none"))) for name in ("go1-plain", "go2-plain")],
     ),
 )
 """Those that walks, curves, stairs and gaits decide; 11, 12, 27, 39 and 44 have rows of their own."""

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import resource
 import subprocess
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -133,7 +133,7 @@ def _processor_seconds() -> float:
     return sum(each.ru_utime + each.ru_stime for each in used)
 
 
-def _program(words: list[object], log: Path) -> None:
+def _program(words: Sequence[object], log: Path) -> None:
     """Run `stiction` on one thread; what it prints goes to a file. Raises `TrainingError` where it fails."""
     with log.open("a") as file:
         command = python_module("stiction", words)
@@ -157,7 +157,7 @@ def _train(training: Training, seed: int, run: Path, net: Path, out: Path) -> No
     write_rows(out / "curves.csv", [*curves, *curve_points(training.name, seed, metrics)])
 
 
-def curve_points(training: str, seed: int, metrics: list[dict[str, float]]) -> list[CurvePoint]:
+def curve_points(training: str, seed: int, metrics: Sequence[Mapping[str, float]]) -> list[CurvePoint]:
     """Return the learning curve of a run: means over `EVERY` iterations."""
     names = ("walk/tracking_error", "walk/forward_ratio", "walk/backward_ratio")
     points = []
@@ -195,8 +195,8 @@ def _walk(place: Place, training: Training, out: Path, jobs: int) -> None:
 
 def _grid(place: Place, level: str, bundles: list[Bundle], forward: bool) -> GridCfg:
     """Return what is walked in one place at one level."""
-    share = 0.0 if place.robot is not None else float(level)
-    base = EvaluationCfg((share,), commands_for(bundles), place.episodes, SECONDS)
-    robot = {} if place.robot is None else {"robots": (place.robot,), "robot_levels": (level,)}
     names = tuple(bundle.name for bundle in bundles) if forward and level != "0" else ()
-    return GridCfg(base, (place.engine,), **robot, forward=names)
+    base = EvaluationCfg((0.0,), commands_for(bundles), place.episodes, SECONDS)
+    if place.robot is None:
+        return GridCfg(replace(base, friction_levels=(float(level),)), (place.engine,), forward=names)
+    return GridCfg(base, (place.engine,), robots=(place.robot,), robot_levels=(level,), forward=names)
