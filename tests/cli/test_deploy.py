@@ -152,7 +152,7 @@ def test_a_run_of_which_a_process_is_killed_leaves_a_log_and_no_orphan(victim: s
         (["--robot", "unitree-go:lo"], "maker's order"),
         (["--robot", "ros2"], "namespace"),
         (["--robot", "ros2:/x"], "rclpy"),
-        (["--robot-seed", "-1"], "the seed is -1"),
+        (["--robot-seed", "-1"], "seed: got -1"),
         (["--realtime", "200"], "a real-time priority of 200"),
         (["--fault", "tlit@1"], "did you mean 'tilt'"),
         (["--command", "vx=3"], "trained"),

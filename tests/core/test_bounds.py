@@ -92,7 +92,7 @@ def test_memory_is_that_of_machine_container_and_limit(tmp_path: Path, monkeypat
     (tmp_path / "memory.current").write_text("500000000\n")
     assert free_memory() == 1_500_000_000
     check_memory(1.4e9, "this", "ask for less")
-    with pytest.raises(StictionError, match=r"this takes some 1\.6 GB of memory and 1\.5 GB are free; ask for less"):
+    with pytest.raises(StictionError, match=r"this needs about 1\.6 GB of memory, 1\.5 GB are free; ask for less"):
         check_memory(1.6e9, "this", "ask for less")
 
 

@@ -112,7 +112,7 @@ def test_what_was_given_twice_is_refused_however_it_was_typed() -> None:
     for given, options in ((("0.1", "0.1"), {}), ((), {}), (("0.1", "0.10"), {"same": float})):
         with pytest.raises(ConfigurationError, match="expected at least one, each once"):
             check_once("levels", given, **options)
-    with pytest.raises(ConfigurationError, match="ways 3 3: expected each once"):
+    with pytest.raises(ConfigurationError, match="ways: got 3 3, expected each once"):
         check_once("ways", (3, 3), least=0)
 
 

@@ -37,9 +37,9 @@ def test_a_stream_is_the_same_in_every_release() -> None:
 
 def test_wrong_seeds_and_names_are_refused() -> None:
     """If this failed, a name used twice would draw the same numbers for two quantities without a word."""
-    with pytest.raises(StictionError, match="named twice: a; give each its own name"):
+    with pytest.raises(StictionError, match="with one name: a; give each a different name"):
         reproducibility.seed_streams(0, ["a", "b", "a"])
-    with pytest.raises(StictionError, match="the seed is -1"):
+    with pytest.raises(StictionError, match="seed: got -1"):
         reproducibility.seed_streams(-1, ["a"])
 
 

@@ -138,7 +138,7 @@ def test_a_robot_is_not_shown_into_its_own_files(
     before = {path: path.read_bytes() for path in tmp_path.rglob("*.*")}
     assert main(["robot", "show", str(file), "--out", str(tmp_path / "model"), *more]) == 1
     said = capsys.readouterr()
-    assert "robot.xml would be overwritten, and is read; choose another --out" in said.err and said.out == ""
+    assert "robot.xml is an input and would be overwritten; choose another --out" in said.err and said.out == ""
     assert said.err.count("\n") == 1 and {path: path.read_bytes() for path in tmp_path.rglob("*.*")} == before
 
 
@@ -162,7 +162,7 @@ def test_a_robot_is_not_shown_into_its_own_files(
         ("model: robot.xml\nvendor: {sign: {.*: 2}}", "expected 1 or -1"),
         ("model: robot.xml\ngait_period: 30", "gait_period is 30 s, with 4 feet; expected 0.2 to 3 s"),
         ("model: robot.xml\ngait_period: slow", "gait_period is 'slow'; expected a number"),
-        ("model: robot.xml\nmodel: robot.xml", "'model' stands twice"),
+        ("model: robot.xml\nmodel: robot.xml", "'model' is given twice"),
         ("model: [robot.xml", "is not YAML"),
     ],
 )

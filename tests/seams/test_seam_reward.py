@@ -58,7 +58,7 @@ def test_it_is_a_flag_and_goes_on_after_a_resume(tmp_path: Path) -> None:
     [
         ("alive", "expected package.module:NAME"),
         ("no_such_module_at_all:alive", "cannot be imported"),
-        (f"{__name__}:dead", "there is no 'dead'"),
+        (f"{__name__}:dead", "has no 'dead'"),
         (f"{__name__}:HERE", "a function with a name of its own"),
         (f"{__name__}:fall", "a function with a name of its own"),
     ],
