@@ -37,7 +37,7 @@ def test_impossible_values_are_refused() -> None:
 @pytest.mark.parametrize(
     ("law", "said"),
     [
-        (LawSpec("coulomb", "again", factor=lambda: 1.0), "is there already"),
+        (LawSpec("coulomb", "again", factor=lambda: 1.0), "exists already"),
         (LawSpec("nothing", "has no form"), "neither a factor nor exact pieces"),
         (LawSpec("odd", "estimates what nobody knows", factor=lambda: 1.0, parameters=("rust",)), "'rust' has no unit"),
     ],
