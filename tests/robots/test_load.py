@@ -146,7 +146,7 @@ def test_a_robot_is_not_shown_into_its_own_files(
     ("said", "message"),
     [
         ("model: other.xml", "there is no such .xml or .urdf file"),
-        ("model: my_package:make", "names code; a file runs none"),
+        ("model: my_package:make", "is code, which no file may run"),
         ("model: robot.xml\njiont: {}", "unknown field 'jiont'; did you mean 'joints'"),
         ("model: robot.xml\njoints: {.*_hip: {kp: 1}}", r"unknown joint '\.\*_hip'"),
         ("model: robot.xml\njoints: {.*: {kp: fast}}", "kp is 'fast'; expected a number"),
