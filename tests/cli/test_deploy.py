@@ -225,7 +225,7 @@ def test_what_is_no_bundle_is_refused_before_a_folder_is_made(tmp_path: Path, ca
     """If this failed, a folder of another kind would be told to lack card.md, and an empty run would be left behind."""
     (tmp_path / "other").mkdir()
     assert main(["deploy", str(tmp_path / "other"), "--out", str(tmp_path / "run")]) == 1
-    assert "is no policy bundle" in capsys.readouterr().err and not (tmp_path / "run").exists()
+    assert "is not a policy bundle" in capsys.readouterr().err and not (tmp_path / "run").exists()
 
 
 def test_a_report_is_not_written_over_unasked(

@@ -55,10 +55,10 @@ def test_a_folder_that_is_no_bundle_is_told_apart_from_one_that_is_damaged(bundl
     """If this failed, who names a run's folder would look for a card that was never there."""
     run = bundle.parent / "run"
     run.mkdir()
-    with pytest.raises(BundleError, match=r"is no policy bundle.*name the directory of one"):
+    with pytest.raises(BundleError, match=r"is not a policy bundle.*name the directory of one"):
         read_bundle(run)
     bundle.rename(run / "bundle")
-    with pytest.raises(BundleError, match=r"is no policy bundle.*did you mean .*bundle\?"):
+    with pytest.raises(BundleError, match=r"is not a policy bundle.*did you mean .*bundle\?"):
         read_bundle(run)
 
 

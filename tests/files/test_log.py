@@ -72,7 +72,7 @@ def test_missing_files_and_joints_are_named(tmp_path: Path) -> None:
     [
         ("{", "not JSON"),
         ("[1]", "holds a list; expected the sidecar"),
-        ('{"kp": NaN}', "no number of JSON"),
+        ('{"kp": NaN}', "not a JSON number"),
         ('{"axis": "rotory"}', "expected rotary, linear; did you mean 'rotary'?"),
         ('{"schema_version": 1, "joints": {}}', "a result of `stiction identify`"),
     ],

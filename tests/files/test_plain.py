@@ -15,7 +15,7 @@ from stiction.files.plain import object_text, read_object, take_version, write_o
     [
         (b"\xff", "not JSON"),
         (b"[" * 100_000, "not JSON"),
-        (b'{"a": NaN}', "NaN is no number of JSON"),
+        (b'{"a": NaN}', "NaN is not a JSON number"),
         (b'{"a": 1, "b": {"c": 1, "c": 1}}', "the key 'c' is given twice"),
         (b"[]", "holds a list"),
         (b" " * 101, "over 100 bytes"),
