@@ -14,7 +14,7 @@ from stiction.cli.main import NEEDS, main
 from stiction.cli.process import explained
 from stiction.core import extras
 from stiction.core.errors import StictionError
-from stiction.engines.catalog import what_is_missing
+from stiction.engines.catalog import missing_engine
 from stiction.robots.catalog import find_robot
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
@@ -148,7 +148,7 @@ def test_what_an_older_simulator_lacks_is_no_fault_of_stiction(
     assert len(rows) >= 4 and all(row["install"].startswith(said) and not row["here"] for row in rows)
     missing = ModuleNotFoundError("No module named 'mujoco'", name="mujoco")
     assert "the package 'mujoco' is not installed" in str(extras.missing_extra(missing, "this verb"))
-    assert said in str(what_is_missing("mujoco", find_robot("go1")))
+    assert said in str(missing_engine("mujoco", find_robot("go1")))
     monkeypatch.setitem(sys.modules, "mujoco", sys)
     monkeypatch.delitem(sys.modules, "mjlab", raising=False)
     assert explained(AttributeError("no attribute 'x'"), "robot").startswith(said)

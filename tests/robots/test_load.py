@@ -152,7 +152,7 @@ def test_a_robot_is_not_shown_into_its_own_files(
         ("model: robot.xml\njoints: {.*: {kp: fast}}", "kp is 'fast'; expected a number"),
         ("model: robot.xml\njoints: {.*: {torque_limit: 0}}", "has no torque limit"),
         ("model: robot.xml\njoints: {'a?a?a?a?a?aaaaa': {kp: 1}}", "could be slow"),
-        ("model: robot.xml\njoints: {'[': {kp: 1}}", "no regular expression"),
+        ("model: robot.xml\njoints: {'[': {kp: 1}}", "not a regular expression"),
         ("model: robot.xml\npose: {.*_thigh_joint: 45}", "45 rad; is that in degrees"),
         ("model: robot.xml\npose: {.*_calf_joint: 1.0}", "outside its limits"),
         ("model: robot.xml\nkeyframe: hoem", "unknown keyframe 'hoem'; did you mean 'home'"),

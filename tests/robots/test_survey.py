@@ -20,9 +20,9 @@ ROBOT = (
 BALL = "<geom size='.1'/>"
 
 ATTACKS = {
-    "a pipe": ("<include file='pipe'/>", "", "it is a pipe"),
+    "a pipe": ("<include file='pipe'/>", "", "is a pipe"),
     "a device": ("<include file='/dev/zero'/>", "", "is a pipe or a device"),
-    "a pipe, in another file": ("<include file='inner.xml'/>", "", "it is a pipe"),
+    "a pipe, in another file": ("<include file='inner.xml'/>", "", "is a pipe"),
     "a field": ("<asset><hfield name='h' nrow='30000' ncol='30000' size='1 1 1 1'/></asset>", "", "hfield"),
     "a field from a pipe": ("<asset><hfield name='h' file='pipe' size='1 1 1 1'/></asset>", "", "hfield"),
     "another model": ("<asset><model name='m' file='pipe'/></asset>", "", "<model>"),

@@ -7,7 +7,7 @@ import pytest
 
 from stiction.core.rotation import UPRIGHT
 from stiction.deploy.control import JointCommand, Reading
-from stiction.engines.catalog import make_engine, what_is_missing
+from stiction.engines.catalog import make_engine, missing_engine
 from stiction.engines.engine import Body, Engine, FrictionSensing, JointFriction
 from stiction.engines.ground import flat
 from stiction.joints.friction import Law
@@ -25,7 +25,7 @@ BOUND, STEP = 3.0, 0.001
 
 def on_stand(name: str) -> Engine:
     """Return the robot on a stand, its legs in the air."""
-    if why := what_is_missing(name, SPEC):
+    if why := missing_engine(name, SPEC):
         pytest.skip(why)
     engine = make_engine(name, Body.nominal(SPEC, fixed=True), flat(), STEP)
     engine.reset(STANDING, UP, UPRIGHT)

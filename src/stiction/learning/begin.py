@@ -14,7 +14,7 @@ from stiction.core.decode import from_plain
 from stiction.core.errors import ConfigurationError, EngineError
 from stiction.core.files import digest_of
 from stiction.engines.batch import EngineBatch
-from stiction.engines.catalog import what_is_missing
+from stiction.engines.catalog import missing_engine
 from stiction.files.bam import load_joints
 from stiction.files.joint_map import mapped, refuse_alone
 from stiction.joints.friction import has_coefficient
@@ -47,7 +47,7 @@ def find_simulator(cfg: TrainCfg, gpu: int = 0) -> Device:
     if cfg.engine == "mujoco":
         return find_device(cfg.device, cfg.contacts, gpu, on_host=why_task_on_host(cfg) is not None)
     robot = find_robot(cfg.task.robot)
-    if why := what_is_missing(cfg.engine, robot):
+    if why := missing_engine(cfg.engine, robot):
         raise EngineError(why)
     return Device("cpu", partial(EngineBatch, cfg.engine, robot))
 

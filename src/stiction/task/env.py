@@ -14,8 +14,8 @@ from stiction.joints.compensation import BY_SPEED, compensated
 from stiction.joints.net import ActuatorNet
 from stiction.robots.catalog import find_robot
 from stiction.robots.model import Robot
-from stiction.sim.chosen import put
 from stiction.sim.fleet import Fleet
+from stiction.sim.indexing import assign
 from stiction.task.config import CommandCfg, TaskCfg
 from stiction.task.events import INTERVALS, RESET, ended
 from stiction.task.observations import ESTIMATED, FRAME_TERMS, FrameBuilder, History, SlowMeans, gait_phase
@@ -44,10 +44,10 @@ class UnsyncWindow:
     """Running sum of the imbalance over the last `horizon` steps: |sum| is r_unsync."""
 
     def __init__(
-        self, num_envs: int, legs: int, horizon: int = UNSYNC_HORIZON, home: torch.device | None = None
+        self, num_envs: int, legs: int, horizon: int = UNSYNC_HORIZON, task_device: torch.device | None = None
     ) -> None:
-        """Start with an empty window, at `home`."""
-        self.window = torch.zeros(horizon, num_envs, device=home)
+        """Start with an empty window, at `task_device`."""
+        self.window = torch.zeros(horizon, num_envs, device=task_device)
         self.cursor = 0
         self.largest = horizon * (legs / 2)
 
@@ -58,8 +58,8 @@ class UnsyncWindow:
         return self.window.sum(0).abs() / self.largest
 
     def reset(self, which: torch.Tensor) -> None:
-        """Forget the steps of the robots `which`, see `sim.chosen`."""
-        put(self.window.T, which, 0.0)
+        """Forget the steps of the robots `which`, see `sim.indexing`."""
+        assign(self.window.T, which, 0.0)
 
 
 RATIO_FROM = 0.3
@@ -78,11 +78,11 @@ _BUFFERS = (
 class CommandSampler:
     """The command of every robot: vx, vy [m/s] and yaw rate [rad/s] in the base frame."""
 
-    def __init__(self, cfg: CommandCfg, num_envs: int, home: torch.device | None = None) -> None:
-        """Start with every robot commanded to stand; `home`: where the commands are."""
+    def __init__(self, cfg: CommandCfg, num_envs: int, task_device: torch.device | None = None) -> None:
+        """Start with every robot commanded to stand; `task_device`: where the commands are."""
         self.cfg = cfg
-        self.value = torch.zeros(num_envs, 3, device=home)
-        spans = torch.tensor([cfg.forward, cfg.sideways, cfg.turn], device=home)
+        self.value = torch.zeros(num_envs, 3, device=task_device)
+        spans = torch.tensor([cfg.forward, cfg.sideways, cfg.turn], device=task_device)
         self._low, self._width = spans[:, 0], spans[:, 1] - spans[:, 0]
 
     @property
@@ -95,15 +95,15 @@ class CommandSampler:
         self.value = torch.where(mask[:, None], value, self.value)
 
     def draw(self, which: torch.Tensor, generator: torch.Generator) -> None:
-        """Draw commands for the robots `which`, see `sim.chosen`. The tensor is replaced: observations keep theirs."""
+        """Draw commands for the robots `which`, see `sim.indexing`. Replaces the tensor: observations keep theirs."""
         if not len(which):
             return
-        num, home = len(which), self.value.device
-        new = self._low + self._width * torch.rand(num, 3, generator=generator, device=home)
-        standing = torch.rand(num, 1, generator=generator, device=home) < self.cfg.standing_share
+        num, task_device = len(which), self.value.device
+        new = self._low + self._width * torch.rand(num, 3, generator=generator, device=task_device)
+        standing = torch.rand(num, 1, generator=generator, device=task_device) < self.cfg.standing_share
         small = new.norm(dim=-1, keepdim=True) <= self.cfg.moving_above
         value = self.value.clone()
-        put(value, which, torch.where(standing | small, 0.0, new))
+        assign(value, which, torch.where(standing | small, 0.0, new))
         self.value = value
 
 
@@ -139,46 +139,46 @@ class LocomotionEnv(VecEnv):
         flat, draws = cfg.terrain.kind == "flat", np.random.default_rng(seed)
         self.course = None if flat else Curriculum(cfg.terrain, num_envs, draws)
         self.robots = self._make_robots(device, threads, actuator)
-        self.home = home = self.robots.home
-        self.by_mask = home.type == "cuda"
-        """Whether robots are chosen by mask, see `sim.chosen`: random numbers are then drawn for all of them."""
-        self.generator = torch.Generator(home).manual_seed(seed)
+        self.task_device = task_device = self.robots.task_device
+        self.by_mask = task_device.type == "cuda"
+        """Whether robots are chosen by mask, see `sim.indexing`: random numbers are then drawn for all of them."""
+        self.generator = torch.Generator(task_device).manual_seed(seed)
         nominal = nominal_joints(self.robots, cfg.friction, identified)
         self.randomizer = Randomizer(self.robots, cfg.randomization, cfg.friction, nominal)
         extra = friction_angle(cfg.friction, nominal, self.spec)
-        self.compensation = None if extra is None else torch.tensor(extra, device=home)
+        self.compensation = None if extra is None else torch.tensor(extra, device=task_device)
         self.stage = 0
-        self.tells_terminal = False
+        self.return_terminal_obs = False
         """Whether a step in which robots time out tells, as `extras["terminal"]`, (N, frame), what they would have
         observed next; `_observe` sees them after their reset."""
-        self.commands = CommandSampler(cfg.commands, num_envs, home)
+        self.commands = CommandSampler(cfg.commands, num_envs, task_device)
         self.layout = cfg.layout(self.spec)
-        self.standing = torch.from_numpy(self.robots.standing).float().to(home)
+        self.standing = torch.from_numpy(self.robots.standing).float().to(task_device)
         scale = self.spec.action_scale
-        self.action_scale = scale if isinstance(scale, float) else torch.from_numpy(scale).float().to(home)
-        self.torque_limit = torch.from_numpy(self.robots.torque_limit).float().to(home)
+        self.action_scale = scale if isinstance(scale, float) else torch.from_numpy(scale).float().to(task_device)
+        self.torque_limit = torch.from_numpy(self.robots.torque_limit).float().to(task_device)
         groups = self.spec.groups()
-        self.group = None if groups is None else torch.from_numpy(groups).to(home)
-        self.foot_phases = torch.from_numpy(self.spec.foot_phases).float().to(home)
-        self.sideways = torch.tensor(self.spec.sideways_joints, device=home)
+        self.group = None if groups is None else torch.from_numpy(groups).to(task_device)
+        self.foot_phases = torch.from_numpy(self.spec.foot_phases).float().to(task_device)
+        self.sideways = torch.tensor(self.spec.sideways_joints, device=task_device)
         self.frames = FrameBuilder(self.layout, self.standing)
-        self.history = History(num_envs, self.layout, home)
+        self.history = History(num_envs, self.layout, task_device)
         decay = self.layout.slow_kept
-        self.slow = None if decay is None else SlowMeans(num_envs, self.num_actions, decay, home)
-        self.unsync = UnsyncWindow(num_envs, len(self.spec.feet), home=home)
+        self.slow = None if decay is None else SlowMeans(num_envs, self.num_actions, decay, task_device)
+        self.unsync = UnsyncWindow(num_envs, len(self.spec.feet), task_device=task_device)
         self.terms = cfg.rewards.terms_for(self.spec)
         self.max_episode_length = round(cfg.episode / cfg.control_period)
         self.intervals = [(event, round(every(cfg) / cfg.control_period)) for event, every in INTERVALS]
         """Events within an episode, and the control periods between two of them; 0: never."""
-        self.episode_length_buf = torch.zeros(num_envs, dtype=torch.long, device=home)
-        self.last_action = torch.zeros(num_envs, self.num_actions, device=home)
-        self.last_velocity = torch.zeros(num_envs, self.num_actions, device=home)
-        self.air_time = torch.zeros(num_envs, len(self.spec.feet), device=home)
+        self.episode_length_buf = torch.zeros(num_envs, dtype=torch.long, device=task_device)
+        self.last_action = torch.zeros(num_envs, self.num_actions, device=task_device)
+        self.last_velocity = torch.zeros(num_envs, self.num_actions, device=task_device)
+        self.air_time = torch.zeros(num_envs, len(self.spec.feet), device=task_device)
         kinds = [joint.kind for joint in self.spec.joints]
-        self.kind_average = torch.from_numpy(kind_average(kinds)).float().to(home)
-        self.bench_error = torch.ones(num_envs, self.kind_average.shape[1], device=home)
-        self.first_side = torch.ones(num_envs, 1, device=home)
-        everyone = torch.ones(num_envs, dtype=torch.bool, device=home)
+        self.kind_average = torch.from_numpy(kind_average(kinds)).float().to(task_device)
+        self.bench_error = torch.ones(num_envs, self.kind_average.shape[1], device=task_device)
+        self.first_side = torch.ones(num_envs, 1, device=task_device)
+        everyone = torch.ones(num_envs, dtype=torch.bool, device=task_device)
         self._reset(self._which(everyone))
         self._observation = self._observe(everyone)
 
@@ -198,7 +198,7 @@ class LocomotionEnv(VecEnv):
     def host(self) -> HostFleet:
         """The robots on the host. Raises `TypeError` where they are on a device."""
         if not isinstance(self.robots, HostFleet):
-            raise TypeError(f"the robots are on {self.home}, and what is asked of them is on the host alone")
+            raise TypeError(f"the robots are on {self.task_device}, and what is asked of them is on the host alone")
         return self.robots
 
     @property
@@ -217,7 +217,7 @@ class LocomotionEnv(VecEnv):
 
     def uniform(self, *size: int) -> torch.Tensor:
         """Draw numbers in [-1, 1), of shape `size`."""
-        return 2 * torch.rand(*size, generator=self.generator, device=self.home) - 1
+        return 2 * torch.rand(*size, generator=self.generator, device=self.task_device) - 1
 
     def get_observations(self) -> TensorDict:
         """Return the current observations."""
@@ -225,7 +225,7 @@ class LocomotionEnv(VecEnv):
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
         """Apply actions, (N, joints), for one control period; reset robots that fell, blew up or timed out."""
-        actions = actions.to(self.home).clamp(-self.cfg.action_clip, self.cfg.action_clip)
+        actions = actions.to(self.task_device).clamp(-self.cfg.action_clip, self.cfg.action_clip)
         targets = self.standing + self.action_scale * actions
         if self.compensation is not None:
             measured = self.measured_position, self.measured_velocity
@@ -237,7 +237,7 @@ class LocomotionEnv(VecEnv):
         self.episode_length_buf = self.episode_length_buf + 1
 
         snapshot = self._snapshot(actions, blown_up)
-        reward, task = (torch.zeros(self.num_envs, device=self.home) for _ in range(2))
+        reward, task = (torch.zeros(self.num_envs, device=self.task_device) for _ in range(2))
         means = {}
         for name, (term, weight) in self.terms.items():
             value = weight * term(snapshot)
@@ -262,7 +262,7 @@ class LocomotionEnv(VecEnv):
         extras: dict[str, Any] = {"time_outs": time_outs.float().to(self.device), "log": log}
         # What of the reward the task has paid, (N,).
         extras["task"] = task.to(self.device)
-        if self.tells_terminal and time_outs.any():
+        if self.return_terminal_obs and time_outs.any():
             # Before the reset, for after it these states are gone.
             extras["terminal"] = self._frame_without_reset().to(self.device)
         self._reset(self._which(dones))
@@ -277,7 +277,7 @@ class LocomotionEnv(VecEnv):
 
     def _snapshot(self, actions: torch.Tensor, blown_up: torch.Tensor) -> Snapshot:
         """Collect what the rewards see."""
-        fleet, home = self.robots, self.home
+        fleet, task_device = self.robots, self.task_device
         velocity = fleet.joint_velocity
         acceleration = (velocity - self.last_velocity) / self.cfg.control_period
         self.last_velocity = velocity
@@ -290,8 +290,8 @@ class LocomotionEnv(VecEnv):
         quaternion = fleet.base_quaternion
         w, x, y, z = quaternion.unbind(-1)
         if self.group is None:
-            one_group = torch.zeros(self.num_envs, dtype=torch.bool, device=home)
-            unsync = torch.zeros(self.num_envs, device=home)
+            one_group = torch.zeros(self.num_envs, dtype=torch.bool, device=task_device)
+            unsync = torch.zeros(self.num_envs, device=task_device)
         else:
             one_group = exactly_one_group(contact, self.group)
             unsync = self.unsync.push(group_imbalance(contact, self.group))
@@ -383,7 +383,7 @@ class LocomotionEnv(VecEnv):
         """Return the frame that every robot would see next if none began anew, (N, frame_size)."""
         # `push` puts new tensors in their places, so that these stay what they are.
         state = None if self.slow is None else (self.slow.sums, self.slow.weight)
-        frame = self._frame(torch.zeros(self.num_envs, dtype=torch.bool, device=self.home))
+        frame = self._frame(torch.zeros(self.num_envs, dtype=torch.bool, device=self.task_device))
         if self.slow is not None and state is not None:
             self.slow.sums, self.slow.weight = state
         return frame
@@ -434,7 +434,7 @@ class LocomotionEnv(VecEnv):
         self.stage = state["stage"]
         self.randomizer.mixture = self.cfg.friction.schedule[self.stage].mixture
         # Before the rest: it forgets the friction of the last step, which `_load_host` brings back.
-        self.randomizer.apply(torch.arange(self.num_envs, device=self.home))
+        self.randomizer.apply(torch.arange(self.num_envs, device=self.task_device))
         if self.course:
             self.course.load_state(state["course"])
             self.fleet.show_terrain(np.arange(self.num_envs))
@@ -455,7 +455,7 @@ class LocomotionEnv(VecEnv):
 
     def _own(self, value: torch.Tensor) -> torch.Tensor:
         """Return a copy of a tensor of a checkpoint, where the task is."""
-        return value.to(self.home, copy=True)
+        return value.to(self.task_device, copy=True)
 
     def _load_host(self, state: dict[str, Any]) -> None:
         """Restore what only robots on the host have."""

@@ -1,6 +1,6 @@
 """What happens to robots at the begin of an episode and after every interval of it, and why it ends.
 
-An event is a function of the task and of the robots that it happens to, `which` as of `sim.chosen`. A new one is a
+An event is a function of the task and of the robots that it happens to, `which` as of `sim.indexing`. A new one is a
 function here and a line in `RESET` or `INTERVALS`, a new end one in `TERMINATIONS`. The order of events is that of the
 random numbers: a training that is resumed draws the same.
 """
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from stiction.sim.chosen import put
+from stiction.sim.indexing import assign
 from stiction.task.config import TaskCfg
 from stiction.task.rewards import Snapshot
 
@@ -58,20 +58,24 @@ def draw_bench_error(env: LocomotionEnv, which: torch.Tensor) -> None:
     if env.cfg.known_friction:
         low, high = env.cfg.randomization.known_friction
         size = (len(which), env.bench_error.shape[1])
-        put(env.bench_error, which, low + (high - low) * torch.rand(size, generator=env.generator, device=env.home))
+        assign(
+            env.bench_error,
+            which,
+            low + (high - low) * torch.rand(size, generator=env.generator, device=env.task_device),
+        )
 
 
 def draw_first_side(env: LocomotionEnv, which: torch.Tensor) -> None:
     """Draw which side begins, where the policy is told."""
     if env.cfg.first_side:
-        put(env.first_side, which, env.uniform(len(which), 1).sign())
+        assign(env.first_side, which, env.uniform(len(which), 1).sign())
 
 
 def forget(env: LocomotionEnv, which: torch.Tensor) -> None:
     """Forget the episode before."""
     env.unsync.reset(which)
     for buffer in (env.episode_length_buf, env.last_action, env.last_velocity, env.air_time):
-        put(buffer, which, 0)
+        assign(buffer, which, 0)
 
 
 def push(env: LocomotionEnv, which: torch.Tensor) -> None:

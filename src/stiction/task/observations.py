@@ -128,9 +128,9 @@ class FrameBuilder:
 
     def __init__(self, layout: ObservationLayout, standing: torch.Tensor) -> None:
         """Precompute scale, offset and clip of every entry. `standing`: (joints,) [rad]."""
-        self.layout, self.home = layout, standing.device
-        self.scale = torch.cat([torch.tensor(term.scales) for term in layout.terms]).float().to(self.home)
-        self.clip = torch.cat([torch.tensor(term.clips) for term in layout.terms]).float().to(self.home)
+        self.layout, self.task_device = layout, standing.device
+        self.scale = torch.cat([torch.tensor(term.scales) for term in layout.terms]).float().to(self.task_device)
+        self.clip = torch.cat([torch.tensor(term.clips) for term in layout.terms]).float().to(self.task_device)
         zero = torch.zeros_like(standing[:1])
         self.offset = torch.cat(
             [standing if term.offset == "standing" else zero.expand(term.size) for term in layout.terms]
@@ -140,7 +140,7 @@ class FrameBuilder:
         """Return the frame, shape (N, frame_size). `raw`: every term but the placeholders, each (N, size), float32."""
         num = next(iter(raw.values())).shape[0]
         parts = [
-            torch.zeros(num, t.size, device=self.home) if t.name in PLACEHOLDERS else raw[t.name]
+            torch.zeros(num, t.size, device=self.task_device) if t.name in PLACEHOLDERS else raw[t.name]
             for t in self.layout.terms
         ]
         frame = (torch.cat(parts, -1) - self.offset) * self.scale
@@ -150,9 +150,9 @@ class FrameBuilder:
 class History:
     """The last frames, oldest first. `push` returns a fresh tensor: the caller's stored ones never change."""
 
-    def __init__(self, num_envs: int, layout: ObservationLayout, home: torch.device | None = None) -> None:
-        """Start with zeros, at `home`; every robot is reset before its first observation."""
-        self.frames = torch.zeros(num_envs, layout.history_length, layout.frame_size, device=home)
+    def __init__(self, num_envs: int, layout: ObservationLayout, task_device: torch.device | None = None) -> None:
+        """Start with zeros, at `task_device`; every robot is reset before its first observation."""
+        self.frames = torch.zeros(num_envs, layout.history_length, layout.frame_size, device=task_device)
 
     def push(self, frame: torch.Tensor, fresh: torch.Tensor) -> torch.Tensor:
         """Append `frame`, (N, frame_size); where `fresh`, (N,) bool, fill the history with it. Returns (N, size)."""
@@ -168,13 +168,13 @@ class History:
 class SlowMeans:
     """Means of products of error and velocity that tell a joint's dry friction, see `SLOW_TERMS`."""
 
-    def __init__(self, num_envs: int, num_joints: int, decay: float, home: torch.device | None = None) -> None:
-        """Start with nothing, at `home`; `decay`: see `ObservationLayout.slow_kept`."""
+    def __init__(self, num_envs: int, num_joints: int, decay: float, task_device: torch.device | None = None) -> None:
+        """Start with nothing, at `task_device`; `decay`: see `ObservationLayout.slow_kept`."""
         self.decay = decay
         # In float64, as on the robot: a mean goes on from its own rounding, and x_i may be large once.
-        self.sums = torch.zeros(num_envs, len(SLOW_TERMS), num_joints, dtype=torch.float64, device=home)
+        self.sums = torch.zeros(num_envs, len(SLOW_TERMS), num_joints, dtype=torch.float64, device=task_device)
         """Σ k^(t-i) x_i."""
-        self.weight = torch.zeros(num_envs, 1, dtype=torch.float64, device=home)
+        self.weight = torch.zeros(num_envs, 1, dtype=torch.float64, device=task_device)
         """Σ k^(t-i)."""
 
     def push(self, error: torch.Tensor, velocity: torch.Tensor, fresh: torch.Tensor) -> dict[str, torch.Tensor]:

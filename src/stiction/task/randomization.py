@@ -13,8 +13,8 @@ from stiction.joints.compensation import BY_SPEED
 from stiction.joints.friction import has_coefficient
 from stiction.robots.model import TRUNK_LENGTH, Robot
 from stiction.robots.physics import CONTACT_TIME
-from stiction.sim.chosen import put
 from stiction.sim.fleet import Fleet
+from stiction.sim.indexing import assign
 from stiction.task.config import RandomizationCfg
 from stiction.task.friction import NUMBERS, FrictionCfg, Mixture, friction_share
 from stiction.task.task_fleet import HostFleet, TaskFleet
@@ -140,33 +140,37 @@ class Randomizer:
         self.fleet, self.cfg, self.friction, self.nominal = fleet, cfg, friction, nominal
         self.mixture = friction.schedule[0].mixture
         self._parts: tuple[Mixture, torch.Tensor] = ((), torch.zeros(0, 3))
-        self.home = home = fleet.home
+        self.task_device = task_device = fleet.task_device
         share = friction_share(friction.law, nominal.frictionloss, fleet.spec)
-        self.nominal_share = torch.from_numpy(share).float().to(home)
-        self.load_share = torch.from_numpy(friction_share("load", np.ones_like(share), fleet.spec)).float().to(home)
+        self.nominal_share = torch.from_numpy(share).float().to(task_device)
+        self.load_share = (
+            torch.from_numpy(friction_share("load", np.ones_like(share), fleet.spec)).float().to(task_device)
+        )
         self.base_mass = fleet.spec.base.mass
-        self.base_com = torch.tensor(fleet.spec.base.com, dtype=torch.float64, device=home)
+        self.base_com = torch.tensor(fleet.spec.base.com, dtype=torch.float64, device=task_device)
         fixed = vars(nominal) | {"kp": fleet.nominal_kp, "kd": fleet.nominal_kd}
-        self._fixed = {name: torch.from_numpy(value).double().to(home) for name, value in fixed.items()}
+        self._fixed = {name: torch.from_numpy(value).double().to(task_device) for name, value in fixed.items()}
         cfg.check_robot(fleet.spec)
-        self.com_axes = torch.from_numpy(np.array(fleet.spec.base.size) / TRUNK_LENGTH).float().to(home)
+        self.com_axes = torch.from_numpy(np.array(fleet.spec.base.size) / TRUNK_LENGTH).float().to(task_device)
         num, joints = fleet.num_envs, fleet.spec.num_joints
         single = ("ground_friction", "payload", "contact_time", "load_coefficient", "action_delay")
         widths = {"center_of_mass": 3} | dict.fromkeys(single, 1)
         if friction.per == "robot":
             widths |= dict.fromkeys(NUMBERS, 1)
         names = Draws.__dataclass_fields__
-        self.draws = Draws(**{name: torch.zeros(num, widths.get(name, joints), device=home) for name in names})
+        self.draws = Draws(**{name: torch.zeros(num, widths.get(name, joints), device=task_device) for name in names})
         self.draws.contact_time[:] = cfg.contact_time[0]
         for name in NUMBERS:
             getattr(self.draws, name)[:] = getattr(friction.joint_law, name)
 
     def draw(self, which: torch.Tensor, generator: torch.Generator) -> None:
-        """Draw every parameter of the robots `which`, see `sim.chosen`, and write it into the fleet."""
+        """Draw every parameter of the robots `which`, see `sim.indexing`, and write it into the fleet."""
         cfg, num = self.cfg, len(which)
 
         def uniform(span: tuple[float, float], like: torch.Tensor) -> torch.Tensor:
-            return span[0] + (span[1] - span[0]) * torch.rand(num, like.shape[1], generator=generator, device=self.home)
+            return span[0] + (span[1] - span[0]) * torch.rand(
+                num, like.shape[1], generator=generator, device=self.task_device
+            )
 
         # Drawn last, and only where they vary: what came to the randomisation later shifts no number of what was there
         # before.
@@ -184,7 +188,7 @@ class Randomizer:
         step = self.fleet.timestep
         new["action_delay"] = (new["action_delay"] / step).round() * step
         for name, value in new.items():
-            put(getattr(self.draws, name), which, value)
+            assign(getattr(self.draws, name), which, value)
         self.apply(which)
 
     def _draw_friction(self, num: int, generator: torch.Generator) -> torch.Tensor:
@@ -192,10 +196,10 @@ class Randomizer:
         size = (num, self.draws.friction.shape[1])
         if self._parts[0] != self.mixture:
             # Kept, for on a GPU each new tensor from the host is a wait.
-            self._parts = self.mixture, torch.tensor(self.mixture).to(self.home)
+            self._parts = self.mixture, torch.tensor(self.mixture).to(self.task_device)
         weight, low, high = self._parts[1].unbind(-1)
-        share = torch.rand(size, generator=generator, device=self.home)
-        part = torch.zeros(size, dtype=torch.long, device=self.home)
+        share = torch.rand(size, generator=generator, device=self.task_device)
+        part = torch.zeros(size, dtype=torch.long, device=self.task_device)
         if len(weight) > 1:
             part = torch.multinomial(weight, size[0] * size[1], True, generator=generator).view(size)
         multiplier = low[part] + (high - low)[part] * share
@@ -204,14 +208,14 @@ class Randomizer:
         if self.friction.spread is None:
             return multiplier[:, :1].expand(size)
         least, most = self.friction.spread
-        factor = torch.rand(size, generator=generator, device=self.home)
+        factor = torch.rand(size, generator=generator, device=self.task_device)
         return multiplier[:, :1] * (least + (most - least) * factor)
 
     def enter(self, mixture: Mixture, generator: torch.Generator) -> None:
         """Begin a stage of the schedule: draw every robot's friction, and nothing else."""
         self.mixture = mixture
         self.draws.friction = self._draw_friction(self.fleet.num_envs, generator).clone()
-        self.apply(torch.arange(self.fleet.num_envs, device=self.home))
+        self.apply(torch.arange(self.fleet.num_envs, device=self.task_device))
 
     def apply(self, which: torch.Tensor) -> None:
         """Write the draws of the robots `which` into the fleet, which recomputes what derives from them."""
@@ -236,7 +240,7 @@ class Randomizer:
         values |= {name: drawn[name] for name in self.friction.drawn_numbers}
         if self.cfg.contact_time != (CONTACT_TIME, CONTACT_TIME):
             values["contact_time"] = drawn["contact_time"]
-        self.fleet.give(values, which)
+        self.fleet.set_parameters(values, which)
 
     def friction_share(self) -> torch.Tensor:
         """Return friction over the torque limit, (N, joints); what grows with load as in `friction_share`."""

@@ -1,7 +1,7 @@
 """Robots of the task, in torch: the NumPy fleet on the host, its motors, and which simulator a training computes with.
 
 The task asks the same of `HostFleet` and of `sim.torch_fleet.TorchFleet`, which keeps everything on the device of
-MuJoCo Warp. What is read is a copy; robots are chosen as `sim.chosen` says.
+MuJoCo Warp. What is read is a copy; robots are chosen as `sim.indexing` says.
 
 Motors of an Actuator Net, in NumPy: gains and delays are the net's, and the simulator's own delay is off. A motor
 strength multiplies what the net gives. Its torque is held over a step, so that damping is explicit. Friction: a net of
@@ -24,8 +24,8 @@ from stiction.core.errors import EngineError
 from stiction.files.method import find_method
 from stiction.joints.friction import Law
 from stiction.joints.net import ActuatorMemory, ActuatorNet
-from stiction.sim.chosen import numbered
 from stiction.sim.fleet import Fleet, JointFriction
+from stiction.sim.indexing import to_ids
 from stiction.sim.native import NativeSimulation, Simulation
 from stiction.task.config import TaskCfg
 
@@ -88,7 +88,7 @@ class HostFleet:
 
     def __init__(self, fleet: Fleet, laws: tuple[Law, ...], motors: NetMotors | None = None) -> None:
         """Begin without friction; `motors`: those of an Actuator Net, in place of the PD law."""
-        self.fleet, self.motors, self.home = fleet, motors, torch.device("cpu")
+        self.fleet, self.motors, self.task_device = fleet, motors, torch.device("cpu")
         self.law = JointFriction(fleet, *laws)
         self.spec, self.num_envs, self.timestep = fleet.spec, fleet.num_envs, fleet.timestep
         self.standing, self.torque_limit = fleet.standing, fleet.torque_limit
@@ -130,13 +130,13 @@ class HostFleet:
 
     def push(self, velocity: torch.Tensor, which: torch.Tensor) -> None:
         """Add `velocity` [m/s] to the horizontal velocity of the bases `which` in the world, (len(which), 2)."""
-        ids, velocity = numbered(which, velocity)
+        ids, velocity = to_ids(which, velocity)
         self.fleet.push(velocity.double().numpy(), ids.numpy())
 
-    def give(self, values: Mapping[str, torch.Tensor], which: torch.Tensor) -> None:
+    def set_parameters(self, values: Mapping[str, torch.Tensor], which: torch.Tensor) -> None:
         """Give the robots `which` what `Randomizer.apply` has drawn, and recompute what derives from it."""
         names, fleet = list(values), self.fleet
-        ids, *rows = numbered(which, *values.values())
+        ids, *rows = to_ids(which, *values.values())
         robots, given = ids.numpy(), {name: row.numpy() for name, row in zip(names, rows, strict=True)}
         fleet.armature[robots] = given["armature"]
         fleet.damping[robots] = given["damping"]
@@ -168,7 +168,7 @@ class HostFleet:
         """
         values = {"joint_position": offset, "heading": heading, "velocity": velocity}
         known = {name: value for name, value in values.items() if value is not None}
-        ids, *rows = numbered(which, *known.values())
+        ids, *rows = to_ids(which, *known.values())
         given = {name: row.double().numpy() for name, row in zip(known, rows, strict=True)}
         if offset is not None:
             given["joint_position"] = self.standing + given["joint_position"]
