@@ -167,10 +167,10 @@ def test_every_robot_is_pushed_within_bounds() -> None:
     env = make(num_envs=64, randomization=RandomizationCfg(push_interval=0.04, push_velocity=0.5))
     env.step(torch.zeros(64, 12))
     before = env.fleet.qvel[:, :3].copy()
-    env._happen(torch.zeros(64, dtype=torch.bool))
+    env._trigger_events(torch.zeros(64, dtype=torch.bool))
     assert np.array_equal(before, env.fleet.qvel[:, :3])
     env.episode_length_buf[:] = 2
-    env._happen(torch.zeros(64, dtype=torch.bool))
+    env._trigger_events(torch.zeros(64, dtype=torch.bool))
     change = env.fleet.qvel[:, :3] - before
     assert 0.4 < np.abs(change[:, :2]).max() <= 0.5 and (change[:, 2] == 0).all()
 

@@ -31,12 +31,12 @@ from stiction.sim.fleet import Fleet
 from stiction.task.friction import FrictionCfg
 from stiction.task.load_law import load_warnings, take_coefficients
 from stiction.task.randomization import identified_joints
-from stiction.task.task_fleet import Device, find_device, why_on_host
+from stiction.task.task_fleet import Device, find_device, host_reason
 
 
 def why_task_on_host(cfg: TrainCfg) -> str | None:
-    """Return what keeps the task of a training on the host, see `why_on_host`; None where nothing does."""
-    return why_on_host(cfg.task, cfg.actuator is not None)
+    """Return what keeps the task of a training on the host, see `host_reason`; None where nothing does."""
+    return host_reason(cfg.task, cfg.actuator is not None)
 
 
 def find_simulator(cfg: TrainCfg, gpu: int = 0) -> Device:
@@ -118,7 +118,7 @@ def _lightest_rotors(cfg: TrainCfg, robot: Robot, identified: dict[str, Any] | N
 
 def _check_friction(friction: FrictionCfg) -> None:
     """Refuse friction that is asked for and cannot be there."""
-    if friction.has_friction or not friction.asks:
+    if friction.has_friction or not friction.requests_friction:
         return
     if friction.level == 0.0:
         raise ConfigurationError(
