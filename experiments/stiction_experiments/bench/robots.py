@@ -24,7 +24,7 @@ from stiction.deploy.control import JointCommand, Reading
 from stiction.engines.catalog import missing_engine
 from stiction.files.joints import JointsFile
 from stiction.files.log import write_log
-from stiction.virtual.bench import Bench, bench_log, identified, write_found
+from stiction.virtual.bench import Bench, bench_log, identified, write_bench_results
 from stiction.virtual.hidden import draw
 from stiction.virtual.robot import VirtualRobot
 
@@ -186,7 +186,7 @@ def judge_bench(bench: Bench, folder: Path, workers: int = 1) -> list[Identified
         rows = beside_truth(bench, joints, meter.load)
         with publish_entry(folder, bench.key, bench.label) as partial:
             write_log(partial / LOG, log)
-            write_found(joints, partial)
+            write_bench_results(joints, partial)
         return rows
     except UnwrittenError:
         raise

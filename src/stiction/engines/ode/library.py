@@ -310,7 +310,7 @@ def set_handlers(library: ctypes.CDLL) -> None:
         _messages.append(text(form, arguments))
 
     def report(number: int, form: bytes, arguments: int) -> None:
-        print(f"stiction: ODE gave up and ends this process: {text(form, arguments)}", file=sys.stderr, flush=True)
+        print(f"stiction: ODE failed and ends this process: {text(form, arguments)}", file=sys.stderr, flush=True)
 
     error, message = MessageHandler(report), MessageHandler(record)
     _handlers.extend((error, message))
