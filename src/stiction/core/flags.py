@@ -65,28 +65,28 @@ class Entry:
 
     @property
     def typed(self) -> str:
-        """Return the entry as it is typed, without a value."""
+        """Entry as it is typed, without a value."""
         return self.name or f"--set {self.key}"
 
     @property
     def negative(self) -> str:
-        """Return the opposite of a switch, `--task.no-log` of `--task.log`."""
+        """Opposite of a switch, `--task.no-log` of `--task.log`."""
         group, dot, last = self.name.removeprefix("--").rpartition(".")
         return f"--{group}{dot}no-{last}"
 
     @property
     def heading(self) -> str:
-        """Return the heading of its group in the help."""
+        """Heading of its group in the help."""
         return self.key.rpartition(".")[0].removeprefix("task.") or "options"
 
     @property
     def meaning(self) -> str:
-        """Return its documentation, with the unit."""
+        """Documentation, with the unit."""
         return self.form.help or documentation(self.owner).get(self.path.rpartition(".")[2], "")
 
     @property
     def choices(self) -> list[str]:
-        """Return the accepted words; empty where any word is accepted."""
+        """Accepted words; empty where any word is accepted."""
         kinds = self.values[0]
         if self.form.choices is not None:
             return [*self.form.choices()]
@@ -96,7 +96,7 @@ class Entry:
 
     @property
     def values(self) -> tuple[list[Any], bool]:
-        """Return the types of the words of its value, and whether they may be repeated."""
+        """Types of the words of its value, and whether they may be repeated."""
         kind = optional(self.kind)[0]
         if get_origin(kind) is not tuple:
             return [kind], False
@@ -107,7 +107,7 @@ class Entry:
 
     @property
     def switch(self) -> bool:
-        """Return whether it is a flag without a value, `--log` or `--no-log`."""
+        """True if it is a flag without a value, `--log` or `--no-log`."""
         return self.kind is bool
 
 

@@ -67,7 +67,9 @@ def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: 
     pool = ProcessPoolExecutor(processes, context, initializer=_begin, initargs=(reader, gemm_path()))
     try:
         # Each submission may start a process, here and now.
-        with nullcontext() if _of_main(work, tasks) else hidden_main():
+        parts = (work, *(part for task in tasks for part in task))
+        needs_main = any(getattr(part, "__module__", None) == "__main__" for part in parts)
+        with nullcontext() if needs_main else hidden_main():
             waiting = {pool.submit(work, *task): number for number, task in enumerate(tasks)}
         for future in as_completed(waiting):
             yield waiting.pop(future), future.result()
@@ -88,12 +90,6 @@ def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: 
         pool.shutdown(cancel_futures=True)
         reader.close()
         writer.close()
-
-
-def _of_main(work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]) -> bool:
-    """Return whether the work, or an argument, is of a function or class that the program's main module defines."""
-    parts = (work, *(part for task in tasks for part in task))
-    return any(getattr(part, "__module__", None) == "__main__" for part in parts)
 
 
 _PARENT_PIPES: list[Connection] = []

@@ -178,7 +178,7 @@ class JointFriction:
     """Dry friction of one robot."""
 
     def __init__(self, timestep: float, *terms: Term) -> None:
-        """timestep: of the physics [s]; terms: laws whose bounds add up."""
+        """Combine laws; timestep: of the physics [s]; terms: laws whose bounds add up."""
         self._terms = [Term(term.law, np.array(term.level, float), term.numbers) for term in terms]
         self._decay = [LAWS[term.law].smoothing ** (timestep / SMOOTHING_PERIOD) for term in terms]
         self.reset()
@@ -194,7 +194,7 @@ class JointFriction:
         return any(LAWS[term.law].loaded and np.any(term.level) for term in self._terms)
 
     def reset(self) -> None:
-        """Forget the bounds of the last step."""
+        """Clear the bounds of the last step."""
         self._last: list[Values | None] = [None] * len(self._terms)
 
     def set_levels(self, *levels: Values) -> None:

@@ -70,7 +70,7 @@ class Bundle:
 
     @property
     def golden(self) -> Golden:
-        """Return the golden vectors; raise `BundleError` for a policy record."""
+        """Golden vectors; raises `BundleError` for a policy record."""
         if self.vectors is None:
             raise BundleError(_missing(self.name, GOLDEN))
         return self.vectors

@@ -41,7 +41,7 @@ class BenchFriction:
 
     @property
     def array(self) -> np.ndarray:
-        """Return `share` as an array [-], shape (kinds,), in the order of the joints."""
+        """`share` as an array [-], shape (kinds,), in the order of the joints."""
         return np.array(list(self.share.values()))
 
 

@@ -322,7 +322,10 @@ def walk_log(log: RunLog) -> WalkLog:
     Raises `LogError` for a run without a walk.
     """
     rows, header = log.readings, log.header
-    used = _longest(np.flatnonzero(_of_run(log)), rows["robot_time"], header.period)
+    used = np.flatnonzero(_of_run(log))
+    away = np.abs(np.diff(rows["robot_time"][used]) / header.period - 1.0)
+    gaps = np.flatnonzero((np.diff(used) != 1) | (away > LARGEST_JITTER)) + 1
+    used = max(np.split(used, gaps), key=len)
     columns = {"specific_force": "acceleration", "joint_torque": "torque"}.items()
     optional = {name: rows[column][used] for name, column in columns if np.isfinite(rows[column][used]).all()}
     contact = rows["foot_contact"][used]
@@ -336,13 +339,6 @@ def walk_log(log: RunLog) -> WalkLog:
         **{name: rows[name][used] for name in ("angular_velocity", "quaternion", "velocity_command")},
         **optional,
     )
-
-
-def _longest(used: np.ndarray, time: np.ndarray, period: float) -> np.ndarray:
-    """Return the longest part of the used readings with steps of one period, by their numbers."""
-    away = np.abs(np.diff(time[used]) / period - 1.0)
-    ends = np.flatnonzero((np.diff(used) != 1) | (away > LARGEST_JITTER)) + 1
-    return max(np.split(used, ends), key=len)
 
 
 def log_digest(path: Path) -> str:

@@ -376,11 +376,6 @@ class _Column:
         return ((stamp - first) // MICROSECOND) * 1e-6
 
 
-def _since_1970(stamp: datetime) -> float:
-    """Return the seconds since 1970; a stamp without a zone counts as universal time."""
-    return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
-
-
 def _floats(cells: list[str]) -> np.ndarray:
     """Return cells as numbers; raise `ValueError` for others, Python's 1_000 included."""
     if any("_" in cell for cell in cells):
@@ -478,5 +473,7 @@ class _Collected:
         blanks = {name: int(np.isnan(values).sum()) for name, values in columns.items() if name not in faults}
         blanks = {name: count for name, count in blanks.items() if count}
         messages = {name: f"{self.source}: {fault}" for name, fault in faults.items()}
-        starts = {column.name: _since_1970(column.first) for column in self.columns if column.first is not None}
+        # A stamp without a zone counts as universal time; seconds since 1970.
+        first = {column.name: column.first for column in self.columns if column.first is not None}
+        starts = {name: (t if t.tzinfo else t.replace(tzinfo=UTC)).timestamp() for name, t in first.items()}
         return Table(columns, tuple(notes), messages, blanks, starts=starts)

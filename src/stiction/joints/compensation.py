@@ -89,7 +89,7 @@ class Compensation:
 
     @property
     def label(self) -> str:
-        """Return the text that `parse_compensation` reads."""
+        """Text that `parse_compensation` reads."""
         return self.by if self.share == SHARES[self.by] else f"{self.by}={self.share:g}"
 
     def controller(

@@ -341,9 +341,10 @@ def _stands(robot: Robot) -> Iterator[Finding]:
         f"after {STANDING_TIME:g} s under its gains the base is at {height:.3g} m of {robot.standing_height:.3g} m, "
         f"leaning {np.degrees(np.arccos(np.clip(up, -1, 1))):.2g}°"
     )
-    grounds = _base_touches(model, data), *_below_ground(robot, model, data)
+    pairs = [{int(model.geom_bodyid[geom]) for geom in contact.geom} for contact in data.contact]
+    lying = ["base"] if {0, model.body("base").id} in pairs else []
+    lying += [name for name in _below_ground(robot, model, data) if name]
     fallen = up < FALLEN_UP or too_low(np.array(height), robot.standing_height)
-    lying = [name for name in grounds if name]
     if (fallen or lying) and len(robot.feet) <= 2:
         # As an inverted pendulum it needs more than m g h from its ankles, which no walking robot's gains have.
         yield Finding("stands", "note", f"it balances only under a policy: {text}")
@@ -354,12 +355,6 @@ def _stands(robot: Robot) -> Iterator[Finding]:
         )
     else:
         yield Finding("stands", "good", text)
-
-
-def _base_touches(model: mujoco.MjModel, data: mujoco.MjData) -> str:
-    """Return `base` where the base lies on the ground, else nothing."""
-    pairs = [{int(model.geom_bodyid[geom]) for geom in contact.geom} for contact in data.contact]
-    return "base" if {0, model.body("base").id} in pairs else ""
 
 
 def _below_ground(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, float]:

@@ -27,6 +27,9 @@ from stiction.robots.survey import place_of
 LOOPS = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 """Types of constraints that close loops or couple joints."""
 
+RIGID = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_BALL))
+"""Types of joints that count as rigid."""
+
 
 def load_robot(path: Path) -> Derived:
     """Return the robot of a `robot.yaml`, a MuJoCo or a URDF file, and the origin of each of its values.
@@ -96,7 +99,7 @@ def mechanism_of(model: mujoco.MjModel, name: str, description: Description, not
         torque_limit=tuple(float(limit) if limit and np.isfinite(limit) else None for limit in limits),
         rest=tuple(description.angle(text) or 0.0 for text in names),
         gravity=as_vector(model.opt.gravity),
-        rigid=_rigid_joints(model),
+        rigid=tuple(model.joint(joint).name for joint in range(model.njnt) if int(model.jnt_type[joint]) in RIGID),
         notes=notes,
     )
 
@@ -124,12 +127,6 @@ def _carried_mass(links: tuple[Link, ...], number: int) -> float:
         if links[index].parent in carried:
             carried.add(index)
     return sum(links[index].mass for index in carried)
-
-
-def _rigid_joints(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Return the names of joints that count as rigid."""
-    kinds = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_BALL))
-    return tuple(model.joint(joint).name for joint in range(model.njnt) if int(model.jnt_type[joint]) in kinds)
 
 
 def described_model(path: Path) -> tuple[Path, Description]:

@@ -44,7 +44,7 @@ class HingeLoad:
 
     @property
     def size(self) -> np.ndarray:
-        """Return |F| + |T|, which the law `load` multiplies [N and N m], shape (P,)."""
+        """|F| + |T|, which the law `load` multiplies [N and N m], shape (P,)."""
         return self.force + self.moment
 
 

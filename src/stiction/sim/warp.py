@@ -80,14 +80,14 @@ class Mirror:
 
     @property
     def host(self) -> np.ndarray:
-        """Return the host twin for writing, which sets `written`."""
+        """Host twin for writing, which sets `written`."""
         host = self.values.view(Flagged)
         host.mirror = self
         return host
 
     @property
     def view(self) -> np.ndarray:
-        """Return the host twin, read-only."""
+        """Host twin, read-only."""
         view = self.values.view()
         view.flags.writeable = False
         return view

@@ -87,7 +87,7 @@ class CommandSampler:
 
     @property
     def moving(self) -> torch.Tensor:
-        """Return the mask of robots commanded to move, (N,) bool."""
+        """True for robots commanded to move, (N,) bool."""
         return self.value.norm(dim=-1) > self.cfg.moving_above
 
     def override(self, mask: torch.Tensor, value: torch.Tensor) -> None:
@@ -195,7 +195,7 @@ class LocomotionEnv(VecEnv):
 
     @property
     def host(self) -> HostFleet:
-        """Return the robots on the host. Raises `TypeError` where they are on a device."""
+        """Robots on the host. Raises `TypeError` where they are on a device."""
         if not isinstance(self.robots, HostFleet):
             raise TypeError(f"the robots are on {self.task_device}, and this needs them on the host")
         return self.robots

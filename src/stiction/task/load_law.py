@@ -97,7 +97,7 @@ def take_coefficients(file: JointsFile, robot: Robot, law: str) -> tuple[list[fl
             low, high = conversion.coefficient.interval95
             raise ConfigurationError(
                 f"{_coefficient_text(key, file.joints[key])}, is not one coefficient of the law {law} on {robot.name}"
-                f", but {low:.3g} to {high:.3g}: {conversion.how}; expected a spread of at most {LARGEST_SPREAD:.0%}; use "
+                f", but {low:.3g} to {high:.3g}: {conversion.how}; at most {LARGEST_SPREAD:.0%} is allowed; use "
                 f"--friction-law {UNCHANGED_LAW}, which takes it unchanged, or a --friction-level of that range"
             )
         values.append(max(0.0, conversion.coefficient.value))

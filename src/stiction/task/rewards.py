@@ -191,7 +191,7 @@ TASK = ("track_linear", "track_angular")
 
 
 def best_task_reward(terms: Mapping[str, tuple[Term, float]]) -> float:
-    """Maximum task reward per second (perfect tracking) [1/s]; `terms`: as of `RewardCfg.terms_for`."""
+    """Return the maximum task reward per second (perfect tracking) [1/s]; `terms`: as of `RewardCfg.terms_for`."""
     return sum(weight for name, (_, weight) in terms.items() if name in TASK and weight > 0)
 
 

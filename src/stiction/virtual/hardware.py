@@ -99,7 +99,7 @@ class Drive:
     """The motors of one robot on one battery."""
 
     def __init__(self, motors: Motors, limit: np.ndarray, timestep: float) -> None:
-        """limit: torque limits by the data sheet [N m], shape (J,); timestep: of the physics [s]."""
+        """Make the motors; limit: torque limits of the data sheet [N m], shape (J,); timestep: of the physics [s]."""
         self._motors, self._limit, self._timestep = motors, limit, timestep
         self.reset()
 
