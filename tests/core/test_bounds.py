@@ -57,7 +57,7 @@ def test_threads_are_bounded(text: str, monkeypatch: pytest.MonkeyPatch) -> None
 
 
 @pytest.mark.parametrize(
-    ("path", "value", "said"),
+    ("path", "value", "message"),
     [
         (("num_envs",), HUGE, "num_envs is a huge integer; expected a number"),
         (("teacher", "learning_rate"), HUGE, "learning_rate is a huge integer; expected a finite number"),
@@ -68,7 +68,7 @@ def test_threads_are_bounded(text: str, monkeypatch: pytest.MonkeyPatch) -> None
         (("other",), 3, "TrainCfg has no field 'other'"),
     ],
 )
-def test_a_setting_of_another_type_is_named(path: tuple[str, ...], value: object, said: str) -> None:
+def test_a_setting_of_another_type_is_named(path: tuple[str, ...], value: object, message: str) -> None:
     """A file of somebody else's would fail far from here, with a traceback."""
     import json
 
@@ -78,7 +78,7 @@ def test_a_setting_of_another_type_is_named(path: tuple[str, ...], value: object
     for key in path[:-1]:
         inner = inner[key]
     inner[path[-1]] = value
-    with pytest.raises(StictionError, match=said):
+    with pytest.raises(StictionError, match=message):
         from_plain(TrainCfg, plain)
 
 

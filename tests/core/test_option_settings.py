@@ -54,7 +54,7 @@ class Verb:
     """Options of a verb."""
 
     log: Annotated[Path, ARGUMENT]
-    """What is read."""
+    """Log to read."""
     config: Annotated[Config, FLAT] = field(default_factory=Config)
     """All of it."""
     preset: Literal["full", "quick"] = "full"
@@ -92,8 +92,8 @@ def said(capsys: pytest.CaptureFixture, *words: str, status: int = 2) -> str:
 )
 def test_a_setting_is_given_by_its_path(words: list[str], teacher: Teacher) -> None:
     """Reads the value as YAML, and as the type of the field; a field with a flag is a setting too."""
-    found = read(*words).config.teacher
-    assert found == teacher and isinstance(found.gamma, float)
+    group = read(*words).config.teacher
+    assert group == teacher and isinstance(group.gamma, float)
 
 
 @pytest.mark.parametrize(
@@ -184,12 +184,12 @@ def test_the_list_of_settings_has_defaults_flags_and_meanings(
 def test_defaults_follow_from_what_is_given() -> None:
     """Hands all that is given, by its key, to the function that chooses defaults."""
 
-    def default(given: dict[str, object]) -> Verb:
-        return Verb(Path(), Config(seed=len(given)), "quick")
+    def default(parsed: dict[str, object]) -> Verb:
+        return Verb(Path(), Config(seed=len(parsed)), "quick")
 
     words = ["a.log", "--set", "teacher.gamma=0.5", "--preset", "full"]
-    options, base, given = read_parsed(Verb, words, "stiction verb", "", default)
+    options, base, parsed = read_parsed(Verb, words, "stiction verb", "", default)
     assert options == Verb(Path("a.log"), Config(Teacher(0.5), seed=3), "full") and base == default(
         dict.fromkeys("abc")
     )
-    assert given.typed["config.teacher.gamma"] == "--set teacher.gamma" and given.typed["preset"] == "--preset"
+    assert parsed.typed["config.teacher.gamma"] == "--set teacher.gamma" and parsed.typed["preset"] == "--preset"

@@ -1,4 +1,4 @@
-"""Which code a command ran, from its beginning to its end."""
+"""Code that a command ran, from its begin to its end."""
 
 from pathlib import Path
 
