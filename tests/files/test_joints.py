@@ -74,7 +74,7 @@ def test_nominal_finds_by_name_then_by_kind_and_has_no_negative_friction() -> No
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"inertia": {"value": 1, "std": 1}}, "shank: inertia"),
         ({"inertia": {"value": 3, "std": 1, "interval95": [0, 2]}}, "value within"),
@@ -84,13 +84,13 @@ def test_nominal_finds_by_name_then_by_kind_and_has_no_negative_friction() -> No
         ({"friction_law": 1}, "friction_law"),
     ],
 )
-def test_a_wrong_field_is_named(tmp_path: Path, change: dict, said: str) -> None:
+def test_a_wrong_field_is_named(tmp_path: Path, change: dict, message: str) -> None:
     """The user learns which field of which joint is wrong."""
     path = tmp_path / "joints.json"
     path.write_text(json.dumps({"schema_version": 1, "joints": {"shank": change}}))
     with pytest.raises(FileError) as caught:
         load_joints(path)
-    assert said in str(caught.value) and "\n" not in str(caught.value)
+    assert message in str(caught.value) and "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"schema_version": 2, "joints": {}}', '{"schema_version": 1}'])
