@@ -48,7 +48,7 @@ def test_a_missing_package_is_one_line(tmp_path, capsys: pytest.CaptureFixture, 
 
 
 def test_a_missing_gpu_is_one_line(tmp_path, capsys: pytest.CaptureFixture, monkeypatch) -> None:
-    """Whether Warp or torch does not find it."""
+    """Reports a GPU that Warp or torch does not find in one line."""
     warp = pytest.importorskip("warp", reason="warp, of the extra 'gpu', is not installed")
     monkeypatch.setattr(warp, "is_cuda_available", lambda: False)
     assert main(["train", "--device", "cuda", "--out", str(tmp_path / "run")]) == 1
