@@ -45,7 +45,7 @@ def needed(position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray)
 
 @pytest.mark.parametrize("name", ["mujoco", "physx"])
 def test_an_engine_says_what_its_friction_did(name: str) -> None:
-    """What the motion took, less motor and B q': 3 N m against a joint that slides, less in one at rest."""
+    """Equals the torque of the motion less motor and B q': 3 N m for a sliding joint, less for one at rest."""
     engine = on_stand(name)
     assert isinstance(engine, FrictionSensing)
     np.testing.assert_array_equal(engine.friction_torque(), np.zeros(18))
@@ -59,9 +59,9 @@ def test_an_engine_says_what_its_friction_did(name: str) -> None:
             continue
         change = (motion.joint_velocity - before.joint_velocity) / STEP
         damped = motion if name == "mujoco" else before
-        found = needed(before.joint_position, before.joint_velocity, change)
-        found = found - torque + engine.body.damping * damped.joint_velocity
-        np.testing.assert_allclose(friction, found, atol=0.05)
+        friction_torque = needed(before.joint_position, before.joint_velocity, change)
+        friction_torque = friction_torque - torque + engine.body.damping * damped.joint_velocity
+        np.testing.assert_allclose(friction, friction_torque, atol=0.05)
         fast = np.abs(motion.joint_velocity) > 0.1
         np.testing.assert_allclose(friction[fast], -BOUND * np.sign(motion.joint_velocity[fast]), rtol=1e-6)
         sliding, resting = sliding + fast.sum(), resting + (np.abs(friction) < 0.9 * BOUND).sum()
